@@ -1,0 +1,25 @@
+"""Errors a user can cause or meet, each with the exit code of the command line."""
+
+
+class RptcamError(Exception):
+    """Base of every error that is reported in one line, without a traceback."""
+
+    exit_code = 2
+
+
+class InputError(RptcamError):
+    """A scene, lens, argument or other input is wrong. The message says what, where and what would be right."""
+
+    exit_code = 2
+
+
+class DeviceError(RptcamError):
+    """No usable OpenCL device, or a kernel that did not build or run."""
+
+    exit_code = 3
+
+
+class StateError(RptcamError):
+    """A file could not be read or written, or a saved state does not fit."""
+
+    exit_code = 4
