@@ -1,0 +1,70 @@
+"""A rendered picture with the account of how it came about."""
+
+import io
+import os
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.imaging import writers
+
+
+@dataclass(frozen=True, eq=False)
+class Image:
+    """The linear film of a render. ``numpy.asarray(image)`` is `pixels`; a notebook shows it as a picture."""
+
+    pixels: NDArray[np.float32]
+    """(height, width, 3), linear RGB, top row first."""
+    metadata: dict[str, Any] = field(default_factory=dict)
+    """Where the picture comes from (scene hash, seed, spp, lens, device, version, ...); kept in PNG and EXR files."""
+    stats: dict[str, Any] = field(default_factory=dict)
+    """What the render took and met (samples, seconds, rays that the lens blocked, ...)."""
+    ev: float = 0.0
+    """Exposure compensation of the tone-mapped picture [stops]."""
+
+    def __post_init__(self) -> None:
+        pixels = np.asarray(self.pixels, np.float32)
+        if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
+            raise InputError(f"pixels: wrong shape (got {pixels.shape}; allowed (height, width, 3))")
+        object.__setattr__(self, "pixels", pixels)
+
+    @property
+    def width(self) -> int:
+        """Number of columns."""
+        return int(self.pixels.shape[1])
+
+    @property
+    def height(self) -> int:
+        """Number of rows."""
+        return int(self.pixels.shape[0])
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Save by suffix: ``.png`` tone-mapped, ``.exr`` linear with metadata, ``.npy`` the array alone.
+
+        The file is written whole or not at all.
+
+        Raises
+        ------
+        InputError
+            The suffix is not one of these.
+        StateError
+            The file cannot be written.
+        """
+        writers.write(path, self.pixels, self.metadata, self.ev)
+
+    def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
+        if copy is False and dtype is not None and np.dtype(dtype) != self.pixels.dtype:
+            raise ValueError(f"the film is float32; {np.dtype(dtype)} needs a copy")
+        return np.array(self.pixels, dtype=dtype) if copy else np.asarray(self.pixels, dtype=dtype)
+
+    def _repr_png_(self) -> bytes:
+        stream = io.BytesIO()
+        writers.write_png_to(stream, self.pixels, self.metadata, self.ev)
+        return stream.getvalue()
+
+    def __repr__(self) -> str:
+        spp = self.metadata.get("spp")
+        return f"<Image {self.width} x {self.height}" + (f", {spp} spp>" if spp is not None else ">")

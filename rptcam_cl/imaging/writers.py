@@ -1,0 +1,137 @@
+"""The picture files: PNG for screens, OpenEXR and NumPy arrays for the linear film."""
+
+import json
+import os
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.imaging.atomic import check_writable, replacing
+from rptcam_cl.imaging.tone import tone_mapped
+
+Pixels = NDArray[np.float32]
+Metadata = Mapping[str, Any]
+
+# Names that OpenEXR gives a meaning of its own, and drops or refuses when the type is another.
+_EXR_RESERVED = {
+    "channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "maxSamplesPerPixel", "name",
+    "pixelAspectRatio", "screenWindowCenter", "screenWindowWidth", "tiles", "type", "version", "view",
+}  # fmt: skip
+_SRGB_PRIMARIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # ITU-R BT.709-6, and its white D65
+_PERCEPTUAL_INTENT = b"\0"  # of PNG's sRGB chunk
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, str):
+        return value
+    if isinstance(value, np.generic):
+        value = value.item()
+    return json.dumps(value, default=str)
+
+
+def _exr_value(value: Any) -> str | int | float:
+    """A value as an EXR attribute: integers of 32 bits and floats exact in single precision as numbers, else text."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, int) and not isinstance(value, bool) and -(2**31) <= value < 2**31:
+        return value
+    if isinstance(value, float) and float(np.float32(value)) == value:
+        return value
+    return _text(value)
+
+
+def write_png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, ev: float) -> None:
+    """Write the tone-mapped picture; each piece of metadata becomes a text chunk."""
+    import PIL.Image
+    from PIL.PngImagePlugin import PngInfo
+
+    information = PngInfo()
+    information.add(b"sRGB", _PERCEPTUAL_INTENT)
+    for key, value in {**metadata, "ev": ev}.items():
+        information.add_text(key, _text(value))
+    PIL.Image.fromarray(tone_mapped(pixels, ev)).save(stream, format="PNG", pnginfo=information)
+
+
+def _write_png(path: Path, pixels: Pixels, metadata: Metadata, ev: float) -> None:
+    with path.open("xb") as stream:
+        write_png_to(stream, pixels, metadata, ev)
+
+
+def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float) -> None:
+    """Write the linear film in float32 with each piece of metadata as an attribute (``ev`` is left to the viewer)."""
+    import OpenEXR
+
+    attributes = {
+        (f"rptcam_{key}" if key in _EXR_RESERVED else key): _exr_value(value) for key, value in metadata.items()
+    }
+    header = {
+        **attributes,
+        "compression": OpenEXR.ZIP_COMPRESSION,
+        "type": OpenEXR.scanlineimage,
+        "chromaticities": _SRGB_PRIMARIES,
+    }
+    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file:
+        file.write(str(path))
+
+
+def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, ev: float) -> None:
+    """Write the linear film alone; the format has no place for metadata."""
+    with path.open("xb") as stream:
+        np.save(stream, pixels, allow_pickle=False)
+
+
+_WRITERS: dict[str, Callable[[Path, Pixels, Metadata, float], None]] = {
+    ".png": _write_png,
+    ".exr": _write_exr,
+    ".npy": _write_npy,
+}
+SUFFIXES = tuple(_WRITERS)
+
+
+def _suffix(path: str | os.PathLike[str]) -> str:
+    suffix = Path(path).suffix.lower()
+    if suffix not in _WRITERS:
+        allowed = " ".join(SUFFIXES)
+        raise InputError(f"{path}: the suffix decides the format (got {suffix or 'none'}; allowed {allowed})")
+    return suffix
+
+
+def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
+    """Raise an error, before anything is rendered, when a picture could not be saved at ``path``.
+
+    Parameters
+    ----------
+    path
+        Where the picture is to go.
+    inputs
+        Files that the picture must not overwrite.
+    """
+    _suffix(path)
+    for source in inputs:
+        if os.path.realpath(source) == os.path.realpath(path):
+            raise InputError(f"{path}: is an input of this very render; choose another name")
+    check_writable(path)
+
+
+def write(path: str | os.PathLike[str], pixels: Pixels, metadata: Metadata, ev: float) -> None:
+    """Write a picture in the format of its suffix, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        File that ends in one of `SUFFIXES`.
+    pixels
+        (height, width, 3), linear, top row first.
+    metadata
+        What the file should know of its origin.
+    ev
+        Exposure compensation of the tone-mapped formats [stops].
+    """
+    writer = _WRITERS[_suffix(path)]
+    check_writable(path)
+    with replacing(path) as temporary:
+        writer(temporary, pixels, metadata, ev)

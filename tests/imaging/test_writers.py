@@ -1,0 +1,133 @@
+from pathlib import Path
+
+import numpy as np
+import OpenEXR
+import PIL.Image
+import pytest
+
+from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.imaging import Image, check_output, tone_mapped
+
+METADATA = {
+    "scene_hash": "5e1f",
+    "seed": 2**63,
+    "spp": 64,
+    "lens": "Gauß 50 mm f/2",
+    "device": "cpu",
+    "version": "0.1.0",
+    "f_number": 2.0,
+    "film_distance_mm": 36.77,
+    "crop": [0.0, 1.0, 0.25, 0.75],
+    "interrupted": False,
+    "samples": np.int64(7),
+}
+
+
+@pytest.fixture
+def image() -> Image:
+    pixels = np.random.default_rng(1).random((5, 7, 3), dtype=np.float32) * 4
+    return Image(pixels, metadata=METADATA, ev=-1.0)
+
+
+def test_npy_holds_the_film_bit_for_bit(tmp_path: Path, image: Image) -> None:
+    image.save(tmp_path / "film.npy")
+    film = np.load(tmp_path / "film.npy", allow_pickle=False)
+    assert film.dtype == np.float32
+    assert np.array_equal(film, image.pixels)
+
+
+def test_png_holds_the_tone_mapped_picture_and_the_metadata(tmp_path: Path, image: Image) -> None:
+    image.save(tmp_path / "picture.PNG")
+    with PIL.Image.open(tmp_path / "picture.PNG") as picture:
+        assert picture.format == "PNG"
+        assert picture.info["srgb"] == 0
+        assert np.array_equal(np.asarray(picture), tone_mapped(image.pixels, -1.0))
+        text = picture.text
+    assert text["lens"] == "Gauß 50 mm f/2"
+    assert text["seed"] == str(2**63)
+    assert text["spp"] == "64"
+    assert text["crop"] == "[0.0, 1.0, 0.25, 0.75]"
+    assert text["ev"] == "-1.0"
+
+
+def test_exr_holds_the_film_bit_for_bit_in_scanlines(tmp_path: Path, image: Image) -> None:
+    image.save(tmp_path / "film.exr")
+    with OpenEXR.File(str(tmp_path / "film.exr")) as file:
+        assert np.array_equal(file.channels()["RGB"].pixels, image.pixels)
+        assert file.channels()["RGB"].pixels.dtype == np.float32
+        assert file.header()["type"] == OpenEXR.scanlineimage
+        assert file.header()["compression"] == OpenEXR.ZIP_COMPRESSION
+
+
+def test_exr_keeps_each_piece_of_metadata_without_loss(tmp_path: Path, image: Image) -> None:
+    image.save(tmp_path / "film.exr")
+    with OpenEXR.File(str(tmp_path / "film.exr")) as file:
+        header = dict(file.header())  # the file empties its own when it closes
+    expected = {
+        "scene_hash": "5e1f",
+        "seed": str(2**63),  # EXR integers have 32 bits
+        "spp": 64,
+        "lens": "Gauß 50 mm f/2",
+        "device": "cpu",
+        "rptcam_version": "0.1.0",  # "version" means something else in EXR
+        "f_number": 2.0,
+        "film_distance_mm": "36.77",  # EXR floats are single
+        "crop": "[0.0, 1.0, 0.25, 0.75]",
+        "interrupted": "false",
+        "samples": 7,
+    }
+    assert {key: header[key] for key in expected} == expected
+
+
+@pytest.mark.parametrize("value", [np.inf, -np.inf, np.nan, 65505.0, 3e38, 1e-40])
+def test_exr_keeps_values_that_half_floats_cannot(tmp_path: Path, value: float) -> None:
+    pixels = np.full((2, 2, 3), value, np.float32)
+    Image(pixels).save(tmp_path / "film.exr")
+    with OpenEXR.File(str(tmp_path / "film.exr")) as file:
+        assert np.array_equal(file.channels()["RGB"].pixels, pixels, equal_nan=True)
+
+
+@pytest.mark.parametrize("name", ["picture", "picture.jpg", "picture.png.gz", ".png", "picture."])
+def test_unknown_suffix_names_the_known_ones(tmp_path: Path, image: Image, name: str) -> None:
+    with pytest.raises(InputError, match=r"allowed \.png \.exr \.npy"):
+        check_output(tmp_path / name)
+    with pytest.raises(InputError, match=r"allowed \.png \.exr \.npy"):
+        image.save(tmp_path / name)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".exr", ".npy"])
+def test_folder_in_the_way_is_named(tmp_path: Path, image: Image, suffix: str) -> None:
+    folder = tmp_path / f"taken{suffix}"
+    folder.mkdir()
+    with pytest.raises(StateError, match="is a folder"):
+        check_output(folder)
+    with pytest.raises(StateError, match="is a folder"):
+        image.save(folder)
+
+
+@pytest.mark.parametrize("suffix", [".png", ".exr", ".npy"])
+def test_missing_folder_is_named(tmp_path: Path, image: Image, suffix: str) -> None:
+    path = tmp_path / "missing" / f"picture{suffix}"
+    with pytest.raises(StateError, match="there is no folder"):
+        check_output(path)
+    with pytest.raises(StateError, match="there is no folder"):
+        image.save(path)
+
+
+def test_folder_where_nothing_can_be_made_is_refused() -> None:
+    with pytest.raises(StateError, match="cannot be written"):
+        check_output("/proc/picture.png")
+
+
+def test_input_is_never_overwritten_not_even_through_a_link(tmp_path: Path) -> None:
+    source = tmp_path / "texture.png"
+    source.write_bytes(b"kept")
+    link = tmp_path / "link.png"
+    link.symlink_to(source)
+    with pytest.raises(InputError, match="is an input"):
+        check_output(link, inputs=[tmp_path / "scene.yaml", source])
+
+
+def test_check_leaves_nothing_behind(tmp_path: Path) -> None:
+    check_output(tmp_path / "picture.png")
+    assert list(tmp_path.iterdir()) == []
