@@ -1,0 +1,38 @@
+# Two commands for a fresh machine: `make demo` renders the first picture, `make test` runs the tests.
+
+PYTHON ?= python3
+VENV ?= .venv
+BIN := $(VENV)/bin
+
+demo: $(VENV)/.demo
+	@mkdir -p out
+	$(BIN)/rptcam render examples/first_light.yaml -o out/first_light.png
+	@echo "The picture is $(CURDIR)/out/first_light.png"
+
+test: $(VENV)/.test
+	$(BIN)/python -m pytest -q
+
+lint: $(VENV)/.lint
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+
+# Each stamp says which extras the environment has; a change of pyproject.toml brings it up to date.
+$(BIN)/python:
+	$(PYTHON) -m venv $(VENV)
+
+$(VENV)/.demo: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pocl]'
+	@touch $@
+
+$(VENV)/.test: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pocl,test]'
+	@touch $@ $(VENV)/.demo
+
+$(VENV)/.lint: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pocl,dev]'
+	@touch $@ $(VENV)/.demo $(VENV)/.test
+
+clean:
+	rm -rf $(VENV) out
+
+.PHONY: demo test lint clean
