@@ -1,0 +1,106 @@
+"""Checked access to the mappings of a lens file: every problem names the file, the key and what would be right."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.strict_yaml import Document, KeyPath, dotted
+
+
+class Fields:
+    """One mapping of a lens file, whose keys are taken one by one."""
+
+    def __init__(self, document: Document, path: KeyPath, allowed: Iterable[str]) -> None:
+        self.document = document
+        self.path = path
+        value = _at(document.data, path)
+        if not isinstance(value, dict):
+            raise problem(document, path, "expected a mapping of keys to values", value)
+        self.value: Mapping[Any, Any] = value
+        names = sorted(allowed)
+        for key in value:
+            if key not in names:
+                near = difflib.get_close_matches(str(key), names, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(names)}"
+                line, column = document.key_mark((*path, key))
+                raise InputError(f"{document.name}:{line}:{column}: {dotted((*path, key))}: unknown key ({hint})")
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.value
+
+    def get(self, key: str) -> Any:
+        """Return the raw value of a key, None when absent."""
+        return self.value.get(key)
+
+    def fail(self, key: str | None, text: str) -> InputError:
+        """Return the error for a key, or for the mapping itself."""
+        path = self.path if key is None else (*self.path, key)
+        return problem(self.document, path, text, self.value.get(key) if key is not None else None)
+
+    def text(self, key: str, default: str = "") -> str:
+        """Return a string."""
+        value = self.value.get(key, default)
+        if not isinstance(value, str):
+            raise self.fail(key, "expected text")
+        return value
+
+    def flag(self, key: str) -> bool:
+        """Return a truth value, False when absent."""
+        value = self.value.get(key, False)
+        if not isinstance(value, bool):
+            raise self.fail(key, "expected true or false")
+        return value
+
+    def number(self, key: str, default: float | None = None, infinite: bool = False) -> float:
+        """Return a number; without a default the key is required."""
+        if key not in self.value:
+            if default is None:
+                raise self.fail(None, f"{key} is missing")
+            return default
+        return as_number(self.document, (*self.path, key), infinite)
+
+    def positive(self, key: str, default: float | None = None) -> float:
+        """Return a number above 0."""
+        value = self.number(key, default)
+        if not value > 0:
+            raise self.fail(key, "must be above 0")
+        return value
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        """Return a list of numbers."""
+        value = self.value.get(key)
+        if not isinstance(value, list) or not value:
+            raise self.fail(key, "expected a list of numbers")
+        return tuple(as_number(self.document, (*self.path, key, i)) for i in range(len(value)))
+
+
+def as_number(document: Document, path: KeyPath, infinite: bool = False) -> float:
+    """Return the number at a key path."""
+    value = _at(document.data, path)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise problem(document, path, "expected a number", value)
+    if not math.isfinite(value) and not (infinite and math.isinf(value)):
+        raise problem(document, path, "must be finite", value)
+    return float(value)
+
+
+def problem(document: Document, path: KeyPath, text: str, got: Any = None) -> InputError:
+    """Return the error ``FILE:LINE:COL: key.path: text (got ...)``."""
+    shown = "" if got is None else f" (got {_short(got)})"
+    key = f"{dotted(path)}: " if path else ""
+    return InputError(f"{document.where(path)}: {key}{text}{shown}")
+
+
+def _at(data: Any, path: KeyPath) -> Any:
+    for part in path:
+        data = data[part]
+    return data
+
+
+def _short(value: Any) -> str:
+    text = repr(value)
+    return text if len(text) <= 40 else text[:37] + "..."

@@ -1,0 +1,108 @@
+"""The `glass` key of a lens file: a name, or a mapping that holds one dispersion law."""
+
+from __future__ import annotations
+
+import difflib
+
+from rptcam_cl.optics.files.fields import Fields, problem
+from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, Medium, PowerSeries, Sellmeier
+from rptcam_cl.optics.glass_table import GLASSES
+from rptcam_cl.strict_yaml import Document, KeyPath
+
+LAWS = ("index", "nd", "linear_abbe", "sellmeier", "cauchy", "schott")
+LOWEST_INDEX, HIGHEST_INDEX = 0.5, 5.0
+
+
+def read_glass(document: Document, path: KeyPath) -> Medium:
+    """Return the medium at a key path of a lens file."""
+    value = document.data
+    for part in path:
+        value = value[part]
+    if isinstance(value, str):
+        return _named(document, path, value)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        raise problem(document, path, "expected a name or a mapping such as {index: 1.5}", value)
+    fields = Fields(document, path, (*LAWS, "vd", "range_nm", "name"))
+    given = [law for law in LAWS if law in fields]
+    if len(given) != 1:
+        raise fields.fail(None, f"needs exactly one of {', '.join(LAWS)} (has {', '.join(given) or 'none'})")
+    return _LAWS[given[0]](fields)
+
+
+def _named(document: Document, path: KeyPath, name: str) -> Medium:
+    if name.lower() in ("air", "vacuum"):
+        return AIR
+    for known, medium in GLASSES.items():
+        if known.lower() == name.lower():
+            return medium
+    near = difflib.get_close_matches(name.upper(), GLASSES, n=3, cutoff=0.4)
+    hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(sorted(GLASSES))}"
+    raise problem(document, path, f"unknown glass; {hint}", name)
+
+
+def _checked(fields: Fields, key: str, value: float) -> float:
+    if not LOWEST_INDEX <= value <= HIGHEST_INDEX:
+        raise fields.fail(key, f"a refractive index lies between {LOWEST_INDEX:g} and {HIGHEST_INDEX:g}")
+    return value
+
+
+def _constant(fields: Fields) -> Medium:
+    value = _checked(fields, "index", fields.number("index"))
+    return ConstantIndex(value, fields.text("name", f"n = {value:g}"))
+
+
+def _abbe(fields: Fields) -> Medium:
+    nd = _checked(fields, "nd", fields.number("nd"))
+    vd = fields.positive("vd")
+    return AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
+
+
+def _linear(fields: Fields) -> Medium:
+    inner = Fields(fields.document, (*fields.path, "linear_abbe"), ("n", "v"))
+    n = _checked(inner, "n", inner.number("n"))
+    v = inner.positive("v")
+    return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
+
+
+def _sellmeier(fields: Fields) -> Medium:
+    inner = Fields(fields.document, (*fields.path, "sellmeier"), ("b", "c", "c0"))
+    b, c = inner.numbers("b"), inner.numbers("c")
+    if len(b) != len(c):
+        raise inner.fail("c", f"b and c need as many numbers as each other ({len(b)} and {len(c)})")
+    return Sellmeier(b, c, inner.number("c0", 0.0), _range(fields), fields.text("name", "Sellmeier glass"))
+
+
+def _cauchy(fields: Fields) -> Medium:
+    terms = tuple((-2.0 * i, a) for i, a in enumerate(fields.numbers("cauchy")))
+    return PowerSeries(terms, False, _range(fields), fields.text("name", "Cauchy glass"))
+
+
+def _schott(fields: Fields) -> Medium:
+    values = fields.numbers("schott")
+    if len(values) != 6:
+        raise fields.fail(
+            "schott", "expected six coefficients a0 to a5 of n^2 = a0 + a1 L^2 + a2 / L^2 + ... + a5 / L^8"
+        )
+    powers = (0.0, 2.0, -2.0, -4.0, -6.0, -8.0)
+    return PowerSeries(
+        tuple(zip(powers, values, strict=True)), True, _range(fields), fields.text("name", "Schott glass")
+    )
+
+
+def _range(fields: Fields) -> tuple[float, float] | None:
+    if "range_nm" not in fields:
+        return None
+    limits = fields.numbers("range_nm")
+    if len(limits) != 2 or not 0 < limits[0] < limits[1]:
+        raise fields.fail("range_nm", "expected [shortest, longest] wavelength in nm")
+    return limits[0], limits[1]
+
+
+_LAWS = {
+    "index": _constant,
+    "nd": _abbe,
+    "linear_abbe": _linear,
+    "sellmeier": _sellmeier,
+    "cauchy": _cauchy,
+    "schott": _schott,
+}

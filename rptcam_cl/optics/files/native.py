@@ -1,0 +1,88 @@
+"""Our own lens form: YAML, JSON or a mapping, one entry per surface, scene side first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from rptcam_cl.optics.files.checks import check_lens
+from rptcam_cl.optics.files.fields import Fields, problem
+from rptcam_cl.optics.files.glasses import read_glass
+from rptcam_cl.optics.glass import AIR, Medium
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.surface import Surface
+from rptcam_cl.strict_yaml import Document
+
+UNITS_MM = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "in": 25.4, "km": 1e6}
+TOP_KEYS = ("name", "source", "published", "unit", "object_medium", "surfaces")
+SURFACE_KEYS = ("radius", "thickness", "glass", "diameter", "stop")
+
+
+def document_of(mapping: Mapping[str, Any]) -> Document:
+    """Return a mapping made in Python as a document without line numbers."""
+    name = mapping.get("name")
+    return Document(_plain(mapping), name if isinstance(name, str) and name else "<lens>", {}, {})
+
+
+def _plain(value: Any) -> Any:
+    """Return the value with mappings, sequences and numpy scalars as dictionaries, lists and Python numbers."""
+    if isinstance(value, Mapping):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_plain(inner) for inner in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def read_native(document: Document) -> Lens:
+    """Return the lens of a document in our own form."""
+    if not isinstance(document.data, dict):
+        raise problem(document, (), "expected a mapping with name and surfaces", document.data)
+    top = Fields(document, (), TOP_KEYS)
+    scale = _unit(top)
+    rows = top.get("surfaces")
+    if not isinstance(rows, list) or not rows:
+        raise top.fail("surfaces" if "surfaces" in top else None, "a lens needs a list of surfaces")
+    surfaces = tuple(_surface(document, i, i == len(rows) - 1, scale) for i in range(len(rows)))
+    stops = [i for i, surface in enumerate(surfaces) if surface.is_stop]
+    if len(stops) > 1:
+        raise problem(
+            document, ("surfaces", stops[1], "stop"), f"a second stop; surface {stops[0]} is the stop already"
+        )
+    published = top.get("published") or {}
+    if not isinstance(published, dict):
+        raise top.fail("published", "expected a mapping such as {focal_length_mm: 50, f_number: 2}")
+    lens = Lens(
+        name=top.text("name") or document.name,
+        surfaces=surfaces,
+        stop_index=stops[0] if stops else None,
+        source=top.text("source"),
+        published=dict(published),
+        object_medium=read_glass(document, ("object_medium",)) if "object_medium" in top else AIR,
+    )
+    return check_lens(lens, lambda index, key, text: problem(document, ("surfaces", index, key), text))
+
+
+def _unit(top: Fields) -> float:
+    unit = top.text("unit", "mm")
+    if unit not in UNITS_MM:
+        raise top.fail("unit", f"allowed: {', '.join(UNITS_MM)}")
+    return UNITS_MM[unit]
+
+
+def _surface(document: Document, index: int, last: bool, scale: float) -> Surface:
+    fields = Fields(document, ("surfaces", index), SURFACE_KEYS)
+    radius = fields.number("radius", math.inf, infinite=True)
+    if radius == 0:
+        raise fields.fail("radius", "must not be 0: leave it out for a plane, and mark the stop with stop: true")
+    thickness = fields.number("thickness", 0.0 if last else None)
+    glass: Medium = read_glass(document, (*fields.path, "glass")) if "glass" in fields else AIR
+    return Surface(
+        curvature=1.0 / (radius * scale),
+        thickness=0.0 if last else thickness * scale,
+        glass=glass,
+        semi_diameter=fields.positive("diameter") * scale / 2,
+        is_stop=fields.flag("stop"),
+    )

@@ -1,0 +1,152 @@
+"""First-order optics: focal length, cardinal points and pupils from 2 x 2 matrices on (height, index * angle).
+
+Distances are signed along +z, from scene to film.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.optics.glass import WAVELENGTH_D
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.lens import Lens
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Planes:
+    """A pair of planes: `front` from the first vertex, `rear` from the last vertex [mm]."""
+
+    front: float
+    rear: float
+
+
+@dataclass(frozen=True)
+class Pupil:
+    """Image of the stop on the axis.
+
+    Attributes
+    ----------
+    distance_mm : float
+        From the first vertex (entrance pupil) or from the last vertex (exit pupil); infinite when telecentric.
+    diameter_mm : float
+    """
+
+    distance_mm: float
+    diameter_mm: float
+
+
+@dataclass(frozen=True)
+class FirstOrder:
+    """First-order data at one wavelength. Lengths in millimetres, signed along +z (towards the film).
+
+    Attributes
+    ----------
+    wavelength_nm : float
+    focal_length_mm : float
+        Rear focal length P'F'; infinite for an afocal system.
+    front_focal_length_mm : float
+        FP; equal to the rear one when the same medium lies on both sides.
+    back_focal_distance_mm : float
+        Last vertex to the rear focal point F'.
+    front_focal_distance_mm : float
+        First vertex to the front focal point F (negative when F lies in front of the lens).
+    principal_planes_mm, nodal_points_mm : Planes
+    entrance_pupil, exit_pupil : Pupil
+    f_number : float
+        Focal length / entrance pupil diameter.
+    length_mm : float
+        First to last vertex.
+    surfaces : int
+        Number of surfaces, the stop included.
+    """
+
+    wavelength_nm: float
+    focal_length_mm: float
+    front_focal_length_mm: float
+    back_focal_distance_mm: float
+    front_focal_distance_mm: float
+    principal_planes_mm: Planes
+    nodal_points_mm: Planes
+    entrance_pupil: Pupil
+    exit_pupil: Pupil
+    f_number: float
+    length_mm: float
+    surfaces: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the data as nested dictionaries, for JSON."""
+        return asdict(self)
+
+
+def first_order(lens: Lens, wavelength_nm: float = WAVELENGTH_D) -> FirstOrder:
+    """Return the first-order data of a lens at a wavelength [nm]."""
+    indices = lens.indices(wavelength_nm)
+    n_object, n_image = float(indices[0]), float(indices[-1])
+    (a, _), (c, d) = system_matrix(lens, wavelength_nm).tolist()
+    with np.errstate(divide="ignore", invalid="ignore"):
+        power = np.float64(-c)
+        rear, front = n_image / power, n_object / power
+        planes = Planes(float((1 - d) * front), float((a - 1) * rear))
+        entrance, exit_ = _pupils(lens, wavelength_nm)
+        f_number = abs(float(rear)) / entrance.diameter_mm
+    step = float(rear - front)
+    return FirstOrder(
+        wavelength_nm=float(wavelength_nm),
+        focal_length_mm=float(rear),
+        front_focal_length_mm=float(front),
+        back_focal_distance_mm=float(a * rear),
+        front_focal_distance_mm=float(-d * front),
+        principal_planes_mm=planes,
+        nodal_points_mm=Planes(planes.front + step, planes.rear + step) if np.isfinite(step) else planes,
+        entrance_pupil=entrance,
+        exit_pupil=exit_,
+        f_number=f_number,
+        length_mm=lens.length,
+        surfaces=len(lens.surfaces),
+    )
+
+
+def system_matrix(
+    lens: Lens, wavelength_nm: float, first: int = 0, last: int | None = None, refract_last: bool = True
+) -> Array:
+    """Return the matrix from just before surface `first` to just after (or, without refraction, at) surface `last`."""
+    indices = lens.indices(wavelength_nm)
+    end = len(lens.surfaces) - 1 if last is None else last
+    matrix = np.eye(2)
+    for k in range(first, end + 1):
+        surface = lens.surfaces[k]
+        if k < end or refract_last:
+            matrix = np.array([[1.0, 0.0], [-surface.curvature * (indices[k + 1] - indices[k]), 1.0]]) @ matrix
+        if k < end:
+            matrix = np.array([[1.0, surface.thickness / indices[k + 1]], [0.0, 1.0]]) @ matrix
+    return matrix
+
+
+def limiting_surface(lens: Lens, wavelength_nm: float = WAVELENGTH_D) -> int:
+    """Return the index of the stop, or of the rim that limits an axial beam from infinity when there is none."""
+    if lens.stop_index is not None:
+        return lens.stop_index
+    ratios = []
+    for k, surface in enumerate(lens.surfaces):
+        height = abs(float(system_matrix(lens, wavelength_nm, 0, k, refract_last=False)[0, 0]))
+        ratios.append(surface.semi_diameter / height if height > 0 else np.inf)
+    return int(np.argmin(ratios))
+
+
+def _pupils(lens: Lens, wavelength_nm: float) -> tuple[Pupil, Pupil]:
+    """Return the images of the stop, taken at the plane of its vertex, through what lies before and behind it."""
+    indices = lens.indices(wavelength_nm)
+    stop = limiting_surface(lens, wavelength_nm)
+    diameter = np.float64(2 * lens.surfaces[stop].semi_diameter)
+    (a, b), _ = system_matrix(lens, wavelength_nm, 0, stop, refract_last=False).tolist()
+    (_, rear_b), (_, rear_d) = system_matrix(lens, wavelength_nm, stop).tolist()
+    entrance = Pupil(float(np.float64(b) * indices[0] / a), float(diameter / abs(a)))
+    exit_ = Pupil(float(-np.float64(rear_b) * indices[-1] / rear_d), float(diameter / abs(rear_d)))
+    return entrance, exit_

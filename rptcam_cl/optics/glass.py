@@ -1,0 +1,157 @@
+"""Media between the surfaces: refractive index against wavelength, each law with its valid range.
+
+Wavelengths are in nanometres in air, indices relative to air. Dispersion formulas take the wavelength in micrometres.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.errors import InputError
+
+Array = NDArray[np.float64]
+Range = tuple[float, float]
+
+WAVELENGTH_D = 587.5618
+WAVELENGTH_F = 486.1327
+WAVELENGTH_C = 656.2725
+
+
+class Medium(Protocol):
+    """What fills the space after a surface."""
+
+    @property
+    def name(self) -> str:
+        """Short text for tables and messages."""
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the refractive index, of the shape of the wavelengths [nm]."""
+
+
+@dataclass(frozen=True)
+class ConstantIndex:
+    """The same index at every wavelength."""
+
+    value: float
+    name: str = ""
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the index at each wavelength [nm]."""
+        return np.full(np.shape(wavelength_nm), self.value)
+
+
+AIR = ConstantIndex(1.0, "air")
+
+
+@dataclass(frozen=True)
+class AbbeCauchy:
+    """Two-term Cauchy law n = A + B / L^2 through n_d and V_d = (n_d - 1) / (n_F - n_C), close to real glass."""
+
+    nd: float
+    vd: float
+    name: str = ""
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the index at each wavelength [nm]."""
+        squares = (1e3 / np.array([WAVELENGTH_F, WAVELENGTH_C, WAVELENGTH_D])) ** 2
+        b = (self.nd - 1) / self.vd / (squares[0] - squares[1])
+        a = self.nd - b * squares[2]
+        return np.asarray(a + b * _inverse_square(wavelength_nm), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class AbbeLinear:
+    """Index linear in wavelength: n = n_D + (n_D - 1) / V * (589.3 - L) / (656.3 - 486.1).
+
+    The dispersion of the rptcam paper (Kumar, Kumar, Meng, Yu 2024, eq. 2), kept for its figures; not that of glass.
+    """
+
+    n: float
+    v: float
+    name: str = ""
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the index at each wavelength [nm]."""
+        wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+        return np.asarray(self.n + (self.n - 1) / self.v * (589.3 - wavelength) / (656.3 - 486.1), dtype=np.float64)
+
+
+@dataclass(frozen=True)
+class Sellmeier:
+    """n^2 = 1 + c0 + sum of b L^2 / (L^2 - c), L in micrometres and c in square micrometres."""
+
+    b: tuple[float, ...]
+    c: tuple[float, ...]
+    c0: float = 0.0
+    range_nm: Range | None = None
+    name: str = ""
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the index at each wavelength [nm]."""
+        square = (_in_range(wavelength_nm, self.range_nm, self.name) / 1e3) ** 2
+        total = 1.0 + self.c0 + sum(b * square / (square - c) for b, c in zip(self.b, self.c, strict=True))
+        return _root(total, self.name)
+
+
+@dataclass(frozen=True)
+class PowerSeries:
+    """n or n^2 as a sum of coefficient * L^power, L in micrometres: Cauchy, Schott and similar polynomials."""
+
+    terms: tuple[tuple[float, float], ...]
+    squared: bool
+    range_nm: Range | None = None
+    name: str = ""
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the index at each wavelength [nm]."""
+        length = _in_range(wavelength_nm, self.range_nm, self.name) / 1e3
+        total = np.zeros_like(length)
+        for power, coefficient in self.terms:
+            total = total + coefficient * length**power
+        return _root(total, self.name) if self.squared else total
+
+
+@dataclass(frozen=True)
+class TabulatedIndex:
+    """Index interpolated linearly between measured wavelengths [nm], which rise."""
+
+    wavelengths_nm: tuple[float, ...]
+    values: tuple[float, ...]
+    name: str = ""
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the index at each wavelength [nm]."""
+        limits = (self.wavelengths_nm[0], self.wavelengths_nm[-1])
+        wavelength = _in_range(wavelength_nm, limits, self.name)
+        return np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
+
+
+def abbe_number(medium: Medium) -> float:
+    """Return V_d = (n_d - 1) / (n_F - n_C), infinite without dispersion."""
+    d, f, c = medium.index([WAVELENGTH_D, WAVELENGTH_F, WAVELENGTH_C])
+    return float((d - 1) / (f - c)) if f != c else float("inf")
+
+
+def _inverse_square(wavelength_nm: ArrayLike) -> Array:
+    return (1e3 / np.asarray(wavelength_nm, dtype=np.float64)) ** 2
+
+
+def _in_range(wavelength_nm: ArrayLike, limits: Range | None, name: str) -> Array:
+    wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+    if limits is not None and (np.any(wavelength < limits[0]) or np.any(wavelength > limits[1])):
+        bad = float(np.extract((wavelength < limits[0]) | (wavelength > limits[1]), wavelength)[0])
+        raise InputError(
+            f"glass {name or '(unnamed)'} is known from {limits[0]:g} to {limits[1]:g} nm (asked for {bad:g} nm)"
+        )
+    return wavelength
+
+
+def _root(square: ArrayLike, name: str) -> Array:
+    value = np.asarray(square, dtype=np.float64)
+    if not np.all(value > 0):
+        raise InputError(f"glass {name or '(unnamed)'} has no real index at a wavelength that was asked for")
+    return np.sqrt(value)

@@ -1,0 +1,126 @@
+"""A lens: surfaces in a row from scene to film, and what can be asked of it. Lengths in millimetres, float64."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics.glass import AIR, WAVELENGTH_D, Medium
+from rptcam_cl.optics.surface import Surface
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.first_order import FirstOrder
+    from rptcam_cl.optics.trace import Rays
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Lens:
+    """Surfaces from scene to film. The first vertex is the origin; +z points to the film.
+
+    Attributes
+    ----------
+    name, source : str
+        What it is called and where its numbers come from.
+    published : mapping
+        First-order data that the source claims, such as ``focal_length_mm`` and ``f_number``.
+    surfaces : tuple of Surface
+        Scene side first.
+    stop_index : int or None
+        Which surface is the aperture stop; None when only the rims limit the light.
+    object_medium : Medium
+        What lies in front of the first surface.
+    warnings : tuple of str
+        Doubts about the prescription that do not make it unusable.
+    """
+
+    name: str
+    surfaces: tuple[Surface, ...]
+    stop_index: int | None = None
+    source: str = ""
+    published: Mapping[str, Any] = field(default_factory=dict)
+    object_medium: Medium = AIR
+    warnings: tuple[str, ...] = ()
+
+    @cached_property
+    def vertices(self) -> Array:
+        """Position z of each vertex [mm]."""
+        gaps = [surface.thickness for surface in self.surfaces[:-1]]
+        return np.concatenate([[0.0], np.cumsum(gaps)])
+
+    @property
+    def length(self) -> float:
+        """Distance from the first to the last vertex [mm]."""
+        return float(self.vertices[-1])
+
+    @property
+    def stop(self) -> Surface | None:
+        """The surface that is the stop, if there is one."""
+        return None if self.stop_index is None else self.surfaces[self.stop_index]
+
+    def indices(self, wavelength_nm: ArrayLike = WAVELENGTH_D) -> Array:
+        """Return the index before the first surface and after each one, shape (n + 1, *wavelengths)."""
+        media = [self.object_medium, *(surface.glass for surface in self.surfaces)]
+        return np.stack([medium.index(wavelength_nm) for medium in media])
+
+    def first_order(self, wavelength_nm: float = WAVELENGTH_D) -> FirstOrder:
+        """Return focal length, cardinal points and pupils at a wavelength [nm]."""
+        from rptcam_cl.optics.first_order import first_order
+
+        return first_order(self, wavelength_nm)
+
+    def trace(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        wavelength_nm: ArrayLike = WAVELENGTH_D,
+        start: str = "film",
+    ) -> Rays:
+        """Return rays traced through every surface in float64, from the film or from the scene. See `optics.trace`."""
+        from rptcam_cl.optics.trace import trace
+
+        return trace(self, origins, directions, wavelength_nm, start)
+
+    def with_stop_diameter(self, diameter_mm: float) -> Lens:
+        """Return the lens with its stop closed to a diameter [mm]."""
+        stop = self._need_stop()
+        assert self.stop_index is not None
+        has = 2 * stop.semi_diameter
+        if not diameter_mm > 0 or not np.isfinite(diameter_mm):
+            raise InputError(f"{self.name}: stop diameter must be above 0 mm (got {diameter_mm:g})")
+        if diameter_mm > has * (1 + 1e-9):
+            raise InputError(
+                f"{self.name}: the stop opens to {has:.5g} mm, f/{self.first_order().f_number:.3g} "
+                f"(asked for {diameter_mm:.5g} mm)"
+            )
+        surfaces = list(self.surfaces)
+        surfaces[self.stop_index] = replace(stop, semi_diameter=min(diameter_mm, has) / 2)
+        return replace(self, surfaces=tuple(surfaces))
+
+    def stop_diameter_for(self, f_number: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+        """Return the stop diameter [mm] of an f-number = focal length / entrance pupil diameter (paraxial)."""
+        stop = self._need_stop()
+        if not f_number > 0 or not np.isfinite(f_number):
+            raise InputError(f"{self.name}: f-number must be above 0 (got {f_number:g})")
+        widest = self.first_order(wavelength_nm).f_number
+        diameter = 2 * stop.semi_diameter * widest / f_number
+        if f_number < widest * (1 - 1e-9):
+            raise InputError(
+                f"{self.name}: opens to f/{widest:.4g}, a stop of {2 * stop.semi_diameter:.5g} mm "
+                f"(f/{f_number:g} would need {diameter:.5g} mm)"
+            )
+        return float(min(diameter, 2 * stop.semi_diameter))
+
+    def _need_stop(self) -> Surface:
+        if self.stop is None:
+            raise InputError(
+                f"{self.name}: has no stop to set; only its rims limit the light (mark one with stop: true)"
+            )
+        return self.stop

@@ -1,0 +1,68 @@
+"""Lenses by name, by file or from a mapping."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.optics.files.native import document_of, read_native
+from rptcam_cl.optics.files.pbrt import read_pbrt
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.resources import lenses_dir
+from rptcam_cl.strict_yaml import MAX_BYTES, read_yaml
+
+NATIVE_SUFFIXES = (".yaml", ".yml", ".json")
+
+
+def list_lenses() -> list[str]:
+    """Return the names of the lenses that come with the package, sorted."""
+    return sorted(path.stem for path in lenses_dir().glob("*.yaml"))
+
+
+def load_lens(source: str | Path | Mapping[str, Any]) -> Lens:
+    """Return a lens.
+
+    Parameters
+    ----------
+    source : str, Path or mapping
+        A name from `list_lenses`, a path to a lens file, or the content of such a file.
+    """
+    if isinstance(source, Mapping):
+        return read_native(document_of(source))
+    bundled = lenses_dir() / f"{source}.yaml"
+    if isinstance(source, str) and "/" not in source and bundled.is_file():
+        return read_native(read_yaml(bundled))
+    path = Path(source)
+    if not path.exists():
+        raise _unknown(str(source))
+    if path.suffix.lower() in NATIVE_SUFFIXES:
+        return read_native(read_yaml(path))
+    if path.suffix.lower() == ".dat":
+        return read_pbrt(_read_text(path), str(path))
+    raise InputError(f"{path}: unknown kind of lens file; known: .yaml, .yml, .json, .dat")
+
+
+def _unknown(name: str) -> InputError:
+    known = list_lenses()
+    near = difflib.get_close_matches(name, known, n=3, cutoff=0.4)
+    hint = f"did you mean {', '.join(near)}?" if near else f"names: {', '.join(known)}"
+    return InputError(f"{name}: no such lens file or name; {hint}")
+
+
+def _read_text(path: Path) -> str:
+    try:
+        if not path.is_file():
+            raise InputError(f"{path}: is not a regular file")
+        if path.stat().st_size > MAX_BYTES:
+            raise InputError(f"{path}: is larger than {MAX_BYTES} bytes")
+        raw = path.read_bytes()
+    except OSError as problem:
+        raise StateError(f"{path}: cannot be read ({problem.strerror})") from problem
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return raw.decode("utf-16")
+    if b"\0" in raw:
+        raise InputError(f"{path}: contains NUL bytes; this is not a text file")
+    return raw.decode("utf-8-sig", "replace")
