@@ -1,0 +1,66 @@
+"""Scene files: a validated, frozen model of everything that a picture needs. Knows nothing of OpenCL."""
+
+from rptcam_cl.scene.camera import (
+    Camera,
+    CircularAperture,
+    EnvironmentCamera,
+    Focus,
+    PinholeCamera,
+    PolygonAperture,
+    RealisticCamera,
+    ThinLensCamera,
+)
+from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment
+from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.light import DirectionalLight, Light, PointLight
+from rptcam_cl.scene.load import load_scene
+from rptcam_cl.scene.material import Conductor, Dielectric, Emissive, Material, Matte, Mirror
+from rptcam_cl.scene.sampling import Picture, RenderSettings
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.schema import scene_json_schema
+from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, SceneObject, Sphere
+from rptcam_cl.scene.texture import Checker, Grid, Reflectance
+from rptcam_cl.scene.transform import Rotation, TransformStep
+
+__all__ = [
+    "Box",
+    "Camera",
+    "Checker",
+    "CircularAperture",
+    "Conductor",
+    "Cone",
+    "ConstantEnvironment",
+    "Cylinder",
+    "Dielectric",
+    "DirectionalLight",
+    "Disk",
+    "Emissive",
+    "Environment",
+    "EnvironmentCamera",
+    "Film",
+    "Focus",
+    "GradientEnvironment",
+    "Grid",
+    "Light",
+    "Material",
+    "Matte",
+    "Mirror",
+    "Object",
+    "Picture",
+    "PinholeCamera",
+    "Plane",
+    "PointLight",
+    "PolygonAperture",
+    "RealisticCamera",
+    "Rectangle",
+    "Reflectance",
+    "RenderSettings",
+    "Rotation",
+    "Scene",
+    "SceneObject",
+    "Sphere",
+    "ThinLensCamera",
+    "TransformStep",
+    "load_scene",
+    "scene_json_schema",
+]

@@ -1,0 +1,199 @@
+"""The four camera models and the pose that they share."""
+
+from __future__ import annotations
+
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, model_validator
+
+from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.lens_reference import LensReference
+from rptcam_cl.scene.quantities import SMALLEST_LENGTH, Direction, Number, Position, WholeNumber
+from rptcam_cl.scene.refusal import refuse
+
+# Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
+SMALLEST_ROLL_SINE = 1e-6
+
+Degrees = Annotated[Number, Field(gt=0, lt=180)]
+FovAxis = Literal["horizontal", "vertical", "diagonal"]
+Metres = Annotated[Number, Field(ge=1e-9, le=1e12)]
+Millimetres = Annotated[Number, Field(ge=1e-6, le=1e12)]
+FNumber = Annotated[Number, Field(ge=1e-2, le=1e6)]
+
+
+class Pose(SceneModel):
+    """Where a camera stands and looks. It looks along -z of its own frame, with +y up and +x to the right."""
+
+    eye: Position
+    """Where the camera stands [scene units]; for `realistic` the centre of the film."""
+
+    target: Position
+    """A point that the camera looks at [scene units]."""
+
+    up: Direction = (0.0, 1.0, 0.0)
+    """Direction that appears upwards; any length, not parallel to the view."""
+
+    flip: bool = Field(default=True, strict=True)
+    """Whether the picture is turned upright; false keeps the inverted image as it lies on the film."""
+
+    @model_validator(mode="after")
+    def _check_pose(self) -> Self:
+        forward = np.subtract(self.target, self.eye)
+        distance = float(np.linalg.norm(forward))
+        if distance < SMALLEST_LENGTH:
+            raise refuse("equals the eye, so there is no viewing direction", got=list(self.target), path=("target",))
+        roll = np.cross(forward / distance, np.divide(self.up, np.linalg.norm(self.up)))
+        if np.linalg.norm(roll) < SMALLEST_ROLL_SINE:
+            raise refuse(
+                "is parallel to the viewing direction", got=list(self.up), allowed="any other direction", path=("up",)
+            )
+        return self
+
+    def world_from_camera(self) -> NDArray[np.float64]:
+        """Return the 4x4 matrix whose columns are right, up, back and eye, in scene units."""
+        back = np.subtract(self.eye, self.target)
+        back /= np.linalg.norm(back)
+        right = np.cross(self.up, back)
+        right /= np.linalg.norm(right)
+        matrix = np.eye(4)
+        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(back, right), back, self.eye
+        return matrix
+
+
+class PinholeCamera(Pose):
+    """A camera without a lens: everything is sharp."""
+
+    kind: Literal["pinhole"]
+    """Camera model."""
+
+    fov_degrees: Degrees
+    """Full field of view along `fov_axis` [degrees]."""
+
+    fov_axis: FovAxis = "horizontal"
+    """Side of the film that `fov_degrees` spans."""
+
+    near_m: Annotated[Number, Field(ge=0, le=1e12)] = 0.0
+    """Distance along the axis below which nothing is seen [m]."""
+
+
+class EnvironmentCamera(Pose):
+    """A camera that sees the whole sphere: 360 degrees across, 180 degrees down. The film must be 2:1."""
+
+    kind: Literal["environment"]
+    """Camera model."""
+
+
+class CircularAperture(SceneModel):
+    """A round aperture."""
+
+    shape: Literal["circle"] = "circle"
+    """Outline of the aperture."""
+
+
+class PolygonAperture(SceneModel):
+    """An aperture made of straight blades: a regular polygon inscribed in the circle of the aperture radius."""
+
+    shape: Literal["polygon"]
+    """Outline of the aperture."""
+
+    blades: Annotated[WholeNumber, Field(ge=3, le=64)]
+    """Number of corners."""
+
+    rotation_degrees: Annotated[Number, Field(ge=-360, le=360)] = 0.0
+    """Turn of the first corner from the camera's +x towards +y [degrees]."""
+
+
+Aperture = Annotated[CircularAperture | PolygonAperture, Field(discriminator="shape")]
+
+
+class ThinLensCamera(Pose):
+    """An ideal lens of no thickness: one plane is sharp.
+
+    Exactly one of `fov_degrees` and `focal_length_mm`, and exactly one of `aperture_radius_m` and `f_number`.
+    """
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("fov_degrees", "focal_length_mm"), required=True),
+        Alternatives(("aperture_radius_m", "f_number"), required=True),
+    )
+
+    kind: Literal["thin_lens"]
+    """Camera model."""
+
+    fov_degrees: Degrees | None = None
+    """Full field of view along `fov_axis` [degrees]."""
+
+    fov_axis: FovAxis = "horizontal"
+    """Side of the film that `fov_degrees` spans."""
+
+    focal_length_mm: Millimetres | None = None
+    """Focal length [mm]."""
+
+    aperture_radius_m: Annotated[Number, Field(ge=0, le=1e12)] | None = None
+    """Radius of the lens opening [m]; 0 makes a pinhole."""
+
+    f_number: FNumber | None = None
+    """Focal length divided by the diameter of the opening."""
+
+    focus_distance_m: Metres
+    """Distance of the plane of focus from the eye along the axis [m]."""
+
+    aperture: Aperture = CircularAperture()
+    """Outline of the opening."""
+
+    @model_validator(mode="after")
+    def _check_focus(self) -> Self:
+        if self.focal_length_mm is not None and self.focus_distance_m * 1e3 <= self.focal_length_mm:
+            raise refuse(
+                "lies within the focal length, so no real image forms",
+                got=self.focus_distance_m,
+                allowed=f"more than {self.focal_length_mm * 1e-3:g}",
+                path=("focus_distance_m",),
+            )
+        return self
+
+
+class Focus(SceneModel):
+    """Focus of a real lens. Exactly one of the two distances."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("distance_m", "film_distance_mm"), required=True),
+    )
+
+    distance_m: Metres | None = None
+    """Distance from the object in focus to the film [m]."""
+
+    film_distance_mm: Millimetres | None = None
+    """Distance from the last vertex of the lens to the film [mm]."""
+
+
+class RealisticCamera(Pose):
+    """A real lens: every ray is traced through every surface. At most one of `stop_diameter_mm` and `f_number`."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("stop_diameter_mm", "f_number"), required=False),)
+
+    kind: Literal["realistic"]
+    """Camera model."""
+
+    lens: LensReference
+    """The lens: a name, a file in the scene's folder, or a prescription written out as a mapping."""
+
+    focus: Focus
+    """Where the lens is focused."""
+
+    stop_diameter_mm: Millimetres | None = None
+    """Diameter of the stop [mm]; as in the lens file by default."""
+
+    f_number: FNumber | None = None
+    """F-number that the stop is set to; as in the lens file by default."""
+
+    wavelength_nm: Annotated[Number, Field(ge=200, le=3000)] = 587.5618
+    """Wavelength at which the lens is traced [nm]; the helium d line by default."""
+
+    pupil: Literal["auto", "rear", "bounds"] = "auto"
+    """Where rays aim: the whole rear element, or bounds of the exit pupil; auto chooses. It changes noise only."""
+
+
+Camera = Annotated[PinholeCamera | EnvironmentCamera | ThinLensCamera | RealisticCamera, Field(discriminator="kind")]

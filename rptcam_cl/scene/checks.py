@@ -1,0 +1,105 @@
+"""Checks across the parts of a scene: refusals of what float32 cannot hold, and warnings of what is hardly meant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.scene.camera import Camera
+from rptcam_cl.scene.environment import ConstantEnvironment, Environment
+from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.light import Light, PointLight
+from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
+from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.scene.shape import BoundedObject, Object, Plane, SceneObject
+
+# Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
+LARGEST_EXTENT_RATIO = 1e7
+
+# Largest deviation of a pixel from a square that is taken as rounding.
+SQUARE_TOLERANCE = 0.01
+
+
+def to_world(item: SceneObject, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return points of an object's own frame (n, 3) in the world."""
+    return np.asarray(points @ item.world_from_object[:3, :3].T + item.world_from_object[:3, 3])
+
+
+def world_corners(item: BoundedObject) -> NDArray[np.float64]:
+    """Return the eight corners of an object's bounds in the world (8, 3)."""
+    return to_world(item, np.array(list(product(*zip(*item.bounds(), strict=True)))))
+
+
+def check_extent(item: Object, path: tuple[str | int, ...]) -> None:
+    """Refuse an object that its transform makes too far, too large or too small for float32."""
+    if isinstance(item, Plane):
+        corners = to_world(item, np.array([item.point]))
+        extent = np.inf
+    else:
+        corners = world_corners(item)
+        extent = float(np.ptp(corners, axis=0).max())
+    if (reach := float(np.abs(corners).max())) > 4 * LARGEST_COORDINATE:
+        allowed = f"coordinates up to {LARGEST_COORDINATE:g}"
+        raise refuse("reaches too far for float32", got=reach, allowed=allowed, path=path)
+    if extent < SMALLEST_LENGTH / 4:
+        allowed = f"an extent of at least {SMALLEST_LENGTH:g}"
+        raise refuse("is too small for float32", got=extent, allowed=allowed, path=path)
+
+
+def scene_warnings(
+    camera: Camera, film: Film, objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None
+) -> tuple[str, ...]:
+    """Return what is allowed but probably not meant, one sentence each."""
+    found: list[str] = []
+    if not _any_light(objects, lights, environment):
+        found.append("nothing in the scene emits light: the image will be black")
+    width, height = film.size_m()
+    aspect = (width / film.resolution[0]) / (height / film.resolution[1])
+    if abs(aspect - 1) > SQUARE_TOLERANCE:
+        found.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
+    found += _extent_warnings(objects)
+    found += _inside_warnings(camera, objects)
+    return tuple(found)
+
+
+def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
+    colours = [item.material.radiance for item in objects if isinstance(item.material, Emissive)]
+    colours += [light.intensity if isinstance(light, PointLight) else light.irradiance for light in lights]
+    if isinstance(environment, ConstantEnvironment):
+        colours.append(environment.radiance)
+    elif environment is not None:
+        colours += [environment.bottom, environment.top]
+    return any(max(colour) > 0 for colour in colours)
+
+
+def _extent_warnings(objects: Sequence[Object]) -> list[str]:
+    bounded = [item for item in objects if not isinstance(item, Plane)]
+    if not bounded:
+        return []
+    corners = [world_corners(item) for item in bounded]
+    sizes = [float(np.ptp(points, axis=0).max()) for points in corners]
+    whole = float(np.ptp(np.concatenate(corners), axis=0).max())
+    smallest = int(np.argmin(sizes))
+    if whole <= LARGEST_EXTENT_RATIO * sizes[smallest]:
+        return []
+    return [
+        f"{_label(bounded[smallest], sizes[smallest])} is more than {LARGEST_EXTENT_RATIO:g} times smaller than "
+        "the scene: float32 cannot resolve it"
+    ]
+
+
+def _label(item: SceneObject, size: float) -> str:
+    return f"object '{item.name}'" if item.name else f"an object of size {size:.3g}"
+
+
+def _inside_warnings(camera: Camera, objects: Sequence[Object]) -> list[str]:
+    eye = np.array([*camera.eye, 1.0])
+    return [
+        f"the camera stands inside objects[{index}]"
+        for index, item in enumerate(objects)
+        if not isinstance(item, Plane) and item.contains(np.linalg.solve(item.world_from_object, eye)[:3])
+    ]

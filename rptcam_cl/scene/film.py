@@ -1,0 +1,74 @@
+"""The film: what records the picture, its resolution and its size."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Self
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.quantities import Fraction, Number, WholeNumber, list_of
+from rptcam_cl.scene.refusal import refuse
+
+DEFAULT_WIDTH_MM = 36.0
+MAX_PIXELS = 2**31 - 1
+PAIR = "a pair [width, height]"
+CROP = "[x0, x1, y0, y1]"
+
+Pixels = Annotated[WholeNumber, Field(ge=1, le=MAX_PIXELS)]
+Millimetres = Annotated[Number, Field(ge=1e-6, le=1e9)]
+
+
+class Film(SceneModel):
+    """The film. At most one of `size_mm`, `width_mm` and `diagonal_mm`; without any, 36 mm wide."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("size_mm", "width_mm", "diagonal_mm"), required=False),
+    )
+
+    resolution: Annotated[tuple[Pixels, Pixels], BeforeValidator(list_of(2, PAIR))] = (640, 360)
+    """Width and height of the whole film [pixels]; fewer than 2^31 pixels together."""
+
+    size_mm: Annotated[tuple[Millimetres, Millimetres], BeforeValidator(list_of(2, PAIR))] | None = None
+    """Width and height [mm]."""
+
+    width_mm: Millimetres | None = None
+    """Width [mm]; pixels are square."""
+
+    diagonal_mm: Millimetres | None = None
+    """Diagonal [mm]; pixels are square."""
+
+    crop: Annotated[tuple[Fraction, Fraction, Fraction, Fraction], BeforeValidator(list_of(4, CROP))] | None = None
+    """Part to render, [x0, x1, y0, y1] as fractions of the film from its left and top edges; the whole by default."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        width, height = self.resolution
+        if width * height > MAX_PIXELS:
+            raise refuse(
+                f"{width} x {height} pixels would need a film of {width * height * 16 / 1e9:.3g} GB",
+                got=[width, height],
+                allowed="fewer than 2^31 pixels",
+                path=("resolution",),
+            )
+        if self.crop is not None and not (self.crop[0] < self.crop[1] and self.crop[2] < self.crop[3]):
+            raise refuse(
+                "has no area", got=list(self.crop), allowed="0 <= x0 < x1 <= 1 and 0 <= y0 < y1 <= 1", path=("crop",)
+            )
+        return self
+
+    def size_m(self) -> tuple[float, float]:
+        """Return width and height of the whole film [m]."""
+        width, height = self.resolution
+        if self.size_mm is not None:
+            return (self.size_mm[0] * 1e-3, self.size_mm[1] * 1e-3)
+        if self.diagonal_mm is not None:
+            pixel = self.diagonal_mm * 1e-3 / math.hypot(width, height)
+            return (width * pixel, height * pixel)
+        across = (self.width_mm or DEFAULT_WIDTH_MM) * 1e-3
+        return (across, across * height / width)
+
+    def diagonal_m(self) -> float:
+        """Return the diagonal of the whole film [m]."""
+        return math.hypot(*self.size_m())

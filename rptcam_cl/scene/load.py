@@ -1,0 +1,98 @@
+"""From a scene file to a validated scene."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Iterable, Mapping
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.scene.files import Folders
+from rptcam_cl.scene.overrides import apply_overrides
+from rptcam_cl.scene.problems import Where, input_error, shown
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.strict_yaml import Document, KeyPath, read_yaml
+
+
+def load_scene(
+    source: str | PathLike[str] | Mapping[str, Any],
+    overrides: Iterable[str] = (),
+    *,
+    base_dir: str | PathLike[str] | None = None,
+    allow_folders: Iterable[str | PathLike[str]] = (),
+) -> Scene:
+    """Return the scene of a YAML or JSON file, or of a mapping of the same form.
+
+    Parameters
+    ----------
+    source : path or mapping
+        The scene file, or its content as Python data.
+    overrides : iterable of str
+        Changes such as ``camera.f_number=4``, made in their order before the scene is checked. A key that excludes
+        others replaces them (``camera.f_number`` removes ``camera.stop_diameter_mm``); ``null`` removes a key.
+    base_dir : path, optional
+        Folder where relative paths start; the scene file's own by default, the working folder for a mapping.
+    allow_folders : iterable of path
+        Further folders from which the scene may read files.
+
+    Raises
+    ------
+    InputError
+        ``FILE:LINE:COL: key.path: problem (got …; allowed …)``, one line for each of the first problems.
+    StateError
+        When the file cannot be read.
+    """
+    document: Document | None = None
+    if isinstance(source, Mapping):
+        data: Any = copy.deepcopy(dict(source))
+        folder = Path.cwd()
+    else:
+        document = read_yaml(Path(source))
+        data, folder = document.data, Path(source).absolute().parent
+    data = _as_scene_mapping(data, document)
+    labels = apply_overrides(data, overrides)
+    where = _locator(document, labels)
+    folders = Folders(Path(base_dir) if base_dir is not None else folder, tuple(Path(item) for item in allow_folders))
+    try:
+        scene = Scene.model_validate(data)
+    except ValidationError as problem:
+        raise input_error(problem, data, where) from None
+    scene._folders = folders
+    _check_files(scene, where)
+    return scene
+
+
+def _as_scene_mapping(data: Any, document: Document | None) -> dict[Any, Any]:
+    place = f"{document.name}:1:1: " if document else ""
+    if data is None or data == {}:
+        raise InputError(f"{place}the scene is empty (allowed: a mapping with at least the key camera)")
+    if not isinstance(data, dict):
+        raise InputError(f"{place}a scene must be a mapping (got {shown(data)}; allowed: keys such as camera, objects)")
+    return data
+
+
+def _locator(document: Document | None, labels: dict[KeyPath, str]) -> Where:
+    """Return the function that names the place of a key path: the override that set it, or file, line and column."""
+
+    def where(path: KeyPath, at_key: bool) -> str:
+        for length in range(len(path), 0, -1):
+            if path[:length] in labels:
+                return f"--set {labels[path[:length]]}: "
+        if document is None:
+            return ""
+        line, column = document.key_mark(path) if at_key else document.mark(path)
+        return f"{document.name}:{line}:{column}: "
+
+    return where
+
+
+def _check_files(scene: Scene, where: Where) -> None:
+    """Refuse a scene whose files are missing or lie where they must not."""
+    try:
+        scene.lens_source()
+    except InputError as problem:
+        raise InputError(f"{where(('camera', 'lens'), False)}camera.lens: {problem}") from None

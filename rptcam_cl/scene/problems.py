@@ -1,0 +1,140 @@
+"""Turns what the scene model refuses into one line each: place, key path, problem, what was given, what is allowed."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.scene.refusal import REFUSED, listed, near_name
+from rptcam_cl.scene.texture import CONSTANT
+from rptcam_cl.strict_yaml import KeyPath, dotted
+
+MAX_REPORTED = 5
+
+Where = Callable[[KeyPath, bool], str]
+
+_QUOTED = re.compile(r"'([^']*)'")
+_COMPARISONS = {
+    "greater_than": ("gt", "more than"),
+    "greater_than_equal": ("ge", "at least"),
+    "less_than": ("lt", "less than"),
+    "less_than_equal": ("le", "at most"),
+}
+
+_WRONG_TYPE = {
+    "bool_type": "true or false",
+    "string_type": "text",
+    "tuple_type": "a list",
+    "mapping_type": "a mapping",
+    "model_attributes_type": "a mapping",
+}
+
+
+def input_error(error: ValidationError, data: Any, where: Where) -> InputError:
+    """Return the error to show to the user.
+
+    Parameters
+    ----------
+    error : ValidationError
+        What the model found.
+    data : mapping
+        The data that the model was given.
+    where : callable
+        Returns the place of a key path, ``FILE:LINE:COL: `` or the like; the flag asks for the key, not its value.
+    """
+    lines = [_line(item, data, where) for item in error.errors(include_url=False)[:MAX_REPORTED]]
+    if error.error_count() > MAX_REPORTED:
+        lines.append(f"and {error.error_count() - MAX_REPORTED} more problems")
+    return InputError("\n".join(lines))
+
+
+def _line(item: Any, data: Any, where: Where) -> str:
+    context = item.get("ctx", {})
+    path, value = _follow(item["loc"], data)
+    for key in context.get("path", ()):
+        path, value = (*path, key), _child(value, key)
+    if item["type"] == "union_tag_invalid":
+        path, value = (*path, _tag_key(value)), context["tag"]
+    problem, got, allowed, at_key = _explain(item["type"], item["msg"], context, value)
+    details = "; ".join(part for part in (got, allowed and f"allowed: {allowed}") if part)
+    subject = f"{dotted(path)}: " if path else ""
+    return f"{where(path, at_key)}{subject}{problem}" + (f" ({details})" if details else "")
+
+
+def _tag_key(value: Any) -> str:
+    """Return the key that says which form a mapping has."""
+    return "shape" if isinstance(value, Mapping) and "shape" in value else "kind"
+
+
+def _follow(location: tuple[Any, ...], data: Any) -> tuple[KeyPath, Any]:
+    """Return the key path and value of a pydantic location, without the names of union members in it.
+
+    No field is called like the kind or shape of its model, so a part of that name is always a union member.
+    """
+    path: KeyPath = ()
+    value = data
+    passed_tag = False
+    for key in location:
+        if isinstance(value, Mapping):
+            if not passed_tag and key in (value.get("kind"), value.get("shape")):
+                passed_tag = True
+                continue
+            if isinstance(key, int) and key not in value:
+                continue
+        elif not (isinstance(value, (list, tuple)) and isinstance(key, int)):
+            continue
+        path, value, passed_tag = (*path, key), _child(value, key), False
+    return path, value
+
+
+def _child(value: Any, key: str | int) -> Any:
+    """Return what a key leads to, None when nothing is there."""
+    if isinstance(value, Mapping):
+        return value.get(key)
+    if isinstance(value, (list, tuple)) and isinstance(key, int) and key < len(value):
+        return value[key]
+    return None
+
+
+def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> tuple[str, str, str, bool]:
+    """Return problem, what was given, what is allowed, and whether the key itself is the place to point at."""
+    got = f"got {shown(value)}"
+    if kind == REFUSED:
+        given = f"got {shown(context['got'])}" if "got" in context else got
+        return context["problem"], given, context["allowed"], context["problem"].startswith("unknown key")
+    if kind in _COMPARISONS:
+        name, words = _COMPARISONS[kind]
+        return "is out of range", got, f"{words} {shown(context[name])}", False
+    if kind == "missing":
+        return "is required but missing", "", "", True
+    if kind in ("literal_error", "union_tag_invalid"):
+        names = _QUOTED.findall(str(context.get("expected", context.get("expected_tags"))))
+        choices = [name for name in names if name != CONSTANT]
+        return f"is not a known choice{near_name(value, choices)}", got, listed(choices), False
+    if kind == "union_tag_not_found":
+        return f"needs the key {'shape' if 'shape' in context['discriminator'] else 'kind'}", got, "", False
+    if kind in _WRONG_TYPE:
+        return f"must be {_WRONG_TYPE[kind]}", got, "", False
+    return message[:1].lower() + message[1:], got, "", False
+
+
+def shown(value: Any) -> str:
+    """Return a value as it would stand in YAML, cut short."""
+    if isinstance(value, Mapping):
+        return f"a mapping with {listed([str(key) for key in value], most=6)}" if value else "an empty mapping"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(shown(item) for item in value[:6]) + (", …]" if len(value) > 6 else "]")
+    if value is None:
+        return "nothing"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        return f"{value:.6g}" if math.isfinite(value) else f".{value!r}".replace(".-", "-.")
+    text = str(value) if not isinstance(value, int) or abs(value) < 10**40 else "an integer of more than 40 digits"
+    text = repr(text) if isinstance(value, str) else text
+    return text if len(text) <= 60 else text[:57] + "…"

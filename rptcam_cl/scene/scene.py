@@ -1,0 +1,143 @@
+"""The scene: everything that one scene file says."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+
+from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.camera import Camera, RealisticCamera
+from rptcam_cl.scene.checks import check_extent, scene_warnings
+from rptcam_cl.scene.environment import Environment
+from rptcam_cl.scene.files import Folders, digest, is_file_reference
+from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.light import Light
+from rptcam_cl.scene.material import Material, Matte
+from rptcam_cl.scene.quantities import Number
+from rptcam_cl.scene.refusal import listed, near_name, refuse
+from rptcam_cl.scene.sampling import Picture, RenderSettings
+from rptcam_cl.scene.shape import Object
+
+
+class Scene(SceneModel):
+    """A scene. Made by `load_scene`; attributes are the keys of the file."""
+
+    metres_per_unit: Annotated[Number, Field(ge=1e-6, le=1e6)] = 1.0
+    """Length of one scene unit [m]; scales every coordinate of the scene."""
+
+    film: Film = Film()
+    """Resolution and size of the film."""
+
+    camera: Camera
+    """Camera model and pose."""
+
+    exposure: Literal["relative", "irradiance"] = "relative"
+    """Scale of a lens camera's film: 1 is what a field of radiance 1 gives on the axis, or irradiance itself."""
+
+    render: RenderSettings = RenderSettings()
+    """How the light paths are sampled."""
+
+    picture: Picture = Picture()
+    """How the film becomes the tone-mapped picture."""
+
+    materials: Mapping[str, Material] = {}
+    """Materials by name, for use in `objects`."""
+
+    objects: tuple[Object, ...] = ()
+    """What is in the world."""
+
+    lights: tuple[Light, ...] = ()
+    """Lights without a surface."""
+
+    environment: Environment | None = None
+    """Light from infinitely far away; black by default."""
+
+    _folders: Folders = PrivateAttr(default_factory=Folders)
+
+    @field_validator("objects", mode="before")
+    @classmethod
+    def _resolve_materials(cls, objects: Any, info: ValidationInfo) -> Any:
+        if not isinstance(objects, (list, tuple)):
+            return objects
+        return [_with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
+
+    @field_validator("environment", mode="before")
+    @classmethod
+    def _default_up(cls, environment: Any, info: ValidationInfo) -> Any:
+        if isinstance(environment, dict) and environment.get("kind") == "gradient" and "camera" in info.data:
+            return {"up": info.data["camera"].up} | environment
+        return environment
+
+    @model_validator(mode="after")
+    def _check_whole(self) -> Self:
+        width, height = self.film.resolution
+        if self.camera.kind == "environment" and width != 2 * height:
+            raise refuse(
+                "does not fit an environment camera, which sees 360 by 180 degrees",
+                got=[width, height],
+                allowed=f"twice as wide as high, for instance [{2 * height}, {height}]",
+                path=("film", "resolution"),
+            )
+        for index, item in enumerate(self.objects):
+            check_extent(item, path=("objects", index))
+        return self
+
+    @property
+    def base_dir(self) -> Path:
+        """Folder of the scene file, where relative paths start; the working folder for a scene made in Python."""
+        return self._folders.base
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What is allowed but probably not meant, one sentence each."""
+        return scene_warnings(self.camera, self.film, self.objects, self.lights, self.environment)
+
+    def replaced(self, **changes: Any) -> Self:
+        """Return a copy with some fields changed, validated anew, that reads files from the same folders."""
+        copy = super().replaced(**changes)
+        copy._folders = self._folders
+        return copy
+
+    def lens_source(self) -> str | Path | dict[str, Any] | None:
+        """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""
+        if not isinstance(self.camera, RealisticCamera):
+            return None
+        lens = self.camera.lens
+        return self._folders.find(lens) if isinstance(lens, str) and is_file_reference(lens) else lens
+
+    def content_hash(self) -> str:
+        """Return the SHA-256 of everything that changes the film.
+
+        Left out are the number of samples, how the picture is shown, and names. A lens file counts by its content.
+        """
+        content = self.model_dump(
+            mode="json",
+            exclude={"picture": True, "materials": True, "render": {"spp"}, "objects": {"__all__": {"name"}}},
+        )
+        if isinstance(source := self.lens_source(), Path):
+            content["camera"]["lens"] = digest(source)
+        text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+        return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _with_material(item: Any, index: int, materials: Mapping[str, Material] | None) -> Any:
+    """Return an object's mapping with the name of its material replaced by the material."""
+    if not isinstance(item, dict) or not isinstance(name := item.get("material"), str):
+        return item
+    if materials is None:  # They have errors of their own, which are reported; the object's other keys still count.
+        return item | {"material": Matte(kind="matte", reflectance=(0.5, 0.5, 0.5))}
+    if name not in materials:
+        names = list(materials)
+        raise refuse(
+            f"names no material{near_name(name, names)}",
+            got=name,
+            allowed=listed(names) if names else "a material mapping, or a name once `materials` defines one",
+            path=(index, "material"),
+        )
+    return item | {"material": materials[name]}

@@ -1,0 +1,137 @@
+"""Transforms: steps that place an object in the world."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, ClassVar, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+
+from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, Coordinate, Direction, Number, Position, list_of
+from rptcam_cl.scene.refusal import refuse
+
+# Ratio of the smallest to the largest stretch that float32 inverts with some accuracy left.
+SMALLEST_STRETCH_RATIO = 1e-6
+
+Matrix = NDArray[np.float64]
+Row = Annotated[
+    tuple[Coordinate, Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(4, "a row of 4 numbers"))
+]
+
+
+def _three_factors(value: Any) -> Any:
+    """Return one factor as three equal ones."""
+    if isinstance(value, (list, tuple, np.ndarray)):
+        return value
+    return [value, value, value]
+
+
+class Rotation(SceneModel):
+    """A turn about an axis through the origin."""
+
+    axis: Direction
+    """Direction of the axis; any length."""
+
+    degrees: Annotated[Number, Field(ge=-1e6, le=1e6)]
+    """Angle [degrees], counter-clockwise when the axis points at the viewer."""
+
+    def matrix(self) -> Matrix:
+        """Return the 3x3 matrix (Rodrigues)."""
+        axis = np.divide(self.axis, np.linalg.norm(self.axis))
+        angle = math.radians(self.degrees)
+        cross = np.cross(np.eye(3), axis)
+        aligned = np.outer(axis, axis)
+        return np.asarray(aligned + math.cos(angle) * (np.eye(3) - aligned) + math.sin(angle) * cross)
+
+
+class TransformStep(SceneModel):
+    """One step of a transform: exactly one of the four keys."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("scale", "rotate", "translate", "matrix"), required=True),
+    )
+
+    scale: Annotated[Position, BeforeValidator(_three_factors), AlsoAccepts({"type": "number"})] | None = None
+    """Factor along all axes, or [x, y, z] factors; negative ones reflect, none is zero."""
+
+    rotate: Rotation | None = None
+    """Turn about an axis through the origin."""
+
+    translate: Position | None = None
+    """Shift [scene units]."""
+
+    matrix: Annotated[tuple[Row, ...], Field(min_length=3, max_length=4)] | None = None
+    """Rows of an affine matrix, 3x4, or 4x4 with the last row [0, 0, 0, 1]."""
+
+    @model_validator(mode="after")
+    def _check_invertible(self) -> Self:
+        if self.matrix is not None and self.matrix[3:] not in ((), ((0, 0, 0, 1),)):
+            raise refuse(
+                "has a last row that is not affine",
+                got=list(self.matrix[3]),
+                allowed="[0, 0, 0, 1]",
+                path=("matrix", 3),
+            )
+        key = "matrix" if self.matrix is not None else "scale"
+        check_invertible(self.as_matrix(), path=(key,))
+        return self
+
+    def as_matrix(self) -> Matrix:
+        """Return the step as a 4x4 matrix."""
+        result = np.eye(4)
+        if self.scale is not None:
+            result[:3, :3] = np.diag(self.scale)
+        elif self.rotate is not None:
+            result[:3, :3] = self.rotate.matrix()
+        elif self.translate is not None:
+            result[:3, 3] = self.translate
+        elif self.matrix is not None:
+            result[:3] = self.matrix[:3]
+        return result
+
+
+def check_invertible(matrix: Matrix, path: tuple[str | int, ...] = ()) -> None:
+    """Refuse a 4x4 matrix that flattens space, or overflows when its coordinates are squared in float32."""
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    if not stretches[-1] > SMALLEST_STRETCH_RATIO * stretches[0]:
+        raise refuse(
+            "cannot be inverted: it flattens space",
+            allowed=f"stretches whose ratio is at least {SMALLEST_STRETCH_RATIO:g}",
+            path=path,
+        )
+    if np.abs(matrix).max() > LARGEST_COORDINATE or stretches[-1] < 1 / LARGEST_COORDINATE:
+        raise refuse(
+            "stretches or shifts too far for float32",
+            allowed=f"factors of {1 / LARGEST_COORDINATE:g} to {LARGEST_COORDINATE:g}",
+            path=path,
+        )
+
+
+def _as_steps(value: Any) -> Any:
+    """Return a single step as a list of one."""
+    return [value] if isinstance(value, (dict, TransformStep)) else value
+
+
+def _check_product(steps: tuple[TransformStep, ...]) -> tuple[TransformStep, ...]:
+    check_invertible(product(steps))
+    return steps
+
+
+def product(steps: tuple[TransformStep, ...]) -> Matrix:
+    """Return the 4x4 matrix that applies the steps in their order."""
+    result = np.eye(4)
+    for step in steps:
+        result = step.as_matrix() @ result
+    return result
+
+
+Transform = Annotated[
+    tuple[TransformStep, ...],
+    Field(max_length=100),
+    BeforeValidator(_as_steps),
+    AfterValidator(_check_product),
+    AlsoAcceptsItem(),
+]
