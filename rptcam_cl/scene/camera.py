@@ -10,17 +10,17 @@ from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.lens_reference import LensReference
-from rptcam_cl.scene.quantities import SMALLEST_LENGTH, Direction, Number, Position, WholeNumber
+from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, WHOLE_NUMBER, Direction, Position
 from rptcam_cl.scene.refusal import refuse
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
 SMALLEST_ROLL_SINE = 1e-6
 
-Degrees = Annotated[Number, Field(gt=0, lt=180)]
+Degrees = Annotated[float, Field(gt=0, lt=180), NUMBER]
 FovAxis = Literal["horizontal", "vertical", "diagonal"]
-Metres = Annotated[Number, Field(ge=1e-9, le=1e12)]
-Millimetres = Annotated[Number, Field(ge=1e-6, le=1e12)]
-FNumber = Annotated[Number, Field(ge=1e-2, le=1e6)]
+Metres = Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
+Millimetres = Annotated[float, Field(ge=1e-6, le=1e12), NUMBER]
+FNumber = Annotated[float, Field(ge=1e-2, le=1e6), NUMBER]
 
 
 class Pose(SceneModel):
@@ -74,7 +74,7 @@ class PinholeCamera(Pose):
     fov_axis: FovAxis = "horizontal"
     """Side of the film that `fov_degrees` spans."""
 
-    near_m: Annotated[Number, Field(ge=0, le=1e12)] = 0.0
+    near_m: Annotated[float, Field(ge=0, le=1e12), NUMBER] = 0.0
     """Distance along the axis below which nothing is seen [m]."""
 
 
@@ -98,10 +98,10 @@ class PolygonAperture(SceneModel):
     shape: Literal["polygon"]
     """Outline of the aperture."""
 
-    blades: Annotated[WholeNumber, Field(ge=3, le=64)]
+    blades: Annotated[int, Field(ge=3, le=64), WHOLE_NUMBER]
     """Number of corners."""
 
-    rotation_degrees: Annotated[Number, Field(ge=-360, le=360)] = 0.0
+    rotation_degrees: Annotated[float, Field(ge=-360, le=360), NUMBER] = 0.0
     """Turn of the first corner from the camera's +x towards +y [degrees]."""
 
 
@@ -131,7 +131,7 @@ class ThinLensCamera(Pose):
     focal_length_mm: Millimetres | None = None
     """Focal length [mm]."""
 
-    aperture_radius_m: Annotated[Number, Field(ge=0, le=1e12)] | None = None
+    aperture_radius_m: Annotated[float, Field(ge=0, le=1e12), NUMBER] | None = None
     """Radius of the lens opening [m]; 0 makes a pinhole."""
 
     f_number: FNumber | None = None
@@ -189,7 +189,7 @@ class RealisticCamera(Pose):
     f_number: FNumber | None = None
     """F-number that the stop is set to; as in the lens file by default."""
 
-    wavelength_nm: Annotated[Number, Field(ge=200, le=3000)] = 587.5618
+    wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = 587.5618
     """Wavelength at which the lens is traced [nm]; the helium d line by default."""
 
     pupil: Literal["auto", "rear", "bounds"] = "auto"

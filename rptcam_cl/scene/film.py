@@ -8,7 +8,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
-from rptcam_cl.scene.quantities import Fraction, Number, WholeNumber, list_of
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, list_of
 from rptcam_cl.scene.refusal import refuse
 
 DEFAULT_WIDTH_MM = 36.0
@@ -16,8 +16,8 @@ MAX_PIXELS = 2**31 - 1
 PAIR = "a pair [width, height]"
 CROP = "[x0, x1, y0, y1]"
 
-Pixels = Annotated[WholeNumber, Field(ge=1, le=MAX_PIXELS)]
-Millimetres = Annotated[Number, Field(ge=1e-6, le=1e9)]
+Pixels = Annotated[int, Field(ge=1, le=MAX_PIXELS), WHOLE_NUMBER]
+Millimetres = Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
 
 
 class Film(SceneModel):

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import Albedo, Number, Radiance
+from rptcam_cl.scene.quantities import NUMBER, Albedo, Radiance
 from rptcam_cl.scene.texture import Reflectance
 
 
@@ -40,7 +40,7 @@ class Conductor(SceneModel):
     reflectance: Reflectance
     """Share of light that a microfacet reflects: a colour of channels 0 to 1, or a texture."""
 
-    alpha: Annotated[Number, Field(ge=1e-3, le=1)]
+    alpha: Annotated[float, Field(ge=1e-3, le=1), NUMBER]
     """GGX roughness; for a smoother surface take a mirror."""
 
 
@@ -50,7 +50,7 @@ class Dielectric(SceneModel):
     kind: Literal["dielectric"]
     """Kind of material."""
 
-    index: Annotated[Number, Field(ge=0.2, le=5)] = 1.5
+    index: Annotated[float, Field(ge=0.2, le=5), NUMBER] = 1.5
     """Refractive index inside, relative to the outside."""
 
 

@@ -55,7 +55,10 @@ def input_error(error: ValidationError, data: Any, where: Where) -> InputError:
 
 def _line(item: Any, data: Any, where: Where) -> str:
     context = item.get("ctx", {})
-    path, value = _follow(item["loc"], data)
+    location = item["loc"]
+    path, value = _follow(location, data)
+    if location[-1:] == ("[key]",):
+        path, value = path[:-2], location[-2]
     for key in context.get("path", ()):
         path, value = (*path, key), _child(value, key)
     if item["type"] == "union_tag_invalid":

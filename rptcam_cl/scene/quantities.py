@@ -51,7 +51,7 @@ def _number(value: Any) -> float:
     return number
 
 
-def _integer(value: Any) -> int:
+def _whole_number(value: Any) -> int:
     """Return a whole number; 1e3 counts as one."""
     if isinstance(value, Integral) and not isinstance(value, bool):
         return int(value)
@@ -129,13 +129,13 @@ def _colour_schema(largest: float) -> dict[str, Any]:
     return {"anyOf": [value, triple, {"type": "string", "pattern": "^#[0-9a-fA-F]{6}$"}]}
 
 
-Number = Annotated[float, BeforeValidator(_number)]
-WholeNumber = Annotated[int, BeforeValidator(_integer)]
-TextureNumber = Annotated[Number, Field(ge=-1e6, le=1e6)]
+NUMBER = BeforeValidator(_number)
+WHOLE_NUMBER = BeforeValidator(_whole_number)
+TextureNumber = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
 TexturePair = Annotated[tuple[TextureNumber, TextureNumber], BeforeValidator(list_of(2, "a pair [u, v]"))]
-Coordinate = Annotated[Number, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE)]
-Length = Annotated[Number, Field(ge=SMALLEST_LENGTH, le=LARGEST_COORDINATE)]
-Fraction = Annotated[Number, Field(ge=0, le=1)]
+Coordinate = Annotated[float, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE), NUMBER]
+Length = Annotated[float, Field(ge=SMALLEST_LENGTH, le=LARGEST_COORDINATE), NUMBER]
+Fraction = Annotated[float, Field(ge=0, le=1), NUMBER]
 
 Position = Annotated[
     tuple[Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(3, "a point or vector [x, y, z]"))

@@ -36,10 +36,10 @@ def refuse(
 
 
 def near_name(word: object, names: Sequence[str]) -> str:
-    """Return ``; did you mean 'name'?`` for the name most like a word, or nothing."""
+    """Return ``; did you mean name?`` for the name most like a word, or nothing."""
     lower = {name.lower(): name for name in names}
     matches = get_close_matches(str(word).lower(), lower, n=1, cutoff=0.6)
-    return f"; did you mean '{lower[matches[0]]}'?" if matches else ""
+    return f"; did you mean {lower[matches[0]]}?" if matches else ""
 
 
 def listed(names: Sequence[str], most: int = 24) -> str:

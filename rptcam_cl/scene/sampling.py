@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import Number, WholeNumber
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
 
 MAX_SPP = 2**32 - 1
 MAX_SEED = 2**64 - 1
@@ -17,21 +17,21 @@ MAX_DEPTH = 1_000_000
 class RenderSettings(SceneModel):
     """How the light paths are sampled."""
 
-    spp: Annotated[WholeNumber, Field(ge=1, le=MAX_SPP)] = 64
+    spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
     """Samples per pixel."""
 
-    max_depth: Annotated[WholeNumber, Field(ge=1, le=MAX_DEPTH)] = 8
+    max_depth: Annotated[int, Field(ge=1, le=MAX_DEPTH), WHOLE_NUMBER] = 8
     """Longest path [edges], the camera's included: 1 sees lamps only, 2 adds direct light."""
 
-    seed: Annotated[WholeNumber, Field(ge=0, le=MAX_SEED)] = 0
+    seed: Annotated[int, Field(ge=0, le=MAX_SEED), WHOLE_NUMBER] = 0
     """Seed of the random numbers; another seed gives other noise."""
 
-    roulette_depth: Annotated[WholeNumber, Field(ge=0, le=MAX_DEPTH)] = 4
+    roulette_depth: Annotated[int, Field(ge=0, le=MAX_DEPTH), WHOLE_NUMBER] = 4
     """Edge from which on Russian roulette may end a path; 0 means never."""
 
 
 class Picture(SceneModel):
     """How the film becomes the tone-mapped picture."""
 
-    ev: Annotated[Number, Field(ge=-60, le=60)] = 0.0
+    ev: Annotated[float, Field(ge=-60, le=60), NUMBER] = 0.0
     """Exposure compensation [stops]; +1 doubles the brightness."""

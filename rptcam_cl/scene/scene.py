@@ -19,7 +19,7 @@ from rptcam_cl.scene.files import Folders, digest, is_file_reference
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import Light
 from rptcam_cl.scene.material import Material, Matte
-from rptcam_cl.scene.quantities import Number
+from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.refusal import listed, near_name, refuse
 from rptcam_cl.scene.sampling import Picture, RenderSettings
 from rptcam_cl.scene.shape import Object
@@ -28,7 +28,7 @@ from rptcam_cl.scene.shape import Object
 class Scene(SceneModel):
     """A scene. Made by `load_scene`; attributes are the keys of the file."""
 
-    metres_per_unit: Annotated[Number, Field(ge=1e-6, le=1e6)] = 1.0
+    metres_per_unit: Annotated[float, Field(ge=1e-6, le=1e6), NUMBER] = 1.0
     """Length of one scene unit [m]; scales every coordinate of the scene."""
 
     film: Film = Film()

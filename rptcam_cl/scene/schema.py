@@ -16,7 +16,3 @@ def scene_json_schema() -> dict[str, Any]:
 def scene_json_schema_text() -> str:
     """Return the JSON schema as the text of `docs/scene.schema.json`."""
     return json.dumps(scene_json_schema(), indent=1, ensure_ascii=False) + "\n"
-
-
-if __name__ == "__main__":
-    print(scene_json_schema_text(), end="")

@@ -60,7 +60,7 @@ def _disk_reach(normal: NDArray[np.float64], radius: float) -> NDArray[np.float6
 
 
 class Sphere(BoundedObject):
-    """A sphere. u runs round the z axis, v from the lowest to the highest point."""
+    """A sphere; u runs once round its z axis, v from the highest point (+z) to the lowest."""
 
     shape: Literal["sphere"]
     """Kind of shape."""
@@ -82,7 +82,7 @@ class Sphere(BoundedObject):
 
 
 class Disk(BoundedObject):
-    """A flat disk."""
+    """A flat disk; u and v are the in-plane coordinates divided by the radius, -1 to 1."""
 
     shape: Literal["disk"]
     """Kind of shape."""
@@ -132,7 +132,7 @@ class Rectangle(BoundedObject):
 
 
 class Box(BoundedObject):
-    """A box with faces along the axes; a transform turns it."""
+    """A box along the axes; on each face u and v run from 0 to 1 along the two axes of the face, in alphabetical order."""
 
     shape: Literal["box"]
     """Kind of shape."""
@@ -160,7 +160,7 @@ class Box(BoundedObject):
 
 
 class Cylinder(BoundedObject):
-    """A circular cylinder; u runs round the axis, v from base to top."""
+    """A circular cylinder; u runs once round the axis, v from base to top."""
 
     shape: Literal["cylinder"]
     """Kind of shape."""
@@ -195,7 +195,7 @@ class Cylinder(BoundedObject):
 
 
 class Cone(BoundedObject):
-    """A circular cone; u runs round the axis, v from base to apex."""
+    """A circular cone; u runs once round the axis, v from base to apex."""
 
     shape: Literal["cone"]
     """Kind of shape."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, Coordinate, Direction, Number, Position, list_of
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Position, list_of
 from rptcam_cl.scene.refusal import refuse
 
 # Ratio of the smallest to the largest stretch that float32 inverts with some accuracy left.
@@ -35,7 +35,7 @@ class Rotation(SceneModel):
     axis: Direction
     """Direction of the axis; any length."""
 
-    degrees: Annotated[Number, Field(ge=-1e6, le=1e6)]
+    degrees: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
     """Angle [degrees], counter-clockwise when the axis points at the viewer."""
 
     def matrix(self) -> Matrix:
