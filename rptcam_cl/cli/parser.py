@@ -1,0 +1,83 @@
+"""Arguments of the command line: parsing with hints, and values with their ranges."""
+
+import argparse
+import difflib
+import math
+import re
+from collections.abc import Callable, Iterable
+from typing import Any, NoReturn, Protocol, TypeVar
+
+from rptcam_cl.errors import InputError
+
+Number = TypeVar("Number", int, float)
+
+
+def nearest(word: str, known: Iterable[str]) -> str:
+    """The text ``; did you mean ...?`` with the known word most like ``word``, or nothing."""
+    matches = difflib.get_close_matches(word, list(known), n=1)
+    return f"; did you mean {matches[0]}?" if matches else ""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that raises `InputError` with a hint and knows no abbreviations."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, **options)
+
+    def option_names(self) -> list[str]:
+        """All the options that this parser knows, ``-o`` and ``--output`` alike."""
+        return list(self._option_string_actions)
+
+    def error(self, message: str) -> NoReturn:
+        """Raise `InputError` in place of printing and leaving."""
+        choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
+        hint = nearest(choice[1], re.findall(r"[\w-]+", choice[2])) if choice else ""
+        raise InputError(f"{self.prog}: {message}{hint}; see {self.prog} --help")
+
+
+class Commands(Protocol):
+    """What a command adds itself to."""
+
+    def add_parser(self, name: str, *, help: str, description: str) -> Parser:
+        """Parser of one more command."""
+
+
+def _number(kind: Callable[[str], Number], lowest: float, highest: float, allowed: str) -> Callable[[str], Number]:
+    def parse(text: str) -> Number:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = kind("-1")  # below every range here
+        if not lowest <= value <= highest:
+            raise argparse.ArgumentTypeError(f"got {text}; allowed {allowed}")
+        return value
+
+    return parse
+
+
+_SMALLEST = math.nextafter(0.0, 1.0)
+_LARGEST = math.nextafter(math.inf, 0.0)
+
+spp = _number(int, 1, 2**32 - 1, "1 to 4294967295")  # sample numbers have 32 bits on the device
+seed = _number(int, 0, 2**64 - 1, "0 to 2^64 - 1")
+positive = _number(float, _SMALLEST, _LARGEST, "a finite number above 0")
+
+
+def size(text: str) -> tuple[int, int]:
+    """Width and height of ``WxH`` [pixels]."""
+    match = re.fullmatch(r"(\d{1,9})[xX×](\d{1,9})", text, re.ASCII)
+    width, height = (int(match[1]), int(match[2])) if match else (0, 0)
+    if width < 1 or height < 1:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed WxH in pixels, as 640x360")
+    return width, height
+
+
+def crop(text: str) -> tuple[float, float, float, float]:
+    """Window ``x0,x1,y0,y1`` of the film in fractions of its width and height, from the left and from the top."""
+    try:
+        x0, x1, y0, y1 = (float(part) for part in text.split(","))
+    except ValueError:
+        x0, x1, y0, y1 = 1.0, 0.0, 1.0, 0.0
+    if not (0.0 <= x0 < x1 <= 1.0 and 0.0 <= y0 < y1 <= 1.0):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed x0,x1,y0,y1 in 0..1 with x0 < x1 and y0 < y1")
+    return x0, x1, y0, y1

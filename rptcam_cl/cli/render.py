@@ -1,0 +1,134 @@
+"""``rptcam render``: a scene file becomes pictures."""
+
+import argparse
+import contextlib
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rptcam_cl.cli import parser as values
+from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
+from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.parser import Commands
+from rptcam_cl.errors import InputError, RptcamError
+from rptcam_cl.progress import as_duration, progress_on_stderr
+
+if TYPE_CHECKING:
+    from rptcam_cl.imaging import Image
+    from rptcam_cl.scene import Scene
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "render",
+        help="render a scene file to pictures",
+        description="Render a scene file. Ctrl-C ends the render and keeps the picture so far.",
+    )
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    parser.add_argument(
+        "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
+        help="picture to write, format by suffix: .png tone-mapped, .exr and .npy linear; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
+    parser.add_argument("--time", type=values.positive, metavar="S", help="end after so many seconds of rendering")
+    parser.add_argument("--seed", type=values.seed, metavar="N", help="seed of the random numbers")
+    parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution in pixels")
+    parser.add_argument(
+        "--crop", type=values.crop, metavar="x0,x1,y0,y1",
+        help="render this window only, in fractions of the picture from the left and the top",
+    )  # fmt: skip
+    parser.add_argument(
+        "--device", metavar="SPEC",
+        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="key.path=value", dest="overrides",
+        help="replace a value of the scene file, as camera.f_number=4; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write what the render took and met")
+    parser.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _inputs(path: Path, scene: "Scene") -> list[Path]:
+    """The files that a render reads: the scene file and the lens file, when the lens is one."""
+    lens = scene.lens_source()
+    return [path, lens] if isinstance(lens, Path) else [path]
+
+
+def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
+    """Refuse, before anything is compiled, what could not be written at the end."""
+    from rptcam_cl.imaging import check_output
+    from rptcam_cl.imaging.atomic import check_writable
+
+    taken = _inputs(arguments.scene, scene)
+    for output in arguments.outputs:
+        check_output(output, taken)
+    if arguments.stats is not None:
+        if arguments.stats.suffix.lower() != ".json":
+            raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
+        check_writable(arguments.stats, taken)
+    if len({output.resolve() for output in arguments.outputs}) < len(arguments.outputs):
+        raise InputError("-o: the same file twice")
+
+
+def _save(image: "Image", arguments: argparse.Namespace) -> None:
+    """Write every output that can be written, then report the first that could not."""
+    from rptcam_cl.imaging.atomic import replacing
+
+    failures: list[RptcamError] = []
+    for output in arguments.outputs:
+        try:
+            image.save(output)
+        except RptcamError as error:
+            failures.append(error)
+    if arguments.stats is not None:
+        try:
+            with replacing(arguments.stats) as temporary:
+                temporary.write_text(as_json(image.stats) + "\n", encoding="utf-8")
+        except RptcamError as error:
+            failures.append(error)
+    if failures:
+        raise failures[0]
+
+
+def _summary(image: "Image", outputs: list[Path]) -> str:
+    stats: dict[str, Any] = image.stats
+    seconds = stats["seconds"]
+    parts = [
+        f"{image.width} x {image.height}",
+        f"{stats['spp']} spp",
+        f"{as_duration(seconds['total'])} ({as_duration(seconds['render'])} rendering)",
+        f"{stats['msamples_per_second']:.3g} Msamples/s",
+    ]
+    return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.api import load_scene, render
+
+    scene = load_scene(arguments.scene, arguments.overrides)
+    _check_outputs(arguments, scene)
+    for warning in scene.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    shown = contextlib.nullcontext() if arguments.quiet else progress_on_stderr(arguments.time)
+    with stop_on_interrupt() as stop, shown as show:
+        image = render(
+            scene,
+            spp=arguments.spp,
+            seconds=arguments.time,
+            seed=arguments.seed,
+            size=arguments.size,
+            crop=arguments.crop,
+            device=arguments.device,
+            on_progress=show,
+            should_stop=stop.is_set,
+        )
+    _save(image, arguments)
+    if not arguments.quiet:
+        print(_summary(image, arguments.outputs), file=sys.stderr)
+    if image.stats.get("interrupted"):
+        print("interrupted: the picture holds what was rendered so far", file=sys.stderr)
+        return INTERRUPTED
+    return 0

@@ -1,0 +1,22 @@
+"""``rptcam schema``: the JSON schema of scene files, for editors that complete and check."""
+
+import argparse
+
+from rptcam_cl.cli.parser import Commands
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "schema",
+        help="print the JSON schema of scene files",
+        description="Print the JSON schema of scene files, for editors that complete and check.",
+    )
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.scene.schema import scene_json_schema_text
+
+    print(scene_json_schema_text(), end="")
+    return 0

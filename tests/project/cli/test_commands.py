@@ -1,0 +1,156 @@
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rptcam_cl import api
+from rptcam_cl._version import __version__
+from rptcam_cl.errors import DeviceError
+
+Command = Callable[..., Any]
+
+DEVICES = [
+    {
+        "id": "0:0", "name": "Quick", "platform": "Some", "type": "gpu", "compute_units": 132,
+        "memory_bytes": 150 * 2**30, "fp64": True, "default": True,
+    },
+    {
+        "id": "1:0", "name": "Slow", "platform": "Other", "type": "cpu", "compute_units": 2,
+        "memory_bytes": 3 * 2**29, "fp64": False, "default": False,
+    },
+]  # fmt: skip
+
+
+def shell(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "rptcam_cl", *words], capture_output=True, text=True, check=False, **options
+    )
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "required: COMMAND"),
+        (["rendr"], "did you mean render"),
+        (["frobnicate"], "invalid choice: 'frobnicate'"),
+        (["lens"], "required: COMMAND"),
+        (["lens", "lst"], "did you mean list"),
+        (["devices", "--jsn"], "unknown argument --jsn; did you mean --json"),
+        (["--verbose", "devices"], "unknown argument --verbose"),
+        (["lens", "info"], "required: LENS"),
+        (["lens", "info", "dgauss-50mm", "--f-number", "0"], "allowed a finite number above 0"),
+        (["lens", "info", "dgauss-50mm", "--wavelength-nm", "red"], "got red"),
+        (["render", "--set"], "expected one argument"),
+    ],
+)
+def test_misspelt_command_gets_exit_code_2_and_a_hint(rptcam: Command, words: list[str], message: str) -> None:
+    run = rptcam(*words)
+    assert run.code == 2
+    assert run.out == ""
+    assert run.err.startswith("error: rptcam")
+    assert message in run.err
+
+
+def test_devices_are_listed_with_the_default_marked(rptcam: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(api, "devices", lambda: DEVICES)
+    run = rptcam("devices")
+    assert run.code == 0
+    assert run.out.splitlines() == [
+        "* 0:0   gpu  Quick (Some; 132 compute units, 150 GiB, fp64)",
+        "  1:0   cpu  Slow (Other; 2 compute units, 1.5 GiB, fp32 only)",
+    ]
+    assert json.loads(rptcam("devices", "--json").out) == DEVICES
+
+
+def test_missing_device_is_exit_code_3_with_the_remedy(rptcam: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise DeviceError("no OpenCL platform was found; install one")
+
+    monkeypatch.setattr(api, "devices", fail)
+    run = rptcam("devices", "--json")
+    assert (run.code, run.out, run.err) == (3, "", "error: no OpenCL platform was found; install one\n")
+
+
+def test_machine_without_opencl_platforms_gets_the_remedy(tmp_path: Path) -> None:
+    program = (
+        "import sys, pyopencl\n"
+        "def none(): raise pyopencl.LogicError('clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR')\n"
+        "pyopencl.get_platforms = none\n"
+        "from rptcam_cl.cli import main; sys.exit(main(['devices']))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 3
+    assert done.stderr.startswith("error: ")
+    assert "rptcam_cl[pocl]" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_schema_is_the_published_one(rptcam: Command, checkout: Path) -> None:
+    run = rptcam("schema")
+    assert run.code == 0
+    assert run.out == (checkout / "docs" / "scene.schema.json").read_text("utf-8")
+
+
+def test_every_lens_is_listed_by_name_and_title(rptcam: Command, checkout: Path) -> None:
+    lines = rptcam("lens", "list").out.splitlines()
+    assert [line.split()[0] for line in lines] == sorted(path.stem for path in (checkout / "lenses").glob("*.yaml"))
+    assert all(len(line.split()) > 1 for line in lines)
+
+
+def test_help_and_version_go_to_standard_output() -> None:
+    for words in (["--help"], ["render", "--help"], ["lens", "info", "--help"]):
+        done = shell(*words)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert done.stdout.startswith("usage: rptcam")
+    assert shell("--version").stdout == f"rptcam {__version__}\n"
+
+
+def test_help_does_not_load_the_renderer() -> None:
+    program = (
+        "import sys; from rptcam_cl.cli import build_parser; build_parser().format_help()\n"
+        "print([name for name in ('pyopencl', 'numpy', 'pydantic', 'rich') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.stdout == "[]\n", done.stderr
+
+
+def test_reader_that_leaves_early_is_no_error() -> None:
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rptcam_cl", "schema"], stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+    assert process.stdout is not None
+    assert process.stderr is not None
+    process.stdout.close()
+    assert process.stderr.read() == b""
+    assert process.wait(timeout=20) == 0
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs the device /dev/full of Linux")
+def test_full_standard_output_is_exit_code_4() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "rptcam_cl", "schema"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 4
+    assert done.stderr.startswith("error: standard output")
+    assert "Traceback" not in done.stderr
+
+
+def test_interrupt_before_the_renderer_starts_is_130(rptcam: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def press() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(api, "devices", press)
+    run = rptcam("devices")
+    assert (run.code, run.err) == (130, "interrupted\n")
+
+
+def test_help_is_quick() -> None:
+    start = time.perf_counter()
+    shell("--help")
+    assert time.perf_counter() - start < 2.0  # ten times what it takes, for a busy machine

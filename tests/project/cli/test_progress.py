@@ -1,0 +1,74 @@
+import io
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from rptcam_cl import progress as module
+from rptcam_cl.progress import as_duration, describe, fraction_done, progress_on_stderr
+
+
+def report(**changes: Any) -> Any:
+    facts = {
+        "samples_done": 16, "spp_target": 64, "seconds": 4.0, "msamples_per_second": 12.345, "blocked_share": 0.25,
+        "stage": "render",
+    }  # fmt: skip
+    return SimpleNamespace(**{**facts, **changes})
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+def test_line_tells_samples_speed_time_left_and_blocked_share() -> None:
+    assert describe(report()) == "16/64 spp, 4 spp/s, 12.3 Msamples/s, 12 s left, lens blocks 25 %"
+    assert describe(report(blocked_share=None)).endswith("12 s left")
+    assert describe(report(stage="compile")) == "compile ..."
+
+
+def test_nearer_of_the_two_ends_counts() -> None:
+    assert fraction_done(report(), None) == 0.25
+    assert fraction_done(report(), 5.0) == 0.8
+    assert fraction_done(report(spp_target=None), 8.0) == 0.5
+    assert fraction_done(report(spp_target=None), None) is None
+    assert fraction_done(report(seconds=9.0), 5.0) == 1.0
+
+
+def test_start_without_samples_divides_by_nothing() -> None:
+    assert describe(report(samples_done=0, seconds=0.0), 10.0) == "0/64 spp, lens blocks 25 %"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.04, "0.0 s"), (9.94, "9.9 s"), (9.96, "10 s"), (59.4, "59 s"), (59.6, "1 min 00 s"), (3725, "1 h 02 min")],
+)
+def test_duration_is_short(seconds: float, text: str) -> None:
+    assert as_duration(seconds) == text
+
+
+def test_kept_text_gets_a_line_every_ten_seconds() -> None:
+    times = iter([0.0, 3.0, 10.0, 10.0, 15.0])
+    stream = io.StringIO()
+    show = module._lines(stream, None, clock=lambda: next(times))
+    for done in (1, 2, 3):
+        show(report(samples_done=done))
+    assert [line.split()[0] for line in stream.getvalue().splitlines()] == ["2/64"]
+
+
+def test_terminal_gets_a_bar_that_goes_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = Terminal()
+    monkeypatch.setattr("sys.stderr", terminal)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "100")
+    with progress_on_stderr() as show:
+        show(report(stage="compile"))
+        show(report())
+    assert "16/64 spp" in terminal.getvalue()
+    assert terminal.getvalue().endswith("\x1b[2K")  # the line is erased
+
+
+def test_pipe_gets_nothing_of_a_short_render(capsys: pytest.CaptureFixture[str]) -> None:
+    with progress_on_stderr() as show:
+        show(report())
+    assert capsys.readouterr().err == ""

@@ -1,0 +1,199 @@
+import json
+import os
+import re
+import signal
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl.errors import DeviceError, StateError
+from rptcam_cl.imaging import Image
+
+Command = Callable[..., Any]
+
+
+def names(folder: Path) -> list[str]:
+    return sorted(path.name for path in folder.iterdir())
+
+
+def test_options_reach_the_renderer(scene: Path, renderer: Any, rptcam: Command) -> None:
+    words = "--spp 9 --time 2.5 --seed 18446744073709551615 --size 640x360 --crop 0,0.5,0.25,1 --device cpu --quiet"
+    run = rptcam("render", "scene.yaml", "-o", "a.npy", *words.split(), "--set", "camera.fov_degrees=50")
+    assert (run.code, run.out, run.err) == (0, "", "")
+    (asked,) = renderer.asked
+    assert asked["scene"].camera.fov_degrees == 50
+    expected = {
+        "spp": 9,
+        "seconds": 2.5,
+        "seed": 2**64 - 1,
+        "size": (640, 360),
+        "crop": (0.0, 0.5, 0.25, 1.0),
+        "device": "cpu",
+    }
+    assert {key: asked[key] for key in expected} == expected
+
+
+def test_options_left_out_leave_the_choice_to_the_scene(scene: Path, renderer: Any, rptcam: Command) -> None:
+    assert rptcam("render", "scene.yaml", "-o", "a.npy").code == 0
+    (asked,) = renderer.asked
+    assert {key: asked[key] for key in ("spp", "seconds", "seed", "size", "crop", "device")} == dict.fromkeys(
+        ("spp", "seconds", "seed", "size", "crop", "device")
+    )
+
+
+def test_every_output_and_the_statistics_are_written(scene: Path, renderer: Any, rptcam: Command) -> None:
+    outputs = ("-o", "a.npy", "--output", "a.png", "-o", "a.exr", "--stats", "stats.json")
+    run = rptcam("render", "scene.yaml", *outputs)
+    assert run.code == 0
+    assert run.out == ""
+    assert "wrote a.npy, a.png, a.exr: 8 x 6, 4 spp" in run.err
+    assert names(scene.parent) == ["a.exr", "a.npy", "a.png", "scene.yaml", "stats.json"]
+    assert np.array_equal(np.load("a.npy"), renderer.image.pixels)
+    assert json.loads(Path("stats.json").read_text("utf-8")) == renderer.image.stats
+
+
+def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rptcam: Command) -> None:
+    renderer.image.stats["lens"] = {"share": float("nan"), "count": np.int64(3)}
+    assert rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "s.json").code == 0
+    assert json.loads(Path("s.json").read_text("utf-8"))["lens"] == {"share": None, "count": 3}
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["-o", "a.jpg"], 2, r"a\.jpg: .*allowed \.png \.exr \.npy"),
+        (["-o", "a"], 2, r"got none; allowed \.png"),
+        (["-o", "folder.png"], 4, "is a folder"),
+        (["-o", "missing/a.png"], 4, "there is no folder"),
+        (["-o", "/proc/a.png"], 4, "cannot be written"),
+        (["-o", "a.png", "-o", "./a.png"], 2, "same file twice"),
+        (["-o", "a.png", "-o", "b.txt"], 2, r"b\.txt"),
+        (["-o", "a.png", "--stats", "scene.yaml"], 2, r"\.json"),
+        (["-o", "a.png", "--stats", "missing/s.json"], 4, "there is no folder"),
+        (["-o", "scene.npy"], 2, "is an input"),
+        ([], 2, "required: -o"),
+        (["-o"], 2, "expected one argument"),
+        (["-o", "a.png", "--spp", "0"], 2, "--spp: got 0; allowed 1 to 4294967295"),
+        (["-o", "a.png", "--spp", "-1"], 2, "--spp: got -1"),
+        (["-o", "a.png", "--spp", "4294967296"], 2, "--spp: got 4294967296"),
+        (["-o", "a.png", "--spp", "1.5"], 2, "--spp: got 1.5"),
+        (["-o", "a.png", "--spp", "9" * 5000], 2, "--spp: got 999"),
+        (["-o", "a.png", "--time", "0"], 2, "--time: got 0; allowed a finite number above 0"),
+        (["-o", "a.png", "--time", "nan"], 2, "--time: got nan"),
+        (["-o", "a.png", "--time", "inf"], 2, "--time: got inf"),
+        (["-o", "a.png", "--time", "-3"], 2, "--time: got -3"),
+        (["-o", "a.png", "--seed", "-1"], 2, "--seed: got -1; allowed 0 to"),
+        (["-o", "a.png", "--seed", "18446744073709551616"], 2, "--seed: got 18446744073709551616"),
+        (["-o", "a.png", "--size", "0x10"], 2, "--size: got 0x10; allowed WxH"),
+        (["-o", "a.png", "--size", "640"], 2, "--size: got 640"),
+        (["-o", "a.png", "--size", "640x-360"], 2, "--size: got 640x-360"),
+        (["-o", "a.png", "--crop", "0,1,0"], 2, "--crop: got 0,1,0; allowed x0,x1,y0,y1"),
+        (["-o", "a.png", "--crop", "0.5,0.5,0,1"], 2, "--crop: got"),
+        (["-o", "a.png", "--crop", "0,1.1,0,1"], 2, "--crop: got"),
+        (["-o", "a.png", "--crop", "0,nan,0,1"], 2, "--crop: got"),
+        (["-o", "a.png", "--ssp", "4"], 2, "unknown argument --ssp; did you mean --spp"),
+        (["-o", "a.png", "--sp", "4"], 2, "unknown argument --sp"),
+        (["-o", "a.png", "--resume"], 2, "unknown argument --resume"),
+        (["-o", "a.png", "second.yaml"], 2, r"unknown argument second\.yaml"),
+        (["-o", "a.png", "--set", "camera.fov_degreees=50"], 2, "did you mean"),
+        (["-o", "a.png", "--set", "camera.fov_degrees"], 2, "camera.fov_degrees"),
+    ],
+)
+def test_mistake_is_named_before_anything_is_rendered(
+    scene: Path, renderer: Any, rptcam: Command, words: list[str], code: int, message: str
+) -> None:
+    (scene.parent / "folder.png").mkdir()
+    (scene.parent / "scene.npy").symlink_to(scene)
+    before = names(scene.parent)
+    run = rptcam("render", "scene.yaml", *words)
+    assert run.code == code
+    assert run.err.startswith("error: ")
+    assert re.search(message, run.err), run.err
+    assert run.out == ""
+    assert renderer.asked == []
+    assert names(scene.parent) == before
+
+
+def test_scene_file_that_is_not_there_is_named(scene: Path, renderer: Any, rptcam: Command) -> None:
+    run = rptcam("render", "absent.yaml", "-o", "a.png")
+    assert run.code in (2, 4)
+    assert "absent.yaml" in run.err
+
+
+def test_lens_file_is_not_overwritten(scene: Path, renderer: Any, rptcam: Command) -> None:
+    lens = scene.parent / "lens.yaml"
+    lens.write_text("surfaces:\n- {radius: 50, thickness: 5, glass: {index: 1.5}, diameter: 20}\n- {diameter: 20}\n")
+    (scene.parent / "lens.npy").symlink_to(lens)
+    words = [
+        "--set",
+        "camera={kind: realistic, eye: [0, 0, 5], target: [0, 0, 0], lens: lens.yaml, focus: {distance_m: 5}}",
+    ]
+    run = rptcam("render", "scene.yaml", "-o", "lens.npy", *words)
+    assert run.code == 2
+    assert "is an input" in run.err
+
+
+def test_probable_mistake_is_a_warning_and_renders(scene: Path, renderer: Any, rptcam: Command) -> None:
+    run = rptcam("render", "scene.yaml", "-o", "a.npy", "--set", "environment=null", "--quiet")
+    assert run.code == 0
+    assert run.err.startswith("warning: ")
+
+
+@pytest.mark.parametrize(("error", "code"), [(DeviceError, 3), (StateError, 4)])
+def test_failure_while_rendering_is_one_line(
+    scene: Path, renderer: Any, rptcam: Command, error: type[Exception], code: int
+) -> None:
+    def fail(options: dict[str, Any]) -> None:
+        raise error("the reason")
+
+    renderer.during = fail
+    run = rptcam("render", "scene.yaml", "-o", "a.png")
+    assert (run.code, run.err) == (code, "error: the reason\n")
+    assert names(scene.parent) == ["scene.yaml"]
+
+
+def test_output_that_fails_at_the_end_does_not_lose_the_others(
+    scene: Path, renderer: Any, rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save = Image.save
+
+    def fail_for_png(image: Image, path: Path) -> None:
+        if path.suffix == ".png":
+            raise StateError("a.png: no space")
+        save(image, path)
+
+    monkeypatch.setattr(Image, "save", fail_for_png)
+    run = rptcam("render", "scene.yaml", "-o", "a.png", "-o", "a.npy", "--stats", "s.json")
+    assert run.code == 4
+    assert "a.png: no space" in run.err
+    assert names(scene.parent) == ["a.npy", "s.json", "scene.yaml"]
+
+
+def test_interrupt_keeps_the_picture_and_gives_130(scene: Path, renderer: Any, rptcam: Command) -> None:
+    def press(options: dict[str, Any]) -> None:
+        assert not options["should_stop"]()
+        os.kill(os.getpid(), signal.SIGINT)
+        assert options["should_stop"]()
+        renderer.image.stats["interrupted"] = True
+
+    renderer.during = press
+    run = rptcam("render", "scene.yaml", "-o", "a.npy")
+    assert run.code == 130
+    assert "interrupted" in run.err
+    assert Path("a.npy").exists()
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_second_interrupt_leaves_at_once(scene: Path, renderer: Any, rptcam: Command) -> None:
+    def press_twice(options: dict[str, Any]) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+        raise AssertionError("still rendering")
+
+    renderer.during = press_twice
+    run = rptcam("render", "scene.yaml", "-o", "a.npy")
+    assert (run.code, run.err) == (130, "interrupted\n")
+    assert names(scene.parent) == ["scene.yaml"]
