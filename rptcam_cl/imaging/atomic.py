@@ -5,10 +5,10 @@ import os
 import re
 import secrets
 import socket
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from rptcam_cl.errors import StateError
+from rptcam_cl.errors import InputError, StateError
 
 _HOST = re.sub(r"[^A-Za-z0-9]", "", socket.gethostname())[:32] or "host"
 
@@ -77,9 +77,26 @@ def _reason(error: Exception) -> str:
     return str(error)
 
 
-def check_writable(path: str | os.PathLike[str]) -> None:
-    """Raise `StateError` when a file could not be written at ``path``. Nothing is left behind."""
+def check_writable(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
+    """Raise an error when a file could not be written at ``path``. Nothing is left behind.
+
+    Parameters
+    ----------
+    path
+        Where the file is to go.
+    inputs
+        Files that it must not overwrite.
+
+    Raises
+    ------
+    InputError
+        The file is one of the inputs.
+    StateError
+        There is no folder, or no permission, or something else in the way.
+    """
     target = Path(os.path.realpath(path))
+    if any(target == Path(os.path.realpath(source)) for source in inputs):
+        raise InputError(f"{path}: is an input; choose another name")
     if target.is_dir():
         raise StateError(f"{path}: is a folder; name a file in it")
     if target.exists() and not target.is_file():

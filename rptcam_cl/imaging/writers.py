@@ -111,10 +111,7 @@ def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
         Files that the picture must not overwrite.
     """
     _suffix(path)
-    for source in inputs:
-        if os.path.realpath(source) == os.path.realpath(path):
-            raise InputError(f"{path}: is an input of this very render; choose another name")
-    check_writable(path)
+    check_writable(path, inputs)
 
 
 def write(path: str | os.PathLike[str], pixels: Pixels, metadata: Metadata, ev: float) -> None:
