@@ -1,0 +1,24 @@
+// Film coordinates of a lane: [-1, 1] to the right and upwards in the upright picture (row 0 on top), jittered within the
+// pixel (box filter). `flip: false` shows the picture as it lies on the film and only changes the sign.
+#ifndef FILM_POINT_H
+#define FILM_POINT_H
+#include "common/records.h"
+#include "common/rng.h"
+
+static F film_x(Lane lane, F jitter, const __global Camera *camera)
+{
+    return (2.0f * (TO_F(lane.x) + jitter) - camera->resolution.x) * camera->resolution.z;
+}
+
+static F film_y(Lane lane, F jitter, const __global Camera *camera)
+{
+    return (camera->resolution.y - 2.0f * (TO_F(lane.y) + jitter)) * camera->resolution.w;
+}
+
+typedef struct {
+    F3 o, d;      // camera frame, metres; d unit
+    F  weight;    // 0 for a ray that the lens blocks
+    I  status;    // RAY_…
+} CameraRay;
+
+#endif

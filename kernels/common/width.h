@@ -1,0 +1,90 @@
+// Width-generic types: a work item handles VW neighbouring lanes (8 or 16 on a CPU, 1 on a GPU); F, I, U are VW floats,
+// ints, uints. A comparison gives a mask: every bit set in a true lane (VW > 1), or 1 (VW == 1). Masks are combined with
+// & and |, negated with NOT, used by the ternary operator, tested with ANY and counted with COUNT.
+#ifndef WIDTH_H
+#define WIDTH_H
+
+#if VW == 1
+typedef float F;
+typedef int   I;
+typedef uint  U;
+#define NOT(m)    (!(m))
+#define ANY(m)    (m)
+#define COUNT(m)  ((uint)((m) != 0))
+#define LANES     (0)
+#define GATHER(T, p, i, member) ((p)[i] member)
+#define TO_F(v)   ((float)(v))
+#define TO_I(v)   ((int)(v))
+#define AS_F(v)   as_float(v)
+#define AS_I(v)   as_int(v)
+#define AS_U(v)   as_uint(v)
+
+#elif VW == 8
+typedef float8 F;
+typedef int8   I;
+typedef uint8  U;
+#define LANES     ((I)(0, 1, 2, 3, 4, 5, 6, 7))
+#define GATHER(T, p, i, member) \
+    ((T)((p)[(i).s0] member, (p)[(i).s1] member, (p)[(i).s2] member, (p)[(i).s3] member, \
+         (p)[(i).s4] member, (p)[(i).s5] member, (p)[(i).s6] member, (p)[(i).s7] member))
+#define TO_F(v)   convert_float8(v)
+#define TO_I(v)   convert_int8(v)
+#define AS_F(v)   as_float8(v)
+#define AS_I(v)   as_int8(v)
+#define AS_U(v)   as_uint8(v)
+#ifdef CLANG_AVX2
+#define MASK_BITS(m) ((uint)__builtin_ia32_movmskps256(as_float8(m)))
+#endif
+
+#elif VW == 16
+typedef float16 F;
+typedef int16   I;
+typedef uint16  U;
+#define LANES     ((I)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15))
+#define GATHER(T, p, i, member) \
+    ((T)((p)[(i).s0] member, (p)[(i).s1] member, (p)[(i).s2] member, (p)[(i).s3] member, \
+         (p)[(i).s4] member, (p)[(i).s5] member, (p)[(i).s6] member, (p)[(i).s7] member, \
+         (p)[(i).s8] member, (p)[(i).s9] member, (p)[(i).sa] member, (p)[(i).sb] member, \
+         (p)[(i).sc] member, (p)[(i).sd] member, (p)[(i).se] member, (p)[(i).sf] member))
+#define TO_F(v)   convert_float16(v)
+#define TO_I(v)   convert_int16(v)
+#define AS_F(v)   as_float16(v)
+#define AS_I(v)   as_int16(v)
+#define AS_U(v)   as_uint16(v)
+#ifdef CLANG_AVX2
+#define MASK_BITS(m) ((uint)__builtin_ia32_movmskps256(as_float8((m).lo)) \
+                    | ((uint)__builtin_ia32_movmskps256(as_float8((m).hi)) << 8))
+#endif
+#endif
+
+#if VW > 1
+#define NOT(m)    (~(m))
+#ifdef MASK_BITS
+#define ANY(m)    (MASK_BITS(m) != 0u)
+#define COUNT(m)  ((uint)__builtin_popcount(MASK_BITS(m)))
+#else
+#define ANY(m)    any(m)
+#define COUNT(m)  count_lanes(m)
+static uint count_lanes(I m)
+{
+    uint n = 0u;
+    const int *lane = (const int *)&m;
+    for (int i = 0; i < VW; ++i)
+        n += lane[i] != 0;
+    return n;
+}
+#endif
+#endif
+
+#define FALSE     ((I)(0))
+#define TRUE      NOT(FALSE)
+#define ZERO      ((F)(0.0f))
+#define ONE       ((F)(1.0f))
+#define LOAD_F(p, i)      (*(__global const F *)((p) + (i)))
+#define LOAD_I(p, i)      (*(__global const I *)((p) + (i)))
+#define STORE_F(p, i, v)  (*(__global F *)((p) + (i)) = (v))
+#define STORE_I(p, i, v)  (*(__global I *)((p) + (i)) = (v))
+#define MIN(a, b)         ((a) < (b) ? (a) : (b))
+#define MAX(a, b)         ((a) > (b) ? (a) : (b))
+
+#endif

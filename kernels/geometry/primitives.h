@@ -1,0 +1,232 @@
+// Ray against every primitive of the scene, kind by kind; only the kinds that the scene holds are compiled.
+// A primitive's rows map world to object space and keep the ray parameter t. Primitives are sorted by kind; kind_end[k] is
+// the index after the last one of kind k (KIND_… from records.py).
+//
+// No epsilons: a ray that starts on a primitive has the root t = 0 there, known exactly, so only the other root counts.
+// A flat primitive has no other root.
+#ifndef PRIMITIVES_H
+#define PRIMITIVES_H
+#include "common/records.h"
+
+#define NEVER  3.0e38f   // farther than any hit, yet finite
+
+typedef struct { F3 o, d; I self; } Ray;
+
+// The smaller positive root of a t^2 - 2 b t + c = 0 (and the larger through *far); negative when there is none. Stable:
+// Haines, Guenther, Akenine-Moeller, Ray Tracing Gems ch. 7.
+static F quadratic(F a, F b, F c, F discriminant, F *far)
+{
+    F q = b + with_sign(root(discriminant), b);
+    F t0 = c / q;
+    F t1 = q / a;
+    F lo = MIN(t0, t1);
+    F hi = MAX(t0, t1);
+    I real = discriminant >= 0.0f;
+    *far = real ? hi : (F)(-1.0f);
+    return real ? lo : (F)(-1.0f);
+}
+
+static F3 object_point(const __global Primitive *p, F3 o)
+{
+    return f3(row_point(p->row_x, o), row_point(p->row_y, o), row_point(p->row_z, o));
+}
+
+static F3 object_vector(const __global Primitive *p, F3 d)
+{
+    return f3(row_vector(p->row_x, d), row_vector(p->row_y, d), row_vector(p->row_z, d));
+}
+
+#if HAS_SPHERE
+// row_x holds centre and radius; the direction has unit length. The discriminant is r^2 minus the squared distance of the
+// centre from the ray, which survives a far origin; b^2 - c would not.
+static F hit_sphere(const __global Primitive *p, Ray ray, I self)
+{
+    F3 oc = sub(ray.o, f3_of(p->row_x));
+    F b = -dot3(oc, ray.d);
+    F3 l = along(oc, ray.d, b);
+    F r = (F)(p->row_x.w);
+    F c = self ? ZERO : dot3(oc, oc) - r * r;
+    F discriminant = self ? b * b : r * r - dot3(l, l);
+    F far;
+    F near = quadratic(ONE, b, c, discriminant, &far);
+    return near > 0.0f ? near : far;
+}
+#endif
+
+#if HAS_ELLIPSOID
+static F hit_ellipsoid(const __global Primitive *p, Ray ray, I self)
+{
+    F3 o = object_point(p, ray.o);
+    F3 d = object_vector(p, ray.d);
+    F a = dot3(d, d);
+    F b = -dot3(o, d);
+    F3 l = along(o, d, b / a);
+    F c = self ? ZERO : dot3(o, o) - 1.0f;
+    F discriminant = self ? b * b : a * (1.0f - dot3(l, l));
+    F far;
+    F near = quadratic(a, b, c, discriminant, &far);
+    return near > 0.0f ? near : far;
+}
+#endif
+
+#if HAS_RECTANGLE || HAS_DISK || HAS_PLANE
+static F hit_flat(const __global Primitive *p, Ray ray, F *u, F *v)
+{
+    F t = -row_point(p->row_z, ray.o) / row_vector(p->row_z, ray.d);
+    *u = row_point(p->row_x, ray.o) + t * row_vector(p->row_x, ray.d);
+    *v = row_point(p->row_y, ray.o) + t * row_vector(p->row_y, ray.d);
+    return t;
+}
+#endif
+
+#if HAS_BOX
+// The cube [-1, 1]^3. On its surface the farther root (by size) is the true one: the way out when the ray goes inwards,
+// behind the start when it goes outwards.
+static F hit_box(const __global Primitive *p, Ray ray, I self)
+{
+    F3 o = object_point(p, ray.o);
+    F3 d = object_vector(p, ray.d);
+    F3 i;
+    i.x = ONE / with_sign(MAX(absolute(d.x), (F)(1e-30f)), d.x);
+    i.y = ONE / with_sign(MAX(absolute(d.y), (F)(1e-30f)), d.y);
+    i.z = ONE / with_sign(MAX(absolute(d.z), (F)(1e-30f)), d.z);
+    F3 m = f3(-o.x * i.x, -o.y * i.y, -o.z * i.z);
+    F3 k = f3(absolute(i.x), absolute(i.y), absolute(i.z));
+    F near = m.x - k.x;
+    F far = m.x + k.x;
+    near = MAX(near, m.y - k.y); far = MIN(far, m.y + k.y);
+    near = MAX(near, m.z - k.z); far = MIN(far, m.z + k.z);
+    F outside = near > 0.0f ? near : far;
+    F other = absolute(near) > absolute(far) ? near : far;
+    return near <= far ? (self ? other : outside) : (F)(-1.0f);
+}
+#endif
+
+#if HAS_CYLINDER || HAS_CONE
+static F first_within(F near, F far, F oz, F dz)
+{
+    F zn = oz + near * dz;
+    F zf = oz + far * dz;
+    I first = (near > 0.0f) & (zn >= 0.0f) & (zn <= 1.0f);
+    I second = (far > 0.0f) & (zf >= 0.0f) & (zf <= 1.0f);
+    return first ? near : (second ? far : (F)(-1.0f));
+}
+#endif
+
+#if HAS_CYLINDER
+// x^2 + y^2 = 1, 0 <= z <= 1, open at both ends.
+static F hit_cylinder(const __global Primitive *p, Ray ray, I self)
+{
+    F3 o = object_point(p, ray.o);
+    F3 d = object_vector(p, ray.d);
+    F a = d.x * d.x + d.y * d.y;
+    F b = -(o.x * d.x + o.y * d.y);
+    F c = self ? ZERO : o.x * o.x + o.y * o.y - 1.0f;
+    F cross = o.x * d.y - o.y * d.x;
+    F discriminant = self ? b * b : a - cross * cross;
+    F far;
+    F near = quadratic(a, b, c, discriminant, &far);
+    return first_within(near, far, o.z, d.z);
+}
+#endif
+
+#if HAS_CONE
+// x^2 + y^2 = (1 - z)^2, 0 <= z <= 1: apex at z = 1, open at the base.
+static F hit_cone(const __global Primitive *p, Ray ray, I self)
+{
+    F3 o = object_point(p, ray.o);
+    F3 d = object_vector(p, ray.d);
+    F h = 1.0f - o.z;
+    F a = d.x * d.x + d.y * d.y - d.z * d.z;
+    F b = -(o.x * d.x + o.y * d.y + h * d.z);
+    F c = self ? ZERO : o.x * o.x + o.y * o.y - h * h;
+    F far;
+    F near = quadratic(a, b, c, b * b - a * c, &far);
+    return first_within(near, far, o.z, d.z);
+}
+#endif
+
+// Calls VISIT(index, t) for every primitive; `t` is negative, infinite or NaN where there is no hit.
+#define FOR_EACH_OF_KIND(KIND, ray, VISIT, HIT)                                    \
+    for (int i = KIND > 0 ? kind_end[KIND - 1] : 0; i < kind_end[KIND]; ++i) {      \
+        const __global Primitive *p = primitives + i;                              \
+        I self = (ray).self == i;                                                  \
+        F t;                                                                       \
+        HIT                                                                        \
+        VISIT                                                                      \
+    }
+
+#if HAS_SPHERE
+#define EACH_SPHERE(ray, VISIT) FOR_EACH_OF_KIND(KIND_SPHERE, ray, VISIT, t = hit_sphere(p, ray, self);)
+#else
+#define EACH_SPHERE(ray, VISIT)
+#endif
+#if HAS_ELLIPSOID
+#define EACH_ELLIPSOID(ray, VISIT) FOR_EACH_OF_KIND(KIND_ELLIPSOID, ray, VISIT, t = hit_ellipsoid(p, ray, self);)
+#else
+#define EACH_ELLIPSOID(ray, VISIT)
+#endif
+#if HAS_RECTANGLE
+#define EACH_RECTANGLE(ray, VISIT) FOR_EACH_OF_KIND(KIND_RECTANGLE, ray, VISIT,                  \
+        F u; F v; t = hit_flat(p, ray, &u, &v);                                                  \
+        t = (u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(self) ? t : (F)(-1.0f);)
+#else
+#define EACH_RECTANGLE(ray, VISIT)
+#endif
+#if HAS_DISK
+#define EACH_DISK(ray, VISIT) FOR_EACH_OF_KIND(KIND_DISK, ray, VISIT,                            \
+        F u; F v; t = hit_flat(p, ray, &u, &v);                                                  \
+        t = (u * u + v * v <= 1.0f) & NOT(self) ? t : (F)(-1.0f);)
+#else
+#define EACH_DISK(ray, VISIT)
+#endif
+#if HAS_PLANE
+#define EACH_PLANE(ray, VISIT) FOR_EACH_OF_KIND(KIND_PLANE, ray, VISIT,                          \
+        t = -row_point(p->row_z, ray.o) / row_vector(p->row_z, ray.d);                           \
+        t = self ? (F)(-1.0f) : t;)
+#else
+#define EACH_PLANE(ray, VISIT)
+#endif
+#if HAS_BOX
+#define EACH_BOX(ray, VISIT) FOR_EACH_OF_KIND(KIND_BOX, ray, VISIT, t = hit_box(p, ray, self);)
+#else
+#define EACH_BOX(ray, VISIT)
+#endif
+#if HAS_CYLINDER
+#define EACH_CYLINDER(ray, VISIT) FOR_EACH_OF_KIND(KIND_CYLINDER, ray, VISIT, t = hit_cylinder(p, ray, self);)
+#else
+#define EACH_CYLINDER(ray, VISIT)
+#endif
+#if HAS_CONE
+#define EACH_CONE(ray, VISIT) FOR_EACH_OF_KIND(KIND_CONE, ray, VISIT, t = hit_cone(p, ray, self);)
+#else
+#define EACH_CONE(ray, VISIT)
+#endif
+#define EACH_PRIMITIVE(ray, VISIT)                                                          \
+    EACH_SPHERE(ray, VISIT) EACH_ELLIPSOID(ray, VISIT) EACH_RECTANGLE(ray, VISIT)           \
+    EACH_DISK(ray, VISIT) EACH_PLANE(ray, VISIT) EACH_BOX(ray, VISIT)                       \
+    EACH_CYLINDER(ray, VISIT) EACH_CONE(ray, VISIT)
+
+// The nearest primitive that the ray meets, or NO_PRIMITIVE; its distance through *distance.
+static I nearest_hit(Ray ray, const __global Primitive *primitives, const __global int *kind_end, F *distance)
+{
+    F best = (F)(NEVER);
+    I index = (I)(NO_PRIMITIVE);
+    EACH_PRIMITIVE(ray,
+        I closer = (t > 0.0f) & (t < best);
+        best = closer ? t : best;
+        index = closer ? (I)(i) : index;)
+    *distance = best;
+    return index;
+}
+
+// Lanes whose ray meets anything but `target` before `reach`.
+static I any_hit(Ray ray, F reach, I target, const __global Primitive *primitives, const __global int *kind_end)
+{
+    I blocked = FALSE;
+    EACH_PRIMITIVE(ray,
+        blocked |= (t > 0.0f) & (t < reach) & (target != i);)
+    return blocked;
+}
+
+#endif

@@ -1,0 +1,129 @@
+// Next-event estimation: one emitter per vertex, picked by power from an alias table, one direction towards it.
+// Rectangles, parallelograms and disks are sampled by area, spheres by the cone that they subtend (stable for small
+// angles: 1 - cos is never formed by subtraction), points and directional lights exactly.
+#ifndef EMITTERS_H
+#define EMITTERS_H
+#include "common/records.h"
+
+typedef struct {
+    F3 direction;   // from the shading point, unit
+    F  reach;       // distance to the emitter
+    F3 radiance;    // emitted radiance / density, cosine and BSDF left out; zero where the sample is void
+    F  pdf;         // solid-angle density incl. the pick; 0 for point and directional lights, which no BSDF sample can meet
+    I  primitive;   // the emitter's primitive or NO_PRIMITIVE
+} LightSample;
+
+static I pick_emitter(const __global Emitter *es, int count, F u)
+{
+    F scaled = u * (float)count;
+    I i = MIN(TO_I(scaled), (I)(count - 1));
+    F rest = scaled - TO_F(i);
+    return rest < GATHER(F, es, i, .alias_keep) ? i : GATHER(I, es, i, .alias_other);
+}
+
+static F3 gather_a(const __global Emitter *es, I e)
+{
+    return f3(GATHER(F, es, e, .a.x), GATHER(F, es, e, .a.y), GATHER(F, es, e, .a.z));
+}
+
+static F3 gather_normal(const __global Emitter *es, I e)
+{
+    return f3(GATHER(F, es, e, .normal.x), GATHER(F, es, e, .normal.y), GATHER(F, es, e, .normal.z));
+}
+
+// Density, over the solid angle seen from `o`, with which sample_emitter would have chosen the point that a ray along `d`
+// met at distance t with cosine `cos_there` on the emitter.
+static F emitter_pdf(const __global Emitter *es, I e, F3 o, F t, F cos_there)
+{
+    F pick = GATHER(F, es, e, .pick);
+    F extent = GATHER(F, es, e, .a.w);
+    F pdf = pick * t * t / (extent * MAX(cos_there, (F)(1e-20f)));
+#if EMITTER_SPHERES
+    I sphere = GATHER(I, es, e, .kind) == EMITTER_SPHERE;
+    F3 to_centre = sub(gather_a(es, e), o);
+    F sin2 = extent * extent / dot3(to_centre, to_centre);
+    F cone = 2.0f * PI_F * sin2 / (1.0f + root(1.0f - sin2));
+    pdf = sphere ? (sin2 < 1.0f ? pick / cone : ZERO) : pdf;
+#endif
+    return pdf;
+}
+
+static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F pick_u, F u, F v)
+{
+    I e = count == 1 ? FALSE : pick_emitter(es, count, pick_u);
+    I kind = GATHER(I, es, e, .kind);
+    F pick = GATHER(F, es, e, .pick);
+    F extent = GATHER(F, es, e, .a.w);
+    F3 a = gather_a(es, e);
+    LightSample s;
+    s.primitive = GATHER(I, es, e, .primitive);
+    s.radiance = f3(GATHER(F, es, e, .radiance.x), GATHER(F, es, e, .radiance.y), GATHER(F, es, e, .radiance.z));
+    F3 to = sub(a, p);
+    F weight = ZERO;
+    s.pdf = ZERO;
+#if EMITTER_FLATS
+    F3 bu = f3(GATHER(F, es, e, .u.x), GATHER(F, es, e, .u.y), GATHER(F, es, e, .u.z));
+    F3 bv = f3(GATHER(F, es, e, .v.x), GATHER(F, es, e, .v.y), GATHER(F, es, e, .v.z));
+    F x = u;
+    F y = v;
+#if EMITTER_DISKS
+    I disk = kind == EMITTER_DISK;
+    if (ANY(disk)) {
+        F sn, cs;
+        sincos_turns(u, &sn, &cs);
+        F r = sqrt(v);
+        x = disk ? r * cs : x;
+        y = disk ? r * sn : y;
+    }
+#endif
+    I flat = (kind == EMITTER_RECTANGLE) | (kind == EMITTER_DISK);
+    to = select3(flat, add(to, add(scale(bu, x), scale(bv, y))), to);
+#endif
+    F d2 = dot3(to, to);
+    F distance = sqrt(d2);
+    s.direction = scale(to, ONE / distance);
+    s.reach = distance;
+#if EMITTER_FLATS
+    F cos_there = -dot3(gather_normal(es, e), s.direction);
+    I two_sided = GATHER(I, es, e, .two_sided) != 0;
+    cos_there = two_sided ? absolute(cos_there) : cos_there;
+    I faces = flat & (cos_there > 0.0f);
+    s.pdf = faces ? pick * d2 / (extent * cos_there) : s.pdf;
+    weight = faces ? ONE / s.pdf : weight;
+#endif
+#if EMITTER_SPHERES
+    I sphere = kind == EMITTER_SPHERE;
+    if (ANY(sphere)) {
+        F sin2_max = extent * extent / d2;
+        F versine = u * sin2_max / (1.0f + root(1.0f - sin2_max));      // 1 - cos of the sampled angle
+        F sin2 = versine * (2.0f - versine);
+        F sn, cs;
+        sincos_turns(v, &sn, &cs);
+        F sine = root(sin2);
+        F3 tx, ty;
+        frame(s.direction, &tx, &ty);
+        F3 w = from_frame(tx, ty, s.direction, f3(sine * cs, sine * sn, 1.0f - versine));
+        F near = distance * (1.0f - versine) - root(extent * extent - d2 * sin2);
+        I outside = sphere & (sin2_max < 1.0f);
+        F density = pick * (1.0f + root(1.0f - sin2_max)) / (2.0f * PI_F * sin2_max);
+        s.direction = select3(sphere, w, s.direction);
+        s.reach = sphere ? near : s.reach;
+        s.pdf = outside ? density : s.pdf;
+        weight = outside ? ONE / density : weight;
+    }
+#endif
+#if EMITTER_POINTS
+    I point = kind == EMITTER_POINT;
+    weight = point ? ONE / (d2 * pick) : weight;
+#endif
+#if EMITTER_DIRECTIONS
+    I sun = kind == EMITTER_DIRECTIONAL;
+    s.direction = select3(sun, gather_normal(es, e), s.direction);
+    s.reach = sun ? (F)(NEVER) : s.reach;
+    weight = sun ? ONE / pick : weight;
+#endif
+    s.radiance = scale(s.radiance, weight);
+    return s;
+}
+
+#endif

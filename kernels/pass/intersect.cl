@@ -1,0 +1,20 @@
+// Finds what each path's ray meets first. Reads ray and SELF; writes HIT and T. Packs without a living path are skipped.
+#include "geometry/primitives.h"
+
+__kernel void intersect(const __global Primitive *primitives,   // sorted by kind
+                        const __global int       *kind_end,     // end of each kind in `primitives`
+                        __global float           *state,        // path state
+                        uint                      capacity)     // slots in the state
+{
+    uint slot = get_global_id(0) * VW;
+    Ray ray;
+    ray.self = READ_I(SELF, slot);
+    if (!ANY(ray.self != PATH_ENDED))
+        return;
+    ray.o = READ_F3(O, slot);
+    ray.d = READ_F3(D, slot);
+    F t;
+    I hit = nearest_hit(ray, primitives, kind_end, &t);
+    WRITE_I(HIT, slot, hit);
+    WRITE_F(T, slot, t);
+}

@@ -1,0 +1,26 @@
+// Adds the light samples that nothing blocks. Reads the shadow ray (O, FROM, W, REACH, TARGET, C); adds to radiance L.
+#include "geometry/primitives.h"
+
+__kernel void shadow(const __global Primitive *primitives,   // sorted by kind
+                     const __global int       *kind_end,     // end of each kind in `primitives`
+                     __global float           *state,        // path state
+                     uint                      capacity)     // slots in the state
+{
+    uint slot = get_global_id(0) * VW;
+    F reach = READ_F(REACH, slot);
+    I wanted = reach > 0.0f;
+    if (!ANY(wanted))
+        return;
+    Ray ray;
+    ray.self = READ_I(FROM, slot);
+    ray.o = READ_F3(O, slot);
+    ray.d = READ_F3(W, slot);
+    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), primitives, kind_end);
+    I lit = wanted & NOT(blocked);
+    WRITE_F(REACH, slot, ZERO);
+    if (!ANY(lit))
+        return;
+    F3 radiance = READ_F3(L, slot);
+    F3 light = READ_F3(C, slot);
+    WRITE_F3(L, slot, add(radiance, keep3(lit, light)));
+}

@@ -1,0 +1,21 @@
+// Traces given rays through a lens with the code that renders: rays in, rays with status and surface out.
+#include "lens/trace.h"
+
+__kernel void trace_rays(const __global Surface *surfaces,   // in order of travel
+                         int                     count,      // surfaces
+                         __global float         *rays,       // [8][capacity]: p, d, status, surface; p and d in and out
+                         uint                    capacity)   // padded number of rays
+{
+    uint i = get_global_id(0) * VW;
+    F3 p = f3(LOAD_F(rays, i), LOAD_F(rays + capacity, i), LOAD_F(rays + 2 * capacity, i));
+    F3 d = f3(LOAD_F(rays + 3 * capacity, i), LOAD_F(rays + 4 * capacity, i), LOAD_F(rays + 5 * capacity, i));
+    LensRay out = trace_lens(p, d, surfaces, count);
+    STORE_F(rays, i, out.p.x);
+    STORE_F(rays + capacity, i, out.p.y);
+    STORE_F(rays + 2 * capacity, i, out.p.z);
+    STORE_F(rays + 3 * capacity, i, out.d.x);
+    STORE_F(rays + 4 * capacity, i, out.d.y);
+    STORE_F(rays + 5 * capacity, i, out.d.z);
+    STORE_F(rays + 6 * capacity, i, TO_F(out.status));
+    STORE_F(rays + 7 * capacity, i, TO_F(out.surface));
+}

@@ -1,0 +1,31 @@
+"""rptcam_cl: a path tracer whose cameras are real cameras, in Python and OpenCL."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from rptcam_cl._version import __version__
+
+if TYPE_CHECKING:
+    from rptcam_cl.api import Image, Progress, Scene, choose_device, devices, load_lens, load_scene, render
+
+__all__ = [
+    "Image",
+    "Progress",
+    "Scene",
+    "__version__",
+    "choose_device",
+    "devices",
+    "load_lens",
+    "load_scene",
+    "render",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """Import the interface at first use, so that ``rptcam_cl.optics`` alone needs no OpenCL."""
+    if name in __all__:
+        from rptcam_cl import api
+
+        return getattr(api, name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

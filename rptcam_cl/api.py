@@ -1,0 +1,160 @@
+"""The Python interface: load a scene, choose a device, render."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl._version import __version__
+from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices
+from rptcam_cl.imaging import Image
+from rptcam_cl.optics import load_lens
+from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
+from rptcam_cl.wavefront.film import FilmLayout
+from rptcam_cl.scene import Scene, load_scene
+
+__all__ = ["Image", "Progress", "Scene", "choose_device", "devices", "load_lens", "load_scene", "render"]
+
+
+def devices() -> list[dict[str, Any]]:
+    """Return every OpenCL device as a mapping: id, name, platform, type, compute_units, memory_bytes, fp64, default.
+
+    ``default`` marks the one that ``auto`` chooses.
+    """
+    found = list_devices()
+    chosen = choose_device("auto").id
+    names = ("id", "name", "platform", "type", "compute_units", "memory_bytes", "fp64")
+    return [{name: getattr(device, name) for name in names} | {"default": device.id == chosen} for device in found]
+
+
+@lru_cache(maxsize=4)
+def _session(device_id: str) -> Session:
+    """Return the session of a device; kept, so that a second render compiles nothing."""
+    return Session(choose_device(device_id))
+
+
+def render(
+    scene: Scene | str | Path | Mapping[str, Any],
+    *,
+    spp: int | None = None,
+    seconds: float | None = None,
+    seed: int | None = None,
+    size: tuple[int, int] | None = None,
+    crop: tuple[float, float, float, float] | None = None,
+    device: str | Session | None = None,
+    wave_size: int | None = None,
+    on_progress: Callable[[Progress], Any] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Image:
+    """Return the picture that the camera of a scene takes.
+
+    Parameters
+    ----------
+    scene
+        A scene, or anything that `load_scene` takes.
+    spp
+        Samples per pixel; by default the scene's, or as many as fit when ``seconds`` is given.
+    seconds
+        Time to render [s]; the picture ends after whole samples, at least one.
+    seed, size, crop
+        Replace the scene's seed, resolution [pixels] and crop [fractions x0, x1, y0, y1].
+    device
+        As ``--device`` on the command line, or a session to reuse; see `choose_device`.
+    wave_size
+        Paths in flight; changes speed and memory, never the picture.
+    on_progress
+        Called with a `Progress` several times a second.
+    should_stop
+        Asked after each sample per pixel; True ends the render with what there is.
+
+    Raises
+    ------
+    InputError
+        Something in the scene or the arguments is wrong.
+    DeviceError
+        No device fits, or a kernel failed.
+    """
+    begun = time.perf_counter()
+    scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop)
+    session = device if isinstance(device, Session) else _session(choose_device(device).id)
+    plan = make_plan(scene)
+    started = time.perf_counter()
+    if on_progress is not None:
+        on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
+    wavefront = Wavefront(session, plan, FilmLayout.of(scene.film), scene.render, wave_size)
+    wavefront.warm_up()
+    compiled = time.perf_counter()
+    rendering = render_plan(
+        wavefront,
+        spp=None if seconds is not None and spp is None else scene.render.spp,
+        seconds=seconds,
+        has_lens=plan.camera.has_lens,
+        on_progress=on_progress,
+        should_stop=should_stop,
+    )
+    times = {
+        "start": started - begun,
+        "compile": compiled - started,
+        "render": rendering.seconds,
+        "total": time.perf_counter() - begun,
+    }
+    stats = _stats(rendering, wavefront, plan, session.info, times)
+    metadata = _metadata(scene, rendering, plan, session.info)
+    return Image(rendering.pixels, metadata, stats, scene.picture.ev)
+
+
+def _adjusted(
+    scene: Scene,
+    spp: int | None,
+    seed: int | None,
+    size: tuple[int, int] | None,
+    crop: tuple[float, float, float, float] | None,
+) -> Scene:
+    changes: list[str] = []
+    if spp is not None:
+        changes.append(f"render.spp={spp}")
+    if seed is not None:
+        changes.append(f"render.seed={seed}")
+    if size is not None:
+        changes.append(f"film.resolution=[{size[0]}, {size[1]}]")
+    if crop is not None:
+        changes.append(f"film.crop=[{', '.join(map(str, crop))}]")
+    if not changes:
+        return scene
+    return load_scene(scene.model_dump(mode="json", exclude_none=True), changes, base_dir=scene.base_dir)
+
+
+def _stats(
+    rendering: Rendering, wavefront: Wavefront, plan: Plan, device: DeviceInfo, times: dict[str, float]
+) -> dict[str, Any]:
+    samples = rendering.spp * wavefront.layout.samples_per_spp
+    stats: dict[str, Any] = {
+        "samples": samples,
+        "spp": rendering.spp,
+        "seconds": times,
+        "msamples_per_second": samples / max(rendering.seconds, 1e-9) / 1e6,
+        "device": device.name,
+        "wave_size": wavefront.capacity,
+        "not_finite": wavefront.not_finite(),
+        "interrupted": rendering.interrupted,
+    }
+    if plan.camera.has_lens:
+        stats["lens"] = wavefront.outcomes()
+    return stats
+
+
+def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo) -> dict[str, Any]:
+    return {
+        "software": f"rptcam_cl {__version__}",
+        "version": __version__,
+        "scene_hash": scene.content_hash(),
+        "seed": scene.render.seed,
+        "spp": rendering.spp,
+        "device": device.name,
+        "exposure": scene.exposure,
+        **{key: value for key, value in plan.camera.metadata.items() if value is not None},
+    }

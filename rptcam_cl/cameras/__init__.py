@@ -1,0 +1,24 @@
+"""Camera models: one module each, turning a camera of the scene into a record, tables and the kernel that reads them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from rptcam_cl.cameras import environment, pinhole, realistic, thin_lens
+from rptcam_cl.cameras.model import CameraModel
+from rptcam_cl.scene.scene import Scene
+
+_MODELS: dict[str, Callable[[Scene], CameraModel]] = {
+    "pinhole": pinhole.build,
+    "environment": environment.build,
+    "thin_lens": thin_lens.build,
+    "realistic": realistic.build,
+}
+
+
+def camera_model(scene: Scene) -> CameraModel:
+    """Return what the camera of a scene needs on the device."""
+    return _MODELS[scene.camera.kind](scene)
+
+
+__all__ = ["CameraModel", "camera_model"]

@@ -1,0 +1,52 @@
+"""The thin lens: an ideal lens of no thickness with one plane of focus."""
+
+from __future__ import annotations
+
+import math
+
+from rptcam_cl.cameras.model import CameraModel, camera_record, half_tangents
+from rptcam_cl.scene.camera import PolygonAperture, ThinLensCamera
+from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.scene import Scene
+
+
+def optics_of(camera: ThinLensCamera, film: Film) -> tuple[float, float, float]:
+    """Return the tangents of half the field across and down, and the focal length [m].
+
+    The film stands where the plane of focus is sharp, 1/f = 1/focus + 1/film distance; given the field of view instead of
+    the focal length, the film distance follows from the film's size.
+    """
+    width, height = film.size_m()
+    focus = camera.focus_distance_m
+    if camera.focal_length_mm is not None:
+        focal_length = camera.focal_length_mm * 1e-3
+        distance = 1 / (1 / focal_length - 1 / focus)
+        return width / 2 / distance, height / 2 / distance, focal_length
+    assert camera.fov_degrees is not None
+    across, down = half_tangents(camera.fov_degrees, camera.fov_axis, film)
+    distance = width / 2 / across
+    return across, down, 1 / (1 / distance + 1 / focus)
+
+
+def build(scene: Scene) -> CameraModel:
+    """Return the camera for the device."""
+    camera = scene.camera
+    assert isinstance(camera, ThinLensCamera)
+    across, down, focal_length = optics_of(camera, scene.film)
+    radius = camera.aperture_radius_m
+    if radius is None:
+        assert camera.f_number is not None
+        radius = focal_length / camera.f_number / 2
+    record = camera_record(camera, scene.film)
+    record["a"][0] = (across, down, camera.focus_distance_m, radius)
+    polygon = isinstance(camera.aperture, PolygonAperture)
+    if isinstance(camera.aperture, PolygonAperture):
+        turn = math.radians(camera.aperture.rotation_degrees)
+        record["b"][0] = (camera.aperture.blades, 0.0, math.cos(turn), math.sin(turn))
+    metadata = {
+        "camera": "thin_lens",
+        "focal_length_mm": focal_length * 1e3,
+        "f_number": focal_length / (2 * radius) if radius else math.inf,
+        "focus_distance_m": camera.focus_distance_m,
+    }
+    return CameraModel("camera/thin_lens.h", record, facts={"APERTURE_POLYGON": int(polygon)}, metadata=metadata)

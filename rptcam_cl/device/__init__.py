@@ -1,0 +1,7 @@
+"""OpenCL devices, programs and buffers: the only package that imports pyopencl. It knows nothing of scenes or lenses."""
+
+from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
+from rptcam_cl.device.program import Program
+from rptcam_cl.device.session import Session
+
+__all__ = ["DeviceInfo", "Program", "Session", "choose_device", "list_devices"]

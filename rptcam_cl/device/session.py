@@ -1,0 +1,124 @@
+"""A chosen device with its context, queue and built programs."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.device.choose import DeviceInfo
+from rptcam_cl.device.program import Program, assemble, is_pocl_on_avx2
+from rptcam_cl.errors import DeviceError
+
+
+class Launch:
+    """A kernel with its arguments: bound once, enqueued many times (setting arguments anew costs more than a launch)."""
+
+    def __init__(self, session: Session, program: Program, name: str, arguments: tuple[Any, ...]) -> None:
+        import pyopencl as cl
+
+        self.name = name
+        self._session = session
+        self._enqueue = cl.enqueue_nd_range_kernel
+        self._kernel = cl.Kernel(program.handle, name)
+        for index, value in enumerate(arguments):
+            self.set(index, value)
+
+    def set(self, index: int, value: Any) -> None:
+        """Replace one argument: a buffer, a numpy scalar or a record's bytes."""
+        self._kernel.set_arg(index, value)
+
+    def enqueue(self, items: int, group: int) -> Any:
+        """Run over ``items`` work items in groups of ``group``; return the event."""
+        import pyopencl as cl
+
+        try:
+            return self._enqueue(self._session.queue, self._kernel, (items,), (group,))
+        except cl.Error as error:
+            raise DeviceError(f"kernel {self.name} failed on device {self._session.info.id}: {error}") from error
+
+
+class Session:
+    """Context, in-order queue and program cache of one device. Programs are built once per source text."""
+
+    def __init__(self, info: DeviceInfo, *, profiling: bool = False) -> None:
+        import pyopencl as cl
+
+        self.info = info
+        self.profiling = profiling
+        try:
+            self.context = cl.Context([info.handle])
+            flags = cl.command_queue_properties.PROFILING_ENABLE if profiling else 0
+            self.queue = cl.CommandQueue(self.context, info.handle, properties=flags)
+        except cl.Error as error:
+            raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
+        self._avx2_pocl = is_pocl_on_avx2(info.handle)
+        self._programs: dict[str, Program] = {}
+
+    @property
+    def lanes(self) -> int:
+        """Lanes per work item that suit the device: 8 on CPUs (one AVX register), 1 on GPUs."""
+        return 8 if self.info.type == "cpu" else 1
+
+    def program(self, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Program:
+        """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use."""
+        source = assemble(files, facts, declarations, avx2_pocl=self._avx2_pocl)
+        if source not in self._programs:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # pyopencl reports any text in a build log
+                self._programs[source] = Program(self.context, self.info.handle, source)
+        return self._programs[source]
+
+    def upload(self, array: NDArray[Any]) -> Any:
+        """Return a read-only buffer that holds ``array``."""
+        import pyopencl as cl
+
+        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        return self._allocated(lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes)
+
+    def allocate(self, nbytes: int, *, zeroed: bool = False) -> Any:
+        """Return a read-write buffer of ``nbytes``, optionally filled with zeros."""
+        import pyopencl as cl
+
+        buffer = self._allocated(lambda: cl.Buffer(self.context, cl.mem_flags.READ_WRITE, nbytes), nbytes)
+        if zeroed:
+            self.fill_zero(buffer, nbytes)
+        return buffer
+
+    def fill_zero(self, buffer: Any, nbytes: int) -> None:
+        """Enqueue filling the first ``nbytes`` of a buffer with zeros."""
+        import pyopencl as cl
+
+        cl.enqueue_fill_buffer(self.queue, buffer, np.uint32(0), 0, nbytes)
+
+    def _allocated(self, make: Any, nbytes: int) -> Any:
+        import pyopencl as cl
+
+        try:
+            return make()
+        except (cl.Error, cl.MemoryError) as error:
+            raise DeviceError(f"device {self.info.id} refused a buffer of {nbytes} bytes: {error}") from error
+
+    def read(self, buffer: Any, dtype: Any, count: int) -> NDArray[Any]:
+        """Return the first ``count`` items of ``buffer`` once everything enqueued has run."""
+        import pyopencl as cl
+
+        out = np.empty(count, dtype)
+        cl.enqueue_copy(self.queue, out, buffer)
+        return out
+
+    def bind(self, program: Program, name: str, *arguments: Any) -> Launch:
+        """Return kernel ``name`` of ``program`` with its arguments in place."""
+        return Launch(self, program, name, arguments)
+
+    def finish(self) -> None:
+        """Wait until everything enqueued has run."""
+        import pyopencl as cl
+
+        try:
+            self.queue.finish()
+        except cl.Error as error:
+            raise DeviceError(f"device {self.info.id} {self.info.name} stopped: {error}") from error

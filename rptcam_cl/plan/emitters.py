@@ -1,0 +1,123 @@
+"""What light sampling can choose: emissive rectangles, disks and spheres, point and directional lights.
+
+Emissive boxes, cylinders, cones, ellipsoids and planes shine as well, but only BSDF sampling finds them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.plan.primitives import Primitive, sphere_of, world_from_scene
+from rptcam_cl.records import EMITTER, EmitterKind, Kind
+from rptcam_cl.scene.light import DirectionalLight, PointLight
+from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.scene import Scene
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+
+
+@dataclass(frozen=True)
+class Emitters:
+    """Records with their alias table, the sampled emitter of each primitive, and the kinds there are."""
+
+    records: NDArray[np.void]
+    of_primitive: dict[int, int]
+    kinds: frozenset[EmitterKind]
+    count: int
+
+
+def _luminance(color: object) -> float:
+    return float(LUMINANCE @ np.asarray(color, dtype=np.float64))
+
+
+def _flat(kind: EmitterKind, primitive: Primitive, record: np.void) -> float:
+    x, y, z, origin = primitive.placement[:3].T
+    area = float(np.linalg.norm(np.cross(x, y))) * (np.pi if kind is EmitterKind.DISK else 1.0)
+    normal = np.linalg.inv(primitive.placement)[2, :3]
+    record["kind"] = kind
+    record["a"] = (*origin, area)
+    record["u"][:3], record["v"][:3], record["normal"][:3] = x, y, normal / np.linalg.norm(normal)
+    return np.pi * area
+
+
+def _sphere(primitive: Primitive, record: np.void) -> float:
+    center, radius = sphere_of(primitive.placement)
+    record["kind"] = EmitterKind.SPHERE
+    record["a"] = (*center, radius)
+    return 4 * np.pi**2 * radius**2
+
+
+_SAMPLED = {Kind.RECTANGLE: EmitterKind.RECTANGLE, Kind.DISK: EmitterKind.DISK, Kind.SPHERE: EmitterKind.SPHERE}
+
+
+def _surface_emitter(index: int, primitive: Primitive) -> tuple[np.void, float] | None:
+    """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
+    material = primitive.material
+    if not isinstance(material, Emissive) or primitive.kind not in _SAMPLED or _luminance(material.radiance) <= 0:
+        return None
+    record = EMITTER.zeros(1)[0]
+    kind = _SAMPLED[primitive.kind]
+    factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
+    record["radiance"][:3] = material.radiance
+    record["primitive"] = index
+    record["two_sided"] = material.two_sided
+    return record, factor * _luminance(material.radiance) * (2 if material.two_sided else 1)
+
+
+def _light(light: PointLight | DirectionalLight, scene: Scene, reach: float) -> tuple[np.void, float]:
+    """Return record and power of a light without a surface; ``reach`` is the radius of the scene [m]."""
+    record = EMITTER.zeros(1)[0]
+    record["primitive"] = -1
+    if isinstance(light, PointLight):
+        record["kind"] = EmitterKind.POINT
+        record["a"][:3] = (world_from_scene(scene) @ (*light.position, 1.0))[:3]
+        record["radiance"][:3] = light.intensity
+        return record, 4 * np.pi * _luminance(light.intensity)
+    record["kind"] = EmitterKind.DIRECTIONAL
+    record["normal"][:3] = -np.asarray(light.direction) / np.linalg.norm(light.direction)
+    record["radiance"][:3] = light.irradiance
+    return record, np.pi * reach**2 * _luminance(light.irradiance)
+
+
+def _scene_reach(primitives: list[Primitive]) -> float:
+    bounded = [primitive.placement for primitive in primitives if primitive.kind is not Kind.PLANE]
+    return max((float(np.linalg.norm(matrix[:3], ord=2)) for matrix in bounded), default=1.0)
+
+
+def alias_table(weights: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the share of each cell that it keeps and the index that has the rest (Vose 1991)."""
+    count = len(weights)
+    scaled = weights * (count / weights.sum())
+    keep, other = np.ones(count), np.arange(count)
+    small = [i for i in range(count) if scaled[i] < 1]
+    large = [i for i in range(count) if scaled[i] >= 1]
+    while small and large:
+        low, high = small.pop(), large[-1]
+        keep[low], other[low] = scaled[low], high
+        scaled[high] -= 1 - scaled[low]
+        if scaled[high] < 1:
+            small.append(large.pop())
+    return keep, other
+
+
+def pack_emitters(scene: Scene, primitives: list[Primitive]) -> Emitters:
+    """Return the emitters that light sampling chooses from, picked in proportion to their power."""
+    chosen: list[tuple[np.void, float]] = []
+    of_primitive: dict[int, int] = {}
+    for index, primitive in enumerate(primitives):
+        if (found := _surface_emitter(index, primitive)) is not None:
+            of_primitive[index] = len(chosen)
+            chosen.append(found)
+    reach = _scene_reach(primitives)
+    chosen += [found for light in scene.lights if (found := _light(light, scene, reach))[1] > 0]
+    records = EMITTER.zeros(len(chosen))
+    if chosen:
+        powers = np.array([power for _, power in chosen])
+        records[:] = np.array([record for record, _ in chosen], EMITTER.dtype)
+        records["pick"] = powers / powers.sum()
+        records["alias_keep"], records["alias_other"] = alias_table(powers)
+    kinds = frozenset(EmitterKind(int(record["kind"])) for record, _ in chosen)
+    return Emitters(records, of_primitive, kinds, len(chosen))

@@ -1,0 +1,81 @@
+"""The plan of a render: facts that specialise the kernels, and the records that they read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.plan.emitters import Emitters, pack_emitters
+from rptcam_cl.plan.materials import material_kinds, pack_materials, texture_kind
+from rptcam_cl.plan.primitives import pack_primitives, scene_primitives
+from rptcam_cl.records import ENVIRONMENT, EmitterKind, EnvironmentKind, Kind, MaterialKind, TextureKind
+from rptcam_cl.scene.environment import GradientEnvironment
+from rptcam_cl.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Everything that the kernels of one render read, and the facts that they are compiled for."""
+
+    facts: dict[str, int]
+    camera: CameraModel
+    primitives: NDArray[np.void]
+    kind_end: NDArray[np.int32]
+    materials: NDArray[np.void]
+    emitters: Emitters
+    environment: NDArray[np.void]
+    primitive_count: int
+
+
+def _pack_environment(scene: Scene) -> tuple[EnvironmentKind, NDArray[np.void]]:
+    record = ENVIRONMENT.zeros(1)
+    if scene.environment is None:
+        return EnvironmentKind.NONE, record
+    if isinstance(scene.environment, GradientEnvironment):
+        record["bottom"][0, :3] = scene.environment.bottom
+        record["top"][0, :3] = scene.environment.top
+        record["up"][0, :3] = np.asarray(scene.environment.up) / np.linalg.norm(scene.environment.up)
+        return EnvironmentKind.GRADIENT, record
+    record["bottom"][0, :3] = scene.environment.radiance
+    return EnvironmentKind.CONSTANT, record
+
+
+def make_plan(scene: Scene) -> Plan:
+    """Return the plan of a scene."""
+    primitives = scene_primitives(scene)
+    materials = [primitive.material for primitive in primitives]
+    material_records, material_index = pack_materials(materials)
+    emitters = pack_emitters(scene, primitives)
+    records, kind_end = pack_primitives(primitives, material_index, emitters.of_primitive)
+    environment_kind, environment = _pack_environment(scene)
+    kinds = {primitive.kind for primitive in primitives}
+    shown = material_kinds(materials)
+    textures = {texture_kind(material) for material in materials}
+    facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind}
+    facts |= {f"HAS_{kind.name}": int(kind in shown) for kind in MaterialKind}
+    facts |= {
+        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE})),
+        "HAS_CHECKER": int(TextureKind.CHECKER in textures),
+        "HAS_GRID": int(TextureKind.GRID in textures),
+        "HAS_TEXTURE": int(bool(textures - {TextureKind.CONSTANT})),
+        "HAS_EMITTERS": int(emitters.count > 0),
+        "EMITTER_FLATS": int(bool(emitters.kinds & {EmitterKind.RECTANGLE, EmitterKind.DISK})),
+        "EMITTER_DISKS": int(EmitterKind.DISK in emitters.kinds),
+        "EMITTER_SPHERES": int(EmitterKind.SPHERE in emitters.kinds),
+        "EMITTER_POINTS": int(EmitterKind.POINT in emitters.kinds),
+        "EMITTER_DIRECTIONS": int(EmitterKind.DIRECTIONAL in emitters.kinds),
+        "ENVIRONMENT": int(environment_kind),
+    }
+    return Plan(
+        facts=facts,
+        camera=camera_model(scene),
+        primitives=records,
+        kind_end=kind_end,
+        materials=material_records,
+        emitters=emitters,
+        environment=environment,
+        primitive_count=len(primitives),
+    )

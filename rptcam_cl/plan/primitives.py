@@ -1,0 +1,146 @@
+"""Objects of the scene as primitives: canonical shapes with an affine placement, in metres about the eye."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.records import PRIMITIVE, Kind
+from rptcam_cl.scene import shape as shapes
+from rptcam_cl.scene.material import Material
+from rptcam_cl.scene.scene import Scene
+
+Matrix = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """One primitive.
+
+    Attributes
+    ----------
+    kind : Kind
+    placement : (4, 4) array
+        Maps the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], eye at the origin.
+    material : Material
+    """
+
+    kind: Kind
+    placement: Matrix
+    material: Material
+
+
+def affine(x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], origin: object) -> Matrix:
+    """Return the 4x4 matrix with the given columns."""
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = x, y, z, origin
+    return matrix
+
+
+def turn_to(direction: object) -> Matrix:
+    """Return the 3x3 rotation that takes +z to a direction the short way (about x when it is -z)."""
+    z = np.asarray(direction, dtype=np.float64)
+    z = z / np.linalg.norm(z)
+    if z[2] < -1 + 1e-12:
+        return np.diag([1.0, -1.0, -1.0])
+    cross = np.array([[0.0, 0.0, z[0]], [0.0, 0.0, z[1]], [-z[0], -z[1], 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + z[2]))
+
+
+def _disk(center: object, normal: object, radius: float) -> tuple[Kind, Matrix]:
+    turn = turn_to(normal)
+    return Kind.DISK, affine(radius * turn[:, 0], radius * turn[:, 1], turn[:, 2], center)
+
+
+def _round(kind: Kind, base: object, end: object, radius: float) -> tuple[Kind, Matrix]:
+    axis = np.subtract(end, base)
+    turn = turn_to(axis)
+    return kind, affine(radius * turn[:, 0], radius * turn[:, 1], axis, base)
+
+
+def _canonical(item: shapes.Object) -> Iterator[tuple[Kind, Matrix]]:
+    """Yield kind and placement (before the object's transform, in scene units) of each primitive of an object."""
+    match item:
+        case shapes.Sphere():
+            yield Kind.SPHERE, affine(*(item.radius * np.eye(3)), item.center)
+        case shapes.Disk():
+            yield _disk(item.center, item.normal, item.radius)
+        case shapes.Rectangle():
+            u, v = np.array(item.edge_u), np.array(item.edge_v)
+            normal = np.cross(u, v)
+            yield Kind.RECTANGLE, affine(u, v, normal / np.linalg.norm(normal), item.corner)
+        case shapes.Box():
+            low, high = np.array(item.min), np.array(item.max)
+            yield Kind.BOX, affine(*np.diag((high - low) / 2), (high + low) / 2)
+        case shapes.Cylinder():
+            yield _round(Kind.CYLINDER, item.base, item.top, item.radius)
+            if item.capped:
+                yield _disk(item.base, np.subtract(item.base, item.top), item.radius)
+                yield _disk(item.top, np.subtract(item.top, item.base), item.radius)
+        case shapes.Cone():
+            yield _round(Kind.CONE, item.base, item.apex, item.radius)
+            if item.capped:
+                yield _disk(item.base, np.subtract(item.base, item.apex), item.radius)
+        case shapes.Plane():
+            yield Kind.PLANE, affine(*turn_to(item.normal).T, item.point)
+
+
+def _is_similarity(linear: Matrix) -> bool:
+    gram = linear.T @ linear
+    return bool(np.allclose(gram, gram[0, 0] * np.eye(3), rtol=0, atol=1e-9 * gram[0, 0]))
+
+
+def world_from_scene(scene: Scene) -> Matrix:
+    """Return the 4x4 matrix from scene units to the world: metres, with the eye at the origin."""
+    scale = scene.metres_per_unit
+    return affine(*(scale * np.eye(3)), -scale * np.array(scene.camera.eye))
+
+
+def scene_primitives(scene: Scene) -> list[Primitive]:
+    """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene."""
+    world = world_from_scene(scene)
+    found = []
+    for item in scene.objects:
+        for kind, canonical in _canonical(item):
+            placement = world @ item.world_from_object @ canonical
+            if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
+                kind = Kind.ELLIPSOID
+            found.append(Primitive(kind, placement, item.material))
+    return sorted(found, key=lambda primitive: primitive.kind)
+
+
+def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
+    """Return centre and radius of a unit sphere under a similarity."""
+    return placement[:3, 3], float(np.cbrt(abs(np.linalg.det(placement[:3, :3]))))
+
+
+def pack_primitives(
+    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int]
+) -> tuple[NDArray[np.void], NDArray[np.int32]]:
+    """Return the records and, per kind, the index after its last one.
+
+    Parameters
+    ----------
+    primitives
+        Sorted by kind.
+    materials
+        Record index of each material, by ``id``.
+    emitters
+        Index of the sampled emitter, by index of the primitive.
+    """
+    records = PRIMITIVE.zeros(len(primitives))
+    for index, primitive in enumerate(primitives):
+        if primitive.kind is Kind.SPHERE:
+            center, radius = sphere_of(primitive.placement)
+            records[index]["row_x"] = (*center, radius)
+        else:
+            inverse = np.linalg.inv(primitive.placement)
+            for name, row in zip(("row_x", "row_y", "row_z"), inverse[:3], strict=True):
+                records[index][name] = row
+        records[index]["material"] = materials[id(primitive.material)]
+        records[index]["emitter"] = emitters.get(index, -1)
+    ends = [sum(primitive.kind <= kind for primitive in primitives) for kind in Kind]
+    return records, np.array(ends, np.int32)

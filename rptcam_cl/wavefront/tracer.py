@@ -1,0 +1,247 @@
+"""The wavefront path tracer: programs, buffers and the order of passes.
+
+A wave is a batch of paths in flight, one per slot. Each pass is one kernel over all slots:
+generate, then per edge of the path intersect, shade and shadow, then film. State stays in place: slots are never moved,
+and groups of slots without a living path are skipped.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.device import Session
+from rptcam_cl.device.session import Launch
+from rptcam_cl.errors import InputError
+from rptcam_cl.plan import Plan
+from rptcam_cl.records import DEPTH, WAVE, RayStatus, device_declarations, path_fields
+from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
+from rptcam_cl.scene.sampling import RenderSettings
+
+WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
+GROUP = {"cpu": 16, "gpu": 64}  # work items per group
+MEMORY_SHARE = 0.8  # of the device's memory that a render may plan to use
+
+
+class Wavefront:
+    """The passes of one scene on one device, with their buffers.
+
+    Parameters
+    ----------
+    session
+        The device.
+    plan
+        Facts and records of the scene.
+    layout
+        Which pixels to render.
+    settings
+        Depth, roulette and seed.
+    wave_size
+        Slots of a wave; rounded to a multiple of 256. The film does not depend on it.
+
+    Raises
+    ------
+    InputError
+        When film and paths do not fit the device.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        plan: Plan,
+        layout: FilmLayout,
+        settings: RenderSettings,
+        wave_size: int | None = None,
+    ) -> None:
+        self.session = session
+        self.layout = layout
+        self.settings = settings
+        self._emitters = plan.emitters.count
+        wanted = wave_size or WAVE_SLOTS[session.info.type]
+        self._wave_pixels = min(max(wanted // BLOCK, 1) * BLOCK, layout.pixels)
+        self._wave_samples = max(wanted // layout.pixels, 1)
+        self._group = GROUP[session.info.type]
+        self._events: list[tuple[str, Any]] = []
+        self.passes: dict[str, float] = {}
+        self._build(plan)
+        self._allocate(plan)
+        self._bind(plan)
+
+    @property
+    def capacity(self) -> int:
+        """Slots of the path state."""
+        return self._wave_pixels * self._wave_samples
+
+    def _build(self, plan: Plan) -> None:
+        lanes = self.session.lanes
+        self._lanes = {"trace": lanes, "camera": lanes * 2 if plan.camera.has_lens and lanes > 1 else lanes}
+        declarations = device_declarations()
+        trace = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
+        self._trace = self.session.program(trace, plan.facts | {"VW": self._lanes["trace"]}, declarations)
+        camera_facts: dict[str, int | str] = {
+            **plan.camera.facts,
+            "CAMERA_FILE": plan.camera.kernel,
+            "CAMERA_HAS_LENS": int(plan.camera.has_lens),
+            "HAS_EMITTERS": plan.facts["HAS_EMITTERS"],
+            "VW": self._lanes["camera"],
+        }
+        self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
+
+    def _allocate(self, plan: Plan) -> None:
+        fields = len(path_fields(emitters=self._emitters > 0))
+        state_bytes = 4 * fields * self.capacity
+        film_bytes = BYTES_PER_PIXEL * self.layout.pixels
+        budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
+        if state_bytes + film_bytes > budget:
+            raise InputError(
+                f"film.resolution: {self.layout.width} x {self.layout.height} pixels need {_bytes(film_bytes)} for the film"
+                f" and {_bytes(state_bytes)} for the paths; the device offers {_bytes(budget)}"
+                " (render a part with crop, or lower the resolution)"
+            )
+        session = self.session
+        self._state = session.allocate(state_bytes)
+        self._film = session.allocate(film_bytes, zeroed=True)
+        self._outcomes = session.allocate(4 * len(RayStatus), zeroed=True)
+        self._not_finite = session.allocate(4, zeroed=True)
+        self._primitives = session.upload(plan.primitives)
+        self._kind_end = session.upload(plan.kind_end)
+        self._materials = session.upload(plan.materials)
+        self._emitter_records = session.upload(plan.emitters.records)
+        self._environment = session.upload(plan.environment)
+        self._camera_record = session.upload(plan.camera.record)
+        self._tables = session.upload(plan.camera.tables)
+        self._surfaces = session.upload(plan.camera.surfaces)
+
+    def _bind(self, plan: Plan) -> None:
+        session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
+        scene = (self._primitives, self._kind_end)
+        self._generate = session.bind(
+            self._camera, "generate", self._camera_record, self._tables, self._surfaces, self._outcomes,
+            self._state, capacity, empty,
+        )  # fmt: skip
+        self._intersect = session.bind(self._trace, "intersect", *scene, self._state, capacity)
+        self._shadow = session.bind(self._trace, "shadow", *scene, self._state, capacity)
+        self._shade = [
+            session.bind(
+                self._trace, "shade", *scene, self._materials, self._emitter_records, self._environment,
+                self._state, capacity, empty, self._depth(edge),
+            )
+            for edge in range(1, self.settings.max_depth + 1)
+        ]  # fmt: skip
+        self._develop = session.bind(
+            self._trace, "film", self._state, self._film, self._not_finite, empty, capacity,
+            np.uint32(self.layout.pixels),
+        )  # fmt: skip
+
+    def _depth(self, edge: int) -> bytes:
+        record = DEPTH.zeros(1)
+        record["edge"], record["max_edges"] = edge, self.settings.max_depth
+        record["roulette_edge"], record["emitters"] = self.settings.roulette_depth, self._emitters
+        return record.tobytes()
+
+    def warm_up(self) -> None:
+        """Run a smallest wave through every pass, because PoCL generates code at the first launch; then clear the film."""
+        self._enqueue_wave(0, min(BLOCK, self._wave_pixels), 0, 1)
+        self.session.finish()
+        self._events.clear()
+        self.clear()
+
+    def clear(self) -> None:
+        """Empty the film and every counter."""
+        for buffer, count in (
+            (self._film, 6 * self.layout.pixels),
+            (self._outcomes, len(RayStatus)),
+            (self._not_finite, 1),
+        ):
+            self.session.fill_zero(buffer, 4 * count)
+        self.passes.clear()
+
+    def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
+        """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
+        found = []
+        for start in range(first_sample, first_sample + samples, self._wave_samples):
+            count = min(self._wave_samples, first_sample + samples - start)
+            for pixel in range(0, self.layout.pixels, self._wave_pixels):
+                found.append((pixel, min(self._wave_pixels, self.layout.pixels - pixel), start, count))
+        return found
+
+    @property
+    def samples_per_wave(self) -> int:
+        """Samples per pixel that one wave holds."""
+        return self._wave_samples
+
+    def enqueue(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
+        """Enqueue every pass of one wave."""
+        self._enqueue_wave(first_pixel, pixels, first_sample, samples)
+
+    def _enqueue_wave(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
+        wave = self._wave_bytes(first_pixel, pixels, first_sample, samples)
+        slots = pixels * samples
+        self._generate.set(6, wave)
+        self._run(self._generate, slots // self._lanes["camera"])
+        items = slots // self._lanes["trace"]
+        for shade in self._shade:
+            self._run(self._intersect, items)
+            shade.set(7, wave)
+            self._run(shade, items)
+            if self._emitters and shade is not self._shade[-1]:
+                self._run(self._shadow, items)
+        self._develop.set(3, wave)
+        self._run(self._develop, pixels // self._lanes["trace"])
+
+    def _run(self, launch: Launch, items: int) -> None:
+        event = launch.enqueue(items, min(self._group, items))
+        if self.session.profiling:
+            self._events.append((launch.name, event))
+
+    def _wave_bytes(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> bytes:
+        layout = self.layout
+        record = WAVE.zeros(1)
+        record["seed"][0] = seed_words(self.settings.seed)
+        record["first_pixel"], record["pixels"] = first_pixel, pixels
+        record["first_sample"], record["samples"] = first_sample, samples
+        record["tiles_across"], record["full_width"] = layout.tiles_across, layout.full_width
+        record["width"], record["height"] = layout.width, layout.height
+        record["crop_x"], record["crop_y"] = layout.x, layout.y
+        return record.tobytes()
+
+    def finish(self) -> None:
+        """Wait for everything enqueued; with profiling, add the time of each pass to ``passes`` [s]."""
+        self.session.finish()
+        for name, event in self._events:
+            self.passes[name] = self.passes.get(name, 0.0) + (event.profile.end - event.profile.start) * 1e-9
+        self._events.clear()
+
+    def picture(self, spp: int) -> NDArray[np.float32]:
+        """Return the film's mean over ``spp`` samples, shape (height, width, 3)."""
+        sums = self.session.read(self._film, np.float32, 6 * self.layout.pixels)
+        return self.layout.picture(sums.reshape(6, -1), spp)
+
+    def outcomes(self) -> dict[str, int]:
+        """Return how many camera rays passed the lens, and how many failed for which reason."""
+        counts = self.session.read(self._outcomes, np.uint32, len(RayStatus))
+        names = ["passed", *(status.name.lower() for status in list(RayStatus)[1:])]
+        return {name: int(count) for name, count in zip(names, counts, strict=True)}
+
+    def not_finite(self) -> int:
+        """Return how many samples were dropped because they were not finite."""
+        return int(self.session.read(self._not_finite, np.uint32, 1)[0])
+
+
+def seed_words(seed: int) -> tuple[int, int]:
+    """Return two 32-bit words of a 64-bit seed, mixed so that neighbouring seeds are unrelated (splitmix64)."""
+    mask = (1 << 64) - 1
+    z = (seed + 0x9E3779B97F4A7C15) & mask
+    z = ((z ^ (z >> 30)) * 0xBF58476D1CE4E5B9) & mask
+    z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
+    z ^= z >> 31
+    return z & 0xFFFFFFFF, z >> 32
+
+
+def _bytes(count: int) -> str:
+    for unit, size in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
+        if count >= size:
+            return f"{count / size:.3g} {unit}"
+    return f"{count} bytes"
