@@ -82,6 +82,9 @@ def _locator(document: Document | None, labels: dict[KeyPath, str]) -> Where:
         for length in range(len(path), 0, -1):
             if path[:length] in labels:
                 return f"--set {labels[path[:length]]}: "
+        made = [text for key, text in labels.items() if key[: len(path)] == path]
+        if at_key and path and made:
+            return f"--set {made[-1]}: "
         if document is None:
             return ""
         line, column = document.key_mark(path) if at_key else document.mark(path)

@@ -31,6 +31,7 @@ _WRONG_TYPE = {
     "string_type": "text",
     "tuple_type": "a list",
     "mapping_type": "a mapping",
+    "dict_type": "a mapping",
     "model_attributes_type": "a mapping",
 }
 
@@ -61,17 +62,17 @@ def _line(item: Any, data: Any, where: Where) -> str:
         path, value = path[:-2], location[-2]
     for key in context.get("path", ()):
         path, value = (*path, key), _child(value, key)
-    if item["type"] == "union_tag_invalid":
-        path, value = (*path, _tag_key(value)), context["tag"]
+    if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
+        path, value = (*path, _tag_key(context["discriminator"])), context.get("tag")
     problem, got, allowed, at_key = _explain(item["type"], item["msg"], context, value)
     details = "; ".join(part for part in (got, allowed and f"allowed: {allowed}") if part)
     subject = f"{dotted(path)}: " if path else ""
     return f"{where(path, at_key)}{subject}{problem}" + (f" ({details})" if details else "")
 
 
-def _tag_key(value: Any) -> str:
-    """Return the key that says which form a mapping has."""
-    return "shape" if isinstance(value, Mapping) and "shape" in value else "kind"
+def _tag_key(discriminator: str) -> str:
+    """Return the key that says which form a mapping has; textures are told apart by a function."""
+    return "shape" if "shape" in discriminator else "kind"
 
 
 def _follow(location: tuple[Any, ...], data: Any) -> tuple[KeyPath, Any]:
@@ -113,14 +114,19 @@ def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> tu
     if kind in _COMPARISONS:
         name, words = _COMPARISONS[kind]
         return "is out of range", got, f"{words} {shown(context[name])}", False
-    if kind == "missing":
+    if kind in ("missing", "union_tag_not_found"):
         return "is required but missing", "", "", True
     if kind in ("literal_error", "union_tag_invalid"):
         names = _QUOTED.findall(str(context.get("expected", context.get("expected_tags"))))
         choices = [name for name in names if name != CONSTANT]
         return f"is not a known choice{near_name(value, choices)}", got, listed(choices), False
-    if kind == "union_tag_not_found":
-        return f"needs the key {'shape' if 'shape' in context['discriminator'] else 'kind'}", got, "", False
+    if kind in ("too_long", "string_too_long"):
+        return (
+            "is too long",
+            got,
+            f"at most {context['max_length']} {'entries' if kind == 'too_long' else 'letters'}",
+            False,
+        )
     if kind in _WRONG_TYPE:
         return f"must be {_WRONG_TYPE[kind]}", got, "", False
     return message[:1].lower() + message[1:], got, "", False

@@ -132,7 +132,7 @@ class Rectangle(BoundedObject):
 
 
 class Box(BoundedObject):
-    """A box along the axes; on each face u and v run from 0 to 1 along the two axes of the face, in alphabetical order."""
+    """A box along the axes; u and v run from 0 to 1 over each face, along its two axes in alphabetical order."""
 
     shape: Literal["box"]
     """Kind of shape."""

@@ -7,7 +7,7 @@ from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Position, list_of
@@ -21,12 +21,29 @@ Row = Annotated[
     tuple[Coordinate, Coordinate, Coordinate, Coordinate], BeforeValidator(list_of(4, "a row of 4 numbers"))
 ]
 
+MATRIX_SCHEMA = WithJsonSchema(
+    {
+        "type": "array",
+        "minItems": 3,
+        "maxItems": 4,
+        "items": {"type": "array", "minItems": 4, "maxItems": 4, "items": {"type": "number"}},
+    }
+)
+
 
 def _three_factors(value: Any) -> Any:
     """Return one factor as three equal ones."""
     if isinstance(value, (list, tuple, np.ndarray)):
         return value
     return [value, value, value]
+
+
+def _four_rows(value: Any) -> Any:
+    """Return the rows of a 3x4 matrix with the last row of a 4x4 one."""
+    rows = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(rows, (list, tuple)) or len(rows) not in (3, 4):
+        raise refuse("must be 3 or 4 rows", allowed="a list of 3 or 4 rows of 4 numbers")
+    return rows if len(rows) == 4 else [*rows, (0, 0, 0, 1)]
 
 
 class Rotation(SceneModel):
@@ -63,18 +80,14 @@ class TransformStep(SceneModel):
     translate: Position | None = None
     """Shift [scene units]."""
 
-    matrix: Annotated[tuple[Row, ...], Field(min_length=3, max_length=4)] | None = None
+    matrix: Annotated[tuple[Row, Row, Row, Row], BeforeValidator(_four_rows), MATRIX_SCHEMA] | None = None
     """Rows of an affine matrix, 3x4, or 4x4 with the last row [0, 0, 0, 1]."""
 
     @model_validator(mode="after")
     def _check_invertible(self) -> Self:
-        if self.matrix is not None and self.matrix[3:] not in ((), ((0, 0, 0, 1),)):
-            raise refuse(
-                "has a last row that is not affine",
-                got=list(self.matrix[3]),
-                allowed="[0, 0, 0, 1]",
-                path=("matrix", 3),
-            )
+        if self.matrix is not None and self.matrix[3] != (0, 0, 0, 1):
+            last = list(self.matrix[3])
+            raise refuse("is not affine", got=last, allowed="[0, 0, 0, 1]", path=("matrix", 3))
         key = "matrix" if self.matrix is not None else "scale"
         check_invertible(self.as_matrix(), path=(key,))
         return self
@@ -89,7 +102,7 @@ class TransformStep(SceneModel):
         elif self.translate is not None:
             result[:3, 3] = self.translate
         elif self.matrix is not None:
-            result[:3] = self.matrix[:3]
+            result[:] = self.matrix
         return result
 
 

@@ -1,0 +1,73 @@
+import pytest
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.scene import Matte, RealisticCamera, Sphere
+
+from .conftest import EVERYTHING, SMALL, Load
+
+
+def test_override_sets_a_value_of_a_list(load: Load) -> None:
+    for path in ("objects.0.radius", "objects[0].radius"):
+        ball = load(SMALL, f"{path}=2.5").objects[0]
+        assert isinstance(ball, Sphere)
+        assert ball.radius == 2.5
+
+
+def test_later_override_wins(load: Load) -> None:
+    assert load(SMALL, "render.seed=1", "render.seed=2").render.seed == 2
+
+
+def test_override_makes_mappings_that_are_missing(load: Load) -> None:
+    assert load(SMALL, "film.resolution=[320, 180]").film.resolution == (320, 180)
+
+
+def test_override_takes_a_whole_mapping(load: Load) -> None:
+    material = load(SMALL, "objects.0.material={kind: matte, reflectance: 1e-1}").objects[0].material
+    assert material == Matte(kind="matte", reflectance=(0.1, 0.1, 0.1))
+
+
+@pytest.mark.parametrize("value", ["null", "~", ""])
+def test_null_removes_a_key(load: Load, value: str) -> None:
+    assert load(EVERYTHING, f"environment={value}").environment is None
+
+
+def test_null_removes_an_entry_of_a_list(load: Load) -> None:
+    assert [item.shape for item in load(EVERYTHING, "objects.0=null").objects][:2] == ["disk", "rectangle"]
+
+
+def test_override_replaces_the_key_that_it_excludes(load: Load) -> None:
+    camera = load(EVERYTHING, "camera.stop_diameter_mm=10", "camera.focus.film_distance_mm=36.77").camera
+    assert isinstance(camera, RealisticCamera)
+    assert (camera.stop_diameter_mm, camera.f_number) == (10.0, None)
+    assert (camera.focus.film_distance_mm, camera.focus.distance_m) == (36.77, None)
+    assert load(EVERYTHING, "film.width_mm=24").film.size_mm is None
+
+
+def test_null_leaves_the_excluded_key_alone(load: Load) -> None:
+    camera = load(EVERYTHING, "camera.stop_diameter_mm=null").camera
+    assert isinstance(camera, RealisticCamera)
+    assert camera.f_number == 4
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("camera.f_number", r"not of the form key\.path=value"),
+        ("=4", r"not of the form key\.path=value"),
+        ("camera..eye=4", r"not of the form key\.path=value"),
+        ("objects.7.radius=2", r"objects: no such entry \(got 7; allowed: 0 to 6\)"),
+        ("objects.ball.radius=2", r"objects: no such entry \(got ball; allowed: 0 to 6\)"),
+        ("camera.eye.x=2", r"camera\.eye: no such entry \(got x; allowed: 0 to 2\)"),
+        ("camera.f_number.x=2", r"camera\.f_number: is 4 and has no keys"),
+        ("objects.0.material.reflectance=1", r"is 'red' and has no keys; set materials\.red\.reflectance instead"),
+        ("camera.f_nmber=2", r"^--set camera\.f_nmber=2: camera\.f_nmber: unknown key; did you mean f_number\?"),
+        ("camra.f_number=2", r"^--set camra\.f_number=2: camra: unknown key; did you mean camera\?"),
+        ("camera.f_number=-2", r"^--set camera\.f_number=-2: camera\.f_number: is out of range \(got -2; allowed: at "),
+        ("camera.eye=[1, 2", r"^--set camera\.eye=\[1, 2:2:1: not valid YAML"),
+        ("camera.eye=*here", r"aliases are not allowed"),
+        ("camera=null", r"camera: is required but missing"),
+    ],
+)
+def test_wrong_override_is_named(load: Load, override: str, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        load(EVERYTHING, override)

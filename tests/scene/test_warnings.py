@@ -1,0 +1,42 @@
+import pytest
+
+from .conftest import EVERYTHING, SMALL, Load
+
+
+def test_scene_without_light_is_warned_of(load: Load) -> None:
+    (warning,) = load(SMALL, "environment=null").warnings
+    assert warning == "nothing in the scene emits light: the image will be black"
+    assert load(SMALL, "environment.radiance=0").warnings == (warning,)
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "objects.0.material={kind: emissive, radiance: [0, 1, 0]}",
+        "lights=[{kind: point, position: [0, 5, 0], intensity: 1}]",
+        "lights=[{kind: directional, direction: [0, -1, 0], irradiance: 1}]",
+        "environment={kind: gradient, bottom: 0, top: 1}",
+    ],
+)
+def test_any_light_will_do(load: Load, override: str) -> None:
+    assert load(SMALL, "environment=null", override).warnings == ()
+
+
+def test_scene_with_everything_has_no_warning(load: Load) -> None:
+    assert load(EVERYTHING).warnings == ()
+
+
+def test_oblong_pixels_are_warned_of(load: Load) -> None:
+    (warning,) = load(SMALL, "film.size_mm=[36, 36]").warnings
+    assert "pixels are 0.562 times as wide as high" in warning
+
+
+def test_object_too_small_for_float32_is_warned_of(load: Load) -> None:
+    speck = "{shape: sphere, center: [0, 0, 0], radius: 1e-9, material: {kind: mirror}, name: speck}"
+    (warning,) = load(SMALL.replace("environment", f"  - {speck}\nenvironment")).warnings
+    assert warning.startswith("object 'speck' is more than 1e+07 times smaller than the scene")
+
+
+def test_camera_inside_a_solid_is_warned_of(load: Load) -> None:
+    (warning,) = load(SMALL, "objects.0.transform={scale: 6}", "objects.0.center=[0, 0, 0]").warnings
+    assert warning == "the camera stands inside objects[0]"
