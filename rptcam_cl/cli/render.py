@@ -102,6 +102,9 @@ def _summary(image: "Image", outputs: list[Path]) -> str:
         f"{as_duration(seconds['total'])} ({as_duration(seconds['render'])} rendering)",
         f"{stats['msamples_per_second']:.3g} Msamples/s",
     ]
+    outcomes = stats.get("lens")
+    if outcomes and sum(outcomes.values()):
+        parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 

@@ -23,7 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     "device": GROUND | {"records", "resources"},
     "cameras": GROUND | {"records", "scene", "optics"},
     "plan": GROUND | {"records", "scene", "optics", "geometry", "cameras"},
-    "render": GROUND | {"records", "plan", "device"},
+    "wavefront": GROUND | {"records", "scene", "plan", "device"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}
@@ -87,8 +87,8 @@ def test_table_itself_has_no_circle() -> None:
     ("part", "line"),
     [
         ("optics", "import pyopencl as cl"),
-        ("render", "from pyopencl.array import Array"),
-        ("scene", "def late():\n    from rptcam_cl import render"),
+        ("wavefront", "from pyopencl.array import Array"),
+        ("scene", "def late():\n    from rptcam_cl import wavefront"),
         ("device", "import rptcam_cl.scene.model"),
         ("imaging", "from rptcam_cl.device import choose"),
         ("optics", "from rptcam_cl.api import devices"),
