@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
+AFOCAL = 1e-13  # power of the whole below this share of the curvatures' sum is rounding
+
 
 @dataclass(frozen=True)
 class Planes:
@@ -90,27 +92,33 @@ def first_order(lens: Lens, wavelength_nm: float = WAVELENGTH_D) -> FirstOrder:
     indices = lens.indices(wavelength_nm)
     n_object, n_image = float(indices[0]), float(indices[-1])
     (a, _), (c, d) = system_matrix(lens, wavelength_nm).tolist()
-    with np.errstate(divide="ignore", invalid="ignore"):
-        power = np.float64(-c)
-        rear, front = n_image / power, n_object / power
-        planes = Planes(float((1 - d) * front), float((a - 1) * rear))
-        entrance, exit_ = _pupils(lens, wavelength_nm)
-        f_number = abs(float(rear)) / entrance.diameter_mm
-    step = float(rear - front)
+    entrance, exit_ = _pupils(lens, wavelength_nm)
+    if abs(c) <= AFOCAL * sum(abs(surface.curvature) for surface in lens.surfaces):
+        rear = front = np.inf
+        planes = Planes(-np.inf, np.inf)
+    else:
+        rear, front = -n_image / c, -n_object / c
+        planes = Planes((1 - d) * front, (a - 1) * rear)
     return FirstOrder(
         wavelength_nm=float(wavelength_nm),
-        focal_length_mm=float(rear),
-        front_focal_length_mm=float(front),
-        back_focal_distance_mm=float(a * rear),
-        front_focal_distance_mm=float(-d * front),
+        focal_length_mm=rear,
+        front_focal_length_mm=front,
+        back_focal_distance_mm=planes.rear + rear,
+        front_focal_distance_mm=planes.front - front,
         principal_planes_mm=planes,
-        nodal_points_mm=Planes(planes.front + step, planes.rear + step) if np.isfinite(step) else planes,
+        nodal_points_mm=_nodal(planes, rear, front),
         entrance_pupil=entrance,
         exit_pupil=exit_,
-        f_number=f_number,
+        f_number=abs(rear) / entrance.diameter_mm,
         length_mm=lens.length,
         surfaces=len(lens.surfaces),
     )
+
+
+def _nodal(principal: Planes, rear: float, front: float) -> Planes:
+    """Return the nodal points; they leave the principal points when the media on the two sides differ."""
+    step = 0.0 if rear == front else rear - front
+    return Planes(principal.front + step, principal.rear + step)
 
 
 def system_matrix(
@@ -147,6 +155,7 @@ def _pupils(lens: Lens, wavelength_nm: float) -> tuple[Pupil, Pupil]:
     diameter = np.float64(2 * lens.surfaces[stop].semi_diameter)
     (a, b), _ = system_matrix(lens, wavelength_nm, 0, stop, refract_last=False).tolist()
     (_, rear_b), (_, rear_d) = system_matrix(lens, wavelength_nm, stop).tolist()
-    entrance = Pupil(float(np.float64(b) * indices[0] / a), float(diameter / abs(a)))
-    exit_ = Pupil(float(-np.float64(rear_b) * indices[-1] / rear_d), float(diameter / abs(rear_d)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        entrance = Pupil(float(np.float64(b) * indices[0] / a), float(diameter / abs(a)))
+        exit_ = Pupil(float(-np.float64(rear_b) * indices[-1] / rear_d), float(diameter / abs(rear_d)))
     return entrance, exit_

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
+CHUNK = 8192  # rays whose components stay in the processor's cache while they cross the lens
+
 
 class Status(IntEnum):
     """What became of a ray."""
@@ -40,7 +42,8 @@ class Rays:
     Attributes
     ----------
     origins, directions : (n, 3) arrays
-        Point on the last surface met and unit direction after it; of a failed ray, the last good ones.
+        Point on the last surface met and unit direction after it; of a failed ray, where it was stopped and how it
+        came there.
     status : (n,) array of `Status` values
     surface : (n,) array
         Index of the surface where the ray failed, -1 if it did not.
@@ -76,84 +79,113 @@ def trace(
     """
     if start not in ("film", "scene"):
         raise InputError(f'start must be "film" or "scene" (got {start!r})')
-    beam = _Beam(origins, directions)
+    points, vectors = np.broadcast_arrays(
+        np.atleast_2d(np.asarray(origins, dtype=np.float64)), np.atleast_2d(np.asarray(directions, dtype=np.float64))
+    )
+    if points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"rays need origins and directions of shape (n, 3) (got {points.shape})")
     indices = lens.indices(wavelength_nm)
-    count = len(lens.surfaces)
-    for k in range(count) if start == "scene" else reversed(range(count)):
-        before, after = (indices[k], indices[k + 1]) if start == "scene" else (indices[k + 1], indices[k])
-        beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), before, after, 1.0 if start == "scene" else -1.0)
-    return Rays(beam.origins, beam.directions, beam.status, beam.surface, beam.path)
+    count = len(points)
+    rays = Rays(points.copy(), vectors.copy(), np.zeros(count, np.int32), np.full(count, -1, np.int32), np.zeros(count))
+    with np.errstate(all="ignore"):
+        for low in range(0, count, CHUNK):
+            part = slice(low, min(low + CHUNK, count))
+            _trace_part(lens, rays, part, indices if indices.ndim == 1 else indices[:, part], start == "scene")
+    return rays
+
+
+def _trace_part(lens: Lens, rays: Rays, part: slice, indices: Array, forward: bool) -> None:
+    """Trace some of the rays and write the results in their place."""
+    beam = _Beam(rays, part, indices)
+    for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
+        beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), forward)
+    beam.store(slice(None), Status.ok, -1)
 
 
 class _Beam:
-    """Rays under way, and which of them still are."""
+    """Rays still under way, by components; those that fail are stored and dropped."""
 
-    def __init__(self, origins: ArrayLike, directions: ArrayLike) -> None:
-        points, vectors = np.broadcast_arrays(
-            np.atleast_2d(np.asarray(origins, dtype=np.float64)),
-            np.atleast_2d(np.asarray(directions, dtype=np.float64)),
-        )
-        if points.ndim != 2 or points.shape[1] != 3:
-            raise InputError(f"rays need origins and directions of shape (n, 3) (got {points.shape})")
-        with np.errstate(invalid="ignore", divide="ignore"):
-            vectors = vectors / np.sqrt(np.sum(vectors * vectors, axis=1, keepdims=True))
-        self.origins = points.copy()
-        self.directions = vectors
-        self.status = np.zeros(len(points), dtype=np.int32)
-        self.surface = np.full(len(points), -1, dtype=np.int32)
-        self.path = np.zeros(len(points))
+    def __init__(self, rays: Rays, part: slice, indices: Array) -> None:
+        self.rays = rays
+        self.rows = np.arange(part.start, part.stop)
+        self.p = np.ascontiguousarray(rays.origins[part].T)
+        d = np.ascontiguousarray(rays.directions[part].T)
+        self.d = d / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        self.path = np.zeros(len(self.rows))
+        self.indices = indices
 
-    def fail(self, which: Mask, reason: Status, surface: int) -> None:
-        """Stop the rays of a mask that are still under way."""
-        which = which & (self.status == Status.ok)
-        self.status[which] = reason
-        self.surface[which] = surface
+    def store(self, mask: Mask | slice, status: Status, surface: int) -> None:
+        """Write the state of some rays as their result."""
+        rows = self.rows[mask]
+        self.rays.origins[rows] = self.p[:, mask].T
+        self.rays.directions[rows] = self.d[:, mask].T
+        self.rays.optical_path[rows] = self.path[mask]
+        self.rays.status[rows] = status
+        self.rays.surface[rows] = surface
 
-    def cross(self, surface: Surface, number: int, vertex: float, before: Array, after: Array, sense: float) -> None:
+    def drop(self, bad: Mask, status: Status, surface: int, *others: Array) -> tuple[Array, ...]:
+        """Store and forget the rays of a mask. Return `others`, arrays over the rays, without them."""
+        if not bad.any():
+            return others
+        self.store(bad, status, surface)
+        good = ~bad
+        self.rows, self.p, self.d, self.path = self.rows[good], self.p[:, good], self.d[:, good], self.path[good]
+        if self.indices.ndim > 1:
+            self.indices = self.indices[:, good]
+        return tuple(array[..., good] for array in others)
+
+    def cross(self, surface: Surface, number: int, vertex: float, forward: bool) -> None:
         """Move every ray to a surface and refract it there."""
-        local = self.origins - (0.0, 0.0, vertex)
-        with np.errstate(all="ignore"):
-            point, distance, normal, cosine, met = meet_sphere(surface.curvature, local, self.directions)
-            met = met & (self.directions[:, 2] * sense > 0) & np.isfinite(distance)
-            inside = point[:, 0] ** 2 + point[:, 1] ** 2 <= surface.semi_diameter**2
-            bent, through = refract(self.directions, normal, cosine, before, after)
-        self.fail(~met, Status.missed, number)
-        self.fail(~inside, Status.clipped, number)
-        alive = self.status == Status.ok
-        self.path[alive] += np.broadcast_to(before, distance.shape)[alive] * distance[alive]
-        self.origins[alive] = point[alive] + (0.0, 0.0, vertex)
-        self.fail(~through, Status.total_internal_reflection, number)
-        alive = self.status == Status.ok
-        self.directions[alive] = bent[alive]
+        local = self.p.copy()
+        local[2] -= vertex
+        hit, distance, normal, cosine, met = meet_sphere(surface.curvature, local, self.d)
+        met &= (self.d[2] > 0) if forward else (self.d[2] < 0)
+        met &= np.isfinite(distance)
+        hit, distance, normal, cosine = self.drop(~met, Status.missed, number, hit, distance, normal, cosine)
+        self.path = self.path + self._index(number, forward) * distance
+        self.p = hit.copy()
+        self.p[2] += vertex
+        outside = hit[0] * hit[0] + hit[1] * hit[1] > surface.semi_diameter**2
+        normal, cosine = self.drop(outside, Status.clipped, number, normal, cosine)
+        before, after = self._index(number, forward), self._index(number, not forward)
+        if np.array_equal(before, after):
+            return
+        bent, through = refract(self.d, normal, cosine, before / after)
+        (bent,) = self.drop(~through, Status.total_internal_reflection, number, bent)
+        self.d = bent
+
+    def _index(self, surface: int, scene_side: bool) -> Array:
+        """Return the index in front of a surface, or behind it."""
+        return np.asarray(self.indices[surface if scene_side else surface + 1])
 
 
 def meet_sphere(curvature: float, points: Array, directions: Array) -> tuple[Array, Array, Array, Array, Mask]:
-    """Return hit point, distance, unit normal, cosine and whether there is a hit with the hemisphere about the vertex.
+    """Return hit point, distance, unit normal, cosine and whether rays (3, n) meet the hemisphere about the vertex.
 
     The normal has positive z; the cosine between it and the ray has the sign of the ray's z, so the ray crosses the
     hemisphere in the sense in which it travels.
     """
-    dx, dy, dz = directions.T
-    to_plane = -points[:, 2] / dz
-    x, y = points[:, 0] + to_plane * dx, points[:, 1] + to_plane * dy
+    dx, dy, dz = directions
+    to_plane = -points[2] / dz
+    x, y = points[0] + to_plane * dx, points[1] + to_plane * dy
     f = curvature * (x * x + y * y)
     g = dz - curvature * (dx * x + dy * y)
     discriminant = g * g - curvature * f
     cosine = np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), dz)
     step = f / (g + cosine)
-    hit = np.stack([x + step * dx, y + step * dy, step * dz], axis=1)
+    hit = np.stack([x + step * dx, y + step * dy, step * dz])
     normal = -curvature * hit
-    normal[:, 2] += 1.0
-    met = (discriminant >= 0) & (normal[:, 2] > 0)
+    normal[2] += 1.0
+    met = (discriminant >= 0) & (normal[2] > 0)
     return hit, to_plane + step, normal, cosine, met
 
 
-def refract(directions: Array, normals: Array, cosines: Array, before: Array, after: Array) -> tuple[Array, Mask]:
-    """Return directions after Snell's law, and which rays are refracted and not totally reflected."""
-    ratio = before / after
+def refract(directions: Array, normals: Array, cosines: Array, ratio: Array) -> tuple[Array, Mask]:
+    """Return directions (3, n) after Snell's law with `ratio` = index before / index after, and which rays are bent.
+
+    The others are totally reflected.
+    """
     square = 1.0 - ratio * ratio * (1.0 - cosines * cosines)
     through = square >= 0
     bend = np.copysign(np.sqrt(np.maximum(square, 0.0)), cosines) - ratio * cosines
-    bent = ratio[..., None] * directions + bend[..., None] * normals
-    same = np.broadcast_to(before == after, cosines.shape)
-    return np.where(same[:, None], directions, bent), through | same
+    return ratio * directions + bend * normals, through

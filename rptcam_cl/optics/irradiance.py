@@ -1,0 +1,124 @@
+"""Irradiance of the film under a uniform world of unit radiance, by deterministic quadrature over the exit pupil.
+
+E = integral over the passing rays of cos(theta) dOmega = integral of D^2 / (D^2 + rho^2)^2 dA over the plane of the
+last vertex, D being its distance to the film and rho the sideways distance from the film point (Kolb 1995, sec. 3.3).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.optics.probe import FilmProbe, narrowed
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.lens import Lens
+
+Array = NDArray[np.float64]
+
+GRID = (40, 40)
+DENSE_GRID = (200, 200)  # finds the slivers of pupil that remain near the edge of the image circle
+AZIMUTHS = 256
+STEPS = 48
+BISECTIONS = 24
+
+
+def film_irradiance(
+    lens: Lens,
+    film_distance_mm: float,
+    radii_mm: ArrayLike,
+    wavelength_nm: float = WAVELENGTH_D,
+    azimuth_degrees: float = 0.0,
+) -> Array:
+    """Return the irradiance at film points for unit radiance [W/m2 per W/m2/sr], one for each radius.
+
+    Parameters
+    ----------
+    lens : Lens
+    film_distance_mm : float
+        Last vertex to film.
+    radii_mm : float or array
+        Distances of the film points from the axis.
+    wavelength_nm : float
+    azimuth_degrees : float
+        Direction of the film points from the axis, from +x towards +y; matters for lenses without rotational symmetry.
+
+    Notes
+    -----
+    Relative accuracy about 1e-4 for pupils without thin parts: 256 azimuths about the centre of the pupil; along each
+    the ends of every passing stretch are found by bisection, and Gauss-Legendre quadrature integrates up to them.
+    """
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    radii = np.asarray(radii_mm, dtype=np.float64)
+    angle = np.radians(azimuth_degrees)
+    film = radii.reshape(-1, 1) * np.array([np.cos(angle), np.sin(angle)])
+    boxes, found = _pupil_boxes(probe, film)
+    result = np.zeros(len(film))
+    for k in np.flatnonzero(found):
+        result[k] = _integrate(probe, film[k], boxes[k])
+    return result.reshape(radii.shape)
+
+
+def on_axis_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+    """Return the irradiance of the centre of the film for unit radiance.
+
+    Raises
+    ------
+    InputError
+        When no ray from the centre of the film comes through the lens.
+    """
+    value = float(film_irradiance(lens, film_distance_mm, 0.0, wavelength_nm))
+    if value == 0:
+        raise InputError(f"{lens.name}: no light reaches the centre of a film {film_distance_mm:g} mm behind the lens")
+    return value
+
+
+def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Return a box round the passing rays of each film point, and which film points have any."""
+    boxes, found = narrowed(probe, film, probe.windows(film), GRID)
+    dark = np.flatnonzero(~found)
+    for k in dark:
+        boxes[k : k + 1], found[k : k + 1] = narrowed(
+            probe, film[k : k + 1], probe.windows(film[k : k + 1]), DENSE_GRID
+        )
+    lit = np.flatnonzero(found)
+    if len(lit):
+        boxes[lit], _ = narrowed(probe, film[lit], boxes[lit], GRID)
+    return boxes, found
+
+
+def _integrate(probe: FilmProbe, film: Array, box: Array) -> float:
+    centre = np.array([box[0] + box[1], box[2] + box[3]]) / 2
+    reach = np.hypot(box[1] - box[0], box[3] - box[2]) / 2
+    angles = (np.arange(AZIMUTHS) + 0.5) * 2 * np.pi / AZIMUTHS
+    rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    steps = np.linspace(0.0, reach, STEPS)
+    hits = probe.passes(film, centre + rays[:, None] * steps[:, None])
+    hits[:, -1] = False
+    change = np.diff(hits.astype(np.int8), axis=1)
+    ray, step = np.nonzero(change)
+    ends = _bisect(probe, film, centre, rays[ray], steps[step], steps[step + 1], hits[ray, step])
+    sign = np.where(change[ray, step] > 0, -1.0, 1.0)
+    # Each end adds or takes away the integral from the centre to it, so stretches need no pairing.
+    nodes, weights = np.polynomial.legendre.leggauss(10)
+    s = ends[:, None] * (nodes + 1) / 2
+    at = centre + rays[ray][:, None] * s[..., None]
+    square = np.sum((at - film) ** 2, axis=-1)
+    inner = np.sum(weights * s * (probe.distance / (probe.distance**2 + square)) ** 2, axis=1) * ends / 2
+    return float(np.sum(sign * inner) * 2 * np.pi / AZIMUTHS)
+
+
+def _bisect(
+    probe: FilmProbe, film: Array, centre: Array, rays: Array, low: Array, high: Array, low_passes: NDArray[np.bool_]
+) -> Array:
+    """Return where, between two distances from the centre, rays begin or cease to pass."""
+    low, high = low.copy(), high.copy()
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        same = probe.passes(film, centre + rays * middle[:, None]) == low_passes
+        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    return (low + high) / 2

@@ -1,0 +1,98 @@
+"""First-order data against the truth tables and closed forms."""
+
+import pytest
+
+from rptcam_cl.optics import list_lenses, load_lens
+from rptcam_cl.optics.glass import WAVELENGTH_D
+from tests.optics.truth import CASES, SPHERICAL, truth, truth_lens
+
+RELATIVE = 1e-10
+
+
+@pytest.mark.parametrize(("name", "label"), CASES)
+def test_cardinal_points_and_pupils(name, label):
+    lens = truth_lens(name, label)
+    data, expected = lens.first_order(), truth(name)["paraxial"][label]
+    scale = abs(expected["EFL"])
+    close = {
+        "EFL": data.focal_length_mm,
+        "BFL": data.back_focal_distance_mm,
+        "front_focal_z": data.front_focal_distance_mm,
+        "rear_focal_z": data.back_focal_distance_mm + lens.length,
+        "H_z": data.principal_planes_mm.front,
+        "Hp_z": data.principal_planes_mm.rear + lens.length,
+        "entrance_pupil_z": data.entrance_pupil.distance_mm,
+        "exit_pupil_z": data.exit_pupil.distance_mm + lens.length,
+        "EPD_wide_open": data.entrance_pupil.diameter_mm,
+        "XPD_wide_open": data.exit_pupil.diameter_mm,
+        "f_number_wide_open": data.f_number,
+    }
+    for key, value in close.items():
+        assert value == pytest.approx(expected[key], abs=RELATIVE * scale), key
+
+
+@pytest.mark.parametrize("name", SPHERICAL)
+def test_stop_diameter_of_each_f_number(name):
+    lens = truth_lens(name)
+    for row in truth(name)["apertures"]["rows"]:
+        assert lens.stop_diameter_for(row["f_number"]) == pytest.approx(row["stop_diameter"], rel=1e-9)
+        stopped = lens.with_stop_diameter(row["stop_diameter"]).first_order()
+        assert stopped.entrance_pupil.diameter_mm == pytest.approx(row["EPD"], rel=1e-9)
+        assert stopped.exit_pupil.diameter_mm == pytest.approx(row["XPD"], rel=1e-9)
+        assert stopped.f_number == pytest.approx(row["f_number"], rel=1e-9)
+
+
+@pytest.mark.parametrize("name", list_lenses())
+def test_bundled_lens_keeps_what_its_source_claims(name):
+    lens = load_lens(name)
+    data = lens.first_order(lens.published.get("wavelength_nm", WAVELENGTH_D))
+    assert lens.source and lens.published
+    assert data.focal_length_mm == pytest.approx(lens.published["focal_length_mm"], rel=0.02)
+    if "f_number" in lens.published:
+        assert data.f_number == pytest.approx(lens.published["f_number"], rel=0.05)
+    assert lens.warnings == ()
+
+
+@pytest.mark.parametrize(("index", "focus"), [(1.5, 2.5), (1.9, None), (2.0, 0.0)])
+def test_ball_lens_has_its_closed_form(index, focus):
+    ball = {
+        "surfaces": [
+            {"radius": 5, "thickness": 10, "glass": {"index": index}, "diameter": 9.9},
+            {"radius": -5, "diameter": 9.9},
+        ]
+    }
+    data = load_lens(ball).first_order()
+    assert data.focal_length_mm == pytest.approx(5 * index / (2 * (index - 1)), rel=1e-12)
+    assert data.back_focal_distance_mm == pytest.approx(10 * (2 - index) / (4 * (index - 1)), abs=1e-12)
+    if focus is not None:
+        assert data.back_focal_distance_mm == pytest.approx(focus, abs=1e-12)
+
+
+def test_table_of_cs647_agrees():
+    # University of Virginia, CS 647, assignment 3: measured with traced rays, hence within 0.4 mm only.
+    rows = {
+        "dgauss-50mm": (27.2, -68.1, -23.2, -17.8),
+        "telephoto-250mm": (332.6, -208.1, None, 41.6),
+        "fisheye-10mm": (-8.0, -56.4, -17.9, -46.5),
+        "wide-22mm": (6.6, -47.8, -15.4, -25.7),
+    }
+    for name, (front, rear, first, second) in rows.items():
+        lens = load_lens(name)
+        data = lens.first_order()
+        assert -data.front_focal_distance_mm == pytest.approx(front, abs=0.4)
+        assert -data.back_focal_distance_mm - lens.length == pytest.approx(rear, abs=0.4)
+        assert -data.principal_planes_mm.rear - lens.length == pytest.approx(second, abs=0.4)
+        if first is not None:
+            assert -data.principal_planes_mm.front == pytest.approx(first, abs=0.4)
+
+
+def test_afocal_system_has_infinite_focal_length():
+    telescope = {
+        "surfaces": [
+            {"radius": 50, "thickness": 180, "glass": {"index": 1.5}, "diameter": 10},
+            {"radius": -10, "diameter": 10},
+        ]
+    }
+    plate = {"surfaces": [{"thickness": 5, "glass": {"index": 1.5}, "diameter": 10}, {"diameter": 10}]}
+    assert load_lens(plate).first_order().focal_length_mm == float("inf")
+    assert load_lens(telescope).first_order().focal_length_mm == float("inf")
