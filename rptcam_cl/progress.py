@@ -67,8 +67,8 @@ def _bar(time_limit: float | None) -> Iterator[Show]:
     from rich.progress import BarColumn, TextColumn
     from rich.progress import Progress as Bar
 
-    columns = (BarColumn(bar_width=24), TextColumn("{task.description}", markup=False))
-    with Bar(*columns, console=Console(stderr=True), transient=True, refresh_per_second=5) as bar:
+    columns = (BarColumn(bar_width=None), TextColumn("{task.description}", markup=False))
+    with Bar(*columns, console=Console(stderr=True), transient=True, expand=True, refresh_per_second=5) as bar:
         task = bar.add_task("start ...", total=None)
 
         def show(progress: "Progress") -> None:

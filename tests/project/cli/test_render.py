@@ -57,9 +57,9 @@ def test_every_output_and_the_statistics_are_written(scene: Path, renderer: Any,
 
 
 def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rptcam: Command) -> None:
-    renderer.image.stats["lens"] = {"share": float("nan"), "count": np.int64(3)}
+    renderer.image.stats["extra"] = {"share": float("nan"), "count": np.int64(3)}
     assert rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "s.json").code == 0
-    assert json.loads(Path("s.json").read_text("utf-8"))["lens"] == {"share": None, "count": 3}
+    assert json.loads(Path("s.json").read_text("utf-8"))["extra"] == {"share": None, "count": 3}
 
 
 @pytest.mark.parametrize(
