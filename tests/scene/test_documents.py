@@ -1,0 +1,139 @@
+"""The schema and the reference say what the models say."""
+
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from rptcam_cl import scene as model
+from rptcam_cl.scene import load_scene, scene_json_schema
+from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.camera import Pose
+
+# Sections of docs/scene.md: the model that each describes, and the section that describes the keys that it shares.
+SECTIONS: dict[str, tuple[type[SceneModel], str | None]] = {
+    "Scene": (model.Scene, None),
+    "Film": (model.Film, None),
+    "Pinhole camera": (model.PinholeCamera, "Pose"),
+    "Environment camera": (model.EnvironmentCamera, "Pose"),
+    "Thin-lens camera": (model.ThinLensCamera, "Pose"),
+    "Realistic camera": (model.RealisticCamera, "Pose"),
+    "Circular aperture": (model.CircularAperture, None),
+    "Polygon aperture": (model.PolygonAperture, None),
+    "Focus": (model.Focus, None),
+    "Render": (model.RenderSettings, None),
+    "Picture": (model.Picture, None),
+    "Matte": (model.Matte, None),
+    "Mirror": (model.Mirror, None),
+    "Conductor": (model.Conductor, None),
+    "Dielectric": (model.Dielectric, None),
+    "Emissive": (model.Emissive, None),
+    "Checker": (model.Checker, None),
+    "Grid": (model.Grid, None),
+    "Sphere": (model.Sphere, "Every object"),
+    "Disk": (model.Disk, "Every object"),
+    "Rectangle": (model.Rectangle, "Every object"),
+    "Box": (model.Box, "Every object"),
+    "Cylinder": (model.Cylinder, "Every object"),
+    "Cone": (model.Cone, "Every object"),
+    "Plane": (model.Plane, "Every object"),
+    "Transform step": (model.TransformStep, None),
+    "Rotation": (model.Rotation, None),
+    "Point light": (model.PointLight, None),
+    "Directional light": (model.DirectionalLight, None),
+    "Constant environment": (model.ConstantEnvironment, None),
+    "Gradient environment": (model.GradientEnvironment, None),
+}
+BASES = {SceneModel, Pose, model.SceneObject, model.shape.BoundedObject}
+
+# Defaults that the reference describes in words.
+IN_WORDS = {"film", "render", "picture"}
+
+
+@pytest.fixture(scope="module")
+def reference() -> str:
+    return (Path(__file__).parents[2] / "docs" / "scene.md").read_text("utf-8")
+
+
+@pytest.fixture(scope="module")
+def tables(reference: str) -> dict[str, dict[str, list[str]]]:
+    """Rows of the reference by section and key: meaning, range and default."""
+    found: dict[str, dict[str, list[str]]] = {}
+    for title, body in re.findall(r"^#+ (.+)\n((?:(?!#).*\n|#!.*\n)*)", reference, re.MULTILINE):
+        rows = [
+            [cell.strip() for cell in line.strip("|").split("|")] for line in body.splitlines() if line[:3] == "| `"
+        ]
+        found[title] = {row[0].strip("`"): row[1:] for row in rows}
+    return found
+
+
+def subclasses(base: type[SceneModel]) -> set[type[SceneModel]]:
+    return {base}.union(*(subclasses(child) for child in base.__subclasses__()))
+
+
+def test_every_model_has_a_section() -> None:
+    assert {described for described, _ in SECTIONS.values()} == subclasses(SceneModel) - BASES
+
+
+@pytest.mark.parametrize("section", SECTIONS)
+def test_reference_lists_every_key_with_default_and_bounds(
+    tables: dict[str, dict[str, list[str]]], section: str
+) -> None:
+    described, shared = SECTIONS[section]
+    rows = (tables[shared] if shared else {}) | tables[section]
+    assert rows.keys() == described.model_fields.keys()
+    schema = described.model_json_schema()
+    for key, field in described.model_fields.items():
+        _, span, default = rows[key]
+        if field.is_required():
+            assert default == "required", key
+        elif key not in IN_WORDS and (section, key) != ("Gradient environment", "up"):
+            assert default.split(":")[0].strip("`{") == written(field.default).strip("`{"), key
+        assert all(bound in span for bound in bounds(schema["properties"][key])), (key, span)
+
+
+def written(default: Any) -> str:
+    """Return a default as the reference writes it."""
+    if default is None:
+        return "none"
+    if isinstance(default, bool):
+        return str(default).lower()
+    if isinstance(default, tuple):
+        return str(list(default))
+    return "shape" if isinstance(default, SceneModel) else str(default)
+
+
+def bounds(schema: dict[str, Any]) -> set[str]:
+    """Return the bounds and choices of a key as the reference writes them; those of points are said once."""
+    found = {f"`{choice}`" for choice in schema.get("enum", [])}
+    if "const" in schema and "default" in schema:
+        found.add(f"`{schema['const']}`")
+    for name in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum"):
+        if name in schema:
+            bound = schema[name]
+            found.add(str(bound) if isinstance(bound, int) else f"{bound:g}")
+    if len(schema.get("prefixItems", [])) != 3:
+        for part in [*schema.get("anyOf", []), *schema.get("prefixItems", [])]:
+            found |= bounds(part)
+    return found
+
+
+def test_examples_of_the_reference_are_scenes(reference: str) -> None:
+    examples = [text for text in re.findall(r"```yaml\n(.*?)```", reference, re.DOTALL) if "camera" in text]
+    assert examples
+    for text in examples:
+        load_scene(yaml.safe_load(text))
+
+
+def test_published_schema_is_current(checkout: Path) -> None:
+    published = json.loads((checkout / "docs" / "scene.schema.json").read_text("utf-8"))
+    assert published == scene_json_schema(), "run: rptcam schema > docs/scene.schema.json"
+
+
+def test_every_key_of_the_schema_is_described() -> None:
+    for name, part in scene_json_schema()["$defs"].items():
+        for key, schema in part["properties"].items():
+            assert schema.get("description") or "$ref" in schema, f"{name}.{key}"
