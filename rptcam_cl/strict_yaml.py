@@ -65,7 +65,9 @@ class Document:
         return self._keys.get(path) or self.mark(path)
 
     def where(self, path: KeyPath) -> str:
-        """Return ``FILE:LINE:COL`` of the value at a key path."""
+        """Return ``FILE:LINE:COL`` of the value at a key path; only the name for data that no file holds."""
+        if not self._values:
+            return self.name
         line, column = self.mark(path)
         return f"{self.name}:{line}:{column}"
 
