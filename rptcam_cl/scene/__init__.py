@@ -10,6 +10,7 @@ from rptcam_cl.scene.camera import (
     RealisticCamera,
     ThinLensCamera,
 )
+from rptcam_cl.scene.change import change_scene
 from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight
@@ -61,6 +62,7 @@ __all__ = [
     "Sphere",
     "ThinLensCamera",
     "TransformStep",
+    "change_scene",
     "load_scene",
     "scene_json_schema",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
@@ -77,10 +77,6 @@ class SceneModel(BaseModel):
         if rules:
             target["allOf"] = rules
         return described
-
-    def replaced(self, **changes: Any) -> Self:
-        """Return a copy with some fields changed, validated anew."""
-        return type(self).model_validate({name: getattr(self, name) for name in self.model_fields_set} | changes)
 
 
 def _check_alternatives(group: Alternatives, data: dict[str, Any]) -> None:

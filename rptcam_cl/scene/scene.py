@@ -98,12 +98,6 @@ class Scene(SceneModel):
         """What is allowed but probably not meant, one sentence each."""
         return scene_warnings(self.camera, self.film, self.objects, self.lights, self.environment)
 
-    def replaced(self, **changes: Any) -> Self:
-        """Return a copy with some fields changed, validated anew, that reads files from the same folders."""
-        copy = super().replaced(**changes)
-        copy._folders = self._folders
-        return copy
-
     def lens_source(self) -> str | Path | dict[str, Any] | None:
         """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""
         if not isinstance(self.camera, RealisticCamera):

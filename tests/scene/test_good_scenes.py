@@ -117,16 +117,6 @@ def test_given_mapping_stays_as_it_was() -> None:
     assert data == read_yaml(SMALL).data
 
 
-def test_replaced_makes_a_checked_copy(tmp_path: Path, load: Load) -> None:
-    scene = load(SMALL)
-    wide = scene.replaced(film=scene.film.replaced(resolution=(1000, 100)))
-    assert wide.film.resolution == (1000, 100)
-    assert scene.film.resolution == (640, 360)
-    assert wide.base_dir == tmp_path
-    with pytest.raises(ValidationError):
-        scene.film.replaced(resolution=(0, 100))
-
-
 @pytest.mark.parametrize(
     "override", ["render.spp=3", "picture.ev=2", "objects.0.name=thing", "materials.unused={kind: mirror}"]
 )

@@ -1,0 +1,46 @@
+"""Changes to a scene that is loaded already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from pydantic import ValidationError
+
+from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.problems import input_error
+from rptcam_cl.scene.scene import Scene
+
+
+def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:
+    """Return a copy of a scene with some keys of its parts changed, checked anew.
+
+    ``change_scene(scene, render={"spp": 16}, film={"resolution": (320, 180)})``. Objects and materials stay the
+    same instances.
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene, which stays as it is.
+    **parts : mapping
+        New values of keys, by the name of the part that has them: `film`, `render`, `picture` or `camera`.
+
+    Raises
+    ------
+    InputError
+        When the changed scene is not valid.
+    """
+    data = _fields(scene)
+    for name, changes in parts.items():
+        data[name] = _fields(getattr(scene, name)) | dict(changes)
+    try:
+        changed = Scene.model_validate(data)
+    except ValidationError as problem:
+        raise input_error(problem, data, lambda path, at_key: "") from None
+    changed._folders = scene._folders
+    return changed
+
+
+def _fields(part: SceneModel) -> dict[str, Any]:
+    """Return the keys that were given to a part of a scene."""
+    return {name: getattr(part, name) for name in part.model_fields_set}
