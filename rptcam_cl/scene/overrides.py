@@ -33,7 +33,9 @@ def apply_overrides(data: dict[Any, Any], overrides: Iterable[str]) -> dict[KeyP
         path, value = _parse(text)
         parent = _parent(data, path, text)
         _assign(parent, path, value, text)
-        labels[path] = text
+        # An entry taken out of a list moves the others away from their places in the file.
+        moved = isinstance(parent, list) and value is None
+        labels[path[:-1] if moved else path] = text
     return labels
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
@@ -25,7 +25,6 @@ _COMPARISONS = {
     "less_than": ("lt", "less than"),
     "less_than_equal": ("le", "at most"),
 }
-
 _WRONG_TYPE = {
     "bool_type": "true or false",
     "string_type": "text",
@@ -34,6 +33,16 @@ _WRONG_TYPE = {
     "dict_type": "a mapping",
     "model_attributes_type": "a mapping",
 }
+_TOO_LONG = {"too_long": "entries", "string_too_long": "letters"}
+
+
+class _Finding(NamedTuple):
+    """What an error says: the problem, what was given, what is allowed, and whether to point at the key itself."""
+
+    problem: str
+    got: str = ""
+    allowed: str = ""
+    at_key: bool = False
 
 
 def input_error(error: ValidationError, data: Any, where: Where) -> InputError:
@@ -64,10 +73,10 @@ def _line(item: Any, data: Any, where: Where) -> str:
         path, value = (*path, key), _child(value, key)
     if item["type"] in ("union_tag_invalid", "union_tag_not_found"):
         path, value = (*path, _tag_key(context["discriminator"])), context.get("tag")
-    problem, got, allowed, at_key = _explain(item["type"], item["msg"], context, value)
-    details = "; ".join(part for part in (got, allowed and f"allowed: {allowed}") if part)
+    found = _explain(item["type"], item["msg"], context, value)
+    details = "; ".join(part for part in (found.got, found.allowed and f"allowed: {found.allowed}") if part)
     subject = f"{dotted(path)}: " if path else ""
-    return f"{where(path, at_key)}{subject}{problem}" + (f" ({details})" if details else "")
+    return f"{where(path, found.at_key)}{subject}{found.problem}" + (f" ({details})" if details else "")
 
 
 def _tag_key(discriminator: str) -> str:
@@ -105,31 +114,26 @@ def _child(value: Any, key: str | int) -> Any:
     return None
 
 
-def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> tuple[str, str, str, bool]:
-    """Return problem, what was given, what is allowed, and whether the key itself is the place to point at."""
-    got = f"got {shown(value)}"
+def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _Finding:
+    """Return what to say of an error of pydantic's."""
+    got = f"got {shown(context.get('got', value))}"
     if kind == REFUSED:
-        given = f"got {shown(context['got'])}" if "got" in context else got
-        return context["problem"], given, context["allowed"], context["problem"].startswith("unknown key")
+        problem = context["problem"]
+        return _Finding(problem, got, context["allowed"], at_key=problem.startswith("unknown key"))
     if kind in _COMPARISONS:
         name, words = _COMPARISONS[kind]
-        return "is out of range", got, f"{words} {shown(context[name])}", False
+        return _Finding("is out of range", got, f"{words} {shown(context[name])}")
     if kind in ("missing", "union_tag_not_found"):
-        return "is required but missing", "", "", True
+        return _Finding("is required but missing", at_key=True)
     if kind in ("literal_error", "union_tag_invalid"):
         names = _QUOTED.findall(str(context.get("expected", context.get("expected_tags"))))
         choices = [name for name in names if name != CONSTANT]
-        return f"is not a known choice{near_name(value, choices)}", got, listed(choices), False
-    if kind in ("too_long", "string_too_long"):
-        return (
-            "is too long",
-            got,
-            f"at most {context['max_length']} {'entries' if kind == 'too_long' else 'letters'}",
-            False,
-        )
+        return _Finding(f"is not a known choice{near_name(value, choices)}", got, listed(choices))
+    if kind in _TOO_LONG:
+        return _Finding("is too long", got, f"at most {context['max_length']} {_TOO_LONG[kind]}")
     if kind in _WRONG_TYPE:
-        return f"must be {_WRONG_TYPE[kind]}", got, "", False
-    return message[:1].lower() + message[1:], got, "", False
+        return _Finding(f"must be {_WRONG_TYPE[kind]}", got)
+    return _Finding(message[:1].lower() + message[1:], got)
 
 
 def shown(value: Any) -> str:

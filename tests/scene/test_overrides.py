@@ -49,6 +49,11 @@ def test_null_leaves_the_excluded_key_alone(load: Load) -> None:
     assert camera.f_number == 4
 
 
+def test_error_after_a_removed_entry_names_the_removal(load: Load) -> None:
+    with pytest.raises(InputError, match=r"^--set objects\.0=null: objects\[0\]\.radius: is out of range \(got -8"):
+        load(EVERYTHING.replace("radius: 8", "radius: -8"), "objects.0=null")
+
+
 @pytest.mark.parametrize(
     ("override", "message"),
     [
