@@ -13,9 +13,9 @@ from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices
 from rptcam_cl.imaging import Image
 from rptcam_cl.optics import load_lens
 from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.scene import Scene, load_scene
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
-from rptcam_cl.scene import Scene, load_scene
 
 __all__ = ["Image", "Progress", "Scene", "choose_device", "devices", "load_lens", "load_scene", "render"]
 

@@ -65,12 +65,8 @@ MATERIAL = Record(
         ("float4", "mapping"),  # scale u, v and offset u, v of a texture
         ("int", "kind"),
         ("int", "texture"),
-        ("float", "parameter"),  # GGX alpha, or index of refraction
+        ("float", "parameter"),  # GGX alpha; index of refraction; 1 if an emissive material shines on both sides
         ("float", "line_width"),
-        ("int", "two_sided"),
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
-        ("int", "reserved_2"),
     ),
 )
 
@@ -226,7 +222,9 @@ def device_declarations() -> str:
     """OpenCL C text with every record, kind and path field, for the head of a program."""
     lines = [record.typedef for record in RECORDS]
     lines += _constants("KIND", Kind) + _constants("MATERIAL", MaterialKind) + _constants("TEXTURE", TextureKind)
-    lines += _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)
+    lines += (
+        _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)
+    )
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(PATH_FIELDS + LIGHT_FIELDS)]
     return "\n".join(lines) + "\n"

@@ -59,21 +59,29 @@ typedef uint16  U;
 
 #if VW > 1
 #define NOT(m)    (~(m))
-#ifdef MASK_BITS
-#define ANY(m)    (MASK_BITS(m) != 0u)
-#define COUNT(m)  ((uint)__builtin_popcount(MASK_BITS(m)))
-#else
-#define ANY(m)    any(m)
-#define COUNT(m)  count_lanes(m)
-static uint count_lanes(I m)
+#ifndef MASK_BITS
+#define MASK_BITS(m) mask_bits(m)
+static uint mask_bits(I m)
 {
-    uint n = 0u;
     const int *lane = (const int *)&m;
+    uint bits = 0u;
     for (int i = 0; i < VW; ++i)
-        n += lane[i] != 0;
-    return n;
+        bits |= lane[i] != 0 ? 1u << i : 0u;
+    return bits;
 }
 #endif
+#define ANY(m)    (MASK_BITS(m) != 0u)
+#define COUNT(m)  ((uint)popcount(MASK_BITS(m)))
+
+// The value of the first true lane.
+static int first_of(I values, I m)
+{
+    uint bits = MASK_BITS(m);
+    const int *lane = (const int *)&values;
+    return lane[31u - clz(bits & (0u - bits))];
+}
+#else
+static int first_of(I values, I m) { return values; }
 #endif
 
 #define FALSE     ((I)(0))

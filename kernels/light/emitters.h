@@ -13,6 +13,11 @@ typedef struct {
     I  primitive;   // the emitter's primitive or NO_PRIMITIVE
 } LightSample;
 
+#if ONE_EMITTER
+#define OF_EMITTER(T, member) ((T)(es->member))
+#else
+#define OF_EMITTER(T, member) GATHER(T, es, e, .member)
+
 static I pick_emitter(const __global Emitter *es, int count, F u)
 {
     F scaled = u * (float)count;
@@ -20,26 +25,27 @@ static I pick_emitter(const __global Emitter *es, int count, F u)
     F rest = scaled - TO_F(i);
     return rest < GATHER(F, es, i, .alias_keep) ? i : GATHER(I, es, i, .alias_other);
 }
+#endif
 
 static F3 gather_a(const __global Emitter *es, I e)
 {
-    return f3(GATHER(F, es, e, .a.x), GATHER(F, es, e, .a.y), GATHER(F, es, e, .a.z));
+    return f3(OF_EMITTER(F, a.x), OF_EMITTER(F, a.y), OF_EMITTER(F, a.z));
 }
 
 static F3 gather_normal(const __global Emitter *es, I e)
 {
-    return f3(GATHER(F, es, e, .normal.x), GATHER(F, es, e, .normal.y), GATHER(F, es, e, .normal.z));
+    return f3(OF_EMITTER(F, normal.x), OF_EMITTER(F, normal.y), OF_EMITTER(F, normal.z));
 }
 
 // Density, over the solid angle seen from `o`, with which sample_emitter would have chosen the point that a ray along `d`
 // met at distance t with cosine `cos_there` on the emitter.
 static F emitter_pdf(const __global Emitter *es, I e, F3 o, F t, F cos_there)
 {
-    F pick = GATHER(F, es, e, .pick);
-    F extent = GATHER(F, es, e, .a.w);
+    F pick = OF_EMITTER(F, pick);
+    F extent = OF_EMITTER(F, a.w);
     F pdf = pick * t * t / (extent * MAX(cos_there, (F)(1e-20f)));
 #if EMITTER_SPHERES
-    I sphere = GATHER(I, es, e, .kind) == EMITTER_SPHERE;
+    I sphere = OF_EMITTER(I, kind) == EMITTER_SPHERE;
     F3 to_centre = sub(gather_a(es, e), o);
     F sin2 = extent * extent / dot3(to_centre, to_centre);
     F cone = 2.0f * PI_F * sin2 / (1.0f + root(1.0f - sin2));
@@ -50,20 +56,24 @@ static F emitter_pdf(const __global Emitter *es, I e, F3 o, F t, F cos_there)
 
 static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F pick_u, F u, F v)
 {
-    I e = count == 1 ? FALSE : pick_emitter(es, count, pick_u);
-    I kind = GATHER(I, es, e, .kind);
-    F pick = GATHER(F, es, e, .pick);
-    F extent = GATHER(F, es, e, .a.w);
+#if ONE_EMITTER
+    I e = FALSE;
+#else
+    I e = pick_emitter(es, count, pick_u);
+#endif
+    I kind = OF_EMITTER(I, kind);
+    F pick = OF_EMITTER(F, pick);
+    F extent = OF_EMITTER(F, a.w);
     F3 a = gather_a(es, e);
     LightSample s;
-    s.primitive = GATHER(I, es, e, .primitive);
-    s.radiance = f3(GATHER(F, es, e, .radiance.x), GATHER(F, es, e, .radiance.y), GATHER(F, es, e, .radiance.z));
+    s.primitive = OF_EMITTER(I, primitive);
+    s.radiance = f3(OF_EMITTER(F, radiance.x), OF_EMITTER(F, radiance.y), OF_EMITTER(F, radiance.z));
     F3 to = sub(a, p);
     F weight = ZERO;
     s.pdf = ZERO;
 #if EMITTER_FLATS
-    F3 bu = f3(GATHER(F, es, e, .u.x), GATHER(F, es, e, .u.y), GATHER(F, es, e, .u.z));
-    F3 bv = f3(GATHER(F, es, e, .v.x), GATHER(F, es, e, .v.y), GATHER(F, es, e, .v.z));
+    F3 bu = f3(OF_EMITTER(F, u.x), OF_EMITTER(F, u.y), OF_EMITTER(F, u.z));
+    F3 bv = f3(OF_EMITTER(F, v.x), OF_EMITTER(F, v.y), OF_EMITTER(F, v.z));
     F x = u;
     F y = v;
 #if EMITTER_DISKS
@@ -85,7 +95,7 @@ static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F
     s.reach = distance;
 #if EMITTER_FLATS
     F cos_there = -dot3(gather_normal(es, e), s.direction);
-    I two_sided = GATHER(I, es, e, .two_sided) != 0;
+    I two_sided = OF_EMITTER(I, two_sided) != 0;
     cos_there = two_sided ? absolute(cos_there) : cos_there;
     I faces = flat & (cos_there > 0.0f);
     s.pdf = faces ? pick * d2 / (extent * cos_there) : s.pdf;

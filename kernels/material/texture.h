@@ -3,32 +3,27 @@
 #define TEXTURE_H
 #include "common/records.h"
 
-static F3 gather_color(const __global Material *ms, I m)
+static F3 reflectance_at(const __global Material *material, F u, F v)
 {
-    return f3(GATHER(F, ms, m, .color.x), GATHER(F, ms, m, .color.y), GATHER(F, ms, m, .color.z));
-}
-
-static F3 reflectance_at(const __global Material *ms, I m, F u, F v)
-{
-    F3 color = gather_color(ms, m);
+    F3 color = f3_of(material->color);
 #if HAS_TEXTURE
-    I kind = GATHER(I, ms, m, .texture);
-    if (ANY(kind != TEXTURE_CONSTANT)) {
-        F x = u * GATHER(F, ms, m, .mapping.x) + GATHER(F, ms, m, .mapping.z);
-        F y = v * GATHER(F, ms, m, .mapping.y) + GATHER(F, ms, m, .mapping.w);
+    if (material->texture != TEXTURE_CONSTANT) {
+        F x = u * material->mapping.x + material->mapping.z;
+        F y = v * material->mapping.y + material->mapping.w;
         F cell_x = floor(x);
         F cell_y = floor(y);
-        F3 other = f3(GATHER(F, ms, m, .other.x), GATHER(F, ms, m, .other.y), GATHER(F, ms, m, .other.z));
         I second = FALSE;
 #if HAS_CHECKER
-        F half_sum = 0.5f * (cell_x + cell_y);
-        second |= (kind == TEXTURE_CHECKER) & (half_sum != floor(half_sum));
+        if (material->texture == TEXTURE_CHECKER) {
+            F half_sum = 0.5f * (cell_x + cell_y);
+            second = half_sum != floor(half_sum);
+        }
 #endif
 #if HAS_GRID
-        F width = GATHER(F, ms, m, .line_width);
-        second |= (kind == TEXTURE_GRID) & ((x - cell_x < width) | (y - cell_y < width));
+        if (material->texture == TEXTURE_GRID)
+            second = (x - cell_x < material->line_width) | (y - cell_y < material->line_width);
 #endif
-        color = select3(second, other, color);
+        color = select3(second, f3_of(material->other), color);
     }
 #endif
     return color;

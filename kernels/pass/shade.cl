@@ -2,8 +2,7 @@
 // the shadow pass, then the next direction by sampling the BSDF, then Russian roulette.
 // Reads ray, HIT, T, throughput B, radiance L, PDF; writes the next ray, B, L, PDF, SELF and the shadow ray.
 // Facts: HAS_<material>, HAS_TEXTURE, HAS_EMITTERS, ENVIRONMENT.
-#include "geometry/surface_point.h"
-#include "material/texture.h"
+#include "material/vertex.h"
 #include "light/environment.h"
 #if HAS_EMITTERS
 #include "light/emitters.h"
@@ -48,25 +47,22 @@ __kernel void shade(const __global Primitive   *primitives,     // sorted by kin
         return;
     }
     ray.o = READ_F3(O, slot);
-    SurfacePoint point = surface_point(ray, hit, t, primitives, kind_end);
-    I m = GATHER(I, primitives, MAX(hit, FALSE), .material);
-    I kind = GATHER(I, materials, m, .kind);
-    F cos_i = -dot3(point.n, ray.d);
+    Vertex vertex = vertex_of(primitives, kind_end, materials, hit, along(ray.o, ray.d, t));
+    F cos_i = -dot3(vertex.n, ray.d);
 #if HAS_EMISSIVE
-    I lamp = on & (kind == MATERIAL_EMISSIVE);
+    I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
     if (ANY(lamp)) {
-        I shines = lamp & ((cos_i > 0.0f) | (GATHER(I, materials, m, .two_sided) != 0));
+        I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
         F weight = ONE;
 #if HAS_EMITTERS
         F pdf = READ_F(PDF, slot);
-        I e = GATHER(I, primitives, MAX(hit, FALSE), .emitter);
-        I rival = shines & (pdf > 0.0f) & (e >= 0);                     // light sampling could have met this point too
+        I rival = shines & (pdf > 0.0f) & (vertex.emitter >= 0);        // light sampling could have met this point too
         if (ANY(rival)) {
-            F other = emitter_pdf(emitters, MAX(e, FALSE), ray.o, t, absolute(cos_i));
+            F other = emitter_pdf(emitters, MAX(vertex.emitter, FALSE), ray.o, t, absolute(cos_i));
             weight = rival ? pdf * pdf / (pdf * pdf + other * other) : weight;
         }
 #endif
-        radiance = add(radiance, keep3(shines, scale(mul(beta, gather_color(materials, m)), weight)));
+        radiance = add(radiance, keep3(shines, scale(mul(beta, vertex.color), weight)));
         gained |= shines;
         on = on & NOT(lamp);
     }
@@ -79,17 +75,16 @@ __kernel void shade(const __global Primitive   *primitives,     // sorted by kin
     }
     Lane lane = lane_of(slot, wave);
     F4 u = random4(lane.pixel, lane.sample, 2u * depth.edge, wave.seed);
-    F3 color = reflectance_at(materials, m, point.u, point.v);
 #if HAS_EMITTERS
     F4 w = random4(lane.pixel, lane.sample, 2u * depth.edge + 1u, wave.seed);
-    LightSample light = sample_emitter(emitters, depth.emitters, point.p, w.a, w.b, w.c);
+    LightSample light = sample_emitter(emitters, depth.emitters, vertex.p, w.a, w.b, w.c);
     F rival_pdf;
-    F3 through = mul(beta, scatter_eval(kind, materials, m, color, point.n, ray.d, light.direction, &rival_pdf));
+    F3 through = mul(beta, scatter_eval(vertex, ray.d, light.direction, &rival_pdf));
     F mis = light.pdf > 0.0f ? light.pdf * light.pdf / (light.pdf * light.pdf + rival_pdf * rival_pdf) : ONE;
     F3 direct = scale(mul(through, light.radiance), mis);
     I lit = on & (max3(direct) > 0.0f) & (light.reach > 0.0f);
     if (ANY(lit)) {
-        WRITE_F3(O, slot, point.p);
+        WRITE_F3(O, slot, vertex.p);
         WRITE_I(FROM, slot, hit);
         WRITE_F3(W, slot, light.direction);
         WRITE_F3(C, slot, direct);
@@ -97,7 +92,7 @@ __kernel void shade(const __global Primitive   *primitives,     // sorted by kin
         WRITE_F(REACH, slot, lit ? light.reach : ZERO);
     }
 #endif
-    Scattered next = scatter_sample(kind, materials, m, color, point.n, ray.d, u.a, u.b, u.c);
+    Scattered next = scatter_sample(vertex, ray.d, u.a, u.b, u.c);
     beta = mul(beta, next.weight);
     on = on & (max3(beta) > 0.0f);
     if (depth.roulette_edge > 0 && depth.edge >= depth.roulette_edge) {
@@ -108,7 +103,7 @@ __kernel void shade(const __global Primitive   *primitives,     // sorted by kin
     WRITE_I(SELF, slot, on ? hit : (I)(PATH_ENDED));
     if (!ANY(on))
         return;
-    WRITE_F3(O, slot, point.p);
+    WRITE_F3(O, slot, vertex.p);
     WRITE_F3(D, slot, next.direction);
     WRITE_F3(B, slot, beta);
 #if HAS_EMITTERS

@@ -48,7 +48,10 @@ def _expand(name: str, facts: Mapping[str, int | str], seen: set[str], lines: li
 
 def is_pocl_on_avx2(device: Any) -> bool:
     """Whether the device is PoCL on an x86-64 processor with AVX2 and without AVX-512."""
-    if "portable computing language" not in device.platform.name.lower() or platform.machine() not in ("x86_64", "AMD64"):
+    if "portable computing language" not in device.platform.name.lower() or platform.machine() not in (
+        "x86_64",
+        "AMD64",
+    ):
         return False
     try:
         flags = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split()
@@ -84,7 +87,9 @@ class Program:
 
         self.identity = hashlib.sha256(source.encode()).hexdigest()
         try:
-            self.handle = cl.Program(context, source).build(options=list(BUILD_OPTIONS), devices=[device], cache_dir=False)
+            self.handle = cl.Program(context, source).build(
+                options=list(BUILD_OPTIONS), devices=[device], cache_dir=False
+            )
         except cl.RuntimeError as error:
             raise DeviceError(_build_failure(source, str(error), self.identity)) from error
 

@@ -77,7 +77,9 @@ class Session:
         import pyopencl as cl
 
         flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
-        return self._allocated(lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes)
+        return self._allocated(
+            lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes
+        )
 
     def allocate(self, nbytes: int, *, zeroed: bool = False) -> Any:
         """Return a read-write buffer of ``nbytes``, optionally filled with zeros."""

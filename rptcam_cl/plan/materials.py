@@ -59,7 +59,7 @@ def _fill(record: np.void, material: Material) -> None:
             record["parameter"] = material.index
         case Emissive():
             record["color"][:3] = material.radiance
-            record["two_sided"] = material.two_sided
+            record["parameter"] = material.two_sided
         case Matte() | Mirror() | Conductor():
             _fill_texture(record, material.reflectance)
             if isinstance(material, Conductor):

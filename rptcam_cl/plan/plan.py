@@ -62,6 +62,7 @@ def make_plan(scene: Scene) -> Plan:
         "HAS_GRID": int(TextureKind.GRID in textures),
         "HAS_TEXTURE": int(bool(textures - {TextureKind.CONSTANT})),
         "HAS_EMITTERS": int(emitters.count > 0),
+        "ONE_EMITTER": int(emitters.count == 1),
         "EMITTER_FLATS": int(bool(emitters.kinds & {EmitterKind.RECTANGLE, EmitterKind.DISK})),
         "EMITTER_DISKS": int(EmitterKind.DISK in emitters.kinds),
         "EMITTER_SPHERES": int(EmitterKind.SPHERE in emitters.kinds),

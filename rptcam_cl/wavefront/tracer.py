@@ -17,8 +17,8 @@ from rptcam_cl.device.session import Launch
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan
 from rptcam_cl.records import DEPTH, WAVE, RayStatus, device_declarations, path_fields
-from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
 from rptcam_cl.scene.sampling import RenderSettings
+from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
 
 WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
 GROUP = {"cpu": 16, "gpu": 64}  # work items per group

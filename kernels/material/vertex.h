@@ -1,0 +1,45 @@
+// A vertex of a path: where it is and what it is made of. Neighbouring lanes mostly hit the same primitive, so the lanes
+// are taken primitive by primitive: its records are then the same for all, and read once instead of gathered per lane.
+#ifndef VERTEX_H
+#define VERTEX_H
+#include "geometry/surface_point.h"
+#include "material/texture.h"
+
+typedef struct {
+    F3 p, n;        // position and outward unit normal
+    F3 color;       // reflectance, or radiance of an emissive material
+    F  parameter;   // GGX alpha; index of refraction; of an emissive material whether it shines on both sides
+    I  kind;        // MATERIAL_…
+    I  emitter;     // index of the emitter that light sampling chooses for this primitive, or -1
+} Vertex;
+
+static Vertex vertex_of(const __global Primitive *primitives, const __global int *kind_end,
+                        const __global Material *materials, I hit, F3 p)
+{
+    Vertex vertex;
+    vertex.p = p;
+    vertex.n = f3(ZERO, ZERO, ONE);
+    vertex.color = f3(ZERO, ZERO, ZERO);
+    vertex.parameter = ONE;
+    vertex.kind = (I)(-1);
+    vertex.emitter = (I)(-1);
+    I rest = hit >= 0;
+    while (ANY(rest)) {
+        int index = first_of(hit, rest);
+        I mine = hit == index;
+        const __global Material *material = materials + primitives[index].material;
+        SurfacePoint point = surface_point(primitives, index, kind_end, p);
+        vertex.p = select3(mine, point.p, vertex.p);
+        vertex.n = select3(mine, point.n, vertex.n);
+        vertex.color = select3(mine, reflectance_at(material, point.u, point.v), vertex.color);
+        vertex.parameter = mine ? (F)(material->parameter) : vertex.parameter;
+        vertex.kind = mine ? (I)(material->kind) : vertex.kind;
+#if HAS_EMITTERS
+        vertex.emitter = mine ? (I)(primitives[index].emitter) : vertex.emitter;
+#endif
+        rest = rest & NOT(mine);
+    }
+    return vertex;
+}
+
+#endif
