@@ -134,17 +134,16 @@ WAVE = Record(
     ),
 )
 
-DEPTH = Record(
-    "Depth",
+LIMITS = Record(
+    "Limits",
     (
-        ("uint", "edge"),  # edges of the path so far, the camera's included
-        ("uint", "max_edges"),
-        ("uint", "roulette_edge"),  # 0: never
+        ("uint", "max_edges"),  # of a path, the camera's included
+        ("uint", "roulette_edge"),  # from which on Russian roulette may end a path; 0: never
         ("int", "emitters"),
     ),
 )
 
-RECORDS = (PRIMITIVE, MATERIAL, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, DEPTH)
+RECORDS = (PRIMITIVE, MATERIAL, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS)
 
 
 class Kind(IntEnum):
@@ -205,12 +204,19 @@ class RayStatus(IntEnum):
     TOTAL_INTERNAL_REFLECTION = 3
 
 
-PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "SELF", "HIT", "T")
-LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", "WX", "WY", "WZ", "CX", "CY", "CZ")
+CAMERA_RAY_FIELDS = ("SELF", "OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ")
+PATH_FIELDS = (*CAMERA_RAY_FIELDS, "LX", "LY", "LZ", "HIT", "T")
+SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
+LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 
 
-def path_fields(*, emitters: bool) -> tuple[str, ...]:
-    """Names of the arrays of the path state; those of light sampling only where the scene has emitters to sample."""
+def path_fields(*, stream: bool, emitters: bool) -> tuple[str, ...]:
+    """Return the arrays of the path state that a render needs.
+
+    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample.
+    """
+    if stream:
+        return CAMERA_RAY_FIELDS
     return PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS
 
 

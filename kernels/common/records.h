@@ -1,18 +1,8 @@
-// Records shared with the host; the typedefs (Primitive, Material, Emitter, Surface, Camera) and the indices of the path
-// state (PATH_OX …) are derived from rptcam_cl/records.py and stand in front of this program.
+// Records shared with the host; the typedefs (Primitive, Material, Camera …) and the indices of the path state
+// (PATH_OX …) are derived from rptcam_cl/records.py and stand in front of this program.
 #ifndef RECORDS_H
 #define RECORDS_H
 #include "common/math.h"
-
-// Path state is one array per field, each `capacity` slots long; a slot is one path in flight.
-#define FIELD(name)             (state + (size_t)PATH_##name * capacity)
-#define READ_F(name, slot)      LOAD_F(FIELD(name), slot)
-#define READ_I(name, slot)      AS_I(LOAD_F(FIELD(name), slot))
-#define READ_F3(name, slot)     f3(READ_F(name##X, slot), READ_F(name##Y, slot), READ_F(name##Z, slot))
-#define WRITE_F(name, slot, v)  STORE_F(FIELD(name), slot, v)
-#define WRITE_I(name, slot, v)  STORE_F(FIELD(name), slot, AS_F(v))
-#define WRITE_F3(name, slot, v) \
-    do { WRITE_F(name##X, slot, (v).x); WRITE_F(name##Y, slot, (v).y); WRITE_F(name##Z, slot, (v).z); } while (0)
 
 // What a path's last-touched primitive may be besides an index.
 #define NO_PRIMITIVE   (-1)

@@ -1,6 +1,8 @@
-// Starts a wave of paths: one camera ray per slot. Writes the ray, throughput B, SELF, and clears L, PDF and REACH; counts
-// the rays by what became of them in the lens. Facts: CAMERA_FILE, HAS_EMITTERS.
+// Starts a wave of paths: one camera ray per slot. Writes the ray, throughput B, SELF, and, unless a stream
+// follows, clears L, PDF and REACH; counts
+// the rays by what became of them in the lens. Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS.
 #include CAMERA_FILE
+#include "integrator/state.h"
 
 __kernel void generate(const __global Camera  *camera,
                        const __global float   *tables,     // pupil circles of a lens camera
@@ -12,7 +14,7 @@ __kernel void generate(const __global Camera  *camera,
 {
     uint slot = get_global_id(0) * VW;
     Lane lane = lane_of(slot, wave);
-    F4 u = random4(lane.pixel, lane.sample, 0u, wave.seed);
+    F4 u = random4(lane.pixel, lane.sample, (U)(0u), wave.seed);
     CameraRay ray = camera_ray(lane, u, camera, tables, surfaces);
     I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
@@ -22,11 +24,13 @@ __kernel void generate(const __global Camera  *camera,
             atomic_add(outcomes + status, n);
     }
 #endif
-    WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
+#if !STREAM
+    WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if HAS_EMITTERS
     WRITE_F(REACH, slot, ZERO);
     WRITE_F(PDF, slot, ZERO);
+#endif
 #endif
     if (!ANY(alive))
         return;

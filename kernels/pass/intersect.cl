@@ -1,5 +1,6 @@
 // Finds what each path's ray meets first. Reads ray and SELF; writes HIT and T. Packs without a living path are skipped.
 #include "geometry/primitives.h"
+#include "integrator/state.h"
 
 __kernel void intersect(const __global Primitive *primitives,   // sorted by kind
                         const __global int       *kind_end,     // end of each kind in `primitives`

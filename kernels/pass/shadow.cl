@@ -1,5 +1,6 @@
-// Adds the light samples that nothing blocks. Reads the shadow ray (O, FROM, W, REACH, TARGET, C); adds to radiance L.
+// Adds the light samples that nothing blocks. Reads the shadow ray (FROM, S, W, REACH, TARGET, C); adds to radiance L.
 #include "geometry/primitives.h"
+#include "integrator/state.h"
 
 __kernel void shadow(const __global Primitive *primitives,   // sorted by kind
                      const __global int       *kind_end,     // end of each kind in `primitives`
@@ -13,7 +14,7 @@ __kernel void shadow(const __global Primitive *primitives,   // sorted by kind
         return;
     Ray ray;
     ray.self = READ_I(FROM, slot);
-    ray.o = READ_F3(O, slot);
+    ray.o = READ_F3(S, slot);
     ray.d = READ_F3(W, slot);
     I blocked = any_hit(ray, reach, READ_I(TARGET, slot), primitives, kind_end);
     I lit = wanted & NOT(blocked);

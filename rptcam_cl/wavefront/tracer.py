@@ -1,8 +1,14 @@
 """The wavefront path tracer: programs, buffers and the order of passes.
 
-A wave is a batch of paths in flight, one per slot. Each pass is one kernel over all slots:
-generate, then per edge of the path intersect, shade and shadow, then film. State stays in place: slots are never moved,
-and groups of slots without a living path are skipped.
+A wave is a batch of camera rays, one per slot, made by the pass generate. Two organisations take it to the film:
+
+passes
+    Per edge of the paths the kernels intersect, shade and shadow run over all slots, then film adds the radiances. State
+    lives in memory and stays in place; groups of slots without a living path are skipped.
+stream
+    One kernel carries a few neighbouring pixels through all samples of the wave, with the same steps; a lane whose path
+    has ended starts the next camera ray of its pixel. No state in memory, no idle lanes, three launches fewer per edge.
+    Measured on two CPU cores: 1.5 to 2 times the passes.
 """
 
 from __future__ import annotations
@@ -16,12 +22,14 @@ from rptcam_cl.device import Session
 from rptcam_cl.device.session import Launch
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan
-from rptcam_cl.records import DEPTH, WAVE, RayStatus, device_declarations, path_fields
+from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, path_fields
 from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
 
 WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
+STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
 GROUP = {"cpu": 16, "gpu": 64}  # work items per group
+ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 MEMORY_SHARE = 0.8  # of the device's memory that a render may plan to use
 
 
@@ -40,6 +48,8 @@ class Wavefront:
         Depth, roulette and seed.
     wave_size
         Slots of a wave; rounded to a multiple of 256. The film does not depend on it.
+    organisation
+        "stream" or "passes"; by default what suits the device.
 
     Raises
     ------
@@ -54,20 +64,25 @@ class Wavefront:
         layout: FilmLayout,
         settings: RenderSettings,
         wave_size: int | None = None,
+        organisation: str | None = None,
     ) -> None:
         self.session = session
         self.layout = layout
         self.settings = settings
+        self.organisation = organisation or ORGANISATION[session.info.type]
         self._emitters = plan.emitters.count
-        wanted = wave_size or WAVE_SLOTS[session.info.type]
-        self._wave_pixels = min(max(wanted // BLOCK, 1) * BLOCK, layout.pixels)
-        self._wave_samples = max(wanted // layout.pixels, 1)
+        self._size_wave(wave_size or WAVE_SLOTS[session.info.type])
         self._group = GROUP[session.info.type]
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
         self._build(plan)
         self._allocate(plan)
         self._bind(plan)
+
+    def _size_wave(self, slots: int) -> None:
+        at_least = STREAM_SAMPLES if self.organisation == "stream" else 1
+        self._wave_pixels = min(max(slots // at_least // BLOCK, 1) * BLOCK, self.layout.pixels)
+        self._wave_samples = max(slots // self._wave_pixels, 1)
 
     @property
     def capacity(self) -> int:
@@ -78,19 +93,21 @@ class Wavefront:
         lanes = self.session.lanes
         self._lanes = {"trace": lanes, "camera": lanes * 2 if plan.camera.has_lens and lanes > 1 else lanes}
         declarations = device_declarations()
-        trace = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
+        passes = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
+        trace = ["pass/stream.cl"] if self.organisation == "stream" else passes
         self._trace = self.session.program(trace, plan.facts | {"VW": self._lanes["trace"]}, declarations)
         camera_facts: dict[str, int | str] = {
             **plan.camera.facts,
             "CAMERA_FILE": plan.camera.kernel,
             "CAMERA_HAS_LENS": int(plan.camera.has_lens),
             "HAS_EMITTERS": plan.facts["HAS_EMITTERS"],
+            "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }
         self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
 
     def _allocate(self, plan: Plan) -> None:
-        fields = len(path_fields(emitters=self._emitters > 0))
+        fields = len(path_fields(stream=self.organisation == "stream", emitters=self._emitters > 0))
         state_bytes = 4 * fields * self.capacity
         film_bytes = BYTES_PER_PIXEL * self.layout.pixels
         budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
@@ -117,33 +134,36 @@ class Wavefront:
     def _bind(self, plan: Plan) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
         scene = (self._primitives, self._kind_end)
+        shading = (*scene, self._materials, self._emitter_records, self._environment, self._state, capacity, empty)
+        pixels = np.uint32(self.layout.pixels)
         self._generate = session.bind(
             self._camera, "generate", self._camera_record, self._tables, self._surfaces, self._outcomes,
             self._state, capacity, empty,
         )  # fmt: skip
+        if self.organisation == "stream":
+            self._stream = session.bind(
+                self._trace, "stream", *shading, self._limits(), self._film, self._not_finite, pixels
+            )
+            return
         self._intersect = session.bind(self._trace, "intersect", *scene, self._state, capacity)
         self._shadow = session.bind(self._trace, "shadow", *scene, self._state, capacity)
         self._shade = [
-            session.bind(
-                self._trace, "shade", *scene, self._materials, self._emitter_records, self._environment,
-                self._state, capacity, empty, self._depth(edge),
-            )
+            session.bind(self._trace, "shade", *shading, self._limits(), np.uint32(edge))
             for edge in range(1, self.settings.max_depth + 1)
-        ]  # fmt: skip
+        ]
         self._develop = session.bind(
-            self._trace, "film", self._state, self._film, self._not_finite, empty, capacity,
-            np.uint32(self.layout.pixels),
-        )  # fmt: skip
+            self._trace, "film", self._state, self._film, self._not_finite, empty, capacity, pixels
+        )
 
-    def _depth(self, edge: int) -> bytes:
-        record = DEPTH.zeros(1)
-        record["edge"], record["max_edges"] = edge, self.settings.max_depth
-        record["roulette_edge"], record["emitters"] = self.settings.roulette_depth, self._emitters
+    def _limits(self) -> bytes:
+        record = LIMITS.zeros(1)
+        record["max_edges"], record["roulette_edge"] = self.settings.max_depth, self.settings.roulette_depth
+        record["emitters"] = self._emitters
         return record.tobytes()
 
     def warm_up(self) -> None:
         """Run a smallest wave through every pass, because PoCL generates code at the first launch; then clear the film."""
-        self._enqueue_wave(0, min(BLOCK, self._wave_pixels), 0, 1)
+        self.enqueue(0, min(BLOCK, self._wave_pixels), 0, 1)
         self.session.finish()
         self._events.clear()
         self.clear()
@@ -174,13 +194,14 @@ class Wavefront:
 
     def enqueue(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
         """Enqueue every pass of one wave."""
-        self._enqueue_wave(first_pixel, pixels, first_sample, samples)
-
-    def _enqueue_wave(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
         wave = self._wave_bytes(first_pixel, pixels, first_sample, samples)
         slots = pixels * samples
         self._generate.set(6, wave)
         self._run(self._generate, slots // self._lanes["camera"])
+        if self.organisation == "stream":
+            self._stream.set(7, wave)
+            self._run(self._stream, pixels // self._lanes["trace"])
+            return
         items = slots // self._lanes["trace"]
         for shade in self._shade:
             self._run(self._intersect, items)

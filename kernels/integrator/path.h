@@ -1,0 +1,146 @@
+// A path under way and what happens at one of its vertices. The passes of a wave and the stream share this code.
+#ifndef PATH_H
+#define PATH_H
+#include "common/rng.h"
+#include "material/scatter.h"
+#include "light/environment.h"
+#if HAS_EMITTERS
+#include "light/emitters.h"
+#endif
+
+typedef struct {
+    const __global Primitive   *primitives;    // sorted by kind
+    const __global int         *kind_end;      // end of each kind in `primitives`
+    const __global Material    *materials;
+    const __global Emitter     *emitters;
+    const __global Environment *environment;
+    uint2 seed;
+    uint  max_edges, roulette_edge;
+    int   emitter_count;
+} Scene;
+
+static Scene scene_of(const __global Primitive *primitives, const __global int *kind_end,
+                      const __global Material *materials, const __global Emitter *emitters,
+                      const __global Environment *environment, Wave wave, Limits limits)
+{
+    Scene s;
+    s.primitives = primitives;
+    s.kind_end = kind_end;
+    s.materials = materials;
+    s.emitters = emitters;
+    s.environment = environment;
+    s.seed = wave.seed;
+    s.max_edges = limits.max_edges;
+    s.roulette_edge = limits.roulette_edge;
+    s.emitter_count = limits.emitters;
+    return s;
+}
+
+typedef struct {
+    Ray ray;        // self: the primitive it starts on, NO_PRIMITIVE, or PATH_ENDED
+    F3  beta;       // throughput
+    F3  radiance;   // gathered so far
+    F   pdf;        // density of the last direction; 0 where light sampling cannot compete
+    U   pixel, sample, edge;
+} Path;
+
+typedef struct {
+    Ray ray;
+    F3  light;      // what arrives if nothing is in the way
+    F   reach;      // distance to the emitter; 0: no light sample
+    I   target;     // the emitter's primitive
+} ShadowRay;
+
+#if HAS_EMISSIVE
+// Emission of the primitive that was hit, weighted against light sampling (power heuristic, Veach 1997, ch. 9).
+static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, const __global Emitter *emitters)
+{
+    I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
+    F weight = ONE;
+#if HAS_EMITTERS
+    I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
+    if (ANY(rival)) {
+        F other = emitter_pdf(emitters, MAX(vertex.emitter, FALSE), path.ray.o, t, absolute(cos_i));
+        F own2 = path.pdf * path.pdf;
+        weight = rival ? own2 / (own2 + other * other) : weight;
+    }
+#endif
+    return keep3(shines, scale(mul(path.beta, vertex.color), weight));
+}
+#endif
+
+#if HAS_EMITTERS
+static ShadowRay light_sample(Path path, Vertex vertex, I on, I hit, Scene scene)
+{
+    F4 u = random4(path.pixel, path.sample, 2u * path.edge + 1u, scene.seed);
+    LightSample light = sample_emitter(scene.emitters, scene.emitter_count, vertex.p, u.a, u.b, u.c);
+    F pdf;
+    F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
+    F light2 = light.pdf * light.pdf;
+    F mis = light.pdf > 0.0f ? light2 / (light2 + pdf * pdf) : ONE;
+    ShadowRay shadow;
+    shadow.light = scale(mul(through, light.radiance), mis);
+    shadow.ray.o = vertex.p;
+    shadow.ray.d = light.direction;
+    shadow.ray.self = hit;
+    shadow.target = light.primitive;
+    shadow.reach = on & (max3(shadow.light) > 0.0f) ? light.reach : ZERO;
+    return shadow;
+}
+#endif
+
+// One vertex of every living path: gathers emission and environment, makes a light sample, and continues the path or ends
+// it. `hit` and `t` say what its ray met.
+static ShadowRay shade_vertex(Path *path, I hit, F t, Scene scene)
+{
+    ShadowRay shadow;
+    shadow.reach = ZERO;
+    I living = path->ray.self != PATH_ENDED;
+#if ENVIRONMENT
+    I escaped = living & (hit == NO_PRIMITIVE);
+    if (ANY(escaped))
+        path->radiance = add(path->radiance,
+                             keep3(escaped, mul(path->beta, environment_radiance(path->ray.d, scene.environment))));
+#endif
+    I on = living & (hit >= 0);
+    if (!ANY(on)) {
+        path->ray.self = (I)(PATH_ENDED);
+        return shadow;
+    }
+    Vertex vertex = vertex_of(scene.primitives, scene.kind_end, scene.materials, on ? hit : (I)(NO_PRIMITIVE),
+                              along(path->ray.o, path->ray.d, t));
+#if HAS_EMISSIVE
+    I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
+    if (ANY(lamp)) {
+        F cos_i = -dot3(vertex.n, path->ray.d);
+        path->radiance = add(path->radiance, emission(*path, vertex, lamp, t, cos_i, scene.emitters));
+        on = on & NOT(lamp);
+    }
+#endif
+    on = on & (path->edge < scene.max_edges);
+    if (!ANY(on)) {
+        path->ray.self = (I)(PATH_ENDED);
+        return shadow;
+    }
+#if HAS_EMITTERS
+    shadow = light_sample(*path, vertex, on, hit, scene);
+#endif
+    F4 u = random4(path->pixel, path->sample, 2u * path->edge, scene.seed);
+    Scattered next = scatter_sample(vertex, path->ray.d, u.a, u.b, u.c);
+    path->beta = mul(path->beta, next.weight);
+    on = on & (max3(path->beta) > 0.0f);
+    if (scene.roulette_edge > 0u) {
+        I plays = path->edge >= scene.roulette_edge;
+        F survive = plays ? MIN(max3(path->beta), ONE) : ONE;
+        on = on & (u.d < survive);
+        path->beta = scale(path->beta, ONE / MAX(survive, (F)(1e-20f)));
+    }
+    path->ray.o = vertex.p;
+    path->ray.d = next.direction;
+    path->ray.self = on ? hit : (I)(PATH_ENDED);
+    path->pdf = next.pdf;
+    path->edge += 1u;
+    return shadow;
+}
+
+#endif

@@ -1,0 +1,15 @@
+// Path state in memory: one array per field, each `capacity` slots long; a slot is one path in flight.
+#ifndef STATE_H
+#define STATE_H
+#include "common/records.h"
+
+#define FIELD(name)             (state + (size_t)PATH_##name * capacity)
+#define READ_F(name, slot)      LOAD_F(FIELD(name), slot)
+#define READ_I(name, slot)      AS_I(LOAD_F(FIELD(name), slot))
+#define READ_F3(name, slot)     f3(READ_F(name##X, slot), READ_F(name##Y, slot), READ_F(name##Z, slot))
+#define WRITE_F(name, slot, v)  STORE_F(FIELD(name), slot, v)
+#define WRITE_I(name, slot, v)  STORE_F(FIELD(name), slot, AS_F(v))
+#define WRITE_F3(name, slot, v) \
+    do { WRITE_F(name##X, slot, (v).x); WRITE_F(name##Y, slot, (v).y); WRITE_F(name##Z, slot, (v).z); } while (0)
+
+#endif

@@ -1,0 +1,76 @@
+// Carries VW pixels through all their samples of a wave: every lane takes its path from vertex to vertex and, when it ends,
+// adds it to the film and starts the next camera ray of its pixel, so that lanes are hardly ever idle. The same steps as
+// intersect, shade, shadow and film, without state in memory between them.
+// Reads the camera rays O, D, B, SELF that generate wrote.
+#include "integrator/film.h"
+#include "integrator/path.h"
+#include "integrator/state.h"
+
+#define STARTED(name, index) GATHER(F, FIELD(name), index, )
+
+__kernel void stream(const __global Primitive   *primitives,    // sorted by kind
+                     const __global int         *kind_end,      // end of each kind in `primitives`
+                     const __global Material    *materials,
+                     const __global Emitter     *emitters,
+                     const __global Environment *environment,
+                     const __global float       *state,         // camera rays
+                     uint                        capacity,      // slots in the state
+                     Wave                        wave,
+                     Limits                      limits,
+                     __global float             *sums,          // [6][pixels]: r, g, b and their compensations
+                     __global uint              *not_finite_count,
+                     uint                        pixels)        // pixels of the film incl. tile padding
+{
+    uint first = get_global_id(0) * VW;
+    Scene scene = scene_of(primitives, kind_end, materials, emitters, environment, wave, limits);
+    PixelSum film = read_pixels(sums, wave.first_pixel + first, pixels);
+    I slot = (I)((int)first) + LANES;               // of the next camera ray of each lane
+    I end = slot + (int)(wave.pixels * wave.samples);
+    I running = FALSE;
+    Path path;
+    path.ray.o = f3(ZERO, ZERO, ZERO);
+    path.ray.d = f3(ZERO, ZERO, ONE);
+    path.ray.self = (I)(PATH_ENDED);
+    path.beta = f3(ZERO, ZERO, ZERO);
+    path.radiance = f3(ZERO, ZERO, ZERO);
+    path.pdf = ZERO;
+    path.edge = (U)(1u);
+    path.pixel = lane_of(first, wave).pixel;
+    path.sample = (U)(wave.first_sample - 1u);
+    for (;;) {
+        I start = NOT(running) & (slot < end);
+        while (ANY(start)) {
+            I from = start ? slot : (I)((int)first);
+            I lit = start & (AS_I(STARTED(SELF, from)) != PATH_ENDED);
+            path.ray.o = select3(lit, f3(STARTED(OX, from), STARTED(OY, from), STARTED(OZ, from)), path.ray.o);
+            path.ray.d = select3(lit, f3(STARTED(DX, from), STARTED(DY, from), STARTED(DZ, from)), path.ray.d);
+            path.beta = select3(lit, f3(STARTED(BX, from), STARTED(BX, from), STARTED(BX, from)), path.beta);
+            path.radiance = keep3(NOT(lit), path.radiance);
+            path.ray.self = lit ? (I)(NO_PRIMITIVE) : path.ray.self;
+            path.pdf = lit ? ZERO : path.pdf;
+            path.edge = lit ? (U)(1u) : path.edge;
+            path.sample = start ? path.sample + 1u : path.sample;
+            slot = start ? slot + (int)wave.pixels : slot;
+            running |= lit;
+            start = start & NOT(lit) & (slot < end);
+        }
+        if (!ANY(running))
+            break;
+        F t;
+        I hit = nearest_hit(path.ray, primitives, kind_end, &t);
+        ShadowRay shadow = shade_vertex(&path, hit, t, scene);
+#if HAS_EMITTERS
+        I wanted = shadow.reach > 0.0f;
+        if (ANY(wanted)) {
+            I dark = any_hit(shadow.ray, shadow.reach, shadow.target, primitives, kind_end);
+            path.radiance = add(path.radiance, keep3(wanted & NOT(dark), shadow.light));
+        }
+#endif
+        I ended = running & (path.ray.self == PATH_ENDED);
+        if (ANY(ended)) {
+            film = add_sample(film, ended, path.radiance, not_finite_count);
+            running = running & NOT(ended);
+        }
+    }
+    write_pixels(sums, wave.first_pixel + first, pixels, film);
+}
