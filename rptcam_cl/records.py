@@ -204,20 +204,20 @@ class RayStatus(IntEnum):
     TOTAL_INTERNAL_REFLECTION = 3
 
 
-CAMERA_RAY_FIELDS = ("SELF", "OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ")
-PATH_FIELDS = (*CAMERA_RAY_FIELDS, "LX", "LY", "LZ", "HIT", "T")
+CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the stream reads per slot
+PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "SELF", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 
 
-def path_fields(*, stream: bool, emitters: bool) -> tuple[str, ...]:
-    """Return the arrays of the path state that a render needs.
+def floats_per_slot(*, stream: bool, emitters: bool) -> int:
+    """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample.
     """
     if stream:
-        return CAMERA_RAY_FIELDS
-    return PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS
+        return CAMERA_RAY_FLOATS
+    return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
 
 
 def _constants(prefix: str, kinds: type[IntEnum]) -> list[str]:

@@ -1,8 +1,14 @@
-// Starts a wave of paths: one camera ray per slot. Writes the ray, throughput B, SELF, and, unless a stream
-// follows, clears L, PDF and REACH; counts
-// the rays by what became of them in the lens. Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS.
+// Starts a wave of paths: one camera ray per slot, counted by what became of it in the lens. For a stream it writes
+// records (o, weight, d, 0), eight floats per slot; for the passes the fields O, D, B, SELF, and clears L, PDF and REACH. Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS.
 #include CAMERA_FILE
+#include "common/transpose.h"
 #include "integrator/state.h"
+
+static F3 in_world(const __global Camera *c, F3 v)
+{
+    return f3(c->right.x * v.x + c->up.x * v.y + c->back.x * v.z, c->right.y * v.x + c->up.y * v.y + c->back.y * v.z,
+              c->right.z * v.x + c->up.z * v.y + c->back.z * v.z);
+}
 
 __kernel void generate(const __global Camera  *camera,
                        const __global float   *tables,     // pupil circles of a lens camera
@@ -24,23 +30,23 @@ __kernel void generate(const __global Camera  *camera,
             atomic_add(outcomes + status, n);
     }
 #endif
+    F3 o = in_world(camera, ray.o);
+    F3 d = in_world(camera, ray.d);
+    F weight = alive ? ray.weight : ZERO;
+#if STREAM
+    Eight record;
+    record.f[0] = o.x; record.f[1] = o.y; record.f[2] = o.z; record.f[3] = weight;
+    record.f[4] = d.x; record.f[5] = d.y; record.f[6] = d.z; record.f[7] = ZERO;
+    store_eight(state, slot, record);
+#else
+    WRITE_F3(O, slot, o);
+    WRITE_F3(D, slot, d);
+    WRITE_F3(B, slot, f3(weight, weight, weight));
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
-#if !STREAM
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if HAS_EMITTERS
     WRITE_F(REACH, slot, ZERO);
     WRITE_F(PDF, slot, ZERO);
 #endif
 #endif
-    if (!ANY(alive))
-        return;
-    F3 o = f3(camera->right.x * ray.o.x + camera->up.x * ray.o.y + camera->back.x * ray.o.z,
-              camera->right.y * ray.o.x + camera->up.y * ray.o.y + camera->back.y * ray.o.z,
-              camera->right.z * ray.o.x + camera->up.z * ray.o.y + camera->back.z * ray.o.z);
-    F3 d = f3(camera->right.x * ray.d.x + camera->up.x * ray.d.y + camera->back.x * ray.d.z,
-              camera->right.y * ray.d.x + camera->up.y * ray.d.y + camera->back.y * ray.d.z,
-              camera->right.z * ray.d.x + camera->up.z * ray.d.y + camera->back.z * ray.d.z);
-    WRITE_F3(O, slot, o);
-    WRITE_F3(D, slot, d);
-    WRITE_F3(B, slot, f3(ray.weight, ray.weight, ray.weight));
 }

@@ -1,20 +1,17 @@
 // Carries VW pixels through all their samples of a wave: every lane takes its path from vertex to vertex and, when it ends,
 // adds it to the film and starts the next camera ray of its pixel, so that lanes are hardly ever idle. The same steps as
 // intersect, shade, shadow and film, without state in memory between them.
-// Reads the camera rays O, D, B, SELF that generate wrote.
+// Reads the camera rays that generate wrote: records (o, weight, d, 0).
 #include "integrator/film.h"
 #include "integrator/path.h"
-#include "integrator/state.h"
-
-#define STARTED(name, index) GATHER(F, FIELD(name), index, )
+#include "common/transpose.h"
 
 __kernel void stream(const __global Primitive   *primitives,    // sorted by kind
                      const __global int         *kind_end,      // end of each kind in `primitives`
                      const __global Material    *materials,
                      const __global Emitter     *emitters,
                      const __global Environment *environment,
-                     const __global float       *state,         // camera rays
-                     uint                        capacity,      // slots in the state
+                     const __global float       *rays,          // eight floats per slot
                      Wave                        wave,
                      Limits                      limits,
                      __global float             *sums,          // [6][pixels]: r, g, b and their compensations
@@ -39,20 +36,27 @@ __kernel void stream(const __global Primitive   *primitives,    // sorted by kin
     path.sample = (U)(wave.first_sample - 1u);
     for (;;) {
         I start = NOT(running) & (slot < end);
-        while (ANY(start)) {
-            I from = start ? slot : (I)((int)first);
-            I lit = start & (AS_I(STARTED(SELF, from)) != PATH_ENDED);
-            path.ray.o = select3(lit, f3(STARTED(OX, from), STARTED(OY, from), STARTED(OZ, from)), path.ray.o);
-            path.ray.d = select3(lit, f3(STARTED(DX, from), STARTED(DY, from), STARTED(DZ, from)), path.ray.d);
-            path.beta = select3(lit, f3(STARTED(BX, from), STARTED(BX, from), STARTED(BX, from)), path.beta);
-            path.radiance = keep3(NOT(lit), path.radiance);
-            path.ray.self = lit ? (I)(NO_PRIMITIVE) : path.ray.self;
-            path.pdf = lit ? ZERO : path.pdf;
-            path.edge = lit ? (U)(1u) : path.edge;
-            path.sample = start ? path.sample + 1u : path.sample;
-            slot = start ? slot + (int)wave.pixels : slot;
-            running |= lit;
-            start = start & NOT(lit) & (slot < end);
+        if (ANY(start)) {
+            I started = FALSE;
+            I source = (I)((int)first);
+            while (ANY(start)) {                    // a ray that the lens blocked weighs zero: on to the next
+                F weight = GATHER(F, rays + 3, (start ? slot : source) * 8, );
+                I lit = start & (weight > 0.0f);
+                source = lit ? slot : source;
+                path.sample = start ? path.sample + 1u : path.sample;
+                slot = start ? slot + (int)wave.pixels : slot;
+                started |= lit;
+                start = start & NOT(lit) & (slot < end);
+            }
+            Eight ray = load_eight(rays, source);
+            path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
+            path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
+            path.beta = select3(started, f3(ray.f[3], ray.f[3], ray.f[3]), path.beta);
+            path.radiance = keep3(NOT(started), path.radiance);
+            path.ray.self = started ? (I)(NO_PRIMITIVE) : path.ray.self;
+            path.pdf = started ? ZERO : path.pdf;
+            path.edge = started ? (U)(1u) : path.edge;
+            running |= started;
         }
         if (!ANY(running))
             break;

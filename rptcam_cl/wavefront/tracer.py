@@ -22,7 +22,7 @@ from rptcam_cl.device import Session
 from rptcam_cl.device.session import Launch
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan
-from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, path_fields
+from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, floats_per_slot
 from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
 
@@ -107,8 +107,8 @@ class Wavefront:
         self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
 
     def _allocate(self, plan: Plan) -> None:
-        fields = len(path_fields(stream=self.organisation == "stream", emitters=self._emitters > 0))
-        state_bytes = 4 * fields * self.capacity
+        floats = floats_per_slot(stream=self.organisation == "stream", emitters=self._emitters > 0)
+        state_bytes = 4 * floats * self.capacity
         film_bytes = BYTES_PER_PIXEL * self.layout.pixels
         budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
         if state_bytes + film_bytes > budget:
@@ -134,7 +134,7 @@ class Wavefront:
     def _bind(self, plan: Plan) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
         scene = (self._primitives, self._kind_end)
-        shading = (*scene, self._materials, self._emitter_records, self._environment, self._state, capacity, empty)
+        shading = (*scene, self._materials, self._emitter_records, self._environment, self._state)
         pixels = np.uint32(self.layout.pixels)
         self._generate = session.bind(
             self._camera, "generate", self._camera_record, self._tables, self._surfaces, self._outcomes,
@@ -142,13 +142,13 @@ class Wavefront:
         )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(
-                self._trace, "stream", *shading, self._limits(), self._film, self._not_finite, pixels
+                self._trace, "stream", *shading, empty, self._limits(), self._film, self._not_finite, pixels
             )
             return
         self._intersect = session.bind(self._trace, "intersect", *scene, self._state, capacity)
         self._shadow = session.bind(self._trace, "shadow", *scene, self._state, capacity)
         self._shade = [
-            session.bind(self._trace, "shade", *shading, self._limits(), np.uint32(edge))
+            session.bind(self._trace, "shade", *shading, capacity, empty, self._limits(), np.uint32(edge))
             for edge in range(1, self.settings.max_depth + 1)
         ]
         self._develop = session.bind(
@@ -199,7 +199,7 @@ class Wavefront:
         self._generate.set(6, wave)
         self._run(self._generate, slots // self._lanes["camera"])
         if self.organisation == "stream":
-            self._stream.set(7, wave)
+            self._stream.set(6, wave)
             self._run(self._stream, pixels // self._lanes["trace"])
             return
         items = slots // self._lanes["trace"]
