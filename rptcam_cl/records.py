@@ -47,7 +47,7 @@ class Record:
 PRIMITIVE = Record(
     "Primitive",
     (
-        ("float4", "row_x"),  # rows of object_from_world; for a sphere row_x is centre and radius
+        ("float4", "row_x"),  # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis
         ("float4", "row_y"),
         ("float4", "row_z"),
         ("int", "material"),

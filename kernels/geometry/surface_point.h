@@ -10,21 +10,28 @@ typedef struct { F3 p, n; F u, v; } SurfacePoint;
 
 #if HAS_TEXTURE && (HAS_SPHERE || HAS_ELLIPSOID || HAS_CYLINDER || HAS_CONE)
 static F turns_around(F x, F y) { F a = atan2(y, x) * (0.5f * INV_PI_F); return a < 0.0f ? a + 1.0f : a; }
-static F polar_share(F z)       { return acos(MAX(MIN(z, ONE), -ONE)) * INV_PI_F; }
-#else
-#define turns_around(x, y) ZERO
-#define polar_share(z)     ZERO
+#endif
+#if HAS_TEXTURE && (HAS_SPHERE || HAS_ELLIPSOID)
+static F share_upwards(F z)     { return acos(MAX(MIN(-z, ONE), -ONE)) * INV_PI_F; }
 #endif
 
 #if HAS_SPHERE
-static SurfacePoint point_on_sphere(const __global Primitive *primitive, F3 p)
+static SurfacePoint point_on_sphere(const __global Primitive *primitive, F3 p, int textured)
 {
     SurfacePoint s;
     F3 centre = f3_of(primitive->row_x);
     s.n = normalized(sub(p, centre));
     s.p = along(centre, s.n, (F)(primitive->row_x.w));
-    s.u = turns_around(s.n.x, s.n.y);
-    s.v = polar_share(s.n.z);
+    s.u = ZERO;
+    s.v = ZERO;
+#if HAS_TEXTURE
+    if (textured) {                                  // row_y, row_z: the x and z axes of the sphere; row_y.w: handedness
+        F3 x = f3_of(primitive->row_y);
+        F3 z = f3_of(primitive->row_z);
+        s.u = turns_around(dot3(x, s.n), dot3(cross3(z, x), s.n) * primitive->row_y.w);
+        s.v = share_upwards(dot3(z, s.n));
+    }
+#endif
     return s;
 }
 #endif
@@ -56,14 +63,20 @@ static SurfacePoint point_on_flat(const __global Primitive *primitive, F3 p)
 #endif
 
 #if HAS_ELLIPSOID
-static SurfacePoint point_on_ellipsoid(const __global Primitive *primitive, F3 p)
+static SurfacePoint point_on_ellipsoid(const __global Primitive *primitive, F3 p, int textured)
 {
     SurfacePoint s;
     F3 o = object_point(primitive, p);
     s.p = p;
     s.n = world_normal(primitive, o);
-    s.u = turns_around(o.x, o.y);
-    s.v = polar_share(o.z);
+    s.u = ZERO;
+    s.v = ZERO;
+#if HAS_TEXTURE
+    if (textured) {
+        s.u = turns_around(o.x, o.y);
+        s.v = share_upwards(o.z);
+    }
+#endif
     return s;
 }
 #endif
@@ -87,28 +100,34 @@ static SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)
 
 #if HAS_CYLINDER || HAS_CONE
 // `lean` is 0 for a cylinder and 1 for a cone of unit height.
-static SurfacePoint point_on_round(const __global Primitive *primitive, F3 p, float lean)
+static SurfacePoint point_on_round(const __global Primitive *primitive, F3 p, float lean, int textured)
 {
     SurfacePoint s;
     F3 o = object_point(primitive, p);
     s.p = p;
     s.n = world_normal(primitive, f3(o.x, o.y, lean * (1.0f - o.z)));
-    s.u = turns_around(o.x, o.y);
+    s.u = ZERO;
     s.v = o.z;
+#if HAS_TEXTURE
+    if (textured)
+        s.u = turns_around(o.x, o.y);
+#endif
     return s;
 }
 #endif
 
-static SurfacePoint surface_point(const __global Primitive *primitives, int index, const __global int *kind_end, F3 p)
+// `textured` says whether u and v are wanted (those of round shapes are dear).
+static SurfacePoint surface_point(const __global Primitive *primitives, int index, const __global int *kind_end, F3 p,
+                                  int textured)
 {
     const __global Primitive *primitive = primitives + index;
 #if HAS_SPHERE
     if (BELONGS_TO(KIND_SPHERE))
-        return point_on_sphere(primitive, p);
+        return point_on_sphere(primitive, p, textured);
 #endif
 #if HAS_ELLIPSOID
     if (BELONGS_TO(KIND_ELLIPSOID))
-        return point_on_ellipsoid(primitive, p);
+        return point_on_ellipsoid(primitive, p, textured);
 #endif
 #if HAS_RECTANGLE || HAS_DISK || HAS_PLANE
     if (BELONGS_TO(KIND_PLANE))
@@ -120,10 +139,10 @@ static SurfacePoint surface_point(const __global Primitive *primitives, int inde
 #endif
 #if HAS_CYLINDER
     if (BELONGS_TO(KIND_CYLINDER))
-        return point_on_round(primitive, p, 0.0f);
+        return point_on_round(primitive, p, 0.0f, textured);
 #endif
 #if HAS_CONE
-    return point_on_round(primitive, p, 1.0f);
+    return point_on_round(primitive, p, 1.0f, textured);
 #else
     SurfacePoint nowhere;
     nowhere.p = p;

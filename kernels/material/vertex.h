@@ -28,7 +28,7 @@ static Vertex vertex_of(const __global Primitive *primitives, const __global int
         int index = first_of(hit, rest);
         I mine = hit == index;
         const __global Material *material = materials + primitives[index].material;
-        SurfacePoint point = surface_point(primitives, index, kind_end, p);
+        SurfacePoint point = surface_point(primitives, index, kind_end, p, material->texture);
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);
         vertex.color = select3(mine, reflectance_at(material, point.u, point.v), vertex.color);

@@ -135,7 +135,10 @@ def pack_primitives(
     for index, primitive in enumerate(primitives):
         if primitive.kind is Kind.SPHERE:
             center, radius = sphere_of(primitive.placement)
+            axes = primitive.placement[:3, :3] / radius
             records[index]["row_x"] = (*center, radius)
+            records[index]["row_y"] = (*axes[:, 0], np.sign(np.linalg.det(axes)))
+            records[index]["row_z"][:3] = axes[:, 2]
         else:
             inverse = np.linalg.inv(primitive.placement)
             for name, row in zip(("row_x", "row_y", "row_z"), inverse[:3], strict=True):
