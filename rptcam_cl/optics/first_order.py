@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.errors import InputError
 from rptcam_cl.optics.glass import WAVELENGTH_D
 
 if TYPE_CHECKING:
@@ -87,13 +88,15 @@ class FirstOrder:
         return asdict(self)
 
 
-def first_order(lens: Lens, wavelength_nm: float = WAVELENGTH_D) -> FirstOrder:
-    """Return the first-order data of a lens at a wavelength [nm]."""
+def first_order(lens: Lens, wavelength_nm: float = WAVELENGTH_D, section: str = "y") -> FirstOrder:
+    """Return the first-order data of a lens at a wavelength [nm], in its y-z or x-z section."""
+    if section not in ("x", "y"):
+        raise InputError(f'section must be "x" or "y" (got {section!r})')
     indices = lens.indices(wavelength_nm)
     n_object, n_image = float(indices[0]), float(indices[-1])
-    (a, _), (c, d) = system_matrix(lens, wavelength_nm).tolist()
-    entrance, exit_ = _pupils(lens, wavelength_nm)
-    if abs(c) <= AFOCAL * sum(abs(surface.curvature) for surface in lens.surfaces):
+    (a, _), (c, d) = system_matrix(lens, wavelength_nm, section=section).tolist()
+    entrance, exit_ = _pupils(lens, wavelength_nm, section)
+    if abs(c) <= AFOCAL * sum(abs(surface.paraxial_curvature(section)) for surface in lens.surfaces):
         rear = front = np.inf
         planes = Planes(-np.inf, np.inf)
     else:
@@ -122,7 +125,12 @@ def _nodal(principal: Planes, rear: float, front: float) -> Planes:
 
 
 def system_matrix(
-    lens: Lens, wavelength_nm: float, first: int = 0, last: int | None = None, refract_last: bool = True
+    lens: Lens,
+    wavelength_nm: float,
+    first: int = 0,
+    last: int | None = None,
+    refract_last: bool = True,
+    section: str = "y",
 ) -> Array:
     """Return the matrix from just before surface `first` to just after (or, without refraction, at) surface `last`."""
     indices = lens.indices(wavelength_nm)
@@ -131,30 +139,33 @@ def system_matrix(
     for k in range(first, end + 1):
         surface = lens.surfaces[k]
         if k < end or refract_last:
-            matrix = np.array([[1.0, 0.0], [-surface.curvature * (indices[k + 1] - indices[k]), 1.0]]) @ matrix
+            matrix = (
+                np.array([[1.0, 0.0], [-surface.paraxial_curvature(section) * (indices[k + 1] - indices[k]), 1.0]])
+                @ matrix
+            )
         if k < end:
             matrix = np.array([[1.0, surface.thickness / indices[k + 1]], [0.0, 1.0]]) @ matrix
     return matrix
 
 
-def limiting_surface(lens: Lens, wavelength_nm: float = WAVELENGTH_D) -> int:
+def limiting_surface(lens: Lens, wavelength_nm: float = WAVELENGTH_D, section: str = "y") -> int:
     """Return the index of the stop, or of the rim that limits an axial beam from infinity when there is none."""
     if lens.stop_index is not None:
         return lens.stop_index
     ratios = []
     for k, surface in enumerate(lens.surfaces):
-        height = abs(float(system_matrix(lens, wavelength_nm, 0, k, refract_last=False)[0, 0]))
+        height = abs(float(system_matrix(lens, wavelength_nm, 0, k, False, section)[0, 0]))
         ratios.append(surface.semi_diameter / height if height > 0 else np.inf)
     return int(np.argmin(ratios))
 
 
-def _pupils(lens: Lens, wavelength_nm: float) -> tuple[Pupil, Pupil]:
+def _pupils(lens: Lens, wavelength_nm: float, section: str) -> tuple[Pupil, Pupil]:
     """Return the images of the stop, taken at the plane of its vertex, through what lies before and behind it."""
     indices = lens.indices(wavelength_nm)
-    stop = limiting_surface(lens, wavelength_nm)
+    stop = limiting_surface(lens, wavelength_nm, section)
     diameter = np.float64(2 * lens.surfaces[stop].semi_diameter)
-    (a, b), _ = system_matrix(lens, wavelength_nm, 0, stop, refract_last=False).tolist()
-    (_, rear_b), (_, rear_d) = system_matrix(lens, wavelength_nm, stop).tolist()
+    (a, b), _ = system_matrix(lens, wavelength_nm, 0, stop, False, section).tolist()
+    (_, rear_b), (_, rear_d) = system_matrix(lens, wavelength_nm, stop, section=section).tolist()
     with np.errstate(divide="ignore", invalid="ignore"):
         entrance = Pupil(float(np.float64(b) * indices[0] / a), float(diameter / abs(a)))
         exit_ = Pupil(float(-np.float64(rear_b) * indices[-1] / rear_d), float(diameter / abs(rear_d)))

@@ -8,16 +8,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.optics.glass import AIR, Medium
+from rptcam_cl.optics.placement import Pose
+from rptcam_cl.optics.region import Region
+
+Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Surface:
     """An interface between two media, in the frame of its vertex (+z towards the film).
 
+    The plain surface is a sphere or plane: curvature alone. With s = x^2 + y^2 (or x^2, or y^2, for a cylinder),
+
+        z = c s / (1 + sqrt(1 - (1 + k) c^2 s)) + sum of a_p s^(p/2).
+
     Attributes
     ----------
     curvature : float
-        1 / radius [1/mm], positive when the centre lies on the film side; 0 is a plane.
+        c = 1 / radius [1/mm], positive when the centre lies on the film side; 0 is a plane.
     thickness : float
         Distance to the vertex of the next surface [mm]; 0 on the last one, whose distance to the film is the focus.
     glass : Medium
@@ -26,6 +34,22 @@ class Surface:
         Clear radius [mm]: rays that meet the surface farther from the axis are clipped.
     is_stop : bool
         Whether this is the aperture stop.
+    conic : float
+        k: 0 sphere, -1 paraboloid, below -1 hyperboloid.
+    aspheric : tuple of (power, coefficient)
+        The a_p with their powers p of r, in millimetres.
+    cylinder : "x", "y" or None
+        The only axis along which the surface curves.
+    curvature_x : float or None
+        Curvature in the x-z section when it differs from that in y-z: a biconic or toroid.
+    conic_x : float
+        Conic constant in the x-z section of a biconic.
+    is_toroid : bool
+        The y-z profile turned about an axis parallel to y at 1 / curvature_x, instead of a biconic.
+    pose : Pose or None
+        Decentre and tilt against the nominal vertex frame.
+    region : Region or None
+        A further limit of the clear area, and what happens outside.
     """
 
     curvature: float = 0.0
@@ -33,20 +57,58 @@ class Surface:
     glass: Medium = AIR
     semi_diameter: float = np.inf
     is_stop: bool = False
+    conic: float = 0.0
+    aspheric: tuple[tuple[int, float], ...] = ()
+    cylinder: str | None = None
+    curvature_x: float | None = None
+    conic_x: float = 0.0
+    is_toroid: bool = False
+    pose: Pose | None = None
+    region: Region | None = None
 
     @property
     def radius(self) -> float:
         """Radius of curvature [mm], infinite for a plane."""
         return 1.0 / self.curvature if self.curvature else np.inf
 
-    def sag(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    @property
+    def kind(self) -> str:
+        """What must be solved to meet it: "sphere" (or plane), "conic" (or cylinder), or "general", by iteration."""
+        if self.aspheric or self.curvature_x is not None:
+            return "general"
+        return "conic" if self.conic or self.cylinder else "sphere"
+
+    @property
+    def is_rotational(self) -> bool:
+        """Whether the surface and its clear region look the same from every azimuth."""
+        return not (self.cylinder or self.curvature_x is not None or self.pose or self.region)
+
+    def clears(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """Return which points of the vertex plane lie in the clear area."""
+        inside = x * x + y * y <= self.semi_diameter * self.semi_diameter
+        return inside & self.region.holds(x, y) if self.region else inside
+
+    def axes(self) -> tuple[float, float]:
+        """Return the weights of x^2 and y^2 in s: 1 where the surface curves."""
+        return (0.0 if self.cylinder == "y" else 1.0, 0.0 if self.cylinder == "x" else 1.0)
+
+    def paraxial_curvature(self, section: str = "y") -> float:
+        """Return the curvature at the vertex in the y-z or x-z section [1/mm], the r^2 term of an asphere included."""
+        if section == "x" and self.curvature_x is not None:
+            base = self.curvature_x
+        else:
+            base = self.curvature * self.axes()[0 if section == "x" else 1]
+        weight = self.axes()[0 if section == "x" else 1] if not self.is_toroid or section == "y" else 0.0
+        return base + 2.0 * weight * sum(a for power, a in self.aspheric if power == 2)
+
+    def sag(self, x: Array, y: Array) -> Array:
         """Return z of the surface above points of its vertex plane [mm]; NaN where it does not reach."""
-        square = x * x + y * y
-        with np.errstate(invalid="ignore"):
-            root = np.sqrt(1.0 - self.curvature * self.curvature * square)
-        return np.asarray(self.curvature * square / (1.0 + root), dtype=np.float64)
+        from rptcam_cl.optics.shapes import sag_and_slopes
+
+        return sag_and_slopes(self, x, y)[0]
 
     def rim_sag(self, height: float | None = None) -> float:
-        """Return the sag [mm] at a height from the axis, by default at the rim."""
-        y = np.array(self.semi_diameter if height is None else height)
-        return float(self.sag(np.zeros(()), y))
+        """Return the sag [mm] at a height from the axis, by default at the rim, along the axis where it curves."""
+        y = np.array(self.semi_diameter if height is None else height, dtype=np.float64)
+        zero = np.zeros(())
+        return float(self.sag(y, zero) if self.cylinder == "x" else self.sag(zero, y))

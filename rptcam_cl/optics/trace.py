@@ -1,20 +1,18 @@
-"""Exact rays through every surface in float64: the reference for every other tracer.
-
-The hit point is found from the tangent plane of the vertex, so that weak curvature costs no accuracy: a ray is moved to
-the plane of the vertex first, then to the surface. A plane is curvature 0 and needs no case of its own.
-"""
+"""Exact rays through every surface in float64: the reference for every other tracer."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.optics.placement import IN_PLACE
+from rptcam_cl.optics.shapes import meet
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -33,6 +31,7 @@ class Status(IntEnum):
     missed = 1
     clipped = 2
     total_internal_reflection = 3
+    no_convergence = 4
 
 
 @dataclass(frozen=True)
@@ -61,6 +60,15 @@ class Rays:
     def passed(self) -> Mask:
         """Which rays came through."""
         return np.asarray(self.status == Status.ok)
+
+    def put(self, rows: NDArray[np.intp], other: Rays) -> None:
+        """Replace some rays by those of another trace that came through."""
+        good = other.passed
+        for mine, theirs in zip(self._arrays(), other._arrays(), strict=True):
+            mine[rows[good]] = theirs[good]
+
+    def _arrays(self) -> tuple[NDArray[Any], ...]:
+        return self.origins, self.directions, self.status, self.surface, self.optical_path
 
 
 def trace(
@@ -136,48 +144,27 @@ class _Beam:
 
     def cross(self, surface: Surface, number: int, vertex: float, forward: bool) -> None:
         """Move every ray to a surface and refract it there."""
-        local = self.p.copy()
-        local[2] -= vertex
-        hit, distance, normal, cosine, met = meet_sphere(surface.curvature, local, self.d)
-        met &= (self.d[2] > 0) if forward else (self.d[2] < 0)
-        met &= np.isfinite(distance)
-        hit, distance, normal, cosine = self.drop(~met, Status.missed, number, hit, distance, normal, cosine)
-        self.path = self.path + self._index(number, forward) * distance
-        self.p = hit.copy()
-        self.p[2] += vertex
-        outside = hit[0] * hit[0] + hit[1] * hit[1] > surface.semi_diameter**2
-        normal, cosine = self.drop(outside, Status.clipped, number, normal, cosine)
-        before, after = self._index(number, forward), self._index(number, not forward)
-        if np.array_equal(before, after):
+        pose = surface.pose or IN_PLACE
+        shift = np.array([[0.0], [0.0], [vertex]])
+        points, directions = pose.inward(self.p - shift, self.d) if surface.pose else (self.p - shift, self.d)
+        hits = meet(surface, points, directions)
+        met = hits.met & np.isfinite(hits.distances) & ((directions[2] > 0) if forward else (directions[2] < 0))
+        kept: tuple[Array, ...] = (hits.points, hits.distances, hits.normals, hits.cosines, directions)
+        if hits.undecided is not None:
+            lost = hits.undecided & ~met
+            kept = self.drop(lost, Status.no_convergence, number, *kept)
+            met = met[~lost]
+        at, length, normal, cosine, directions = self.drop(~met, Status.missed, number, *kept)
+        before, after = (number, number + 1) if forward else (number + 1, number)
+        self.path = self.path + self.indices[before] * length
+        self.p = (pose.outward(at, at)[0] if surface.pose else at) + shift
+        outside = ~surface.clears(at[0], at[1])
+        normal, cosine, directions = self.drop(outside, Status.clipped, number, normal, cosine, directions)
+        if np.array_equal(self.indices[before], self.indices[after]):
             return
-        bent, through = refract(self.d, normal, cosine, before / after)
+        bent, through = refract(directions, normal, cosine, self.indices[before] / self.indices[after])
         (bent,) = self.drop(~through, Status.total_internal_reflection, number, bent)
-        self.d = bent
-
-    def _index(self, surface: int, scene_side: bool) -> Array:
-        """Return the index in front of a surface, or behind it."""
-        return np.asarray(self.indices[surface if scene_side else surface + 1])
-
-
-def meet_sphere(curvature: float, points: Array, directions: Array) -> tuple[Array, Array, Array, Array, Mask]:
-    """Return hit point, distance, unit normal, cosine and whether rays (3, n) meet the hemisphere about the vertex.
-
-    The normal has positive z; the cosine between it and the ray has the sign of the ray's z, so the ray crosses the
-    hemisphere in the sense in which it travels.
-    """
-    dx, dy, dz = directions
-    to_plane = -points[2] / dz
-    x, y = points[0] + to_plane * dx, points[1] + to_plane * dy
-    f = curvature * (x * x + y * y)
-    g = dz - curvature * (dx * x + dy * y)
-    discriminant = g * g - curvature * f
-    cosine = np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), dz)
-    step = f / (g + cosine)
-    hit = np.stack([x + step * dx, y + step * dy, step * dz])
-    normal = -curvature * hit
-    normal[2] += 1.0
-    met = (discriminant >= 0) & (normal[2] > 0)
-    return hit, to_plane + step, normal, cosine, met
+        self.d = pose.matrix() @ bent if surface.pose else bent
 
 
 def refract(directions: Array, normals: Array, cosines: Array, ratio: Array) -> tuple[Array, Mask]:

@@ -4,7 +4,7 @@ import pytest
 
 from rptcam_cl.optics import list_lenses, load_lens
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from tests.optics.truth import CASES, SPHERICAL, truth, truth_lens
+from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 RELATIVE = 1e-10
 
@@ -31,7 +31,17 @@ def test_cardinal_points_and_pupils(name, label):
         assert value == pytest.approx(expected[key], abs=RELATIVE * scale), key
 
 
-@pytest.mark.parametrize("name", SPHERICAL)
+def test_other_section_of_an_anamorphic_pair():
+    for label, expected in truth("cyl_pair_open")["paraxial_x"].items():
+        lens = truth_lens("cyl_pair_open", label)
+        data = lens.first_order(section="x")
+        assert data.focal_length_mm == pytest.approx(expected["EFL"], rel=RELATIVE)
+        assert data.back_focal_distance_mm == pytest.approx(expected["BFL"], rel=RELATIVE)
+        assert data.exit_pupil.distance_mm + lens.length == pytest.approx(expected["exit_pupil_z"], abs=1e-9)
+        assert data.exit_pupil.diameter_mm == pytest.approx(expected["XPD_wide_open"], rel=RELATIVE)
+
+
+@pytest.mark.parametrize("name", NAMES)
 def test_stop_diameter_of_each_f_number(name):
     lens = truth_lens(name)
     for row in truth(name)["apertures"]["rows"]:

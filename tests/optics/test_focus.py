@@ -6,7 +6,7 @@ import pytest
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.focus import film_distance, nearest_object_distance, object_distance
-from tests.optics.truth import SPHERICAL, truth, truth_lens
+from tests.optics.truth import NAMES, truth, truth_lens
 
 
 def autofocus_cases(name):
@@ -16,7 +16,7 @@ def autofocus_cases(name):
         yield (float(distance) * scale), case
 
 
-@pytest.mark.parametrize("name", SPHERICAL)
+@pytest.mark.parametrize("name", NAMES)
 def test_focus_for_an_object_in_front_of_the_lens(name):
     lens = truth_lens(name)
     for distance, case in autofocus_cases(name):
@@ -24,7 +24,7 @@ def test_focus_for_an_object_in_front_of_the_lens(name):
         assert film_distance(lens, distance, "front") == pytest.approx(expected, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", SPHERICAL)
+@pytest.mark.parametrize("name", NAMES)
 def test_focus_for_an_object_at_a_distance_from_the_film(name):
     lens = truth_lens(name)
     for distance, case in autofocus_cases(name):
@@ -40,7 +40,7 @@ def test_focus_for_an_object_at_a_distance_from_the_film(name):
         assert object_distance(lens, back) == pytest.approx(distance, rel=1e-9)
 
 
-@pytest.mark.parametrize("name", SPHERICAL)
+@pytest.mark.parametrize("name", NAMES)
 def test_finite_conjugates(name):
     for row in truth(name)["finite_conjugates"]:
         back = film_distance(truth_lens(name), row["object_distance_from_vertex0"], "front")

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.optics import Status
-from tests.optics.truth import CASES, SPHERICAL, truth, truth_lens
+from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 POSITION = 1e-9  # mm; the tables agree with two other programs to 1e-12
 DIRECTION = 1e-12
@@ -47,7 +47,7 @@ def test_rays_from_the_scene(name, label):
             assert np.abs(film[:2] - row["result"][label]["film_xy"]).max() < POSITION
 
 
-@pytest.mark.parametrize("name", SPHERICAL)
+@pytest.mark.parametrize("name", NAMES)
 def test_rays_close_on_themselves_when_sent_back(name):
     lens = truth_lens(name)
     rng = np.random.default_rng(11)

@@ -18,8 +18,8 @@ def lens_names() -> list[str]:
     return [path.stem for path in sorted(FOLDER.glob("*.json")) if "surfaces" in truth(path.stem)]
 
 
-SPHERICAL = [name for name in lens_names() if all(s["kind"] in ("sphere", "plane") for s in truth(name)["surfaces"])]
-CASES = [(name, label) for name in SPHERICAL for label in truth(name)["wavelengths_nm"]]
+NAMES = lens_names()
+CASES = [(name, label) for name in NAMES for label in truth(name)["wavelengths_nm"]]
 
 
 @cache
@@ -39,4 +39,10 @@ def _row(surface: dict, label: str) -> dict:
         row["stop"] = True
     if surface["n_after"][label] != 1:
         row["glass"] = {"index": surface["n_after"][label]}
+    if surface.get("k"):
+        row["conic"] = surface["k"]
+    if surface.get("A"):
+        row["aspheric"] = surface["A"]
+    if surface["kind"] in ("cyl_x", "cyl_y"):
+        row["cylinder"] = surface["kind"][-1]
     return row

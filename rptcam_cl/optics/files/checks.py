@@ -11,6 +11,7 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.optics.first_order import first_order
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.surface import Surface
 
 Report = Callable[[int, str, str], InputError]
 
@@ -20,13 +21,7 @@ LONGEST_PLAUSIBLE_MM = 10_000.0
 def check_lens(lens: Lens, report: Report) -> Lens:
     """Return the lens with its warnings, or raise the `report(surface, key, text)` of its first impossibility."""
     for index, surface in enumerate(lens.surfaces):
-        if surface.semi_diameter * abs(surface.curvature) > 1 + 1e-9:
-            raise report(
-                index,
-                "diameter",
-                f"the diameter {2 * surface.semi_diameter:g} mm is more than twice the radius "
-                f"{abs(surface.radius):g} mm, so the surface does not reach its rim",
-            )
+        _check_reach(surface, index, report)
         if surface.thickness < 0 and not (surface.is_stop or lens.surfaces[index + 1].is_stop):
             raise report(
                 index, "thickness", f"must not be negative except beside the stop (got {surface.thickness:g} mm)"
@@ -37,10 +32,26 @@ def check_lens(lens: Lens, report: Report) -> Lens:
     return replace(lens, warnings=(*lens.warnings, *_doubts(lens)))
 
 
+def _check_reach(surface: Surface, index: int, report: Report) -> None:
+    """Refuse a surface that ends before its rim."""
+    rim = surface.semi_diameter * (1 - 1e-9)
+    angles = np.linspace(0.0, np.pi, 9)
+    if np.all(np.isfinite(surface.sag(rim * np.cos(angles), rim * np.sin(angles)))) or not np.isfinite(rim):
+        return
+    diameter = f"the diameter {2 * surface.semi_diameter:g} mm"
+    if surface.kind == "sphere":
+        raise report(
+            index,
+            "diameter",
+            f"{diameter} is more than twice the radius {abs(surface.radius):g} mm; the surface does not reach its rim",
+        )
+    raise report(index, "diameter", f"{diameter} is more than the shape (radius, conic) reaches")
+
+
 def _check_gaps(lens: Lens, report: Report) -> None:
     """Refuse neighbouring surfaces that cross inside the smaller of their rims. A plane stop has no body to cross."""
     for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
-        if first.is_stop or second.is_stop:
+        if first.is_stop or second.is_stop or first.pose or second.pose:
             continue
         height = min(first.semi_diameter, second.semi_diameter)
         if not np.isfinite(height):
@@ -60,6 +71,21 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     length = abs(data.focal_length_mm)
     if LONGEST_PLAUSIBLE_MM < length < np.inf:
         doubts.append(f"focal length {data.focal_length_mm:.6g} mm: are the lengths in metres or micrometres?")
+    for index, surface in enumerate(lens.surfaces):
+        if surface.aspheric and not _monotone(surface):
+            doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
     if np.any(lens.indices(WAVELENGTH_D) < 1):
         doubts.append("a medium has an index below 1")
     return tuple(doubts)
+
+
+def _monotone(surface: Surface) -> bool:
+    """Return whether the sag of an asphere turns back at most once, as the gull wings of telephone lenses do."""
+    height = np.linspace(0.0, min(surface.semi_diameter, 1e9), 64)
+    sag = (
+        surface.sag(height, np.zeros_like(height))
+        if surface.cylinder == "x"
+        else surface.sag(np.zeros_like(height), height)
+    )
+    steps = np.sign(np.diff(sag))
+    return int(np.count_nonzero(np.diff(steps[steps != 0]))) <= 1

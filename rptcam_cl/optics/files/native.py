@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,14 +12,16 @@ import numpy as np
 from rptcam_cl.optics.files.checks import check_lens
 from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.files.glasses import read_glass
+from rptcam_cl.optics.files.shapes import SHAPE_KEYS, read_pose, read_shape
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.strict_yaml import Document
 
 UNITS_MM = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "in": 25.4, "km": 1e6}
-TOP_KEYS = ("name", "source", "published", "unit", "object_medium", "surfaces")
-SURFACE_KEYS = ("radius", "thickness", "glass", "diameter", "stop")
+TOP_KEYS = ("name", "source", "published", "unit", "object_medium", "surfaces", "groups")
+SURFACE_KEYS = ("radius", "thickness", "glass", "diameter", "stop", *SHAPE_KEYS)
 
 
 def document_of(mapping: Mapping[str, Any]) -> Document:
@@ -46,6 +49,7 @@ def read_native(document: Document) -> Lens:
     if not isinstance(rows, list) or not rows:
         raise top.fail("surfaces" if "surfaces" in top else None, "a lens needs a list of surfaces")
     surfaces = tuple(_surface(document, i, i == len(rows) - 1, scale) for i in range(len(rows)))
+    surfaces = _grouped(document, top, surfaces, scale)
     stops = [i for i, surface in enumerate(surfaces) if surface.is_stop]
     if len(stops) > 1:
         raise problem(
@@ -85,4 +89,26 @@ def _surface(document: Document, index: int, last: bool, scale: float) -> Surfac
         glass=glass,
         semi_diameter=fields.positive("diameter") * scale / 2,
         is_stop=fields.flag("stop"),
+        **read_shape(fields, scale),
     )
+
+
+def _grouped(document: Document, top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tuple[Surface, ...]:
+    """Return the surfaces with the decentre and tilt of the groups they belong to, about each group's first vertex."""
+    result = list(surfaces)
+    groups = top.get("groups") or []
+    if not isinstance(groups, list):
+        raise top.fail("groups", "expected a list such as [{surfaces: [0, 3], tilt_degrees: [1, 0]}]")
+    for number in range(len(groups)):
+        fields = Fields(document, ("groups", number), ("surfaces", "decentre", "tilt_degrees"))
+        span = fields.numbers("surfaces")
+        if len(span) != 2 or any(part % 1 for part in span) or not 0 <= span[0] <= span[1] < len(surfaces):
+            raise fields.fail("surfaces", f"expected [first, last], two numbers from 0 to {len(surfaces) - 1}")
+        pose = read_pose(fields, scale)
+        if pose is None:
+            raise fields.fail(None, "a group needs decentre or tilt_degrees")
+        behind = 0.0
+        for k in range(int(span[0]), int(span[1]) + 1):
+            result[k] = replace(result[k], pose=(result[k].pose or IN_PLACE).carried_by(pose, behind))
+            behind += result[k].thickness
+    return tuple(result)

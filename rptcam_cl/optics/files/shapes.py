@@ -1,0 +1,102 @@
+"""The keys of a lens file that make a surface more than a centred sphere: asphere, cylinder, tilt, clear part."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from rptcam_cl.optics.files.fields import Fields, as_number, problem
+from rptcam_cl.optics.placement import Pose
+from rptcam_cl.optics.region import Region
+
+SHAPE_KEYS = (
+    "conic",
+    "aspheric",
+    "cylinder",
+    "radius_x",
+    "conic_x",
+    "form",
+    "decentre",
+    "tilt_degrees",
+    "clear",
+    "outside",
+)
+HIGHEST_POWER = 40
+
+
+def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
+    """Return the arguments of `Surface` that describe its shape, place and clear part."""
+    radius_x = fields.number("radius_x", math.inf, infinite=True)
+    if radius_x == 0:
+        raise fields.fail("radius_x", "must not be 0")
+    form = fields.text("form", "biconic")
+    if form not in ("biconic", "toroid"):
+        raise fields.fail("form", "allowed: biconic, toroid")
+    if "radius_x" not in fields and ("form" in fields or "conic_x" in fields):
+        raise fields.fail("form" if "form" in fields else "conic_x", "needs radius_x beside it")
+    cylinder = fields.get("cylinder")
+    if cylinder not in (None, "x", "y"):
+        raise fields.fail("cylinder", "allowed: x (power in x only), y (power in y only)")
+    if cylinder and "radius_x" in fields:
+        raise fields.fail("cylinder", "a cylinder has one radius; leave out radius_x")
+    return {
+        "conic": fields.number("conic", 0.0),
+        "aspheric": _aspheric(fields, scale),
+        "cylinder": cylinder,
+        "curvature_x": 1.0 / (radius_x * scale) if "radius_x" in fields else None,
+        "conic_x": fields.number("conic_x", 0.0),
+        "is_toroid": form == "toroid",
+        "pose": read_pose(fields, scale),
+        "region": _region(fields, scale),
+    }
+
+
+def read_pose(fields: Fields, scale: float) -> Pose | None:
+    """Return the pose of `decentre` [lengths] and `tilt_degrees`, None when neither is given."""
+    if "decentre" not in fields and "tilt_degrees" not in fields:
+        return None
+    decentre = fields.numbers("decentre") if "decentre" in fields else (0.0, 0.0)
+    if len(decentre) not in (2, 3):
+        raise fields.fail("decentre", "expected [x, y] or [x, y, z]")
+    tilt = fields.numbers("tilt_degrees") if "tilt_degrees" in fields else (0.0, 0.0, 0.0)
+    if len(tilt) not in (2, 3):
+        raise fields.fail("tilt_degrees", "expected turns about [x, y] or [x, y, z]")
+    dx, dy, dz = (*(scale * d for d in decentre), 0.0)[:3]
+    rx, ry, rz = (*tilt, 0.0)[:3]
+    return Pose.of((dx, dy, dz), (rx, ry, rz))
+
+
+def _aspheric(fields: Fields, scale: float) -> tuple[tuple[int, float], ...]:
+    table = fields.get("aspheric")
+    if table is None:
+        return ()
+    if not isinstance(table, dict):
+        raise fields.fail("aspheric", "expected a mapping of powers of r to coefficients, such as {4: 1.0e-5}")
+    terms = []
+    for key in table:
+        power = int(key) if isinstance(key, int) or (isinstance(key, str) and key.isdigit()) else 0
+        path = (*fields.path, "aspheric", key)
+        if isinstance(key, bool) or not 1 <= power <= HIGHEST_POWER:
+            raise problem(fields.document, path, f"a power of r is a whole number from 1 to {HIGHEST_POWER}", key)
+        terms.append((power, as_number(fields.document, path) * scale ** (1 - power)))
+    return tuple(sorted(term for term in terms if term[1] != 0))
+
+
+def _region(fields: Fields, scale: float) -> Region | None:
+    outside = fields.text("outside", "block")
+    if outside not in ("block", "pass"):
+        raise fields.fail("outside", "allowed: block (clip the light), pass (nothing there: it goes straight on)")
+    if "clear" not in fields:
+        if "outside" in fields:
+            raise fields.fail("outside", "needs a clear region beside it")
+        return None
+    inner = Fields(fields.document, (*fields.path, "clear"), ("rectangle", "half_plane_degrees", "edge"))
+    width, height = math.inf, math.inf
+    if "rectangle" in inner:
+        size = inner.numbers("rectangle")
+        if len(size) != 2 or min(size) <= 0:
+            raise inner.fail("rectangle", "expected [width, height], both above 0")
+        width, height = size
+    normal = inner.number("half_plane_degrees") if "half_plane_degrees" in inner else None
+    edge = inner.number("edge", 0.0) * scale
+    return Region(width * scale / 2, height * scale / 2, normal, edge, outside == "block")

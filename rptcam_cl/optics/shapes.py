@@ -1,0 +1,164 @@
+"""Where rays meet a surface: closed forms for spheres, conics and cylinders, bounded iteration for the rest.
+
+Points and directions are arrays (3, n) in the frame of the vertex. Rays are moved to the plane of the vertex first,
+then to the surface, so that weak curvature costs no accuracy and a plane needs no case of its own.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.surface import Surface
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+ITERATIONS = 24
+CLOSE = 4e-15  # of the distance scale, on which a Newton step may end
+
+
+class Hits(NamedTuple):
+    """Hit points and unit normals (3, n), distances and cosines (n,), which rays hit and which were left undecided.
+
+    The normal has positive z; the cosine between it and the ray has the sign of the ray's z, so that the ray crosses
+    the surface in the sense in which it travels.
+    """
+
+    points: Array
+    distances: Array
+    normals: Array
+    cosines: Array
+    met: Mask
+    undecided: Mask | None = None
+
+
+def meet(surface: Surface, points: Array, directions: Array) -> Hits:
+    """Return where rays meet the part of a surface about its vertex."""
+    if surface.kind == "sphere":
+        return meet_sphere(surface.curvature, points, directions)
+    if surface.kind == "conic":
+        return meet_conic(surface, points, directions)
+    return meet_general(surface, points, directions)
+
+
+def meet_sphere(curvature: float, points: Array, directions: Array) -> Hits:
+    """Return the hits with the hemisphere about the vertex, or with the plane when the curvature is 0."""
+    dx, dy, dz = directions
+    x, y, to_plane = _on_vertex_plane(points, directions)
+    f = curvature * (x * x + y * y)
+    g = dz - curvature * (dx * x + dy * y)
+    discriminant = g * g - curvature * f
+    cosine = np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), dz)
+    step = f / (g + cosine)
+    hit = np.stack([x + step * dx, y + step * dy, step * dz])
+    normal = -curvature * hit
+    normal[2] += 1.0
+    return Hits(hit, to_plane + step, normal, cosine, (discriminant >= 0) & (normal[2] > 0))
+
+
+def meet_conic(surface: Surface, points: Array, directions: Array) -> Hits:
+    """Return the hits with the sheet about the vertex of a conic of revolution or a (conic) cylinder."""
+    dx, dy, dz = directions
+    wx, wy = surface.axes()
+    c, k = surface.curvature, surface.conic
+    x, y, to_plane = _on_vertex_plane(points, directions)
+    f = c * (wx * x * x + wy * y * y)
+    g = dz - c * (wx * dx * x + wy * dy * y)
+    a = c * (wx * dx * dx + wy * dy * dy + (1.0 + k) * dz * dz)
+    discriminant = g * g - a * f
+    root = np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), dz)
+    step = f / (g + root)
+    hit = np.stack([x + step * dx, y + step * dy, step * dz])
+    normal = np.stack([-c * wx * hit[0], -c * wy * hit[1], 1.0 - c * (1.0 + k) * hit[2]])
+    met = (discriminant >= 0) & (normal[2] > 0)
+    length = np.sqrt(np.sum(normal * normal, axis=0))
+    return Hits(hit, to_plane + step, normal / length, root / length, met)
+
+
+def meet_general(surface: Surface, points: Array, directions: Array) -> Hits:
+    """Return the hits with an asphere, biconic or toroid by Newton's iteration from its base conic or vertex plane."""
+    dx, dy, dz = directions
+    x0, y0, to_plane = _on_vertex_plane(points, directions)
+    step = np.zeros_like(x0)
+    if surface.curvature_x is None:
+        base = meet_conic(surface, np.stack([x0, y0, np.zeros_like(x0)]), directions)
+        step = np.where(base.met & np.isfinite(base.distances), base.distances, 0.0)
+    scale = np.abs(x0) + np.abs(y0) + np.abs(step)
+    settled = np.zeros(x0.shape, dtype=bool)
+    for _ in range(ITERATIONS):
+        z, zx, zy = sag_and_slopes(surface, x0 + step * dx, y0 + step * dy)
+        change = (step * dz - z) / (dz - zx * dx - zy * dy)
+        settled |= np.abs(change) <= CLOSE * (scale + np.abs(step)) + 1e-300
+        step = np.where(np.isfinite(change), step - change, np.nan)
+        if np.all(settled | ~np.isfinite(step)):
+            break
+    x, y = x0 + step * dx, y0 + step * dy
+    z, zx, zy = sag_and_slopes(surface, x, y)
+    length = np.sqrt(1.0 + zx * zx + zy * zy)
+    normal = np.stack([-zx, -zy, np.ones_like(zx)]) / length
+    cosine = np.sum(normal * directions, axis=0)
+    reached = np.isfinite(step) & np.isfinite(z)
+    met = reached & settled & (cosine * dz > 0)
+    return Hits(np.stack([x, y, z]), to_plane + step, normal, cosine, met, reached & ~settled)
+
+
+def sag_and_slopes(surface: Surface, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    """Return z, dz/dx and dz/dy of a surface above points of its vertex plane; NaN where it does not reach."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if surface.curvature_x is None:
+            wx, wy = surface.axes()
+            z, slope = _profile(surface, wx * x * x + wy * y * y)
+            return z, 2.0 * wx * x * slope, 2.0 * wy * y * slope
+        if surface.is_toroid:
+            return _toroid(surface, x, y)
+        return _biconic(surface, x, y)
+
+
+def _profile(surface: Surface, s: Array) -> tuple[Array, Array]:
+    """Return z and dz/ds of the profile, s being the squared distance from the axis."""
+    c = surface.curvature
+    root = np.sqrt(1.0 - (1.0 + surface.conic) * c * c * s)
+    z = c * s / (1.0 + root)
+    slope = 0.5 * c / root
+    polynomial, its_slope = _polynomial(surface, s)
+    return np.asarray(z + polynomial), np.asarray(slope + its_slope)
+
+
+def _polynomial(surface: Surface, s: Array) -> tuple[Array, Array]:
+    z, slope = np.zeros_like(s), np.zeros_like(s)
+    for power, a in surface.aspheric:
+        z = z + a * s ** (power / 2)
+        slope = slope + np.where(s > 0, a * (power / 2) * s ** (power / 2 - 1), a if power == 2 else 0.0)
+    return z, slope
+
+
+def _biconic(surface: Surface, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    assert surface.curvature_x is not None
+    cx, cy = surface.curvature_x, surface.curvature
+    qx, qy = (1.0 + surface.conic_x) * cx * cx, (1.0 + surface.conic) * cy * cy
+    top = cx * x * x + cy * y * y
+    root = np.sqrt(1.0 - qx * x * x - qy * y * y)
+    under = 1.0 + root
+    polynomial, slope = _polynomial(surface, x * x + y * y)
+    zx = 2.0 * cx * x / under + top * qx * x / (root * under * under) + 2.0 * x * slope
+    zy = 2.0 * cy * y / under + top * qy * y / (root * under * under) + 2.0 * y * slope
+    return top / under + polynomial, zx, zy
+
+
+def _toroid(surface: Surface, x: Array, y: Array) -> tuple[Array, Array, Array]:
+    assert surface.curvature_x is not None
+    cx = surface.curvature_x
+    z, slope = _profile(surface, y * y)
+    w = 1.0 - cx * z
+    root = np.sqrt(w * w - cx * cx * x * x)
+    return z + cx * x * x / (w + root), cx * x / root, 2.0 * y * slope * w / root
+
+
+def _on_vertex_plane(points: Array, directions: Array) -> tuple[Array, Array, Array]:
+    """Return x, y where rays cross the plane of the vertex, and the distance to it."""
+    to_plane = -points[2] / directions[2]
+    return points[0] + to_plane * directions[0], points[1] + to_plane * directions[1], to_plane

@@ -1,0 +1,65 @@
+"""Pictures for tests: seeds that follow from the test, small scenes, and means with their errors."""
+
+from collections.abc import Mapping
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+import rptcam_cl
+from tests.support.statistics import Sampled, sampled
+
+WHITE = {"kind": "constant", "radiance": 1.0}
+MATTE = {"kind": "matte", "reflectance": 1.0}
+
+
+def seed_of(name: str) -> int:
+    """Return the seed of a test: fixed, so that nothing is flaky, and not chosen, so that nothing is shopped for."""
+    return crc32(name.encode())
+
+
+def pixels(scene: Any, **options: Any) -> NDArray[np.float64]:
+    """Return the linear film of a scene, shape (height, width, 3)."""
+    return np.asarray(rptcam_cl.render(scene, **options)).astype(np.float64)
+
+
+def batches(scene: Any, name: str, count: int, **options: Any) -> Sampled:
+    """Return the mean of ``count`` pictures with independent seeds, with the variance of each pixel's mean."""
+    return sampled([pixels(scene, seed=seed_of(f"{name} {batch}"), **options) for batch in range(count)])
+
+
+def flat_mean(scene: Any, name: str, **options: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return mean and standard error per channel of a picture whose pixels all estimate the same number."""
+    film = pixels(scene, seed=seed_of(name), **options).reshape(-1, 3)
+    return film.mean(axis=0), film.std(axis=0, ddof=1) / np.sqrt(len(film))
+
+
+def scene_of(
+    objects: list[dict[str, Any]],
+    camera: Mapping[str, Any],
+    *,
+    depth: int = 8,
+    roulette: int = 0,
+    resolution: tuple[int, int] = (32, 32),
+    **rest: Any,
+) -> dict[str, Any]:
+    """Return the mapping of a scene."""
+    return {
+        "film": {"resolution": list(resolution), **rest.pop("film", {})},
+        "camera": dict(camera),
+        "render": {"spp": 16, "max_depth": depth, "roulette_depth": roulette},
+        "objects": objects,
+        **rest,
+    }
+
+
+def looking(eye: Any, target: Any, fov: float = 40.0, up: Any = (0, 0, 1), **rest: Any) -> dict[str, Any]:
+    """Return a pinhole camera."""
+    pose = {"eye": list(map(float, eye)), "target": list(map(float, target)), "up": list(up)}
+    return {"kind": "pinhole", "fov_degrees": fov, **pose, **rest}
+
+
+def lamp(radiance: Any, *, two_sided: bool = False) -> dict[str, Any]:
+    """Return an emissive material."""
+    return {"kind": "emissive", "radiance": radiance, "two_sided": two_sided}
