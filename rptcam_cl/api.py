@@ -13,7 +13,7 @@ from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices
 from rptcam_cl.imaging import Image
 from rptcam_cl.optics import load_lens
 from rptcam_cl.plan import Plan, make_plan
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -114,18 +114,13 @@ def _adjusted(
     size: tuple[int, int] | None,
     crop: tuple[float, float, float, float] | None,
 ) -> Scene:
-    changes: list[str] = []
-    if spp is not None:
-        changes.append(f"render.spp={spp}")
-    if seed is not None:
-        changes.append(f"render.seed={seed}")
-    if size is not None:
-        changes.append(f"film.resolution=[{size[0]}, {size[1]}]")
-    if crop is not None:
-        changes.append(f"film.crop=[{', '.join(map(str, crop))}]")
-    if not changes:
-        return scene
-    return load_scene(scene.model_dump(mode="json", exclude_none=True), changes, base_dir=scene.base_dir)
+    settings = {"spp": spp, "seed": seed}
+    film = {"resolution": size, "crop": crop}
+    return change_scene(
+        scene,
+        render={key: value for key, value in settings.items() if value is not None},
+        film={key: value for key, value in film.items() if value is not None},
+    )
 
 
 def _stats(

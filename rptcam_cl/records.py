@@ -1,7 +1,7 @@
 """Records shared by host and device, declared once: the numpy dtypes and the OpenCL typedefs come from here.
 
-Members are ``float``, ``int``, ``uint``, ``float4`` and ``uint2`` only; 16-byte members stand on multiples of 16 and every
-record is a multiple of 16 bytes long where it is used in arrays, so that no compiler pads it. A device test checks this.
+Members are ``float``, ``int``, ``uint``, ``float4`` and ``uint2`` only; 16-byte members stand on multiples of 16, and a
+record that stands in arrays is a multiple of 16 bytes long, so that no compiler pads it. A device test checks this.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Camera models: one module each, turning a camera of the scene into a record, tables and the kernel that reads them."""
+"""Camera models, one module each: a camera of the scene becomes a record, tables and the kernel that reads them."""
 
 from __future__ import annotations
 

@@ -19,8 +19,8 @@ def surface_records(
     Parameters
     ----------
     start
-        Side where rays begin. The device's z runs along the direction of travel, so curvatures change sign for rays from
-        the film.
+        Side where rays begin. The device's z runs along the direction of travel, so curvatures change sign for rays
+        from the film.
     first_gap_mm
         Distance along the travel from the plane z = 0 of the rays to the first vertex they meet.
     """

@@ -99,7 +99,8 @@ def build(scene: Scene) -> CameraModel:
     on_axis = on_axis_irradiance(lens, back_mm, camera.wavelength_nm)
     if not on_axis > 0:
         raise InputError(
-            f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens (film distance {back_mm:g} mm)"
+            f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens"
+            f" (film distance {back_mm:g} mm)"
         )
     table = _pupil_table(camera, lens, back_mm, film_radius_mm)
     scale = np.pi / on_axis if scene.exposure == "relative" else np.pi

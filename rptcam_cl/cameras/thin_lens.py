@@ -13,8 +13,8 @@ from rptcam_cl.scene.scene import Scene
 def optics_of(camera: ThinLensCamera, film: Film) -> tuple[float, float, float]:
     """Return the tangents of half the field across and down, and the focal length [m].
 
-    The film stands where the plane of focus is sharp, 1/f = 1/focus + 1/film distance; given the field of view instead of
-    the focal length, the film distance follows from the film's size.
+    The film stands where the plane of focus is sharp, 1/f = 1/focus + 1/film distance; given the field of view instead
+    of the focal length, the film distance follows from the film's size.
     """
     width, height = film.size_m()
     focus = camera.focus_distance_m

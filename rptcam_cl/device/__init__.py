@@ -1,4 +1,4 @@
-"""OpenCL devices, programs and buffers: the only package that imports pyopencl. It knows nothing of scenes or lenses."""
+"""OpenCL devices, programs and buffers: the only package that imports pyopencl, and it knows no scene and no lens."""
 
 from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
 from rptcam_cl.device.program import Program

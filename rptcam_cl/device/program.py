@@ -87,9 +87,7 @@ class Program:
 
         self.identity = hashlib.sha256(source.encode()).hexdigest()
         try:
-            self.handle = cl.Program(context, source).build(
-                options=list(BUILD_OPTIONS), devices=[device], cache_dir=False
-            )
+            self.handle = cl.Program(context, source).build(options=list(BUILD_OPTIONS), devices=[device])
         except cl.RuntimeError as error:
             raise DeviceError(_build_failure(source, str(error), self.identity)) from error
 

@@ -15,7 +15,7 @@ from rptcam_cl.errors import DeviceError
 
 
 class Launch:
-    """A kernel with its arguments: bound once, enqueued many times (setting arguments anew costs more than a launch)."""
+    """A kernel with its arguments: bound once, enqueued many times (setting them anew costs more than a launch)."""
 
     def __init__(self, session: Session, program: Program, name: str, arguments: tuple[Any, ...]) -> None:
         import pyopencl as cl
@@ -51,7 +51,7 @@ class Session:
         self.profiling = profiling
         try:
             self.context = cl.Context([info.handle])
-            flags = cl.command_queue_properties.PROFILING_ENABLE if profiling else 0
+            flags = cl.command_queue_properties.PROFILING_ENABLE if profiling else None
             self.queue = cl.CommandQueue(self.context, info.handle, properties=flags)
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
@@ -94,7 +94,7 @@ class Session:
         """Enqueue filling the first ``nbytes`` of a buffer with zeros."""
         import pyopencl as cl
 
-        cl.enqueue_fill_buffer(self.queue, buffer, np.uint32(0), 0, nbytes)
+        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint32), 0, nbytes)
 
     def _allocated(self, make: Any, nbytes: int) -> Any:
         import pyopencl as cl

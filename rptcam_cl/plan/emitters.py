@@ -34,7 +34,7 @@ def _luminance(color: object) -> float:
 
 
 def _flat(kind: EmitterKind, primitive: Primitive, record: np.void) -> float:
-    x, y, z, origin = primitive.placement[:3].T
+    x, y, _, origin = primitive.placement[:3].T
     area = float(np.linalg.norm(np.cross(x, y))) * (np.pi if kind is EmitterKind.DISK else 1.0)
     normal = np.linalg.inv(primitive.placement)[2, :3]
     record["kind"] = kind

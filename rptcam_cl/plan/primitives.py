@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.records import PRIMITIVE, Kind
 from rptcam_cl.scene import shape as shapes
@@ -24,7 +24,8 @@ class Primitive:
     ----------
     kind : Kind
     placement : (4, 4) array
-        Maps the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], eye at the origin.
+        Maps the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], the eye at the
+        origin.
     material : Material
     """
 
@@ -33,14 +34,15 @@ class Primitive:
     material: Material
 
 
-def affine(x: NDArray[np.float64], y: NDArray[np.float64], z: NDArray[np.float64], origin: object) -> Matrix:
-    """Return the 4x4 matrix with the given columns."""
+def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
+    """Return the 4x4 matrix with the given 3x3 linear part and origin."""
     matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = x, y, z, origin
+    matrix[:3, :3] = columns
+    matrix[:3, 3] = origin
     return matrix
 
 
-def turn_to(direction: object) -> Matrix:
+def turn_to(direction: ArrayLike) -> Matrix:
     """Return the 3x3 rotation that takes +z to a direction the short way (about x when it is -z)."""
     z = np.asarray(direction, dtype=np.float64)
     z = z / np.linalg.norm(z)
@@ -50,31 +52,29 @@ def turn_to(direction: object) -> Matrix:
     return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + z[2]))
 
 
-def _disk(center: object, normal: object, radius: float) -> tuple[Kind, Matrix]:
-    turn = turn_to(normal)
-    return Kind.DISK, affine(radius * turn[:, 0], radius * turn[:, 1], turn[:, 2], center)
+def _disk(center: ArrayLike, normal: ArrayLike, radius: float) -> tuple[Kind, Matrix]:
+    return Kind.DISK, affine(turn_to(normal) * (radius, radius, 1.0), center)
 
 
-def _round(kind: Kind, base: object, end: object, radius: float) -> tuple[Kind, Matrix]:
+def _round(kind: Kind, base: ArrayLike, end: ArrayLike, radius: float) -> tuple[Kind, Matrix]:
     axis = np.subtract(end, base)
-    turn = turn_to(axis)
-    return kind, affine(radius * turn[:, 0], radius * turn[:, 1], axis, base)
+    return kind, affine(turn_to(axis) * np.array([radius, radius, np.linalg.norm(axis)]), base)
 
 
 def _canonical(item: shapes.Object) -> Iterator[tuple[Kind, Matrix]]:
     """Yield kind and placement (before the object's transform, in scene units) of each primitive of an object."""
     match item:
         case shapes.Sphere():
-            yield Kind.SPHERE, affine(*(item.radius * np.eye(3)), item.center)
+            yield Kind.SPHERE, affine(item.radius * np.eye(3), item.center)
         case shapes.Disk():
             yield _disk(item.center, item.normal, item.radius)
         case shapes.Rectangle():
             u, v = np.array(item.edge_u), np.array(item.edge_v)
             normal = np.cross(u, v)
-            yield Kind.RECTANGLE, affine(u, v, normal / np.linalg.norm(normal), item.corner)
+            yield Kind.RECTANGLE, affine(np.stack([u, v, normal / np.linalg.norm(normal)], axis=1), item.corner)
         case shapes.Box():
             low, high = np.array(item.min), np.array(item.max)
-            yield Kind.BOX, affine(*np.diag((high - low) / 2), (high + low) / 2)
+            yield Kind.BOX, affine(np.diag((high - low) / 2), (high + low) / 2)
         case shapes.Cylinder():
             yield _round(Kind.CYLINDER, item.base, item.top, item.radius)
             if item.capped:
@@ -85,7 +85,7 @@ def _canonical(item: shapes.Object) -> Iterator[tuple[Kind, Matrix]]:
             if item.capped:
                 yield _disk(item.base, np.subtract(item.base, item.apex), item.radius)
         case shapes.Plane():
-            yield Kind.PLANE, affine(*turn_to(item.normal).T, item.point)
+            yield Kind.PLANE, affine(turn_to(item.normal), item.point)
 
 
 def _is_similarity(linear: Matrix) -> bool:
@@ -96,7 +96,7 @@ def _is_similarity(linear: Matrix) -> bool:
 def world_from_scene(scene: Scene) -> Matrix:
     """Return the 4x4 matrix from scene units to the world: metres, with the eye at the origin."""
     scale = scene.metres_per_unit
-    return affine(*(scale * np.eye(3)), -scale * np.array(scene.camera.eye))
+    return affine(scale * np.eye(3), -scale * np.array(scene.camera.eye))
 
 
 def scene_primitives(scene: Scene) -> list[Primitive]:

@@ -68,8 +68,10 @@ def render_plan(
     clock = _Clock(wavefront, spp, has_lens, on_progress)
     done = 0
     stopped = False
+    most = wavefront.samples_per_wave
     while spp is None or done < spp:
-        count = wavefront.samples_per_wave if spp is None else min(wavefront.samples_per_wave, spp - done)
+        # By time, the first picture comes after one sample per pixel; later waves hold at most as many as are done.
+        count = min(most, spp - done if spp is not None else most, most if seconds is None else max(done, 1))
         for wave in wavefront.waves(done, count):
             wavefront.enqueue(*wave)
             clock.count(wave[1] * wave[3], done)

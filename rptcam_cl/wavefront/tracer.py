@@ -3,8 +3,8 @@
 A wave is a batch of camera rays, one per slot, made by the pass generate. Two organisations take it to the film:
 
 passes
-    Per edge of the paths the kernels intersect, shade and shadow run over all slots, then film adds the radiances. State
-    lives in memory and stays in place; groups of slots without a living path are skipped.
+    Per edge of the paths the kernels intersect, shade and shadow run over all slots, then film adds the radiances.
+    State lives in memory and stays in place; groups of slots without a living path are skipped.
 stream
     One kernel carries a few neighbouring pixels through all samples of the wave, with the same steps; a lane whose path
     has ended starts the next camera ray of its pixel. No state in memory, no idle lanes, three launches fewer per edge.
@@ -113,8 +113,8 @@ class Wavefront:
         budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
         if state_bytes + film_bytes > budget:
             raise InputError(
-                f"film.resolution: {self.layout.width} x {self.layout.height} pixels need {_bytes(film_bytes)} for the film"
-                f" and {_bytes(state_bytes)} for the paths; the device offers {_bytes(budget)}"
+                f"film.resolution: {self.layout.width} x {self.layout.height} pixels need {_bytes(film_bytes)} for the"
+                f" film and {_bytes(state_bytes)} for the paths; the device offers {_bytes(budget)}"
                 " (render a part with crop, or lower the resolution)"
             )
         session = self.session
@@ -162,7 +162,7 @@ class Wavefront:
         return record.tobytes()
 
     def warm_up(self) -> None:
-        """Run a smallest wave through every pass, because PoCL generates code at the first launch; then clear the film."""
+        """Run a smallest wave, because PoCL generates code at the first launch; then clear the film."""
         self.enqueue(0, min(BLOCK, self._wave_pixels), 0, 1)
         self.session.finish()
         self._events.clear()
