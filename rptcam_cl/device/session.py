@@ -51,8 +51,8 @@ class Session:
         self.profiling = profiling
         try:
             self.context = cl.Context([info.handle])
-            flags = cl.command_queue_properties.PROFILING_ENABLE if profiling else None
-            self.queue = cl.CommandQueue(self.context, info.handle, properties=flags)
+            options = {"properties": cl.command_queue_properties.PROFILING_ENABLE} if profiling else {}
+            self.queue = cl.CommandQueue(self.context, info.handle, **options)
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
         self._avx2_pocl = is_pocl_on_avx2(info.handle)
