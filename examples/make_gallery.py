@@ -1,0 +1,37 @@
+"""Render the pictures of the gallery with the very commands that its page prints.
+
+Run in the folder above: python examples/make_gallery.py [PART_OF_A_NAME …]
+"""
+
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+PAGE = Path(__file__).with_name("README.md")
+
+
+def commands(page: str) -> list[list[str]]:
+    """Return the arguments of every ``rptcam`` command in the shell blocks of a Markdown page."""
+    blocks = re.findall(r"^```sh\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
+    words = [shlex.split(block.replace("\\\n", "")) for block in blocks]
+    return [line[1:] for line in words if line[0] == "rptcam"]
+
+
+def main(wanted: list[str]) -> int:
+    """Render the pictures whose command holds one of the wanted texts, or all; return the exit code."""
+    root = PAGE.parent.parent
+    for arguments in commands(PAGE.read_text("utf-8")):
+        line = shlex.join(["rptcam", *arguments])
+        if wanted and not any(part in line for part in wanted):
+            continue
+        print(line, flush=True)
+        done = subprocess.run([sys.executable, "-m", "rptcam_cl", *arguments, "--quiet"], cwd=root, check=False)
+        if done.returncode:
+            return done.returncode
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

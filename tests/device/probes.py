@@ -1,0 +1,77 @@
+"""Small kernels that show what device code computes: they include the very files that render.
+
+`Session.program` takes files below ``kernels/``; an absolute path leads out of there to the probes beside this file,
+whose own includes are found in ``kernels/`` again.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.device import Session, choose_device
+from rptcam_cl.plan import make_plan
+from rptcam_cl.records import WAVE, device_declarations
+from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.wavefront.film import FilmLayout
+
+FOLDER = Path(__file__).parent / "kernels"
+GROUP = 16
+
+
+def open_session() -> Session:
+    """Return a session on the device that the tests run on."""
+    return Session(choose_device())
+
+
+def run(session: Session, name: str, facts: Mapping[str, Any], items: int, *arguments: Any) -> None:
+    """Run the probe ``name`` over ``items`` work items."""
+    program = session.program([str(FOLDER / f"{name}.cl")], facts, device_declarations())
+    session.bind(program, name, *arguments).enqueue(items, min(GROUP, items))
+    session.finish()
+
+
+@dataclass(frozen=True)
+class CameraRays:
+    """Rays of the pixels of a film in the camera's frame [m], with the pixel of each and what its lens did to it."""
+
+    origin: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    status: NDArray[np.int64]
+    pixel: NDArray[np.int64]
+    sample: NDArray[np.int64]
+
+
+def wave_record(layout: FilmLayout, samples: int, seed: tuple[int, int]) -> NDArray[np.void]:
+    """Return the record of a wave that holds all pixels."""
+    record = WAVE.zeros(1)
+    record["seed"][0] = seed
+    record["pixels"], record["samples"] = layout.pixels, samples
+    record["tiles_across"], record["full_width"] = layout.tiles_across, layout.full_width
+    record["width"], record["height"] = layout.width, layout.height
+    record["crop_x"], record["crop_y"] = layout.x, layout.y
+    return record
+
+
+def camera_rays(
+    session: Session, given: Scene | Mapping[str, Any], samples: int, lanes: int = 8, seed: tuple[int, int] = (7, 11)
+) -> CameraRays:
+    """Return the camera rays of a scene, ``samples`` per pixel."""
+    scene = given if isinstance(given, Scene) else load_scene(given)
+    camera = make_plan(scene).camera
+    layout = FilmLayout.of(scene.film)
+    slots = layout.pixels * samples
+    facts = {**camera.facts, "CAMERA_FILE": camera.kernel, "VW": lanes}
+    out = session.allocate(12 * 4 * slots)
+    run(
+        session, "probe_camera", facts, slots // lanes, session.upload(camera.record), session.upload(camera.tables),
+        session.upload(camera.surfaces), out, np.uint32(slots), wave_record(layout, samples, seed).tobytes(),
+    )  # fmt: skip
+    fields = session.read(out, np.float32, 12 * slots).reshape(12, slots).astype(np.float64)
+    fields = fields[:, fields[11] == 1]
+    whole = fields[7:11].astype(np.int64)
+    return CameraRays(fields[:3].T, fields[3:6].T, fields[6], whole[0], whole[1:3].T, whole[3])
