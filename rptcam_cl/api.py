@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from rptcam_cl import optics
 from rptcam_cl._version import __version__
-from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices
+from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
 from rptcam_cl.imaging import Image
-from rptcam_cl.optics import load_lens
+from rptcam_cl.lens_tracing import TraceableLens, traceable
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
@@ -31,10 +31,9 @@ def devices() -> list[dict[str, Any]]:
     return [{name: getattr(device, name) for name in names} | {"default": device.id == chosen} for device in found]
 
 
-@lru_cache(maxsize=4)
-def _session(device_id: str) -> Session:
-    """Return the session of a device; kept, so that a second render compiles nothing."""
-    return Session(choose_device(device_id))
+def load_lens(source: str | Path | Mapping[str, Any]) -> TraceableLens:
+    """Return the lens of a name in the library, a file, or a mapping of the same form; it can be traced on devices."""
+    return traceable(optics.load_lens(source))
 
 
 def render(
@@ -80,7 +79,7 @@ def render(
     """
     begun = time.perf_counter()
     scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop)
-    session = device if isinstance(device, Session) else _session(choose_device(device).id)
+    session = device if isinstance(device, Session) else open_session(device)
     plan = make_plan(scene)
     started = time.perf_counter()
     if on_progress is not None:

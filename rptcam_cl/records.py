@@ -1,17 +1,20 @@
 """Records shared by host and device, declared once: the numpy dtypes and the OpenCL typedefs come from here.
 
-Members are ``float``, ``int``, ``uint``, ``float4`` and ``uint2`` only; 16-byte members stand on multiples of 16, and a
-record that stands in arrays is a multiple of 16 bytes long, so that no compiler pads it. A device test checks this.
+Members are ``float``, ``int``, ``uint``, ``float4``, ``uint2``, and ``real`` (float or double, with arrays of it) only;
+16-byte members stand on multiples of 16, and a record that stands in arrays is a multiple of 16 bytes long, so that no
+compiler pads it. A device test checks this.
 """
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
+_MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
 _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
     "float": ("<f4", ()),
     "int": ("<i4", ()),
@@ -28,10 +31,19 @@ class Record:
     name: str
     members: tuple[tuple[str, str], ...]
 
+    def dtype_of(self, real: str) -> np.dtype[np.void]:
+        """Return the numpy structured type with the same layout; ``real`` is the numpy type of ``real`` members."""
+        fields = []
+        for kind, member in self.members:
+            name, length = _split(member)
+            scalar, shape = (real, ()) if kind == "real" else _NUMPY_TYPE[kind]
+            fields.append((name, scalar, shape + length))
+        return np.dtype(fields)
+
     @property
     def dtype(self) -> np.dtype[np.void]:
-        """The numpy structured type with the same layout."""
-        return np.dtype([(member, *_NUMPY_TYPE[kind]) for kind, member in self.members])
+        """The numpy structured type with the same layout, ``real`` being float32."""
+        return self.dtype_of("<f4")
 
     @property
     def typedef(self) -> str:
@@ -39,9 +51,15 @@ class Record:
         body = " ".join(f"{kind} {member};" for kind, member in self.members)
         return f"typedef struct {{ {body} }} {self.name};"
 
-    def zeros(self, count: int) -> NDArray[np.void]:
+    def zeros(self, count: int, real: str = "<f4") -> NDArray[np.void]:
         """An array of ``count`` (at least one, as OpenCL has no empty buffers) zeroed records."""
-        return np.zeros(max(count, 1), self.dtype)
+        return np.zeros(max(count, 1), self.dtype_of(real))
+
+
+def _split(member: str) -> tuple[str, tuple[int, ...]]:
+    match = _MEMBER.fullmatch(member)
+    assert match is not None
+    return match[1], (int(match[2]),) if match[2] else ()
 
 
 PRIMITIVE = Record(
@@ -91,13 +109,41 @@ EMITTER = Record(
 
 ENVIRONMENT = Record("Environment", (("float4", "bottom"), ("float4", "top"), ("float4", "up")))
 
+EVEN_TERMS = 12
+ODD_TERMS = 12
+
 SURFACE = Record(
     "Surface",
     (
-        ("float", "curvature"),  # 1/mm, positive when the centre lies ahead in the direction of travel
-        ("float", "gap"),  # mm from the previous vertex along the direction of travel
-        ("float", "semi_diameter2"),  # mm^2
-        ("float", "eta"),  # index before over index after, in the direction of travel
+        # All in the frame of travel: millimetres, z along the direction of travel.
+        ("real", "curvature"),  # positive when the centre lies ahead
+        ("real", "gap"),  # from the previous vertex
+        ("real", "semi_diameter2"),
+        ("real", "eta"),  # index before over index after
+        ("real", "conic"),
+        ("real", "curvature_x"),  # of a biconic or toroid in the x-z section
+        ("real", "conic_x"),
+        ("real", "weight_x"),  # 1, or 0 where a cylinder is straight
+        ("real", "weight_y"),
+        ("real", "half_width"),  # region
+        ("real", "half_height"),
+        ("real", "edge"),
+        ("real", "edge_x"),
+        ("real", "edge_y"),
+        ("real", "reserved_0"),
+        ("real", "reserved_1"),
+        ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
+        ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
+        ("real", "offset[4]"),  # pose
+        ("real", "rotation[12]"),  # rows of a 3x3 matrix
+        ("int", "kind"),
+        ("int", "even_terms"),
+        ("int", "odd_terms"),
+        ("int", "posed"),
+        ("int", "region"),
+        ("int", "inverted"),
+        ("int", "reserved_2"),
+        ("int", "reserved_3"),
     ),
 )
 
@@ -202,6 +248,26 @@ class RayStatus(IntEnum):
     MISSED = 1
     CLIPPED = 2
     TOTAL_INTERNAL_REFLECTION = 3
+    NO_CONVERGENCE = 4
+
+
+class SurfaceKind(IntEnum):
+    """Kinds of lens surface, by what must be solved to meet them."""
+
+    SPHERE = 0
+    CONIC_KIND = 1
+    ASPHERE = 2
+    BICONIC = 3
+    TOROID = 4
+
+
+class RegionKind(IntEnum):
+    """What the clear region of a lens surface does."""
+
+    NONE = 0
+    BLOCKS = 1
+    OPENS = 2  # first surface of a half lens: rays outside pass beside it
+    GOES_ON = 3  # a further surface of it
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the stream reads per slot
@@ -226,7 +292,10 @@ def _constants(prefix: str, kinds: type[IntEnum]) -> list[str]:
 
 def device_declarations() -> str:
     """OpenCL C text with every record, kind and path field, for the head of a program."""
-    lines = [record.typedef for record in RECORDS]
+    lines = ["#if DOUBLE", "#pragma OPENCL EXTENSION cl_khr_fp64 : enable", "typedef double real;", "#else"]
+    lines += ["typedef float real;", "#endif"]
+    lines += [record.typedef for record in RECORDS]
+    lines += _constants("LENS", SurfaceKind) + _constants("REGION", RegionKind)
     lines += _constants("KIND", Kind) + _constants("MATERIAL", MaterialKind) + _constants("TEXTURE", TextureKind)
     lines += (
         _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)

@@ -21,8 +21,8 @@ static F3 select3(I m, F3 a, F3 b)    { return f3(m ? a.x : b.x, m ? a.y : b.y, 
 static F3 keep3(I m, F3 a)            { return select3(m, a, f3(ZERO, ZERO, ZERO)); }
 static F  max3(F3 a)                  { F m = MAX(a.x, a.y); return MAX(m, a.z); }
 static F  root(F x)                   { return sqrt(MAX(x, ZERO)); }
-static F  absolute(F x)               { return AS_F(AS_I(x) & 0x7fffffff); }
-static F  with_sign(F x, F s)         { return AS_F((AS_I(x) & 0x7fffffff) | (AS_I(s) & (I)((int)0x80000000))); }
+static F  absolute(F x)               { return AS_F(AS_I(x) & ~SIGN_BIT); }
+static F  with_sign(F x, F s)         { return AS_F((AS_I(x) & ~SIGN_BIT) | (AS_I(s) & SIGN_BIT)); }
 static F3 normalized(F3 a)            { return scale(a, ONE / sqrt(dot3(a, a))); }
 static F3 cross3(F3 a, F3 b)
 {
@@ -30,7 +30,7 @@ static F3 cross3(F3 a, F3 b)
 }
 
 // Integer test: survives compilers that assume finite numbers.
-static I not_finite(F x)              { return (AS_I(x) & 0x7fffffff) >= 0x7f800000; }
+static I not_finite(F x)              { return (AS_I(x) & ~SIGN_BIT) >= INFINITE; }
 
 // sin and cos of 2 pi u for u in [0, 1]: quarter turns by rounding, then Taylor polynomials on +-pi/4 (error < 4e-7).
 static void sincos_turns(F u, F *sine, F *cosine)

@@ -1,10 +1,28 @@
 // Width-generic types: a work item handles VW neighbouring lanes (8 or 16 on a CPU, 1 on a GPU); F, I, U are VW floats,
 // ints, uints. A comparison gives a mask: every bit set in a true lane (VW > 1), or 1 (VW == 1). Masks are combined with
 // & and |, negated with NOT, used by the ternary operator, tested with ANY and counted with COUNT.
+// With DOUBLE the lanes are double and long, for the float64 lens tracer.
 #ifndef WIDTH_H
 #define WIDTH_H
 
-#if VW == 1
+#if DOUBLE
+typedef double8 F;
+typedef long8   I;
+typedef ulong8  U;
+#define LANES     ((I)(0, 1, 2, 3, 4, 5, 6, 7))
+#define TO_F(v)   convert_double8(v)
+#define TO_I(v)   convert_long8(v)
+#define AS_F(v)   as_double8(v)
+#define AS_I(v)   as_long8(v)
+#define AS_U(v)   as_ulong8(v)
+#define SIGN_BIT  ((I)((long)0x8000000000000000UL))
+#define INFINITE  0x7ff0000000000000L
+#define CRITICAL  1e-15
+#define CLOSE     4e-15
+#define SMALLEST  1e-300
+#define NEWTON_STEPS 24
+
+#elif VW == 1
 typedef float F;
 typedef int   I;
 typedef uint  U;
@@ -57,13 +75,28 @@ typedef uint16  U;
 #endif
 #endif
 
+#if !DOUBLE
+#define SIGN_BIT  ((I)((int)0x80000000))
+#define INFINITE  0x7f800000
+#define CRITICAL  1e-6f      // relative distance from the critical angle that float32 cannot resolve
+#define CLOSE     4e-7f      // of the distance scale: a Newton step of a few roundings
+#define SMALLEST  1e-36f
+#define NEWTON_STEPS 12
+#endif
+
+#if DOUBLE
+#define LANE_INT  long
+#else
+#define LANE_INT  int
+#endif
+
 #if VW > 1
 #define NOT(m)    (~(m))
 #ifndef MASK_BITS
 #define MASK_BITS(m) mask_bits(m)
 static uint mask_bits(I m)
 {
-    const int *lane = (const int *)&m;
+    const LANE_INT *lane = (const LANE_INT *)&m;
     uint bits = 0u;
     for (int i = 0; i < VW; ++i)
         bits |= lane[i] != 0 ? 1u << i : 0u;
@@ -77,8 +110,8 @@ static uint mask_bits(I m)
 static int first_of(I values, I m)
 {
     uint bits = MASK_BITS(m);
-    const int *lane = (const int *)&values;
-    return lane[31u - clz(bits & (0u - bits))];
+    const LANE_INT *lane = (const LANE_INT *)&values;
+    return (int)lane[31u - clz(bits & (0u - bits))];
 }
 #else
 static int first_of(I values, I m) { return values; }

@@ -1,58 +1,112 @@
-// A ray through every surface of a lens, in order of travel, as lanes of float32.
-// Coordinates: millimetres, z along the direction of travel and relative to the vertex of the current surface.
-// Each surface is met in the tangent-plane form: go to the vertex plane, then solve for the sag with curvature c = 1/R, so
-// that planes are exact and no large radius is ever subtracted. Snell's law is exact in vector form; the normal
-// (-c x, -c y, 1 - c z) of a sphere has unit length by construction.
+// A ray through every surface of a lens, in order of travel. Coordinates in millimetres, z along the direction of travel
+// and relative to the vertex of the current surface. Snell's law is exact in vector form. A ray that fails keeps the
+// state in which it failed. Facts: those of lens/surface.h, and LENS_POSE.
 #ifndef LENS_TRACE_H
 #define LENS_TRACE_H
-#include "common/records.h"
+#include "lens/surface.h"
 
 typedef struct {
-    F3 p;         // on the last surface, relative to its vertex
+    F3 p;         // on the last surface that it met, relative to its vertex
     F3 d;         // unit
     I  passed;
-    I  status;    // RAY_OK, RAY_MISSED, RAY_CLIPPED, RAY_TOTAL_INTERNAL_REFLECTION
+    I  status;    // RAY_…
     I  surface;   // where it failed, in order of travel; -1 when it passed
 } LensRay;
 
-// Within this relative distance of the critical angle float32 cannot tell refraction from total reflection.
-#define CRITICAL  1e-6f
+#if LENS_POSE
+static F3 turned(const __global real *m, F3 v)
+{
+    return f3(m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
+              m[6] * v.x + m[7] * v.y + m[8] * v.z);
+}
+
+static F3 turned_back(const __global real *m, F3 v)
+{
+    return f3(m[0] * v.x + m[3] * v.y + m[6] * v.z, m[1] * v.x + m[4] * v.y + m[7] * v.z,
+              m[2] * v.x + m[5] * v.y + m[8] * v.z);
+}
+
+static F3 offset_of(const __global Surface *s) { return f3((F)(s->offset[0]), (F)(s->offset[1]), (F)(s->offset[2])); }
+#endif
+
+// Direction after a surface by Snell's law, and whether the ray is bent and not totally reflected.
+static F3 refracted(F3 d, F3 n, F cosine, real eta, I *bends)
+{
+    F cosine2_after = 1.0f - eta * eta * (1.0f - cosine * cosine);
+    F bend = root(cosine2_after) - eta * cosine;
+    *bends = cosine2_after > CRITICAL;
+    return f3(eta * d.x + bend * n.x, eta * d.y + bend * n.y, eta * d.z + bend * n.z);
+}
 
 static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int count)
 {
     LensRay ray;
+    ray.p = p;
+    ray.d = d;
     ray.passed = TRUE;
     ray.status = (I)(RAY_OK);
     ray.surface = (I)(-1);
+#if LENS_REGION
+    I beside = FALSE;          // lanes that pass beside the half lens at hand
+#endif
     for (int k = 0; k < count; ++k) {
         const __global Surface *s = surfaces + k;
-        float c = s->curvature;
-        F t0 = (s->gap - p.z) / d.z;
-        F x = p.x + t0 * d.x;
-        F y = p.y + t0 * d.y;
-        F h = c * (x * x + y * y);
-        F g = d.z - c * (x * d.x + y * d.y);
-        F discriminant = g * g - c * h;
-        F cosine = root(discriminant);
-        F t = h / (g + cosine);
-        p = f3(x + t * d.x, y + t * d.y, t * d.z);
-        I met = (discriminant >= 0.0f) & (1.0f - c * p.z > 0.0f);
-        I within = p.x * p.x + p.y * p.y <= s->semi_diameter2;
-        float eta = s->eta;
-        F k2 = 1.0f - eta * eta * (1.0f - cosine * cosine);
-        F cosine_after = root(k2);
-        F bend = cosine_after - eta * cosine;
-        F tilt = bend * c;
-        d = f3(eta * d.x - tilt * p.x, eta * d.y - tilt * p.y, eta * d.z - tilt * p.z + bend);
-        I goes_on = met & within & (k2 > CRITICAL);
-        I stops = ray.passed & NOT(goes_on);
-        ray.status = stops ? (met ? (within ? (I)(RAY_TOTAL_INTERNAL_REFLECTION) : (I)(RAY_CLIPPED)) : (I)(RAY_MISSED))
-                           : ray.status;
+        p.z -= s->gap;
+        F3 q = p;
+        F3 v = d;
+#if LENS_POSE
+        if (s->posed) {
+            q = turned_back(s->rotation, sub(p, offset_of(s)));
+            v = turned_back(s->rotation, d);
+        }
+#endif
+        LensHit hit = meet_surface(s, q, v);
+        I met = hit.met & (v.z > 0.0f);
+        I within = within_rim(s, hit.p);
+#if LENS_REGION
+        I outside = NOT(within_region(s, hit.p));
+        if (s->region == REGION_BLOCKS)
+            within = within & NOT(outside);
+        if (s->region == REGION_GOES_ON)
+            within = within & NOT(outside ^ beside);           // neither in nor out through the cut face
+        else
+            beside = s->region == REGION_OPENS ? outside : FALSE;
+#endif
+        F3 bent = v;
+        I bends = TRUE;
+        if (s->eta != 1.0f)
+            bent = refracted(v, hit.n, hit.cosine, s->eta, &bends);
+#if LENS_REGION
+        bent = select3(beside, v, bent);
+        bends = bends | beside;
+#endif
+        I stops = ray.passed & NOT(met & within & bends);
+        I reason = met ? (within ? (I)(RAY_TOTAL_INTERNAL_REFLECTION) : (I)(RAY_CLIPPED)) : (I)(RAY_MISSED);
+#if LENS_GENERAL
+        reason = hit.settled ? reason : (I)(RAY_NO_CONVERGENCE);
+#endif
+        ray.status = stops ? reason : ray.status;
         ray.surface = stops ? (I)(k) : ray.surface;
-        ray.passed = ray.passed & goes_on;
+        p = hit.p;
+        d = bent;
+#if LENS_POSE
+        if (s->posed) {
+            p = add(turned(s->rotation, hit.p), offset_of(s));
+            d = turned(s->rotation, bent);
+        }
+#endif
+#if LENS_KEEP_FAILED
+        ray.p = f3(ray.p.x, ray.p.y, ray.p.z - s->gap);
+        ray.p = select3(ray.passed & met, p, ray.p);
+        ray.d = select3(ray.passed & NOT(stops), d, ray.d);
+#endif
+        ray.passed = ray.passed & NOT(stops);
     }
+#if !LENS_KEEP_FAILED
     ray.p = p;
-    ray.d = normalized(d);
+    ray.d = d;
+#endif
+    ray.d = normalized(ray.d);
     return ray;
 }
 

@@ -3,7 +3,7 @@
 
 __kernel void trace_rays(const __global Surface *surfaces,   // in order of travel
                          int                     count,      // surfaces
-                         __global float         *rays,       // [8][capacity]: p, d, status, surface; p and d in and out
+                         __global real          *rays,       // [8][capacity]: p, d (both in and out), status, surface
                          uint                    capacity)   // padded number of rays
 {
     uint i = get_global_id(0) * VW;

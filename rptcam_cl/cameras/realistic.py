@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.lens_records import surface_records
+from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.cameras.model import CameraModel, camera_record
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, load_lens
@@ -108,12 +108,13 @@ def build(scene: Scene) -> CameraModel:
     record["a"][0] = (width_mm / 2, height_mm / 2, back_mm, INTERVALS / film_radius_mm)
     record["b"][0] = (scale, 1e-3, -(back_mm + lens.length) * 1e-3, 0.0)
     record["count"] = len(lens.surfaces)
+    traced = lens_records(lens, camera.wavelength_nm, "film", back_mm)
     return CameraModel(
         "camera/realistic.h",
         record,
-        facts={},
+        facts=traced.facts,
         tables=np.concatenate([table, table[-1:]]).astype(np.float32).ravel(),
-        surfaces=surface_records(lens, camera.wavelength_nm, "film", back_mm),
+        surfaces=traced.surfaces,
         has_lens=True,
         metadata=_metadata(camera, lens, back_mm, on_axis),
     )

@@ -2,6 +2,6 @@
 
 from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
 from rptcam_cl.device.program import Program
-from rptcam_cl.device.session import Session
+from rptcam_cl.device.session import Session, open_session
 
-__all__ = ["DeviceInfo", "Program", "Session", "choose_device", "list_devices"]
+__all__ = ["DeviceInfo", "Program", "Session", "choose_device", "list_devices", "open_session"]

@@ -4,14 +4,25 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.device.choose import DeviceInfo
+from rptcam_cl.device.choose import DeviceInfo, choose_device
 from rptcam_cl.device.program import Program, assemble, is_pocl_on_avx2
 from rptcam_cl.errors import DeviceError
+
+
+def open_session(spec: str | None = None) -> Session:
+    """Return the session of the device that ``spec`` names; kept, so that its programs are built only once."""
+    return _session(choose_device(spec).id)
+
+
+@lru_cache(maxsize=4)
+def _session(device_id: str) -> Session:
+    return Session(choose_device(device_id))
 
 
 class Launch:
@@ -89,6 +100,12 @@ class Session:
         if zeroed:
             self.fill_zero(buffer, nbytes)
         return buffer
+
+    def write(self, buffer: Any, array: NDArray[Any]) -> None:
+        """Copy ``array`` to the start of ``buffer``."""
+        import pyopencl as cl
+
+        cl.enqueue_copy(self.queue, buffer, array)
 
     def fill_zero(self, buffer: Any, nbytes: int) -> None:
         """Enqueue filling the first ``nbytes`` of a buffer with zeros."""
