@@ -1,0 +1,74 @@
+"""The worker that renders with Mitsuba 3, variant ``llvm_ad_rgb``; its Python needs nothing else.
+
+Requests: ``load`` a description made by `benchmarks.mitsuba_scene`, ``render`` samples of it.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from benchmarks.stopwatch import timed
+from benchmarks.worker import WorkerError, serve
+
+VARIANT = "llvm_ad_rgb"
+REMEDY = "Debian and Ubuntu: apt install libllvm19; elsewhere name the library in DRJIT_LIBLLVM_PATH"
+
+
+def find_llvm() -> str | None:
+    """Return the newest LLVM library in the system's folders, if any."""
+    names = [*Path("/usr/lib").glob("*/libLLVM*.so*"), *Path("/usr/lib").glob("llvm-*/lib/libLLVM*.so*")]
+    versions = {int(found[1]): str(name) for name in names if (found := re.search(r"(?:so\.|LLVM-)(\d+)", name.name))}
+    return versions[max(versions)] if versions else None
+
+
+def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
+    """Return the description of the renderer and its answers."""
+    if "DRJIT_LIBLLVM_PATH" not in os.environ and (library := find_llvm()):
+        os.environ["DRJIT_LIBLLVM_PATH"] = library
+    try:
+        import mitsuba
+    except ImportError as error:
+        raise WorkerError(f"Mitsuba cannot be imported ({error}); pip install 'rptcam_cl[bench]'") from error
+    try:
+        mitsuba.set_variant(VARIANT)
+        mitsuba.Float([1.0]) + 1.0
+    except Exception as error:
+        raise WorkerError(f"Mitsuba's variant {VARIANT} does not run ({error}); it needs LLVM. {REMEDY}") from error
+    loaded: dict[str, Any] = {}
+
+    def respond(request: dict[str, Any]) -> dict[str, Any]:
+        if request["do"] == "load":
+            loaded[request["as"]] = mitsuba.load_dict(_with_transforms(mitsuba, request["description"]))
+            return {}
+        return _render(mitsuba, loaded[request["as"]], request["spp"], request["seed"])
+
+    return f"Mitsuba {mitsuba.__version__} {VARIANT}", respond
+
+
+def _with_transforms(mitsuba: Any, description: dict[str, Any]) -> dict[str, Any]:
+    """Return a description with its ``{"matrix": rows}`` replaced by Mitsuba's transforms."""
+    found = {}
+    for key, value in description.items():
+        if isinstance(value, dict):
+            matrix = value.get("matrix")
+            found[key] = _with_transforms(mitsuba, value) if matrix is None else mitsuba.ScalarTransform4f(matrix)
+        else:
+            found[key] = value
+    return found
+
+
+def _render(mitsuba: Any, scene: Any, spp: int, seed: int) -> dict[str, Any]:
+    """Return times and mean colour of a render from nothing to the picture in numpy."""
+    import numpy as np
+
+    pictures = []
+    times = timed(lambda: pictures.append(np.array(mitsuba.render(scene, spp=spp, seed=seed))))
+    return {"wall": times.wall, "cpu": times.cpu, "mean": pictures[0].mean(axis=(0, 1), dtype=float).tolist()}
+
+
+if __name__ == "__main__":
+    serve(start)

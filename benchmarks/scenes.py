@@ -1,0 +1,58 @@
+"""The reference scenes of the tests, at the size and with the roulette that a benchmark wants."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rptcam_cl.device import Session
+from rptcam_cl.plan import make_plan
+from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.wavefront import Wavefront
+from rptcam_cl.wavefront.film import FilmLayout
+
+REFERENCE = Path(__file__).resolve().parents[1] / "tests" / "data" / "reference"
+FULL_SIZE = {"A": (640, 360), "A_thin": (640, 360), "A_lens": (640, 360), "B": (512, 512)}
+MEANING = {
+    "A": "three spheres on a checker, pinhole",
+    "A_thin": "the same, thin lens",
+    "A_lens": "the same, double Gauss of eleven surfaces",
+    "B": "Cornell box, pinhole",
+}
+
+
+def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **render: int) -> Scene:
+    """Return a reference scene.
+
+    Parameters
+    ----------
+    name
+        A, A_thin, A_lens or B.
+    shrink
+        Divides width and height of the full size.
+    roulette
+        Whether Russian roulette ends paths from the default edge on, or never.
+    **render
+        Other settings of the scene's ``render``.
+    """
+    width, height = FULL_SIZE[name]
+    scene = load_scene(REFERENCE / f"{name}.yaml")
+    defaults = type(scene.render)()
+    settings = {"roulette_depth": defaults.roulette_depth if roulette else 0, **render}
+    return change_scene(scene, film={"resolution": (width // shrink, height // shrink)}, render=settings)
+
+
+def wavefront_of(
+    scene: Scene, session: Session, wave_size: int | None = None, organisation: str | None = None
+) -> Wavefront:
+    """Return the compiled wavefront of a scene, ready to render."""
+    wavefront = Wavefront(session, make_plan(scene), FilmLayout.of(scene.film), scene.render, wave_size, organisation)
+    wavefront.warm_up()
+    return wavefront
+
+
+def render_samples(wavefront: Wavefront, spp: int) -> None:
+    """Render ``spp`` samples of every pixel into the film, and wait."""
+    for first in range(0, spp, wavefront.samples_per_wave):
+        for wave in wavefront.waves(first, min(wavefront.samples_per_wave, spp - first)):
+            wavefront.enqueue(*wave)
+    wavefront.finish()
