@@ -16,7 +16,7 @@ from typing import Any
 from rptcam_cl.errors import DeviceError
 from rptcam_cl.resources import kernels_dir
 
-BUILD_OPTIONS = ("-cl-std=CL1.2",)
+BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
 _INCLUDE = re.compile(r'^\s*#include\s+(?:"([^"]+)"|([A-Z_]+))\s*$')
 
 

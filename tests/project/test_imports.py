@@ -23,6 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     "device": GROUND | {"records", "resources"},
     "cameras": GROUND | {"records", "scene", "optics"},
     "plan": GROUND | {"records", "scene", "optics", "geometry", "cameras"},
+    "lens_tracing": GROUND | {"records", "optics", "device", "cameras"},
     "wavefront": GROUND | {"records", "scene", "plan", "device"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
