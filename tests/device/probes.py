@@ -57,21 +57,30 @@ def wave_record(layout: FilmLayout, samples: int, seed: tuple[int, int]) -> NDAr
     return record
 
 
-def camera_rays(
-    session: Session, given: Scene | Mapping[str, Any], samples: int, lanes: int = 8, seed: tuple[int, int] = (7, 11)
-) -> CameraRays:
-    """Return the camera rays of a scene, ``samples`` per pixel."""
-    scene = given if isinstance(given, Scene) else load_scene(given)
+def camera_slots(
+    session: Session, scene: Scene, samples: int, lanes: int = 8, seed: tuple[int, int] = (7, 11), beyond: int = 0
+) -> NDArray[np.float64]:
+    """Return what the probe writes of every slot, those of padding too, shape (12, slots).
+
+    The camera's tables are followed by ``beyond`` values that are not a number: what reads past their end shows it.
+    """
     camera = make_plan(scene).camera
     layout = FilmLayout.of(scene.film)
     slots = layout.pixels * samples
     facts = {**camera.facts, "CAMERA_FILE": camera.kernel, "VW": lanes}
+    tables = np.concatenate([camera.tables, np.full(beyond, np.nan, np.float32)])
     out = session.allocate(12 * 4 * slots)
     run(
-        session, "probe_camera", facts, slots // lanes, session.upload(camera.record), session.upload(camera.tables),
+        session, "probe_camera", facts, slots // lanes, session.upload(camera.record), session.upload(tables),
         session.upload(camera.surfaces), out, np.uint32(slots), wave_record(layout, samples, seed).tobytes(),
     )  # fmt: skip
-    fields = session.read(out, np.float32, 12 * slots).reshape(12, slots).astype(np.float64)
+    return session.read(out, np.float32, 12 * slots).reshape(12, slots).astype(np.float64)
+
+
+def camera_rays(session: Session, given: Scene | Mapping[str, Any], samples: int, lanes: int = 8) -> CameraRays:
+    """Return the camera rays of the pixels of a scene's film, ``samples`` per pixel."""
+    scene = given if isinstance(given, Scene) else load_scene(given)
+    fields = camera_slots(session, scene, samples, lanes)
     fields = fields[:, fields[11] == 1]
     whole = fields[7:11].astype(np.int64)
     return CameraRays(fields[:3].T, fields[3:6].T, fields[6], whole[0], whole[1:3].T, whole[3])

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.cameras.realistic import film_distance_of, lens_of
 from rptcam_cl.scene import load_scene
-from tests.device.probes import camera_rays
+from tests.device.probes import camera_rays, camera_slots
 from tests.support.statistics import ALPHA, Z, chi_squared, moment_scores
 
 POSE = {"eye": [1, 2, 3], "target": [4, 0, 1], "up": [0, 0, 1]}
@@ -201,3 +201,15 @@ def test_outcomes_of_the_lens_have_the_shares_of_rays_traced_in_float64(session)
     error = np.sqrt(expected * (1 - expected) * (1 / count + 1 / len(rays.status)))
     # the circle that the device aims at is widened by what it shifts within a step of the table: 1.2e-3 of its area
     assert (np.abs(shares - expected) < 0.001 + Z * error).all()
+
+
+@pytest.mark.xfail(strict=True, reason="lanes of padding, beyond the film's edge, read past the end of the pupil table")
+@pytest.mark.parametrize("resolution", [(1, 1), (5, 3), (33, 1)])
+def test_lanes_beyond_the_film_read_nothing_beyond_the_pupil_table(session, resolution):
+    fields = camera_slots(session, load_scene(through("dgauss-50mm", resolution)), 1, lanes=16, beyond=1 << 20)
+    assert np.isfinite(fields[:7]).all()
+
+
+def test_lanes_on_the_film_read_nothing_beyond_the_pupil_table(session):
+    fields = camera_slots(session, load_scene(through("dgauss-50mm", (33, 17))), 8, lanes=16, beyond=1 << 20)
+    assert np.isfinite(fields[:7, fields[11] == 1]).all()

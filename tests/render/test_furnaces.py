@@ -73,6 +73,14 @@ def test_glass_vanishes_in_a_white_world(shape, index):
         np.testing.assert_allclose(film, 1, rtol=4e-6)
 
 
+@pytest.mark.parametrize("index", [0.8, 1.5])
+def test_white_world_is_n_squared_as_bright_inside_glass(index):
+    # from the centre every ray meets the surface head on: it leaves, or comes back and tries again
+    glass = {**CONVEX["sphere"], "material": {"kind": "dielectric", "index": index}}
+    scene = scene_of([glass], looking([0, 0, 0], [1, 0, 0], fov=90), environment=WHITE, depth=40)
+    np.testing.assert_allclose(pixels(scene, spp=4), index**2, rtol=4e-6)
+
+
 def smith_reflectance(alpha, cosine):
     """Share of light that a GGX mirror reflects once, by float64 quadrature over visible normals (Heitz 2014)."""
     # stretched view, uniform visible hemisphere normals on a midpoint grid of the spherical cap (Dupuy 2023)

@@ -1,0 +1,149 @@
+"""The tests themselves: each deliberate fault in a copy of the kernels must make one of them fail.
+
+A fault is a piece of kernel text and what replaces it; the text must occur in exactly one place, so that a kernel that
+was rewritten asks for its mutant to be rewritten, too.
+"""
+
+import shutil
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rptcam_cl.device import program
+from rptcam_cl.resources import kernels_dir
+from tests.device import test_camera_rays as rays
+from tests.device import test_random as random
+from tests.device.probes import open_session
+from tests.render import test_determinism as determinism
+from tests.render import test_emitters as emitters
+from tests.render import test_furnaces as furnaces
+from tests.render import test_lens_light as lens
+from tests.render import test_world as world
+from tests.render.pictures import WHITE, looking, pixels, scene_of
+
+pytestmark = pytest.mark.slow
+
+
+@dataclass(frozen=True)
+class Mutant:
+    """A fault and the test that must find it."""
+
+    name: str
+    text: str
+    fault: str
+    killer: Callable[[], object]
+
+
+def pixel_of_rays():
+    rays.test_rays_through_a_lens_come_from_their_pixel_when_traced_back(open_session(), "dgauss-50mm", True)
+
+
+def lens_row():
+    lens.test_film_irradiance_is_that_of_the_truth_table("dgauss50", 1, 0)
+
+
+def lens_corner():
+    lens.test_film_irradiance_is_that_of_the_truth_table("dgauss50", 0, 2)
+
+
+def cavity():
+    furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1.0, 0.8, 5)
+
+
+def white_sphere():
+    furnaces.test_white_convex_body_vanishes_in_a_white_world("sphere", 1.0)
+
+
+def white_box():
+    furnaces.test_white_convex_body_vanishes_in_a_white_world("box", 1.0)
+
+
+def long_render():
+    """A render of many equal samples is that sample."""
+    floor = {**world.PLANE, "material": {"kind": "matte", "reflectance": 0.7}}
+    camera = looking([0, 0, 1], [0, 0, 0], up=(0, 1, 0))
+    scene = scene_of([floor], camera, depth=2, resolution=(4, 4), environment=WHITE)
+    np.testing.assert_allclose(pixels(scene, spp=100_000), np.float32(0.7), rtol=1e-6)
+
+
+RIM = "p.y * p.y <= surface->semi_diameter2"
+MIS = "weight = rival ? own2 / (own2 + other * other)"
+SELF = "F c = self ? ZERO : dot3(oc, oc) - r * r;"
+MUTANTS = [
+    Mutant("cos^3 for cos^4", "zz / (length2 * length2)", "z / (length2 * sqrt(length2))", lens_corner),
+    Mutant("no root in the pupil", "F rho = reach * sqrt(u.d)", "F rho = reach * u.d", lens_corner),
+    Mutant(
+        "no root in the aperture", "F r = sqrt(v);\n    *x = r * c;", "F r = v;\n    *x = r * c;",
+        lambda: rays.test_round_aperture_is_filled_evenly(open_session()),
+    ),
+    Mutant("diameter for radius", RIM, "p.y * p.y <= 4 * surface->semi_diameter2", lens_row),
+    Mutant("stop 1 % wider", RIM, "p.y * p.y <= 1.02f * surface->semi_diameter2", lens_row),
+    Mutant("index off by 1e-3", "hit.cosine, s->eta, &bends", "hit.cosine, s->eta + 1e-3f, &bends", pixel_of_rays),
+    Mutant("normal not unit", "hit.n = f3(-c * hit.p.x, -c", "hit.n = f3(-1.01f * c * hit.p.x, -c", pixel_of_rays),
+    Mutant("pupil too tight", "F reach = GATHER(F, tables + 1, row, );",
+           "F reach = 0.9f * GATHER(F, tables + 1, row, );", lens_row),
+    Mutant("blocked rays weigh", "r.weight = lit ? weight : ZERO", "r.weight = weight", lens_corner),
+    Mutant("depth off by one", "path->edge < scene.max_edges", "path->edge <= scene.max_edges", cavity),
+    Mutant("survivors keep their weight", "path->beta = scale(path->beta, ONE / MAX(survive",
+           "path->beta = scale(path->beta, ONE / MAX(ONE", lambda: furnaces.test_roulette_changes_no_mean(1)),
+    Mutant("one side of MIS to the first power", MIS,
+           "weight = rival ? path.pdf / (path.pdf + other)", emitters.test_rectangle_above_its_corner),
+    Mutant("MIS without emission's weight", MIS, "weight = rival ? ONE",
+           emitters.test_disk_beside_the_normal),
+    Mutant("light density lacks the pick", "s.pdf = faces ? pick * d2", "s.pdf = faces ? d2",
+           emitters.test_emitters_of_every_kind_add_up),
+    Mutant("point light lacks the pick", "ONE / (d2 * pick)", "ONE / d2", emitters.test_emitters_of_every_kind_add_up),
+    Mutant("cone of a sphere lamp too wide", "F versine = u * sin2_max", "F versine = u * 1.1f * sin2_max",
+           lambda: emitters.test_sphere(1.5, 0.9)),
+    Mutant("shadows forgotten", "keep3(wanted & NOT(dark)", "keep3(wanted",
+           lambda: emitters.test_light_without_a_surface_is_blocked("point")),
+    Mutant("samples share their numbers", "U y = sample * 1664525u", "U y = sample * 0u",
+           determinism.test_variance_of_the_mean_falls_as_one_over_the_samples),
+    Mutant("pixels xor samples", "U x = pixel * 1664525u", "U x = (pixel ^ sample) * 1664525u",
+           lambda: random.test_device_computes_the_published_permutation(open_session(), 8)),
+    Mutant("unit float reaches one", "TO_F(AS_I(x >> 8)) * 5.9604644775390625e-8f",
+           "(convert_float(as_uint(x)) * 2.3283064365386963e-10f)",
+           lambda: random.test_unit_float_is_below_one_and_hits_zero(open_session())),
+    Mutant("absolute epsilon", "I closer = (t > 0.0f)", "I closer = (t > 1e-4f)",
+           lambda: furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1e-3, 0.8, 5)),
+    Mutant("self-hits of a sphere", SELF, "F c = dot3(oc, oc) - r * r;", white_sphere),
+    Mutant("self-hits of a box", "(self ? other : outside)", "outside", white_box),
+    Mutant("cosine weight missing", "F z = root(1.0f - v);", "F z = 1.0f - v;",
+           lambda: world.test_gradient_world_on_a_tilted_plane_has_its_closed_form(50)),
+    Mutant("gradient half as steep", "F k = 0.5f + 0.5f * (d.x", "F k = 0.5f + 0.25f * (d.x",
+           lambda: world.test_gradient_world_on_a_tilted_plane_has_its_closed_form(0)),
+    Mutant("radiance not divided by n squared", "squeeze = reflects ? ONE : inverse * inverse",
+           "squeeze = reflects ? ONE : inverse",
+           lambda: furnaces.test_white_world_is_n_squared_as_bright_inside_glass(1.5)),
+    Mutant("no masking in GGX", "base / (1.0f + li + lo)", "base / (1.0f + li)",
+           lambda: furnaces.test_rough_metal_reflects_what_single_scattering_leaves(1.0, 60)),
+    Mutant("film adds without its rest", "F3 y = sub(value, s.rest);", "F3 y = add(value, s.rest);",
+           long_render),
+]  # fmt: skip
+
+
+def mutated(mutant: Mutant, folder: Path) -> Path:
+    """Return a copy of the kernels with the fault in it."""
+    shutil.copytree(kernels_dir(), folder)
+    holders = [path for path in folder.rglob("*.[ch]*") if mutant.text in path.read_text("utf-8")]
+    assert len(holders) == 1, f"the text of mutant «{mutant.name}» stands in {len(holders)} files"
+    text = holders[0].read_text("utf-8")
+    assert text.count(mutant.text) == 1
+    holders[0].write_text(text.replace(mutant.text, mutant.fault), encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
+def test_fault_is_found(mutant, tmp_path, monkeypatch):
+    folder = mutated(mutant, tmp_path / "kernels")
+    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
+    with pytest.raises(AssertionError):
+        mutant.killer()
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
+def test_its_test_passes_without_the_fault(mutant):
+    mutant.killer()
