@@ -19,7 +19,7 @@ from rptcam_cl.wavefront import Wavefront
 
 SCENES = ("A", "A_lens", "B")
 # Throw-away prototypes, measured before this program was written on two Zen 3 cores with PoCL 3.0: paths of depth 8
-# among three spheres, as 8-lane streams and as waves of passes, and rays through the eleven surfaces of the double Gauss.
+# among three spheres, as 8-lane streams and as waves of passes; rays through the eleven surfaces of the double Gauss.
 PROTOTYPE = "prototype: three spheres as 8-lane streams 24, as waves of passes 44; rays through the lens alone 19"
 PROTOTYPE_PATHS = {"stream": 24.0, "passes": 44.0}
 PROTOTYPE_LENS = 19.0

@@ -16,6 +16,13 @@ class Times:
     wall: float
     cpu: float
 
+    def undisturbed(self, device_type: str) -> float:
+        """Return the time that the work takes with the device to itself [s].
+
+        On a processor that other work shares, the CPU time divided by the cores; on a GPU, the wall time.
+        """
+        return self.cpu / cores() if device_type == "cpu" else self.wall
+
 
 def timed(work: Callable[[], Any]) -> Times:
     """Return the times of one call."""

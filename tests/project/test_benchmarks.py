@@ -1,0 +1,85 @@
+"""Every benchmark runs: its quick mode ends well, prints its tables and writes its numbers."""
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from benchmarks.mitsuba_scene import describe
+from benchmarks.mitsuba_worker import find_llvm
+from benchmarks.scenes import reference_scene
+from benchmarks.worker import Worker, WorkerError
+
+
+def quick(checkout: Path, folder: Path, name: str, *options: str) -> tuple[str, Any]:
+    """Run the quick mode of a benchmark; return what it printed and the results in its file."""
+    numbers = folder / "numbers.json"
+    command = [sys.executable, "-m", f"benchmarks.{name}", "--quick", "--json", str(numbers), *options]
+    done = subprocess.run(command, cwd=checkout, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    written = json.loads(numbers.read_text("utf-8"))
+    assert "load_average" in written["machine"]
+    return done.stdout, written["results"]
+
+
+def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "passes")
+    assert "| A_lens |" in printed
+    assert {found["organisation"] for found in results} == {"stream", "passes"}
+    for found in results:
+        assert sum(found["shares"].values()) == pytest.approx(1)
+
+
+def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "growth")
+    assert printed.count("Msamples/s by wall") == len(results) == 4
+    assert list(results["spheres"]) == ["2", "4"]
+
+
+def test_start_is_measured_cold_and_warm(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "startup")
+    assert results["cold"][0]["compile"] > results["warm"][0]["compile"] > 0
+
+
+def test_rays_are_measured_beside_numpy_and_the_peak(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "lens_rays")
+    assert "GFLOP/s" in printed
+    assert results["tracers"]["kernel, float32"]["wall"] > 0
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
+@pytest.mark.skipif(find_llvm() is None, reason="no LLVM library for mitsuba's llvm variants")
+def test_both_renderers_do_the_same_work(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "against_mitsuba", "--scenes", "A_thin", "B")
+    assert [(found["scene"], found["roulette"]) for found in results] == [
+        ("A_thin", False),
+        ("A_thin", True),
+        ("B", False),
+        ("B", True),
+    ]
+
+
+def test_worker_that_cannot_start_says_why(tmp_path: Path) -> None:
+    with pytest.raises(WorkerError, match="cannot be started"):
+        Worker(str(tmp_path / "python"), "benchmarks.mitsuba_worker")
+
+
+def test_missing_mitsuba_is_answered_with_the_remedy(tmp_path: Path) -> None:
+    (tmp_path / "mitsuba.py").write_text("raise ImportError('not here')\n", "utf-8")
+    python = tmp_path / "python"
+    python.write_text(f'#!/bin/sh\nPYTHONPATH="{tmp_path}" exec "{sys.executable}" "$@"\n', "utf-8")
+    python.chmod(0o755)
+    with pytest.raises(WorkerError, match=r"not here.*rptcam_cl\[bench\]"):
+        Worker(str(python), "benchmarks.mitsuba_worker")
+
+
+def test_description_of_the_cornell_box_has_every_face(tmp_path: Path) -> None:
+    description = describe(reference_scene("B"), roulette=False, folder=tmp_path)
+    meshes = [item for item in description.values() if isinstance(item, dict) and item.get("type") == "ply"]
+    faces = sum(Path(mesh["filename"]).read_text("ascii").count("\n3 ") for mesh in meshes)
+    assert faces == 2 * (8 + 2 * 6)  # eight reflecting rectangles and two boxes, two triangles a face
+    assert sum("emitter" in item for item in description.values() if isinstance(item, dict)) == 1
