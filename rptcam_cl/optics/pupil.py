@@ -160,12 +160,14 @@ def _half_boxes(probe: FilmProbe, film: Array) -> tuple[Array, Mask]:
         boxes, found = narrowed(probe, film, windows, DENSE)
     tried = found.copy()
     while len(next_ones := np.flatnonzero(_beside(found) & ~tried)):
-        boxes[next_ones], found[next_ones] = narrowed(probe, film[next_ones], windows[next_ones], DENSE)
-        for k in next_ones[~found[next_ones]]:
-            near = k - 1 if k > 0 and found[k - 1] else min(k + 1, len(found) - 1)
-            if found[near]:
-                around = _widened(boxes[near], film[k, 0] - film[near, 0])
-                boxes[k : k + 1], found[k : k + 1] = narrowed(probe, film[k : k + 1], around[None], DENSE)
+        for k in next_ones:
+            near = k - 1 if k > 0 and found[k - 1] else k + 1
+            around = _widened(boxes[near], film[k, 0] - film[near, 0])
+            for region, shape in ((around, COARSE), (windows[k], DENSE), (around, DENSE)):
+                one = slice(k, k + 1)
+                boxes[one], found[one] = narrowed(probe, film[one], region[None], shape)
+                if found[k]:
+                    break
         tried[next_ones] = True
     boxes[:, 2] = 0.0
     return boxes, found

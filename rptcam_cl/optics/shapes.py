@@ -87,15 +87,7 @@ def meet_general(surface: Surface, points: Array, directions: Array) -> Hits:
     if surface.curvature_x is None:
         base = meet_conic(surface, np.stack([x0, y0, np.zeros_like(x0)]), directions)
         step = np.where(base.met & np.isfinite(base.distances), base.distances, 0.0)
-    scale = np.abs(x0) + np.abs(y0) + np.abs(step)
-    settled = np.zeros(x0.shape, dtype=bool)
-    for _ in range(ITERATIONS):
-        z, zx, zy = sag_and_slopes(surface, x0 + step * dx, y0 + step * dy)
-        change = (step * dz - z) / (dz - zx * dx - zy * dy)
-        settled |= np.abs(change) <= CLOSE * (scale + np.abs(step)) + 1e-300
-        step = np.where(np.isfinite(change), step - change, np.nan)
-        if np.all(settled | ~np.isfinite(step)):
-            break
+    step, settled = _iterate(surface, x0, y0, directions, step)
     x, y = x0 + step * dx, y0 + step * dy
     z, zx, zy = sag_and_slopes(surface, x, y)
     length = np.sqrt(1.0 + zx * zx + zy * zy)
@@ -104,6 +96,30 @@ def meet_general(surface: Surface, points: Array, directions: Array) -> Hits:
     reached = np.isfinite(step) & np.isfinite(z)
     met = reached & settled & (cosine * dz > 0)
     return Hits(np.stack([x, y, z]), to_plane + step, normal, cosine, met, reached & ~settled)
+
+
+def _iterate(surface: Surface, x0: Array, y0: Array, directions: Array, start: Array) -> tuple[Array, Mask]:
+    """Return the step from the vertex plane to the surface, NaN where it is lost, and which steps have settled.
+
+    A ray that strays to three clear radii is lost: there the polynomial of an asphere means nothing.
+    """
+    step, settled = start.copy(), np.zeros(start.shape, dtype=bool)
+    reach = np.abs(x0) + np.abs(y0) + np.abs(start)
+    limit = 9.0 * surface.semi_diameter**2
+    active = np.arange(len(start))
+    for _ in range(ITERATIONS):
+        (dx, dy, dz), t = directions[:, active], step[active]
+        x, y = x0[active] + t * dx, y0[active] + t * dy
+        z, zx, zy = sag_and_slopes(surface, x, y)
+        change = (t * dz - z) / (dz - zx * dx - zy * dy)
+        done = np.abs(change) <= CLOSE * (reach[active] + np.abs(t)) + 1e-300
+        good = np.isfinite(change) & (x * x + y * y <= limit)
+        step[active] = np.where(good, t - change, np.nan)
+        settled[active] = done & good
+        active = active[good & ~done]
+        if not len(active):
+            break
+    return step, settled
 
 
 def sag_and_slopes(surface: Surface, x: Array, y: Array) -> tuple[Array, Array, Array]:
@@ -129,11 +145,24 @@ def _profile(surface: Surface, s: Array) -> tuple[Array, Array]:
 
 
 def _polynomial(surface: Surface, s: Array) -> tuple[Array, Array]:
-    z, slope = np.zeros_like(s), np.zeros_like(s)
-    for power, a in surface.aspheric:
-        z = z + a * s ** (power / 2)
-        slope = slope + np.where(s > 0, a * (power / 2) * s ** (power / 2 - 1), a if power == 2 else 0.0)
-    return z, slope
+    """Return the sum of a_p s^(p/2) and its derivative by s: Horner in s or, with odd powers, in r = sqrt(s)."""
+    if not surface.aspheric:
+        return np.zeros_like(s), np.zeros_like(s)
+    terms = dict(surface.aspheric)
+    if all(power % 2 == 0 for power in terms):
+        return _horner([terms.get(2 * i, 0.0) for i in range(max(terms) // 2 + 1)], s)
+    r = np.sqrt(s)
+    z, by_r = _horner([terms.get(i, 0.0) for i in range(max(terms) + 1)], r)
+    return z, np.where(r > 0, by_r / (2.0 * r), terms.get(2, 0.0))
+
+
+def _horner(coefficients: list[float], x: Array) -> tuple[Array, Array]:
+    """Return a polynomial, coefficients by rising power, and its derivative."""
+    value, slope = np.full_like(x, coefficients[-1]), np.zeros_like(x)
+    for a in reversed(coefficients[:-1]):
+        slope = slope * x + value
+        value = value * x + a
+    return value, slope
 
 
 def _biconic(surface: Surface, x: Array, y: Array) -> tuple[Array, Array, Array]:
