@@ -157,6 +157,8 @@ def _half_boxes(probe: FilmProbe, film: Array) -> tuple[Array, Mask]:
     windows[:, 2] = 0.0
     boxes, found = narrowed(probe, film, windows, COARSE)
     if not found.any():
+        boxes[:1], found[:1] = narrowed(probe, film[:1], windows[:1], DENSE)
+    if not found.any():
         boxes, found = narrowed(probe, film, windows, DENSE)
     tried = found.copy()
     while len(next_ones := np.flatnonzero(_beside(found) & ~tried)):
