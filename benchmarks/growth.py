@@ -94,6 +94,8 @@ TABLES = (
     Growth("Primitives (spheres on a floor)", "spheres", by_primitives),
 )
 
+COLUMNS = {"wall": "Msamples/s by wall", "cpu": "by CPU", "ns_per_sample": "CPU ns per sample"}
+
 
 def measure(wavefront: Wavefront, seconds: float) -> dict[str, float]:
     """Return millions of samples per second by wall and CPU time, and the CPU time per sample [ns]."""
@@ -122,10 +124,8 @@ def main() -> None:
         points = islice(growth.points(session, 8), 2) if options.quick else growth.points(session, 1)
         found = {name: measure(wavefront, 0.0 if options.quick else options.seconds) for name, wavefront in points}
         results[growth.quantity] = found
-        columns = (growth.quantity, "Msamples/s by wall", "by CPU", "CPU ns per sample")
-        lines = [
-            [name, f"{x['wall']:.2f}", f"{x['cpu']:.2f}", f"{x['ns_per_sample']:.1f}"] for name, x in found.items()
-        ]
+        columns = (growth.quantity, *COLUMNS.values())
+        lines = [[name, *(f"{values[key]:.2f}" for key in COLUMNS)] for name, values in found.items()]
         print_table(growth.title, columns, lines)
     write_json(options.json, facts, results)
 
