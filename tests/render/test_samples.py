@@ -1,0 +1,72 @@
+"""Samples that are not numbers, counts of samples, and how a render ends."""
+
+import shutil
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.device import program
+from rptcam_cl.resources import kernels_dir
+from tests.render.pictures import WHITE, looking, scene_of
+from tests.render.test_world import still_life
+
+ADDED = "static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *not_finite_count)\n{"
+
+
+@pytest.mark.parametrize("poison", ["NAN", "INFINITY", "-INFINITY"])
+def test_sample_that_is_not_finite_is_dropped_and_counted(poison, tmp_path, monkeypatch):
+    plain = rptcam_cl.render(still_life(), size=(48, 32), spp=8, seed=1)
+    assert plain.stats["not_finite"] == 0
+    folder = tmp_path / "kernels"
+    shutil.copytree(kernels_dir(), folder)
+    film = folder / "integrator" / "film.h"
+    text = film.read_text("utf-8")
+    assert text.count(ADDED) == 1
+    # every sample brighter than 3 in red: few, and known from pictures of one and of two samples
+    film.write_text(text.replace(ADDED, f"{ADDED}\n    value.x = value.x > 3.0f ? (F)({poison}) : value.x;"))
+    one, two = (np.asarray(rptcam_cl.render(still_life(), size=(48, 32), spp=n, seed=1)) for n in (1, 2))
+    hot = np.stack([one[..., 0] > 3, 2 * two[..., 0] - one[..., 0] > 3])
+    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
+    image = rptcam_cl.render(still_life(), size=(48, 32), spp=2, seed=1)
+    assert image.stats["not_finite"] == hot.sum() > 0
+    assert np.isfinite(np.asarray(image)).all()
+    spared = ~hot.any(axis=0)
+    np.testing.assert_array_equal(np.asarray(image)[spared], two[spared])
+
+
+def test_samples_are_counted():
+    image = rptcam_cl.render(still_life(), size=(37, 21), spp=5)
+    assert image.stats["samples"] == 37 * 21 * 5
+    assert image.stats["spp"] == image.metadata["spp"] == 5
+    assert image.stats["interrupted"] is False
+
+
+def test_stopping_keeps_whole_samples():
+    calls = []
+
+    def stop():
+        calls.append(1)
+        return len(calls) == 2
+
+    white = scene_of([], looking([0, 0, 0], [1, 0, 0]), environment=WHITE)
+    image = rptcam_cl.render(white, size=(64, 64), spp=4000, wave_size=4096, should_stop=stop)
+    assert image.stats["interrupted"] is True
+    assert 0 < image.stats["spp"] < 4000
+    np.testing.assert_array_equal(np.asarray(image), 1)
+
+
+def test_time_ends_a_render():
+    image = rptcam_cl.render(still_life(), size=(64, 48), seconds=0.5)
+    # it ends at the nearest whole sample; a busy machine may take longer, but not many times as long
+    assert 0.2 < image.stats["seconds"]["render"] < 3
+    assert image.stats["spp"] >= 1
+
+
+def test_progress_is_told_in_order():
+    told = []
+    rptcam_cl.render(still_life(), size=(64, 48), spp=64, on_progress=told.append)
+    assert [progress.stage for progress in told][:1] == ["compile"]
+    done = [progress.samples_done for progress in told]
+    assert done == sorted(done)
+    assert (done[-1], told[-1].spp_target, told[-1].blocked_share) == (64, 64, None)
