@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import fields
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -59,10 +60,41 @@ class TraceableLens(Lens):
         session = device if isinstance(device, Session) else open_session(device)
         return trace_on_device(self, session, origins, directions, wavelength_nm, start, precision)
 
+    def svg(self, *, device: str | Session | None = None, **options: Any) -> str:
+        """Return the lens in cross-section with its rays, as SVG text.
+
+        Parameters
+        ----------
+        device
+            What traces the rays, as in `trace`.
+        **options
+            As in `rptcam_cl.lensview.svg`: ``f_number``, ``focus_distance_m``, ``section``, ``fields``, ``rays``,
+            ``wavelengths_nm``, ``blocked``.
+        """
+        from rptcam_cl.lensview import svg
+
+        if device is not None:
+            options["tracer"] = device_tracer(device if isinstance(device, Session) else open_session(device))
+        return svg(self, **options)
+
+    def _repr_svg_(self) -> str:
+        return self.svg()
+
 
 def traceable(lens: Lens) -> TraceableLens:
     """Return a lens with the same prescription that can be traced on a device."""
     return TraceableLens(**{field.name: getattr(lens, field.name) for field in fields(lens)})
+
+
+def device_tracer(
+    session: Session, precision: Precision = "single"
+) -> Callable[[Lens, NDArray[np.float64], NDArray[np.float64], float], Rays]:
+    """Return a function that traces rays from the scene on a device, given lens, origins, directions and wavelength."""
+
+    def trace(lens: Lens, origins: NDArray[np.float64], directions: NDArray[np.float64], wavelength_nm: float) -> Rays:
+        return trace_on_device(lens, session, origins, directions, wavelength_nm, "scene", precision)
+
+    return trace
 
 
 def trace_on_device(

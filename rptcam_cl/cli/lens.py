@@ -1,37 +1,33 @@
-"""``rptcam lens``: the lenses that come with the package, and the first-order data of any lens."""
+"""``rptcam lens``: the lenses that come with the package, and the commands that look at any lens."""
 
 import argparse
 import math
-import sys
 from typing import Any
 
+from rptcam_cl.cli import lens_draw
 from rptcam_cl.cli import parser as values
+from rptcam_cl.cli.lens_options import D_LINE, add_lens, load
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
 
-_D_LINE = 587.5618  # [nm], of helium, where n_d is measured
-
 
 def add_to(commands: Commands) -> None:
-    """Add the command with its own commands ``list`` and ``info``."""
-    text = "list lenses, and tell what a lens is"
+    """Add the command with its own commands."""
+    text = "list, examine, draw, measure, convert and design lenses"
     lens = commands.add_parser("lens", help=text, description=text.capitalize() + ".")
     inner = lens.add_subparsers(title="commands", metavar="COMMAND", dest="lens_command", required=True)
     listing = inner.add_parser("list", help="list the lenses that come with the package")
     listing.set_defaults(run=_list, parser=listing)
     info = inner.add_parser("info", help="print the first-order data of a lens")
-    info.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")
-    info.add_argument("--f-number", type=values.positive, metavar="N", help="stop down (default: as in the file)")
+    add_lens(info)
     info.add_argument(
-        "--focus-distance-m", type=values.positive, metavar="D",
-        help="distance from the object to the film in metres (default: infinity)",
-    )  # fmt: skip
-    info.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=_D_LINE,
+        "--wavelength-nm", type=values.positive, metavar="W", default=D_LINE,
         help="wavelength in nanometres (default: %(default)s)",
     )  # fmt: skip
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info, parser=info)
+    for command in (lens_draw,):
+        command.add_to(inner)
 
 
 def _list(arguments: argparse.Namespace) -> int:
@@ -66,11 +62,13 @@ def _lines(facts: dict[str, Any], indent: str = "") -> list[str]:
 
 def _info(arguments: argparse.Namespace) -> int:
     from rptcam_cl.cli.lens_facts import lens_facts
-    from rptcam_cl.optics import load_lens
 
-    lens = load_lens(arguments.lens)
-    for warning in lens.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
-    facts = lens_facts(lens, arguments.f_number, arguments.focus_distance_m, arguments.wavelength_nm)
+    facts = lens_facts(
+        load(arguments.lens),
+        arguments.f_number,
+        arguments.focus_distance_m,
+        arguments.wavelength_nm,
+        arguments.focal_length_mm,
+    )
     print(as_json(facts) if arguments.json else "\n".join(_lines(facts)))
     return 0

@@ -23,7 +23,8 @@ ALLOWED: dict[str, set[str]] = {
     "device": GROUND | {"records", "resources"},
     "cameras": GROUND | {"records", "scene", "optics"},
     "plan": GROUND | {"records", "scene", "optics", "geometry", "cameras"},
-    "lens_tracing": GROUND | {"records", "optics", "device", "cameras"},
+    "lensview": FILES | {"optics"},
+    "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "device"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
@@ -99,7 +100,7 @@ def test_a_wrong_import_is_found(part: str, line: str) -> None:
     assert wrong_imports(part, line)
 
 
-@pytest.mark.parametrize("part", ["optics", "scene", "imaging", "cli"])
+@pytest.mark.parametrize("part", ["optics", "scene", "imaging", "cli", "lensview"])
 def test_part_is_usable_without_opencl(part: str) -> None:
     program = f"import sys; sys.modules['pyopencl'] = None; import rptcam_cl.{part}"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)

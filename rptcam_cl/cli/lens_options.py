@@ -1,0 +1,166 @@
+"""What the commands that look at a lens have in common: the lens in use, its tracer, and files to write."""
+
+import argparse
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rptcam_cl.cli import parser as values
+from rptcam_cl.errors import DeviceError
+
+if TYPE_CHECKING:
+    from rptcam_cl.lens_tracing import Precision
+    from rptcam_cl.lensview.picture import Picture
+    from rptcam_cl.lensview.ray_paths import Tracer
+    from rptcam_cl.lensview.setting import Setting
+    from rptcam_cl.optics import Lens
+
+D_LINE = 587.5618  # [nm], of helium, where n_d is measured
+FDC = (486.1327, 587.5618, 656.2725)  # [nm], the F, d and C lines
+
+
+def numbers(text: str) -> list[float]:
+    """Numbers of ``a,b,c``."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or not all(-1e12 < value < 1e12 for value in found):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed numbers with commas between, as 0,10,20")
+    return found
+
+
+def angles(text: str) -> list[float]:
+    """Angles from the axis of ``a,b,c`` [degrees]."""
+    found = numbers(text)
+    if any(abs(angle) >= 89 for angle in found):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed angles between -89 and 89 degrees")
+    return found
+
+
+def count(text: str) -> int:
+    """A number of rays or points."""
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= 2000):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed 1 to 2000")
+    return int(text)
+
+
+def wavelengths(text: str) -> list[float]:
+    """Wavelengths of ``a,b,c`` [nm]."""
+    found = numbers(text)
+    if any(value <= 0 for value in found):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed wavelengths above 0 nm")
+    return found
+
+
+def add_lens(parser: argparse.ArgumentParser) -> None:
+    """Add the lens and how it is set."""
+    parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")
+    parser.add_argument("--f-number", type=values.positive, metavar="N", help="stop down (default: as in the file)")
+    parser.add_argument(
+        "--focus-distance-m", type=values.positive, metavar="D",
+        help="distance from the object to the film in metres (default: infinity)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens (default: its first position)"
+    )
+
+
+def add_fields(parser: argparse.ArgumentParser) -> None:
+    """Add the angles to look at."""
+    parser.add_argument(
+        "--fields", type=angles, metavar="A,B,…", help="angles from the axis in degrees (default: chosen from the lens)"
+    )
+
+
+def add_wavelengths(parser: argparse.ArgumentParser, default: tuple[float, ...]) -> None:
+    """Add the wavelengths to trace."""
+    shown = ",".join(f"{value:g}" for value in default)
+    parser.add_argument(
+        "--wavelengths", type=wavelengths, metavar="W,W,…", default=list(default),
+        help=f"in nanometres (default: {shown})",
+    )  # fmt: skip
+
+
+def add_plot(parser: argparse.ArgumentParser) -> None:
+    """Add what is printed and drawn."""
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the plot, .svg or .png")
+
+
+def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = D_LINE) -> "Setting":
+    """The lens as the options set it; doubts about it go to standard error."""
+    from rptcam_cl.lensview.setting import setting
+
+    return setting(
+        load(arguments.lens), arguments.f_number, arguments.focus_distance_m, arguments.focal_length_mm, wavelength_nm
+    )
+
+
+def load(source: str) -> "Lens":
+    """A lens; doubts about it go to standard error."""
+    from rptcam_cl.optics import load_lens
+
+    lens = load_lens(source)
+    for warning in lens.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    return lens
+
+
+def tracer_of(spec: str | None, precision: "Precision" = "single") -> "tuple[Tracer, str]":
+    """What traces rays from the scene, and how it is called: a device, or the float64 reference.
+
+    Parameters
+    ----------
+    spec
+        ``none`` for the reference, else as ``--device``. When absent, the default device if there is one.
+    precision
+        Of a device: ``single`` or ``double``.
+    """
+    from rptcam_cl.device import open_session
+    from rptcam_cl.lens_tracing import device_tracer
+    from rptcam_cl.lensview.ray_paths import reference
+
+    if spec == "none":
+        return reference, "in float64 on the host"
+    try:
+        session = open_session(spec)
+    except DeviceError:
+        if spec is not None:
+            raise
+        return reference, "in float64 on the host (no OpenCL device)"
+    return device_tracer(session, precision), f"on {session.info.id} {session.info.name}, {precision} precision"
+
+
+def check_file(output: Path | None, lens: str) -> None:
+    """Refuse, before anything is traced, a file that could not be written."""
+    from rptcam_cl.imaging.atomic import check_writable
+
+    if output is not None:
+        check_writable(output, [lens])
+
+
+def check_picture(output: Path | None, lens: str) -> None:
+    """Refuse, before anything is traced, a picture that could not be written."""
+    from rptcam_cl.lensview.output import check_suffix
+
+    if output is not None:
+        check_suffix(output)
+        check_file(output, lens)
+
+
+def write(data: bytes, output: Path) -> None:
+    """Write a file, whole or not at all, and say so."""
+    from rptcam_cl.imaging.atomic import replacing
+
+    with replacing(output) as temporary:
+        temporary.write_bytes(data)
+    print(f"wrote {output}", file=sys.stderr)
+
+
+def write_picture(picture: "Picture", output: Path | None) -> None:
+    """Write a picture, if a file was asked for."""
+    from rptcam_cl.lensview.output import encoded
+
+    if output is not None:
+        write(encoded(picture, output), output)
