@@ -2,9 +2,9 @@
 
 Rays drawn inside the outline nearly all pass. The outline is kept as a star-shaped curve: a centre, two half axes, and
 in their frame a radius r per direction, near 1. A point drawn by direction theta (uniform) and rho = r(theta) sqrt(u)
-has the density 1 / (pi a b r(theta)^2), so any r that holds the pupil gives the same picture; a loose one only wastes rays.
-Outlines stand at nodes of the film and are interpolated between them; they are wide enough to hold the pupils traced
-between the nodes as well.
+has the density 1 / (pi a b r(theta)^2), so any r that holds the pupil gives the same picture; a loose one only wastes
+rays. Outlines stand at nodes of the film and are interpolated between them; they are wide enough to hold the pupils
+traced between the nodes as well.
 """
 
 from __future__ import annotations
@@ -34,6 +34,7 @@ RADIAL_NODES = 49
 FILM_NODES = 9  # along each side of the film, for a lens without rotational symmetry
 COARSE = (24, 24)
 MARGIN = 0.003  # of the radius, beyond what was traced
+FILM_MARGIN = 0.01  # the same for a grid over the film, whose nodes stand farther apart
 
 
 @dataclass(frozen=True)
@@ -43,8 +44,8 @@ class PupilShapes:
     Attributes
     ----------
     radial : bool
-        True: nodes lie along a film radius and u runs outwards along it; the lens is rotationally symmetric. False: nodes
-        lie on a grid over the film and u, v run along x, y.
+        True: nodes lie along a film radius and u runs outwards along it; the lens is rotationally symmetric. False:
+        nodes lie on a grid over the film and u, v run along x, y.
     x, y : arrays
         Film coordinates of the nodes [mm], increasing and evenly spaced; y is (0,) when radial.
     centres : (len(y), len(x), 2) array
@@ -95,7 +96,7 @@ def pupil_shapes(
     if not axes.any():
         raise InputError(f"{lens.name}: no light reaches the film {film_distance_mm:g} mm behind the lens")
     reach = _reach(probe, film, _between(centres), _between(axes))
-    radii = _envelope(reach) * (1.0 + MARGIN)
+    radii = _envelope(reach) * (1.0 + (MARGIN if lens.is_rotational else FILM_MARGIN))
     return PupilShapes(bool(lens.is_rotational), x, y, centres, axes, radii)
 
 
@@ -124,19 +125,27 @@ def _frames(probe: FilmProbe, nodes: Array) -> tuple[Array, Array]:
     found &= again
     centres = np.stack([boxes[:, 0] + boxes[:, 1], boxes[:, 2] + boxes[:, 3]], axis=1) / 2
     axes = np.where(found[:, None], np.stack([boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]], axis=1) / 2, 0.0)
-    centres, axes, lit = (part.reshape(*nodes.shape[:2], -1) for part in (centres, axes, found))
-    weight = _neighbours(lit.astype(float))
-    with np.errstate(invalid="ignore", divide="ignore"):
-        near_centres, near_axes = _neighbours(centres * lit) / weight, _neighbours(axes) / weight
+    rows, columns = nodes.shape[:2]
+    centres, axes, lit = (
+        centres.reshape(rows, columns, 2),
+        axes.reshape(rows, columns, 2),
+        found.reshape(rows, columns, 1),
+    )
+    weight = _neighbours(lit.astype(np.float64))
     borrow = ~lit & (weight > 0)
-    return np.where(borrow, near_centres, centres), np.where(borrow, near_axes, axes)
+    weight = np.maximum(weight, 1.0)
+    return (
+        np.where(borrow, _neighbours(np.where(lit, centres, 0.0)) / weight, centres),
+        np.where(borrow, _neighbours(axes) / weight, axes),
+    )
 
 
 def _neighbours(values: Array) -> Array:
     """Return the sums over the 3 x 3 neighbourhoods of a grid (rows, columns, components)."""
     padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
     rows, columns = values.shape[:2]
-    return np.sum([padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)], axis=0)
+    shifted = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    return np.asarray(np.sum(shifted, axis=0), dtype=np.float64)
 
 
 def _with_middles(nodes: Array) -> Array:
@@ -158,8 +167,8 @@ def _between(values: Array) -> Array:
 def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> Array:
     """Return how far the pupil reaches in its frame, shape (rows, columns, FINER * DIRECTIONS).
 
-    Along each direction the farthest passing of SCAN points is taken, then the edge behind it bisected; so an outline that
-    is not star-shaped from the centre is still held.
+    Along each direction the farthest passing of SCAN points is taken, then the edge behind it bisected; so an outline
+    that is not star-shaped from the centre is still held.
     """
     shape = (*film.shape[:2], FINER * DIRECTIONS)
     mirrored = film.shape[0] == 1  # radial nodes: v and -v are alike
