@@ -60,7 +60,9 @@ def film_irradiance(
     result = np.zeros(len(film))
     for k in np.flatnonzero(found):
         result[k] = _integrate(probe, film[k], boxes[k])
-    return result.reshape(radii.shape)
+    # Radiance over the squared index is what a ray keeps, so a film in water or in an eye receives more.
+    indices = lens.indices(wavelength_nm)
+    return result.reshape(radii.shape) * float(indices[-1] / indices[0]) ** 2
 
 
 def on_axis_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:

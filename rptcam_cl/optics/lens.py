@@ -18,6 +18,7 @@ from rptcam_cl.optics.surface import Surface
 if TYPE_CHECKING:
     from rptcam_cl.optics.first_order import FirstOrder
     from rptcam_cl.optics.trace import Rays
+    from rptcam_cl.optics.variable import Configuration, FocusingGroup
 
 Array = NDArray[np.float64]
 
@@ -38,6 +39,10 @@ class Lens:
         Which surface is the aperture stop; None when only the rims limit the light.
     object_medium : Medium
         What lies in front of the first surface.
+    configurations : tuple of Configuration
+        States of a zoom lens, by rising or falling focal length; the lens itself is in the first one.
+    focusing : FocusingGroup or None
+        Surfaces that move to focus; None when the whole lens does.
     warnings : tuple of str
         Doubts about the prescription that do not make it unusable.
     """
@@ -48,6 +53,8 @@ class Lens:
     source: str = ""
     published: Mapping[str, Any] = field(default_factory=dict)
     object_medium: Medium = AIR
+    configurations: tuple[Configuration, ...] = ()
+    focusing: FocusingGroup | None = None
     warnings: tuple[str, ...] = ()
 
     @cached_property

@@ -14,6 +14,10 @@ from rptcam_cl.errors import InputError
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.optics.surface import Surface
+
+PATCH_AZIMUTHS = 32
+PATCH_RADII = 9
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -31,10 +35,10 @@ class FilmProbe:
     """
 
     def __init__(self, lens: Lens, film_distance_mm: float, wavelength_nm: float) -> None:
-        rear = lens.surfaces[-1]
-        if not np.isfinite(rear.semi_diameter):
+        if not np.isfinite(lens.surfaces[-1].semi_diameter):
             raise InputError(f"{lens.name}: the last surface needs a diameter")
-        if not film_distance_mm > max(0.0, rear.rim_sag()):
+        self.patch = _patch(lens.surfaces[-1])
+        if not film_distance_mm > max(0.0, float(self.patch[:, 2].max())):
             raise InputError(
                 f"{lens.name}: the film must stand behind the last surface "
                 f"(got {film_distance_mm:g} mm from its vertex)"
@@ -45,12 +49,12 @@ class FilmProbe:
 
     def windows(self, film: Array) -> Array:
         """Return boxes (m, 4) u0, u1, v0, v1 [mm] that hold every ray from film points (m, 2) to the last surface."""
-        heights = np.linspace(0.0, self.lens.surfaces[-1].semi_diameter, 17)
-        sags = np.array([self.lens.surfaces[-1].rim_sag(height) for height in heights])
-        scale = self.distance / (self.distance - sags)
-        centre = film[:, None, :] * (1.0 - scale)[None, :, None]
-        reach = (heights * scale)[None, :, None]
-        low, high = (centre - reach).min(axis=1), (centre + reach).max(axis=1)
+        scale = self.distance / (self.distance - self.patch[:, 2])
+        crossing = film[:, None, :] * (1.0 - scale)[None, :, None] + self.patch[:, :2] * scale[:, None]
+        low, high = crossing.min(axis=1), crossing.max(axis=1)
+        if not self.lens.surfaces[-1].is_rotational:  # the rim bulges between the azimuths that were taken
+            middle, half = (low + high) / 2, (high - low) / 2 / np.cos(np.pi / PATCH_AZIMUTHS)
+            low, high = middle - half, middle + half
         return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
 
     def passes(self, film: Array, rear: Array) -> Mask:
@@ -65,6 +69,18 @@ class FilmProbe:
         directions[..., 2] = -self.distance
         rays = self.lens.trace(origins.reshape(-1, 3), directions.reshape(-1, 3), self.wavelength_nm)
         return rays.passed.reshape(shape)
+
+
+def _patch(surface: Surface) -> Array:
+    """Return points (n, 3) spread over the clear area of the last surface, in the frame of its nominal vertex."""
+    azimuths = 4 if surface.is_rotational else PATCH_AZIMUTHS
+    angles = np.arange(azimuths) * 2 * np.pi / azimuths
+    radii = np.linspace(0.0, surface.semi_diameter * (1 - 1e-12), PATCH_RADII)
+    x, y = (np.outer(radii, turn(angles)).ravel() for turn in (np.cos, np.sin))
+    points = np.stack([x, y, surface.sag(x, y)])
+    if surface.pose:
+        points, _ = surface.pose.outward(points, points)
+    return points.T
 
 
 def grid(boxes: Array, nu: int, nv: int) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.probe import FilmProbe, cells, grid, narrowed
+from rptcam_cl.optics.probe import PATCH_AZIMUTHS, FilmProbe, cells, grid, narrowed
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -69,7 +69,7 @@ def exit_pupil_circles(
     Parameters
     ----------
     lens : Lens
-        Rotationally symmetric.
+        Without rotational symmetry the circles hold the whole last surface as seen from the film.
     film_distance_mm : float
         Last vertex to film.
     film_radius_mm : float
@@ -86,6 +86,8 @@ def exit_pupil_circles(
     if not film_radius_mm > 0:
         raise InputError(f"{lens.name}: the film radius must be above 0 mm (got {film_radius_mm:g})")
     edges = np.linspace(0.0, film_radius_mm, intervals + 1)
+    if not lens.is_rotational:
+        return PupilCircles(float(film_distance_mm), float(film_radius_mm), _rear_circles(probe, edges))
     outlines = _outlines(probe, edges)
     lit = np.array([outline is not None for outline in outlines])
     if not lit.any():
@@ -99,6 +101,24 @@ def exit_pupil_circles(
         if 0 < circles[i, 2] < THIN:
             circles[i] = _circle([*parts, *outlines[max(i - 1, 0) : i + 3]])
     return PupilCircles(float(film_distance_mm), float(film_radius_mm), circles)
+
+
+def _rear_circles(probe: FilmProbe, edges: Array) -> Array:
+    """Return circles (m, 3) that hold every ray to the last surface from film points at any azimuth.
+
+    Seen from the film, points of the surface lie at s q + (1 - s) p, q being their distance vector from the axis, p the
+    film point and s = D / (D - z).
+    """
+    scale = probe.distance / (probe.distance - probe.patch[:, 2])
+    reach = float(np.max(np.hypot(probe.patch[:, 0], probe.patch[:, 1]) * scale)) / np.cos(np.pi / PATCH_AZIMUTHS)
+    low, high = np.outer(edges, 1.0 - scale).min(axis=1), np.outer(edges, 1.0 - scale).max(axis=1)
+    low, high = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
+    circles = np.stack([(low + high) / 2, reach + (high - low) / 2, np.zeros(len(low))], axis=1)
+    for i, (offset, radius, _) in enumerate(circles):
+        film = np.array([[edges[i : i + 2].mean(), 0.0]])
+        points = grid(np.array([[offset - radius, offset + radius, -radius, radius]]), 24, 24)
+        circles[i, 2] = probe.passes(film[:, None], points).mean() * 4 / np.pi
+    return circles
 
 
 @dataclass
@@ -136,18 +156,33 @@ def _half_boxes(probe: FilmProbe, film: Array) -> tuple[Array, Mask]:
     windows = probe.windows(film)
     windows[:, 2] = 0.0
     boxes, found = narrowed(probe, film, windows, COARSE)
+    if not found.any():
+        boxes, found = narrowed(probe, film, windows, DENSE)
     tried = found.copy()
-    while True:
-        beside = np.zeros_like(found)
-        beside[1:] |= found[:-1]
-        beside[:-1] |= found[1:]
-        next_ones = np.flatnonzero(beside & ~tried)
-        if not len(next_ones):
-            break
+    while len(next_ones := np.flatnonzero(_beside(found) & ~tried)):
         boxes[next_ones], found[next_ones] = narrowed(probe, film[next_ones], windows[next_ones], DENSE)
+        for k in next_ones[~found[next_ones]]:
+            near = k - 1 if k > 0 and found[k - 1] else min(k + 1, len(found) - 1)
+            if found[near]:
+                around = _widened(boxes[near], film[k, 0] - film[near, 0])
+                boxes[k : k + 1], found[k : k + 1] = narrowed(probe, film[k : k + 1], around[None], DENSE)
         tried[next_ones] = True
     boxes[:, 2] = 0.0
     return boxes, found
+
+
+def _beside(found: Mask) -> Mask:
+    """Return which film points have a lit one before or after them."""
+    beside = np.zeros_like(found)
+    beside[1:] |= found[:-1]
+    beside[:-1] |= found[1:]
+    return beside
+
+
+def _widened(box: Array, shift: float) -> Array:
+    """Return a half box made twice as large, and larger still by the step between film points."""
+    u = (box[1] - box[0]) / 2 + abs(shift)
+    return np.array([box[0] - u, box[1] + u, 0.0, 1.5 * box[3] + abs(shift)])
 
 
 def _surrounded(hits: Mask) -> Mask:

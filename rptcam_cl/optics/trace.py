@@ -92,13 +92,24 @@ def trace(
     )
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"rays need origins and directions of shape (n, 3) (got {points.shape})")
-    indices = lens.indices(wavelength_nm)
+    wavelengths = np.asarray(wavelength_nm, dtype=np.float64)
+    rays = _trace(lens, points, vectors, wavelengths, start == "scene")
+    for other in lens.beside_half_lenses():
+        failed = np.flatnonzero(rays.status != Status.ok)
+        some = wavelengths if wavelengths.ndim == 0 else wavelengths[failed]
+        rays.put(failed, _trace(other, points[failed], vectors[failed], some, start == "scene"))
+    return rays
+
+
+def _trace(lens: Lens, points: Array, vectors: Array, wavelengths: Array, forward: bool) -> Rays:
+    """Return the rays after they have crossed every surface in turn."""
+    indices = lens.indices(wavelengths)
     count = len(points)
     rays = Rays(points.copy(), vectors.copy(), np.zeros(count, np.int32), np.full(count, -1, np.int32), np.zeros(count))
     with np.errstate(all="ignore"):
         for low in range(0, count, CHUNK):
             part = slice(low, min(low + CHUNK, count))
-            _trace_part(lens, rays, part, indices if indices.ndim == 1 else indices[:, part], start == "scene")
+            _trace_part(lens, rays, part, indices if indices.ndim == 1 else indices[:, part], forward)
     return rays
 
 

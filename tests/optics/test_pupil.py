@@ -45,6 +45,26 @@ def test_no_passing_ray_lies_outside_its_circle(name, film, radius):
     assert not np.any(passing & outside)
 
 
+@pytest.mark.parametrize("name", ["cylinder-pair", "anamorphic-100mm"])
+def test_circles_of_an_anamorphic_lens_hold_its_pupil_at_every_azimuth(name):
+    lens = load_lens(name)
+    film = film_distance(lens, np.inf)
+    circles = np.asarray(exit_pupil_circles(lens, film, 15.0, intervals=16))
+    rng = np.random.default_rng(5)
+    angle, radius = rng.uniform(0, 2 * np.pi, 60_000), 15.0 * rng.random(60_000)
+    points = radius[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    probe = FilmProbe(lens, film, WAVELENGTH_D)
+    boxes = probe.windows(points)
+    rear = boxes[:, [0, 2]] + (boxes[:, [1, 3]] - boxes[:, [0, 2]]) * rng.random((len(points), 2))
+    passing = probe.passes(points, rear)
+    row = np.minimum((radius / 15.0 * 16).astype(int), 15)
+    centre = circles[row, :1] * points / radius[:, None]
+    outside = np.hypot(*(rear - centre).T) > circles[row, 1]
+    assert passing.sum() > 1000
+    assert not np.any(passing & outside)
+    assert np.all((circles[:, 2] > 0) & (circles[:, 2] <= 1))
+
+
 def test_circles_of_a_clear_lens_waste_little():
     pupil = exit_pupil_circles(load_lens("telephoto-250mm"), 123.7439, 20.0)
     assert pupil.circles[:, 2].min() > 0.9

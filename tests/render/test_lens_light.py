@@ -72,7 +72,7 @@ def test_film_irradiance_is_that_of_the_truth_table(name, block, row):
         crop=spot(radius, width),
         stop_diameter_mm=2 * case["stop_semi_diameter"],
     )
-    mean, error = flat_mean(scene, f"{name} {block} {row}", spp=(6000, 6000, 6000, 16000, 40000)[row])
+    mean, error = flat_mean(scene, f"{name} {block} {row}", spp=(6000, 6000, 6000, 16000, 48000)[row])
     assert_equivalent(mean[0], error[0], expected, 0.005 * expected)
 
 
@@ -128,7 +128,7 @@ def test_lens_outcomes_count_every_camera_ray_once():
     scene = world_through("wide-22mm", 14.54, 36.0, resolution=(37, 21), pupil="rear")
     image = rptcam_cl.render(scene, spp=13)
     outcomes = image.stats["lens"]
-    assert set(outcomes) == {"passed", "missed", "clipped", "total_internal_reflection"}
+    assert {"passed", "missed", "clipped", "total_internal_reflection"} <= set(outcomes)
     assert sum(outcomes.values()) == image.stats["samples"] == 37 * 21 * 13
     assert 0 < outcomes["passed"] < outcomes["clipped"]
 

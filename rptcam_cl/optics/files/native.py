@@ -13,14 +13,16 @@ from rptcam_cl.optics.files.checks import check_lens
 from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.shapes import SHAPE_KEYS, read_pose, read_shape
+from rptcam_cl.optics.files.variable import read_configurations, read_focusing
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.surface import Surface
+from rptcam_cl.optics.variable import configured
 from rptcam_cl.strict_yaml import Document
 
 UNITS_MM = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "in": 25.4, "km": 1e6}
-TOP_KEYS = ("name", "source", "published", "unit", "object_medium", "surfaces", "groups")
+TOP_KEYS = ("name", "source", "published", "unit", "object_medium", "surfaces", "groups", "configurations", "focusing")
 SURFACE_KEYS = ("radius", "thickness", "glass", "diameter", "stop", *SHAPE_KEYS)
 
 
@@ -65,7 +67,11 @@ def read_native(document: Document) -> Lens:
         source=top.text("source"),
         published=dict(published),
         object_medium=read_glass(document, ("object_medium",)) if "object_medium" in top else AIR,
+        configurations=read_configurations(document, top, len(surfaces), scale),
+        focusing=read_focusing(document, top, len(surfaces), scale),
     )
+    if lens.configurations:
+        lens = configured(lens, lens.configurations[0].name)
     return check_lens(lens, lambda index, key, text: problem(document, ("surfaces", index, key), text))
 
 

@@ -1,0 +1,128 @@
+"""Rays per second through the 50 mm double Gauss: the device's kernel, the device called from Python, and numpy.
+
+    python -m benchmarks.lens_rays [--rays 1048576] [--json FILE]
+
+Rays go from the film to the rear rim, so that part of them is blocked on the way, as in a picture. The kernel is timed
+as it stands in the renderer (float32), without transfers; ``Lens.trace(device=...)`` with them. Beside it stands the
+device's peak of multiply-adds, measured in the same run.
+"""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.peak import peak_flops
+from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from benchmarks.stopwatch import Times, cores, fastest
+from rptcam_cl.api import load_lens
+from rptcam_cl.cameras.lens_records import lens_records
+from rptcam_cl.device import Session, choose_device
+from rptcam_cl.lens_tracing import TraceableLens
+from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.records import device_declarations
+
+LENS = "dgauss-50mm"
+FILM_DISTANCE_MM = 36.3972  # focused at 8.8 m
+FILM_MM = (36.0, 20.25)
+GROUP = 16
+# Counted in kernels/lens for a spherical surface, comparisons and choices left out: 45 additions and multiplications,
+# two divisions and two square roots.
+OPERATIONS_PER_SURFACE = 49
+COLUMNS = ("tracer", "Mray/s by wall", "by CPU", "CPU ns per ray", "times numpy")
+
+
+def film_rays(lens: TraceableLens, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return origins all over the film and directions to all of the rear rim, in the frame of the lens [mm]."""
+    random = np.random.default_rng(1)
+    origins = np.full((count, 3), lens.length + FILM_DISTANCE_MM)
+    origins[:, :2] = random.uniform(-0.5, 0.5, (count, 2)) * FILM_MM
+    radius = lens.surfaces[-1].semi_diameter * np.sqrt(random.uniform(0, 1, count))
+    angle = random.uniform(0, 2 * np.pi, count)
+    aims = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(count, lens.length)], axis=1)
+    directions = aims - origins
+    return origins, directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+
+def kernel_times(
+    session: Session, lens: TraceableLens, origins: NDArray[np.float64], directions: NDArray[np.float64], runs: int
+) -> Times:
+    """Return the times of the kernel alone, compiled as the renderer compiles it."""
+    lanes = 2 * session.lanes if session.lanes > 1 else 1
+    count = len(origins)
+    sense = np.array([1.0, 1.0, -1.0])
+    rays = np.zeros((8, count), np.float32)
+    rays[:3], rays[3:6] = ((origins - (0, 0, lens.length)) * sense).T, (directions * sense).T
+    records = lens_records(lens, WAVELENGTH_D, "film", 0.0)
+    facts = records.facts | {"VW": lanes, "DOUBLE": 0, "LENS_KEEP_FAILED": 0}
+    program = session.program(["pass/trace_rays.cl"], facts, device_declarations())
+    memory, surfaces = session.allocate(rays.nbytes), session.upload(records.surfaces)
+    launch = session.bind(program, "trace_rays", surfaces, np.int32(len(lens.surfaces)), memory, np.uint32(count))
+
+    def refill() -> None:
+        session.write(memory, rays)
+        session.finish()
+
+    def work() -> None:
+        launch.enqueue(count // lanes, GROUP)
+        session.finish()
+
+    refill()
+    work()  # compiles
+    return fastest(work, runs, refill)
+
+
+def measure(session: Session, count: int, runs: int) -> dict[str, dict[str, float]]:
+    """Return millions of rays per second of every tracer."""
+    lens = load_lens(LENS)
+    origins, directions = film_rays(lens, count)
+    few = max(count // 16, GROUP)  # numpy is slow enough
+
+    def called(precision: Literal["single", "double"]) -> Times:
+        def work() -> None:
+            lens.trace(origins, directions, device=session, precision=precision)
+
+        work()  # compiles
+        return fastest(work, runs)
+
+    found = {
+        "numpy, float64": (few, fastest(lambda: lens.trace(origins[:few], directions[:few]), runs)),
+        "trace(device), float32": (count, called("single")),
+        "kernel, float32": (count, kernel_times(session, lens, origins, directions, 5 * runs)),
+    }
+    if session.info.fp64:
+        found["trace(device), float64"] = (count, called("double"))
+    return {
+        name: {"wall": rays / times.wall / 1e6, "cpu": cores() * rays / times.cpu / 1e6, "ns": times.cpu / rays * 1e9}
+        for name, (rays, times) in found.items()
+    }
+
+
+def main() -> None:
+    """Measure every tracer and the peak, and print the table."""
+    parser = arguments("Rays per second through the double Gauss.")
+    parser.add_argument("--rays", type=int, default=1 << 20, help="rays per run (default 1048576)")
+    options = parser.parse_args()
+    session = Session(choose_device(options.device))
+    facts = machine(session.info)
+    count = 4096 if options.quick else -(-options.rays // 4096) * 4096
+    found = measure(session, count, 1 if options.quick else 3)
+    peak = peak_flops(session, 0.01 if options.quick else 0.5)
+    print_machine(facts)
+    base = found["numpy, float64"]["wall"]
+    lines = [
+        [name, f"{x['wall']:.2f}", f"{x['cpu']:.2f}", f"{x['ns']:.1f}", f"{x['wall'] / base:.1f}"]
+        for name, x in found.items()
+    ]
+    print_table(f"{LENS}, {count} rays, {cores()} cores", COLUMNS, lines)
+    operations = OPERATIONS_PER_SURFACE * len(load_lens(LENS).surfaces)
+    share = found["kernel, float32"]["wall"] * 1e6 * operations / peak
+    print(f"Peak of multiply-adds (two operations each): {peak / 1e9:.0f} GFLOP/s.")
+    print(f"The kernel, at about {operations} operations a ray, reaches {100 * share:.0f} % of it.")
+    write_json(options.json, facts, {"tracers": found, "peak_flops": peak, "operations_per_ray": operations})
+
+
+if __name__ == "__main__":
+    main()

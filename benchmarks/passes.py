@@ -1,0 +1,94 @@
+"""Share of the time per pass, from OpenCL's profiling events, and what a sample costs in it.
+
+    python -m benchmarks.passes [--seconds 1] [--json FILE]
+
+Both organisations of the work are profiled, whichever the device prefers. On a processor the cost is its CPU time (all
+threads together) in nanoseconds per sample, divided among the passes by their shares; on a GPU, the device's time.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import Any
+
+from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from benchmarks.scenes import MEANING, reference_scene, render_samples, wavefront_of
+from benchmarks.stopwatch import cores, timed
+from rptcam_cl.device import Session, choose_device
+from rptcam_cl.wavefront import Wavefront
+
+SCENES = ("A", "A_lens", "B")
+# Throw-away prototypes, measured before this program was written on two Zen 3 cores with PoCL 3.0: paths of depth 8
+# among three spheres, as 8-lane streams and as waves of passes, and rays through the eleven surfaces of the double Gauss.
+PROTOTYPE = "prototype: three spheres as 8-lane streams 24, as waves of passes 44; rays through the lens alone 19"
+PROTOTYPE_PATHS = {"stream": 24.0, "passes": 44.0}
+PROTOTYPE_LENS = 19.0
+
+
+def measure(wavefront: Wavefront, seconds: float) -> dict[str, Any]:
+    """Return the time per sample [ns] and each pass's share of it, over about the given time."""
+    spp = wavefront.samples_per_wave
+    rate = spp / timed(lambda: render_samples(wavefront, spp)).wall
+    spp *= max(round(rate * seconds / spp), 1)
+    wavefront.clear()
+    times = timed(lambda: render_samples(wavefront, spp))
+    device_time = sum(wavefront.passes.values())
+    samples = spp * wavefront.layout.samples_per_spp
+    spent = times.cpu if wavefront.session.info.type == "cpu" else device_time
+    return {
+        "ns_per_sample": spent / samples * 1e9,
+        "msamples_per_second": samples / times.wall / 1e6,
+        "busy": device_time / times.wall,
+        "shares": {name: time / device_time for name, time in wavefront.passes.items()},
+    }
+
+
+def prototype(scene: str, organisation: str, name: str) -> float | None:
+    """Return what the prototype needed for a pass, or for the total [ns per sample]; None if it had no such thing."""
+    if scene == "B":
+        return None
+    lens = PROTOTYPE_LENS if scene == "A_lens" else 0.0
+    if name == "total":
+        return PROTOTYPE_PATHS[organisation] + lens
+    if name == "stream":
+        return PROTOTYPE_PATHS[organisation]
+    return lens or None if name == "generate" else None
+
+
+def rows(scene: str, organisation: str, found: dict[str, Any]) -> list[list[str]]:
+    """Return the table rows of one measurement: its passes and their total."""
+    total = found["ns_per_sample"]
+    parts = [*((name, share) for name, share in found["shares"].items()), ("total", 1.0)]
+    lines = []
+    for name, share in parts:
+        expected = prototype(scene, organisation, name)
+        shown = "-" if expected is None else f"{expected:g}"
+        lines.append([scene, organisation, name, f"{100 * share:.1f} %", f"{share * total:.1f}", shown])
+    return lines
+
+
+def main() -> None:
+    """Measure all scenes and print the table."""
+    parser = arguments("Share of the time per pass.")
+    parser.add_argument("--seconds", type=float, default=1.0, help="length of a measurement (default 1)")
+    options = parser.parse_args()
+    session = Session(choose_device(options.device), profiling=True)
+    facts = machine(session.info)
+    results, lines = [], []
+    for scene, organisation in itertools.product(SCENES, ("stream", "passes")):
+        content = reference_scene(scene, shrink=8 if options.quick else 1)
+        wavefront = wavefront_of(content, session, organisation=organisation)
+        found = measure(wavefront, 0.02 if options.quick else options.seconds)
+        results.append({"scene": scene, "organisation": organisation, **found})
+        lines += rows(scene, organisation, found)
+    print_machine(facts)
+    unit = f"CPU time of {cores()} cores" if session.info.type == "cpu" else "device time"
+    columns = ("scene", "organisation", "pass", "share", "ns per sample", "prototype")
+    print_table(f"Passes, {unit}, Russian roulette off", columns, lines)
+    print(*(f"{name}: {MEANING[name]}" for name in SCENES), sep="\n")
+    print(PROTOTYPE)
+    write_json(options.json, facts, results)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,203 @@
+"""Lenses whose gaps vary: zoom positions as named configurations, and a group that moves to focus."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics.focus import film_distance, object_distance
+from rptcam_cl.optics.glass import WAVELENGTH_D
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.lens import Lens
+
+STEPS = 64
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One published state of a zoom lens.
+
+    Attributes
+    ----------
+    name : str
+    gaps : tuple of (surface, thickness)
+        Thickness behind each surface whose gap varies [mm].
+    stop_diameter_mm : float or None
+        Stop diameter of this state when it differs.
+    """
+
+    name: str
+    gaps: tuple[tuple[int, float], ...]
+    stop_diameter_mm: float | None = None
+
+
+@dataclass(frozen=True)
+class FocusingGroup:
+    """Neighbouring surfaces that move together to focus.
+
+    Attributes
+    ----------
+    first, last : int
+        Surfaces of the group.
+    travel_mm : tuple of float
+        Least and greatest shift towards the film; 0 is the place in the table.
+    """
+
+    first: int
+    last: int
+    travel_mm: tuple[float, float]
+
+
+def configured(lens: Lens, name: str) -> Lens:
+    """Return a zoom lens in one of its named configurations."""
+    for configuration in lens.configurations:
+        if configuration.name == name:
+            return _set(lens, configuration)
+    names = ", ".join(configuration.name for configuration in lens.configurations)
+    raise InputError(f"{lens.name}: no configuration {name!r}; it has {names or 'none'}")
+
+
+def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = WAVELENGTH_D) -> Lens:
+    """Return a zoom lens at a focal length, its gaps interpolated between neighbouring configurations.
+
+    Raises
+    ------
+    InputError
+        For a lens without configurations, or a focal length outside their range, which is named.
+    """
+    if len(lens.configurations) < 2:
+        raise InputError(f"{lens.name}: is not a zoom lens (it has no configurations)")
+    states = np.linspace(0.0, len(lens.configurations) - 1.0, 1 + STEPS * (len(lens.configurations) - 1))
+    lengths = np.array([_between(lens, state).first_order(wavelength_nm).focal_length_mm for state in states])
+    above = lengths >= focal_length_mm
+    change = np.flatnonzero(above[1:] != above[:-1])
+    if not len(change):
+        near = states[np.argmin(np.abs(lengths - focal_length_mm))]
+        if abs(lengths - focal_length_mm).min() <= 1e-9 * focal_length_mm:
+            return _between(lens, float(near))
+        raise InputError(
+            f"{lens.name}: zooms from {lengths.min():.5g} to {lengths.max():.5g} mm (asked for {focal_length_mm:g} mm)"
+        )
+    low, high = float(states[change[0]]), float(states[change[0] + 1])
+    for _ in range(60):
+        middle = (low + high) / 2
+        same = (_between(lens, middle).first_order(wavelength_nm).focal_length_mm >= focal_length_mm) == above[
+            change[0]
+        ]
+        low, high = (middle, high) if same else (low, middle)
+    return _between(lens, (low + high) / 2)
+
+
+def moved(lens: Lens, shift_mm: float) -> Lens:
+    """Return the lens with its focusing group shifted towards the film [mm]."""
+    group = _group(lens)
+    surfaces = list(lens.surfaces)
+    if group.first > 0:
+        before = surfaces[group.first - 1]
+        surfaces[group.first - 1] = replace(before, thickness=before.thickness + shift_mm)
+    if group.last < len(surfaces) - 1:
+        after = surfaces[group.last]
+        surfaces[group.last] = replace(after, thickness=after.thickness - shift_mm)
+    return replace(lens, surfaces=tuple(surfaces))
+
+
+def focused_by_group(
+    lens: Lens, object_distance_mm: float, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D
+) -> tuple[Lens, float]:
+    """Return the lens with its group moved so that an object is sharp on a film that stays, and the film distance.
+
+    Parameters
+    ----------
+    lens : Lens
+    object_distance_mm : float
+        From the film to the object plane.
+    film_distance_mm : float
+        From the last vertex to the film before the group moves. The distance after it differs only if the last surface
+        belongs to the group.
+
+    Raises
+    ------
+    InputError
+        When the distance lies outside the reach of the group, which is named.
+    """
+    low, high = _group(lens).travel_mm
+    shifts = np.linspace(low, high, 2 * STEPS + 1)
+    errors = np.array([_defocus(lens, float(s), object_distance_mm, film_distance_mm, wavelength_nm) for s in shifts])
+    with np.errstate(invalid="ignore"):
+        change = np.flatnonzero(np.sign(errors[:-1]) * np.sign(errors[1:]) <= 0)
+    if not len(change):
+        near, far = _reach(lens, film_distance_mm, wavelength_nm)
+        raise InputError(
+            f"{lens.name}: its group focuses from {near:.6g} to {far:.6g} mm from the film "
+            f"(asked for {object_distance_mm:.6g} mm)"
+        )
+    low, high = float(shifts[change[0]]), float(shifts[change[0] + 1])
+    sign = np.sign(errors[change[0]])
+    for _ in range(80):
+        middle = (low + high) / 2
+        same = np.sign(_defocus(lens, middle, object_distance_mm, film_distance_mm, wavelength_nm)) == sign
+        low, high = (middle, high) if same else (low, middle)
+    shift = (low + high) / 2
+    return moved(lens, shift), _film_after(lens, shift, film_distance_mm)
+
+
+def _defocus(lens: Lens, shift: float, distance: float, film: float, wavelength: float) -> float:
+    """Return how far behind the film the image of an object plane lies [mm]; NaN when there is none."""
+    state, back = moved(lens, shift), _film_after(lens, shift, film)
+    front = distance - state.length - back
+    if not front > 0:
+        return float("nan")
+    try:
+        return film_distance(state, front, "front", wavelength) - back
+    except InputError:
+        return float("nan")
+
+
+def _reach(lens: Lens, film: float, wavelength: float) -> tuple[float, float]:
+    """Return the nearest and farthest object plane that some shift makes sharp [mm from the film]."""
+    found = []
+    for shift in np.linspace(*_group(lens).travel_mm, 2 * STEPS + 1):
+        try:
+            found.append(object_distance(moved(lens, float(shift)), _film_after(lens, float(shift), film), wavelength))
+        except InputError:
+            continue
+    if not found:
+        raise InputError(f"{lens.name}: no shift of its group makes anything sharp {film:g} mm behind the lens")
+    return min(found), max(found)
+
+
+def _film_after(lens: Lens, shift: float, film: float) -> float:
+    return film - shift if _group(lens).last == len(lens.surfaces) - 1 else film
+
+
+def _group(lens: Lens) -> FocusingGroup:
+    if lens.focusing is None:
+        raise InputError(f"{lens.name}: has no focusing group; move the whole lens instead")
+    return lens.focusing
+
+
+def _between(lens: Lens, state: float) -> Lens:
+    """Return the lens between two configurations, the whole numbers being the configurations themselves."""
+    first = int(min(np.floor(state), len(lens.configurations) - 2))
+    share = state - first
+    one, two = lens.configurations[first], lens.configurations[first + 1]
+    later = dict(two.gaps)
+    gaps = tuple((k, (1 - share) * gap + share * later.get(k, gap)) for k, gap in one.gaps)
+    stop = one.stop_diameter_mm
+    if stop is not None and two.stop_diameter_mm is not None:
+        stop = (1 - share) * stop + share * two.stop_diameter_mm
+    return _set(lens, Configuration(f"{one.name} to {two.name}", gaps, stop))
+
+
+def _set(lens: Lens, configuration: Configuration) -> Lens:
+    surfaces = list(lens.surfaces)
+    for k, gap in configuration.gaps:
+        surfaces[k] = replace(surfaces[k], thickness=gap)
+    if configuration.stop_diameter_mm is not None and lens.stop_index is not None:
+        stop = surfaces[lens.stop_index]
+        surfaces[lens.stop_index] = replace(stop, semi_diameter=configuration.stop_diameter_mm / 2)
+    return replace(lens, surfaces=tuple(surfaces))
