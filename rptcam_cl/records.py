@@ -156,7 +156,7 @@ CAMERA = Record(
         ("float4", "resolution"),  # width, height [pixels]; sign / width, sign / height
         ("float4", "a"),  # of the camera model, see kernels/camera
         ("float4", "b"),
-        ("float4", "pupil"),  # of a lens camera, see kernels/camera/pupil.h
+        ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
         ("int", "count"),
         ("int", "reserved_0"),
         ("int", "reserved_1"),

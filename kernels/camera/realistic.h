@@ -1,8 +1,9 @@
 // A ray from the film through every surface of the lens (Kolb, Mitchell, Hanrahan 1995). A ray that the lens blocks weighs
 // zero, so the mean is the film's irradiance E = int L cos^4 / Z^2 dA over the pupil.
 // a = (film half width, half height, film distance Z, scale of the weight) in mm; b = (mm to the camera's frame, z of the
-// first vertex in the camera's frame); count = surfaces; pupil and tables as in camera/pupil.h.
-#include "camera/pupil.h"
+// first vertex in the camera's frame); count = surfaces; pupil and tables as in lens/pupil.h.
+#include "camera/film_point.h"
+#include "lens/pupil.h"
 #include "lens/trace.h"
 
 static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables,

@@ -21,7 +21,7 @@ PROBES = (18, 18)  # rays per box and film point
 
 @dataclass(frozen=True)
 class PupilSampling:
-    """What `kernels/camera/pupil.h` reads: kind and facts, four numbers and a table."""
+    """What `kernels/lens/pupil.h` reads: kind and facts, four numbers and a table."""
 
     tier: str
     kind: PupilKind
@@ -54,7 +54,7 @@ def pupil_sampling(
         ``auto``: tight, which measures best on every lens of the library.
     """
     if tier == "rear":
-        return _rear(lens, film_distance_mm, half_film_mm)
+        return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm)
     if tier == "thick":
         return _thick(lens, film_distance_mm, half_film_mm, wavelength_nm)
     if tier == "bounds":
@@ -62,19 +62,21 @@ def pupil_sampling(
     return _tight(pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm))
 
 
-def _rear(lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float]) -> PupilSampling:
+def _rear(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
+) -> PupilSampling:
     """The rear rim, projected from the film point on the plane of the last vertex.
 
-    A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point. Rays
-    may meet the surface anywhere between its vertex and its rim, so the circle holds both.
+    A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point. Where
+    the surface bulges out of the cone to its rim, as a ball's does, the circle is widened to hold it.
     """
-    rear = lens.surfaces[-1]
-    reach = float(np.hypot(*half_film_mm))
-    depth = -rear.rim_sag() if rear.is_rotational else 0.0
-    shrink = film_distance_mm / (film_distance_mm + depth)
-    shift = (1.0 - shrink) / 2
-    radius = rear.semi_diameter * max(shrink, 1.0) + abs(shift) * reach
-    return PupilSampling("rear", PupilKind.CIRCLE, (shift, radius, 0.0, 0.0))
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    scale = film_distance_mm / (film_distance_mm - probe.patch[:, 2])
+    shift = 1.0 - scale[-1]  # of the rim, the last ring of the patch
+    film = np.linspace(0.0, float(np.hypot(*half_film_mm)), 9)[:, None]
+    u = film * (1.0 - scale) + probe.patch[:, 0] * scale - shift * film
+    radius = float(np.hypot(u, probe.patch[:, 1] * scale).max())
+    return PupilSampling("rear", PupilKind.CIRCLE, (float(shift), radius, 0.0, 0.0))
 
 
 def _thick(

@@ -6,7 +6,7 @@
 // Tables come from rptcam_cl/cameras/pupil.py.
 #ifndef PUPIL_H
 #define PUPIL_H
-#include "camera/film_point.h"
+#include "common/records.h"
 
 typedef struct { F x, y, inverse_density; } Aim;
 
