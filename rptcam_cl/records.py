@@ -156,6 +156,7 @@ CAMERA = Record(
         ("float4", "resolution"),  # width, height [pixels]; sign / width, sign / height
         ("float4", "a"),  # of the camera model, see kernels/camera
         ("float4", "b"),
+        ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
         ("int", "count"),
         ("int", "reserved_0"),
         ("int", "reserved_1"),
@@ -261,6 +262,14 @@ class SurfaceKind(IntEnum):
     TOROID = 4
 
 
+class PupilKind(IntEnum):
+    """How a lens camera chooses where its rays aim."""
+
+    CIRCLE = 0
+    BOXES = 1
+    OUTLINES = 2
+
+
 class RegionKind(IntEnum):
     """What the clear region of a lens surface does."""
 
@@ -296,6 +305,7 @@ def device_declarations() -> str:
     lines += ["typedef float real;", "#endif"]
     lines += [record.typedef for record in RECORDS]
     lines += _constants("LENS", SurfaceKind) + _constants("REGION", RegionKind)
+    lines += _constants("PUPIL", PupilKind)
     lines += _constants("KIND", Kind) + _constants("MATERIAL", MaterialKind) + _constants("TEXTURE", TextureKind)
     lines += (
         _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)

@@ -169,14 +169,14 @@ static F hit_cone(const __global Primitive *p, Ray ray, I self)
 #if HAS_RECTANGLE
 #define EACH_RECTANGLE(ray, VISIT) FOR_EACH_OF_KIND(KIND_RECTANGLE, ray, VISIT,                  \
         F u; F v; t = hit_flat(p, ray, &u, &v);                                                  \
-        t = (u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(self) ? t : (F)(-1.0f);)
+        t = ((u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);)
 #else
 #define EACH_RECTANGLE(ray, VISIT)
 #endif
 #if HAS_DISK
 #define EACH_DISK(ray, VISIT) FOR_EACH_OF_KIND(KIND_DISK, ray, VISIT,                            \
         F u; F v; t = hit_flat(p, ray, &u, &v);                                                  \
-        t = (u * u + v * v <= 1.0f) & NOT(self) ? t : (F)(-1.0f);)
+        t = ((u * u + v * v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);)
 #else
 #define EACH_DISK(ray, VISIT)
 #endif

@@ -91,9 +91,9 @@ static SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)
     I on_y = NOT(on_x) & (ay >= az);
     s.p = p;
     s.n = world_normal(primitive, f3(on_x ? with_sign(ONE, o.x) : ZERO, on_y ? with_sign(ONE, o.y) : ZERO,
-                                     on_x | on_y ? ZERO : with_sign(ONE, o.z)));
+                                     (on_x | on_y) ? ZERO : with_sign(ONE, o.z)));
     s.u = 0.5f + 0.5f * (on_x ? o.y : o.x);
-    s.v = 0.5f + 0.5f * (on_x | on_y ? o.z : o.y);
+    s.v = 0.5f + 0.5f * ((on_x | on_y) ? o.z : o.y);
     return s;
 }
 #endif

@@ -84,7 +84,7 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, I hit, Scene scene
     shadow.ray.d = light.direction;
     shadow.ray.self = hit;
     shadow.target = light.primitive;
-    shadow.reach = on & (max3(shadow.light) > 0.0f) ? light.reach : ZERO;
+    shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;
     return shadow;
 }
 #endif

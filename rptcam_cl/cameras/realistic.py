@@ -4,20 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.cameras.model import CameraModel, camera_record
+from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, load_lens
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.pupil import exit_pupil_circles
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
-
-INTERVALS = 64  # steps of film radius in the table of pupil circles
 
 
 def lens_of(scene: Scene) -> Lens:
@@ -40,28 +35,6 @@ def film_distance_of(camera: RealisticCamera, lens: Lens) -> float:
         return camera.focus.film_distance_mm
     assert camera.focus.distance_m is not None
     return film_distance(lens, camera.focus.distance_m * 1e3, wavelength_nm=camera.wavelength_nm)
-
-
-def rear_circles(lens: Lens, back_mm: float, film_radius_mm: float) -> NDArray[np.float64]:
-    """Return, per step of film radius, centre offset and radius [mm] of the rear rim seen on the rear vertex plane.
-
-    The rim lies ``depth`` behind that plane, so from a film point it shows as a circle, scaled and shifted towards the
-    point; the radius is widened by what the shift changes within a step.
-    """
-    rear = lens.surfaces[-1]
-    depth = -rear.rim_sag()
-    shrink = back_mm / (back_mm + depth)
-    step = film_radius_mm / INTERVALS
-    middles = (np.arange(INTERVALS) + 0.5) * step
-    radius = rear.semi_diameter * shrink + abs(1 - shrink) * step / 2
-    return np.stack([middles * (1 - shrink), np.full(INTERVALS, radius)], axis=1)
-
-
-def _pupil_table(camera: RealisticCamera, lens: Lens, back_mm: float, film_radius_mm: float) -> NDArray[np.float64]:
-    """Return centre offset and radius [mm] of the circle that rays aim at, per step of film radius."""
-    if camera.pupil == "rear":
-        return rear_circles(lens, back_mm, film_radius_mm)
-    return exit_pupil_circles(lens, back_mm, film_radius_mm, INTERVALS, camera.wavelength_nm).circles[:, :2]
 
 
 def _metadata(camera: RealisticCamera, lens: Lens, back_mm: float, on_axis: float) -> dict[str, Any]:
@@ -95,26 +68,27 @@ def build(scene: Scene) -> CameraModel:
     lens = lens_of(scene)
     back_mm = film_distance_of(camera, lens)
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    film_radius_mm = float(np.hypot(width_mm, height_mm)) / 2
     on_axis = on_axis_irradiance(lens, back_mm, camera.wavelength_nm)
     if not on_axis > 0:
         raise InputError(
             f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens"
             f" (film distance {back_mm:g} mm)"
         )
-    table = _pupil_table(camera, lens, back_mm, film_radius_mm)
-    scale = np.pi / on_axis if scene.exposure == "relative" else np.pi
+    half_film_mm = (width_mm / 2, height_mm / 2)
+    pupil = pupil_sampling(lens, back_mm, half_film_mm, camera.wavelength_nm, camera.pupil)
+    scale = 1 / on_axis if scene.exposure == "relative" else 1.0
     record = camera_record(camera, scene.film)
-    record["a"][0] = (width_mm / 2, height_mm / 2, back_mm, INTERVALS / film_radius_mm)
-    record["b"][0] = (scale, 1e-3, -(back_mm + lens.length) * 1e-3, 0.0)
+    record["a"][0] = (*half_film_mm, back_mm, scale)
+    record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, 0.0, 0.0)
+    record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
     traced = lens_records(lens, camera.wavelength_nm, "film", back_mm)
     return CameraModel(
         "camera/realistic.h",
         record,
-        facts=traced.facts,
-        tables=np.concatenate([table, table[-1:]]).astype(np.float32).ravel(),
+        facts=traced.facts | pupil.facts,
+        tables=pupil.table,
         surfaces=traced.surfaces,
         has_lens=True,
-        metadata=_metadata(camera, lens, back_mm, on_axis),
+        metadata=_metadata(camera, lens, back_mm, on_axis) | pupil.metadata,
     )

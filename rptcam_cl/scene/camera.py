@@ -192,8 +192,9 @@ class RealisticCamera(Pose):
     wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = 587.5618
     """Wavelength at which the lens is traced [nm]; the helium d line by default."""
 
-    pupil: Literal["auto", "rear", "bounds"] = "auto"
-    """Where rays aim: the whole rear element, or bounds of the exit pupil; auto chooses. It changes noise only."""
+    pupil: Literal["auto", "rear", "thick", "bounds", "tight"] = "auto"
+    """Where rays aim: the whole rear element, the paraxial exit pupil, a box per film cell or the pupil's true outline;
+    auto takes the last. It changes noise only."""
 
 
 Camera = Annotated[PinholeCamera | EnvironmentCamera | ThinLensCamera | RealisticCamera, Field(discriminator="kind")]

@@ -1,0 +1,147 @@
+"""Pupil sampling of a lens camera: tables of where rays aim, as tiers that change the noise and nothing else."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics import Lens
+from rptcam_cl.optics.probe import FilmProbe, cells, grid, narrowed
+from rptcam_cl.optics.pupil_shape import DIRECTIONS, PupilShapes, pupil_shapes
+from rptcam_cl.records import PupilKind
+
+Tier = Literal["auto", "rear", "thick", "bounds", "tight"]
+CELLS = 16  # of the film across and down, for the boxes
+PROBES = (18, 18)  # rays per box and film point
+
+
+@dataclass(frozen=True)
+class PupilSampling:
+    """What `kernels/lens/pupil.h` reads: kind and facts, four numbers and a table."""
+
+    tier: str
+    kind: PupilKind
+    parameters: tuple[float, float, float, float]
+    table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
+    radial: bool = False
+    widened: float = 1.0  # factor on the paraxial pupil of the thick tier, without which it would lose light
+
+    @property
+    def metadata(self) -> dict[str, str | float]:
+        """What the picture's metadata should say."""
+        return {"pupil": self.tier} | ({"pupil_widened": self.widened} if self.widened > 1.0 else {})
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Facts for the compilation."""
+        return {"PUPIL_KIND": int(self.kind), "PUPIL_RADIAL": int(self.radial), "PUPIL_DIRECTIONS": DIRECTIONS}
+
+
+def pupil_sampling(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, tier: Tier
+) -> PupilSampling:
+    """Return the sampling of a tier.
+
+    Parameters
+    ----------
+    tier
+        ``rear``: the whole rear element (CS348b 2015). ``thick``: the paraxial image of the stop (CS348b 2003), widened
+        where it would lose light. ``bounds``: a box per film cell (pbrt). ``tight``: the outline of the true pupil.
+        ``auto``: tight, which measures best on every lens of the library.
+    """
+    if tier == "rear":
+        return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm)
+    if tier == "thick":
+        return _thick(lens, film_distance_mm, half_film_mm, wavelength_nm)
+    if tier == "bounds":
+        return _bounds(lens, film_distance_mm, half_film_mm, wavelength_nm)
+    return _tight(pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm))
+
+
+def _rear(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
+) -> PupilSampling:
+    """The rear rim, projected from the film point on the plane of the last vertex.
+
+    A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point. Where
+    the surface bulges out of the cone to its rim, as a ball's does, the circle is widened to hold it.
+    """
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    scale = film_distance_mm / (film_distance_mm - probe.patch[:, 2])
+    shift = 1.0 - scale[-1]  # of the rim, the last ring of the patch
+    film = np.linspace(0.0, float(np.hypot(*half_film_mm)), 9)[:, None]
+    u = film * (1.0 - scale) + probe.patch[:, 0] * scale - shift * film
+    radius = float(np.hypot(u, probe.patch[:, 1] * scale).max())
+    return PupilSampling("rear", PupilKind.CIRCLE, (float(shift), radius, 0.0, 0.0))
+
+
+def _thick(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
+) -> PupilSampling:
+    """The paraxial exit pupil, seen on the plane of the last vertex; widened where it would lose light."""
+    pupil = lens.first_order(wavelength_nm).exit_pupil
+    from_film = film_distance_mm - pupil.distance_mm
+    if not (np.isfinite(from_film) and from_film > 0):
+        raise InputError(
+            f"camera.pupil: {lens.name}: its exit pupil lies behind the film, so it bounds no rays"
+            " (allowed: rear, bounds, tight)"
+        )
+    shrink = film_distance_mm / from_film
+    shift, radius = 1.0 - shrink, pupil.diameter_mm / 2 * shrink
+    needed = _needed_radius(lens, film_distance_mm, half_film_mm, wavelength_nm, shift)
+    widened = max(1.0, needed / radius)
+    return PupilSampling("thick", PupilKind.CIRCLE, (shift, radius * widened, 0.0, 0.0), widened=widened)
+
+
+def _film_points(half_film_mm: tuple[float, float], count: int) -> NDArray[np.float64]:
+    x, y = (np.linspace(-half, half, count) for half in half_film_mm)
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+def _needed_radius(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, shift: float
+) -> float:
+    """Return the radius [mm] of a circle, shifted with the film point, that holds every probed ray that passes."""
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    film = _film_points(half_film_mm, 11)
+    windows, _ = narrowed(probe, film, probe.windows(film), PROBES)
+    points = grid(windows, 2 * PROBES[0], 2 * PROBES[1])
+    passes = probe.passes(film[:, None], points)
+    away = points - shift * film[:, None]
+    cell = np.hypot(*cells(windows, 2 * PROBES[0], 2 * PROBES[1]).T)[:, None]
+    return float(np.max((np.hypot(away[..., 0], away[..., 1]) + cell) * passes))
+
+
+def _bounds(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
+) -> PupilSampling:
+    """A box per film cell that holds the pupils of its corners and their neighbours' difference."""
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    film = _film_points(half_film_mm, CELLS + 1)
+    boxes, found = narrowed(probe, film, probe.windows(film), PROBES)
+    boxes, again = narrowed(probe, film, boxes, PROBES)
+    found &= again
+    low = np.where(found[:, None], boxes[:, ::2], np.inf).reshape(CELLS + 1, CELLS + 1, 2)
+    high = np.where(found[:, None], boxes[:, 1::2], -np.inf).reshape(CELLS + 1, CELLS + 1, 2)
+    corners = [(slice(i, i + CELLS), slice(j, j + CELLS)) for i in (0, 1) for j in (0, 1)]
+    low = np.min([low[corner] for corner in corners], axis=0)
+    high = np.max([high[corner] for corner in corners], axis=0)
+    lit = np.isfinite(low[..., 0])
+    if not lit.any():
+        raise InputError(f"{lens.name}: no light reaches the film {film_distance_mm:g} mm behind the lens")
+    size = np.where(lit[..., None], high - low, 0.0)
+    table = np.concatenate([np.where(lit[..., None], low, 0.0), size], axis=-1).astype(np.float32).ravel()
+    per_mm = (CELLS / (2 * half_film_mm[0]), CELLS / (2 * half_film_mm[1]))
+    return PupilSampling("bounds", PupilKind.BOXES, (*per_mm, CELLS, CELLS), table)
+
+
+def _tight(shapes: PupilShapes) -> PupilSampling:
+    nodes = np.concatenate([shapes.centres, shapes.axes, shapes.radii, shapes.radii[..., :1]], axis=-1)
+    step = shapes.x[1] - shapes.x[0]
+    down = 1 / (shapes.y[1] - shapes.y[0]) if len(shapes.y) > 1 else 0.0
+    parameters = (1 / step, down, float(len(shapes.x)), float(len(shapes.y)))
+    return PupilSampling("tight", PupilKind.OUTLINES, parameters, nodes.astype(np.float32).ravel(), shapes.radial)
