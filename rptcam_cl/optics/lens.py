@@ -101,6 +101,10 @@ class Lens:
         """Whether the lens looks the same from every azimuth."""
         return all(surface.is_rotational for surface in self.surfaces)
 
+    def with_warnings(self, more: tuple[str, ...]) -> Lens:
+        """Return the lens with further doubts noted."""
+        return replace(self, warnings=(*self.warnings, *more))
+
     def beside_half_lenses(self) -> tuple[Lens, ...]:
         """Return the lenses that rays see which pass beside the half lenses in this one: those without their glass."""
         partial = [bool(surface.region and not surface.region.blocks) for surface in self.surfaces]

@@ -3,18 +3,23 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.optics.files.codev import read_codev
+from rptcam_cl.optics.files.iset import is_iset, read_iset
 from rptcam_cl.optics.files.native import document_of, read_native
+from rptcam_cl.optics.files.optical_bench import is_optical_bench, read_optical_bench
 from rptcam_cl.optics.files.pbrt import read_pbrt
+from rptcam_cl.optics.files.zemax import read_zemax
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.resources import lenses_dir
 from rptcam_cl.strict_yaml import MAX_BYTES, read_yaml
 
 NATIVE_SUFFIXES = (".yaml", ".yml", ".json")
+READERS: dict[str, Callable[[str, str], Lens]] = {".dat": read_pbrt, ".zmx": read_zemax, ".seq": read_codev}
 
 
 def list_lenses() -> list[str]:
@@ -28,7 +33,8 @@ def load_lens(source: str | Path | Mapping[str, Any]) -> Lens:
     Parameters
     ----------
     source : str, Path or mapping
-        A name from `list_lenses`, a path to a lens file, or the content of such a file.
+        A name from `list_lenses`; a path to a lens file: our YAML or JSON, ISET JSON, pbrt ``.dat``, Zemax ``.zmx``,
+        CODE V ``.seq`` or Optical Bench ``.txt``; or the content of a file of ours.
     """
     if isinstance(source, Mapping):
         return read_native(document_of(source))
@@ -38,11 +44,17 @@ def load_lens(source: str | Path | Mapping[str, Any]) -> Lens:
     path = Path(source)
     if not path.exists():
         raise _unknown(str(source))
-    if path.suffix.lower() in NATIVE_SUFFIXES:
-        return read_native(read_yaml(path))
-    if path.suffix.lower() == ".dat":
-        return read_pbrt(_read_text(path), str(path))
-    raise InputError(f"{path}: unknown kind of lens file; known: .yaml, .yml, .json, .dat")
+    suffix = path.suffix.lower()
+    if suffix in NATIVE_SUFFIXES:
+        document = read_yaml(path)
+        return read_iset(document) if is_iset(document) else read_native(document)
+    if suffix in READERS:
+        return READERS[suffix](_read_text(path), str(path))
+    if suffix == ".txt":
+        text = _read_text(path)
+        return read_optical_bench(text, str(path)) if is_optical_bench(text) else read_pbrt(text, str(path))
+    known = ", ".join([*NATIVE_SUFFIXES, *READERS, ".txt"])
+    raise InputError(f"{path}: unknown kind of lens file; known: {known}")
 
 
 def _unknown(name: str) -> InputError:

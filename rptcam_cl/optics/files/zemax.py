@@ -1,0 +1,180 @@
+"""Sequential lens files of Zemax (.zmx): STANDARD, EVENASPH, ODDASPHE, TOROIDAL, BICONICX and COORDBRK surfaces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics.files.breaks import Frame
+from rptcam_cl.optics.files.table import Table, glass_entry, numbers
+from rptcam_cl.optics.lens import Lens
+
+UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
+TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "COORDBRK")
+PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
+QUIET_WORDS = """
+VERS MODE PFIL LANG ENVD GFAC GCAT RAIM PUSH SDMA ROPD PICB XFLN FWGN VDXN VDYN VCXN VCYN VANN WAVM WAVN WAVL
+WWGT PWAV POLS GLRS GSTD NSCD COFN HIDE MIRR SLAB POPS FLAP TOL MNUM MOFF EFLY NOTE VDSZ MAZH COMM COAT SQAP
+FWGT PRIM
+"""
+QUIET = frozenset(QUIET_WORDS.split())
+
+
+@dataclass
+class _Surface:
+    line: int
+    kind: str = "STANDARD"
+    values: dict[str, float] = field(default_factory=dict)
+    parameters: dict[int, float] = field(default_factory=dict)
+    glass: list[str] | None = None
+    stop: bool = False
+
+
+def read_zemax(text: str, path: str) -> Lens:
+    """Return the lens of a sequential Zemax file."""
+    table = Table(path)
+    surfaces = _parse(text, table)
+    if len(surfaces) < 3:
+        raise InputError(f"{path}: a lens needs surfaces between object and image")
+    frame = Frame()
+    body = surfaces[1:-1]
+    for place, surface in enumerate(body):
+        last = place == len(body) - 1
+        thickness = surface.values.get("DISZ", 0.0)
+        if surface.kind == "COORDBRK":
+            _break(frame, surface, table)
+            frame.advance(thickness)
+            if table.rows and thickness:
+                table.rows[-1]["thickness"] = table.rows[-1].get("thickness", 0.0) + thickness
+            continue
+        row = _row(surface, table) | frame.keys()
+        if not last:
+            row["thickness"] = thickness
+        frame.advance(thickness)
+        table.rows.append(row)
+    _trim(table)
+    return table.lens()
+
+
+def _parse(text: str, table: Table) -> list[_Surface]:
+    surfaces: list[_Surface] = []
+    for line, raw in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
+        words = raw.split()
+        if not words:
+            continue
+        key, rest = words[0].upper(), words[1:]
+        if key == "SURF":
+            surfaces.append(_Surface(line))
+        elif surfaces:
+            _take(surfaces[-1], key, rest, line, table)
+        else:
+            _header(key, rest, line, table)
+    return surfaces
+
+
+def _header(key: str, rest: list[str], line: int, table: Table) -> None:
+    if key == "NAME":
+        table.name = " ".join(rest)
+    elif key == "UNIT" and rest:
+        if rest[0].upper() not in UNITS:
+            raise InputError(f"{table.path}:{line}: unit {rest[0]!r} is unknown; known: {', '.join(UNITS)}")
+        table.unit = UNITS[rest[0].upper()]
+    elif key == "MODE" and rest and rest[0].upper() != "SEQ":
+        raise InputError(f"{table.path}:{line}: only sequential files can be read (MODE {rest[0]})")
+    elif key == "ENPD":
+        table.pupil_diameter = numbers(rest[:1], table.path, line)[0]
+    elif key == "FNUM":
+        table.f_number = numbers(rest[:1], table.path, line)[0]
+    elif key == "YFLN":
+        table.field_degrees = min(max(map(abs, numbers(rest, table.path, line)), default=0.0), 60.0)
+    elif key not in QUIET and key not in ("FTYP", "OBNA"):
+        table.note(line, f"{key} is ignored")
+
+
+def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table) -> None:
+    if key == "TYPE":
+        surface.kind = rest[0].upper() if rest else "STANDARD"
+        if surface.kind not in TYPES:
+            table.note(line, f"surface type {surface.kind} is read as STANDARD")
+    elif key == "STOP":
+        surface.stop = True
+    elif key in ("CURV", "CONI", "DIAM"):
+        surface.values[key] = numbers(rest[:1], table.path, line)[0]
+    elif key == "DISZ":
+        surface.values[key] = 0.0 if rest[:1] == ["INFINITY"] else numbers(rest[:1], table.path, line)[0]
+    elif key == "PARM":
+        number, value = numbers(rest[:2], table.path, line)
+        surface.parameters[int(number)] = value
+    elif key == "GLAS":
+        surface.glass = rest
+        surface.line = line
+    elif key not in QUIET:
+        table.note(line, f"{key} is ignored")
+
+
+def _row(surface: _Surface, table: Table) -> dict[str, Any]:
+    row: dict[str, Any] = {}
+    if curvature := surface.values.get("CURV"):
+        row["radius"] = 1.0 / curvature
+    if surface.stop:
+        row["stop"] = True
+    if surface.values.get("DIAM", 0.0) > 0:
+        row["diameter"] = 2 * surface.values["DIAM"]
+    if surface.values.get("CONI"):
+        row["conic"] = surface.values["CONI"]
+    if surface.glass:
+        row["glass"] = _glass(surface, table)
+    p = surface.parameters
+    if surface.kind == "EVENASPH":
+        row["aspheric"] = {2 * i: v for i, v in p.items() if v and 1 <= i <= 8}
+    elif surface.kind == "ODDASPHE":
+        row["aspheric"] = {i: v for i, v in p.items() if v and 1 <= i <= 8}
+    elif surface.kind == "TOROIDAL":
+        row |= {"radius_x": p.get(1) or float("inf"), "form": "toroid"}
+        row["aspheric"] = {2 * (i - 1): v for i, v in p.items() if v and 2 <= i <= 8}
+    elif surface.kind == "BICONICX":
+        row["radius_x"] = p.get(1) or float("inf")
+        if p.get(2):
+            row["conic_x"] = p[2]
+    return {key: value for key, value in row.items() if value != {}}
+
+
+def _glass(surface: _Surface, table: Table) -> Any:
+    words = surface.glass or []
+    name = words[0] if words else ""
+    if name.upper() == "MIRROR":
+        raise InputError(f"{table.path}:{surface.line}: mirrors cannot be read; every surface must refract")
+    values = numbers(words[3:5], table.path, surface.line) if len(words) >= 5 else [0.0, 0.0]
+    model = None if tuple(values) == PLACEHOLDER and not name.startswith("___") else values
+    entry = glass_entry("" if name.startswith("___") else name, *(model or (None, None)))
+    if entry is None:
+        raise InputError(
+            f"{table.path}:{surface.line}: glass {name} is not in the bundled table and the file has no index"
+        )
+    if isinstance(entry, dict) and not name.startswith("___"):
+        table.note(
+            surface.line, f"glass {name} is replaced by the index {values[0]:g} and Abbe number {values[1]:g} beside it"
+        )
+    return entry
+
+
+def _break(frame: Frame, surface: _Surface, table: Table) -> None:
+    p = surface.parameters
+    if p.get(6):
+        table.note(surface.line, "a coordinate break that tilts before it decentres is read in the usual order")
+    frame.bend((p.get(1, 0.0), p.get(2, 0.0), 0.0), (p.get(3, 0.0), p.get(4, 0.0), p.get(5, 0.0)))
+
+
+def _trim(table: Table) -> None:
+    """Drop the dummy planes in air before and after the lens, so that its first and last vertex are real ones."""
+
+    def is_dummy(row: dict[str, Any], before: Any) -> bool:
+        return not (row.keys() & {"radius", "stop", "glass", "decentre"}) and before is None
+
+    while table.rows and is_dummy(table.rows[0], None):
+        table.rows.pop(0)
+    while len(table.rows) > 1 and is_dummy(table.rows[-1], table.rows[-2].get("glass")):
+        table.rows.pop()
+    if table.rows:
+        table.rows[-1].pop("thickness", None)
