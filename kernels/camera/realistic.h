@@ -21,8 +21,8 @@ static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, cons
     F cos2_over_length2 = z / length2;                     // cos^2 / Z, as cos^2 = Z^2 / length^2
     F weight = camera->a.w * at.inverse_density * cos2_over_length2 * cos2_over_length2;
     F mm = (F)(camera->b.x);
-    r.o = f3(out.p.x * mm, out.p.y * mm, camera->b.y - out.p.z * mm);
-    r.d = f3(out.d.x, out.d.y, -out.d.z);                  // travel is along -z of the camera
+    r.o = keep3(out.passed, f3(out.p.x * mm, out.p.y * mm, camera->b.y - out.p.z * mm));
+    r.d = select3(out.passed, f3(out.d.x, out.d.y, -out.d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z
     r.weight = out.passed ? weight : ZERO;
     r.status = at.inverse_density > 0.0f ? out.status : (I)(RAY_CLIPPED);
     return r;

@@ -67,8 +67,8 @@ def _rear(
 ) -> PupilSampling:
     """The rear rim, projected from the film point on the plane of the last vertex.
 
-    A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point. Where
-    the surface bulges out of the cone to its rim, as a ball's does, the circle is widened to hold it.
+    A rim at depth t behind that plane shows as a circle, scaled by Z / (Z + t) and shifted towards the film point.
+    Where the surface bulges out of the cone to its rim, as a ball's does, the circle is widened to hold it.
     """
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
     scale = film_distance_mm / (film_distance_mm - probe.patch[:, 2])

@@ -203,7 +203,6 @@ def test_outcomes_of_the_lens_have_the_shares_of_rays_traced_in_float64(session)
     assert (np.abs(shares - expected) < 0.001 + Z * error).all()
 
 
-@pytest.mark.xfail(strict=True, reason="lanes of padding, beyond the film's edge, read past the end of the pupil table")
 @pytest.mark.parametrize("resolution", [(1, 1), (5, 3), (33, 1)])
 def test_lanes_beyond_the_film_read_nothing_beyond_the_pupil_table(session, resolution):
     fields = camera_slots(session, load_scene(through("dgauss-50mm", resolution)), 1, lanes=16, beyond=1 << 20)
