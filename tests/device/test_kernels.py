@@ -45,7 +45,9 @@ def without_warnings(session, files, facts):
     source = assemble(files, facts, device_declarations(), avx2_pocl=is_pocl_on_avx2(session.info.handle))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        cl.Program(session.context, NO_ABI + source).build([option for option in BUILD_OPTIONS if option != "-w"] + ["-Werror"], [session.info.handle])
+        cl.Program(session.context, NO_ABI + source).build(
+            [option for option in BUILD_OPTIONS if option != "-w"] + ["-Werror"], [session.info.handle]
+        )
 
 
 def test_scene_with_everything_turns_every_fact_on():
