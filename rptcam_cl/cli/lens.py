@@ -4,7 +4,7 @@ import argparse
 import math
 from typing import Any
 
-from rptcam_cl.cli import lens_draw
+from rptcam_cl.cli import lens_draw, lens_field, lens_spots
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import D_LINE, add_lens, load
 from rptcam_cl.cli.output import as_json
@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
     )  # fmt: skip
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info, parser=info)
-    for command in (lens_draw,):
+    for command in (lens_draw, lens_spots, lens_field):
         command.add_to(inner)
 
 

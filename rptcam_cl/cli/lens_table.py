@@ -5,11 +5,15 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+_NOTHING = 1e-12  # what rounding leaves of a zero
+
 
 def _text(value: Any) -> str:
     if value is None or (isinstance(value, float) and not math.isfinite(value)):
         return "-"
-    return f"{value:.5g}" if isinstance(value, float) else str(value)
+    if isinstance(value, float):
+        return f"{0.0 if abs(value) < _NOTHING else value:.5g}"
+    return str(value)
 
 
 def print_table(columns: Sequence[str], rows: Sequence[Sequence[Any]], title: str = "") -> None:

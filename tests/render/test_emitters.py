@@ -86,6 +86,27 @@ def test_disk_beside_the_normal():
     assert_irradiance(ground_under([disk]), "disk", math.pi * offset_disk(0.8, 1.1, 0.6))
 
 
+STRETCH = [{"scale": [0.1, 0.05, 1.0]}, {"rotate": {"axis": [1, 0, 0], "degrees": 30}}, {"translate": [0, 0, 20]}]
+FLAT = {
+    "disk": ({"shape": "disk", "center": [0, 0, 0], "normal": [0, 0, -1], "radius": 1}, math.pi),
+    "rectangle": ({"shape": "rectangle", "corner": [-1, -1, 0], "edge_u": [0, 2, 0], "edge_v": [2, 0, 0]}, 4.0),
+}
+
+
+@pytest.mark.parametrize("shape", FLAT)
+def test_stretched_and_turned_lamp_emits_in_proportion_to_its_area(shape):
+    # E = L A cos / d^2 from far away; the lamp is 0.1 wide at a distance of 20, so higher orders are below 1e-4
+    description, area = FLAT[shape]
+    flat = {**description, "material": lamp(4e4), "transform": STRETCH}
+    expected = 4e4 * area * 0.1 * 0.05 * math.cos(math.radians(30)) / 400
+    assert_irradiance(ground_under([flat]), f"stretched {shape}", expected, 0.001, spp=64)
+
+
+def test_sphere_lamp_grows_with_its_transform():
+    scaled = {**sphere([0, 0, 0], 0.25), "transform": [{"scale": [2, 2, 2]}, {"translate": [0, 0, 1.6]}]}
+    assert_irradiance(ground_under([scaled]), "scaled sphere", math.pi * 0.25 / 2.56)
+
+
 def sphere(center, radius, radiance=1.0):
     return {"shape": "sphere", "center": list(center), "radius": radius, "material": lamp(radiance)}
 

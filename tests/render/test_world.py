@@ -89,6 +89,23 @@ def test_grid_has_lines_of_its_width():
     np.testing.assert_allclose(film, np.where((u % 4 == 0) | (v % 4 == 0), 0.1, 0.9), rtol=1e-6)
 
 
+@pytest.mark.parametrize("mirror", [1, -1])
+def test_texture_turns_with_its_sphere(mirror):
+    # a sphere that is stretched by a ten-thousandth is computed as an ellipsoid, and must look the same
+    texture = {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [6, 4]}
+    turn = [{"rotate": {"axis": [1, 2, 3], "degrees": 70}}, {"translate": [0.1, 0, 0]}]
+    material = {"kind": "matte", "reflectance": texture}
+    films = []
+    for stretch in (1.0, 1.0001):
+        steps = [{"scale": [mirror, 1, stretch]}, *turn]
+        ball = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": material, "transform": steps}
+        scene = scene_of([ball], looking([0, -4, 1], [0, 0, 0]), depth=2, resolution=(64, 64), environment=WHITE)
+        films.append(pixels(scene, spp=1))
+    assert films[0].std() > 0.2
+    # along the edges of the cells a few pixels of 4096 change sides
+    assert (np.abs(films[0] - films[1]).max(axis=2) > 1e-3).sum() < 10
+
+
 @pytest.mark.parametrize("ratio", [1e1, 1e3, 1e5])
 def test_far_sphere_covers_the_film_that_it_should(ratio):
     # a sphere of radius 1 at distance `ratio`, in a view that is four radii wide

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import difflib
+from pathlib import Path
 
+from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
 from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, Medium, PowerSeries, Sellmeier
 from rptcam_cl.optics.glass_table import GLASSES
 from rptcam_cl.strict_yaml import Document, KeyPath
 
-LAWS = ("index", "nd", "linear_abbe", "sellmeier", "cauchy", "schott")
+LAWS = ("index", "nd", "linear_abbe", "sellmeier", "cauchy", "schott", "catalogue", "refractiveindex")
 LOWEST_INDEX, HIGHEST_INDEX = 0.5, 5.0
 
 
@@ -98,6 +100,25 @@ def _range(fields: Fields) -> tuple[float, float] | None:
     return limits[0], limits[1]
 
 
+def _catalogue(fields: Fields) -> Medium:
+    path = _beside(fields, fields.text("catalogue"))
+    glasses, name = read_agf(path), fields.text("name")
+    for known, medium in glasses.items():
+        if known.lower() == name.lower():
+            return medium
+    near = difflib.get_close_matches(name.upper(), glasses, n=3, cutoff=0.4)
+    raise fields.fail("name", f"no such glass in {path.name}; did you mean {', '.join(near) or next(iter(glasses))}?")
+
+
+def _refractive_index(fields: Fields) -> Medium:
+    return read_refractive_index(_beside(fields, fields.text("refractiveindex")))
+
+
+def _beside(fields: Fields, name: str) -> Path:
+    """Return a path that a lens file names, relative to the lens file itself."""
+    return Path(fields.document.name).parent / name
+
+
 _LAWS = {
     "index": _constant,
     "nd": _abbe,
@@ -105,4 +126,6 @@ _LAWS = {
     "sellmeier": _sellmeier,
     "cauchy": _cauchy,
     "schott": _schott,
+    "catalogue": _catalogue,
+    "refractiveindex": _refractive_index,
 }

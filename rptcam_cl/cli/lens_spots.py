@@ -1,0 +1,144 @@
+"""``rptcam lens spot``, ``mtf`` and ``psf``: how sharply a lens draws points, from exact rays."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rptcam_cl.cli import parser as values
+from rptcam_cl.cli.lens_options import (
+    D_LINE,
+    FDC,
+    add_fields,
+    add_lens,
+    add_plot,
+    add_wavelengths,
+    check_file,
+    check_picture,
+    count,
+    lens_in_use,
+    numbers,
+    write,
+    write_picture,
+)
+from rptcam_cl.cli.lens_table import print_table
+from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.parser import Commands, Parser
+from rptcam_cl.errors import InputError
+
+if TYPE_CHECKING:
+    from rptcam_cl.lensview.setting import Setting
+
+
+def add_to(commands: Commands) -> None:
+    """Add the three commands."""
+    spot = _command(commands, "spot", "spots on the film: centroid and rms size for fields and wavelengths", FDC)
+    add_fields(spot)
+    add_plot(spot)
+    spot.set_defaults(run=_spot, parser=spot)
+    mtf = _command(commands, "mtf", "modulation transfer from the spots, and the limit of diffraction", FDC)
+    add_fields(mtf)
+    add_plot(mtf)
+    mtf.add_argument(
+        "--frequencies", type=numbers, metavar="F,F,…", default=[10.0, 20.0, 30.0, 40.0, 50.0],
+        help="in cycles per mm on the film; the plot ends at the last (default: 10,20,30,40,50)",
+    )  # fmt: skip
+    mtf.set_defaults(run=_mtf, parser=mtf)
+    psf = _command(commands, "psf", "image of one point by geometrical optics", (D_LINE,))
+    psf.add_argument(
+        "--field", type=float, metavar="A", default=0.0, help="angle from the axis in degrees (default: 0)"
+    )
+    psf.add_argument("--pixels", type=count, metavar="N", default=64, help="along each side (default: %(default)s)")
+    psf.add_argument("--width-um", type=values.positive, metavar="W", help="side of the image (default: what it needs)")
+    psf.add_argument("--json", action="store_true", help="print JSON")
+    psf.add_argument(
+        "-o", "--output", type=Path, metavar="FILE", help="write the image: .npy, the share of light per pixel, or .png"
+    )
+    psf.set_defaults(run=_psf, parser=psf)
+
+
+def _command(commands: Commands, name: str, text: str, waves: tuple[float, ...]) -> Parser:
+    parser = commands.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
+    add_lens(parser)
+    add_wavelengths(parser, waves)
+    parser.add_argument(
+        "--best-focus",
+        action="store_true",
+        help="move the film to the least spot on the axis (default: paraxial focus)",
+    )
+    parser.add_argument(
+        "--rays", type=count, metavar="N", default=64, help="rays across the beam each way (default: %(default)s)"
+    )
+    return parser
+
+
+def _state(arguments: argparse.Namespace) -> "Setting":
+    from rptcam_cl.lensview.spots import at_best_focus
+
+    state = lens_in_use(arguments)
+    return at_best_focus(state, arguments.wavelengths) if arguments.best_focus else state
+
+
+def _document(state: "Setting", **parts: Any) -> str:
+    return as_json({"lens": state.lens.name, "film_distance_mm": state.film, **parts})
+
+
+def _spot(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.lensview.spots import film_spots, spot_picture, spot_table
+
+    check_picture(arguments.output, arguments.lens)
+    state = _state(arguments)
+    spots = film_spots(state, arguments.fields, arguments.wavelengths, arguments.rays)
+    rows = spot_table(spots)
+    if arguments.json:
+        print(_document(state, spots=rows))
+    else:
+        columns = ("field [°]", "wavelength [nm]", "rays", "x [mm]", "y [mm]", "rms [µm]", "in x", "in y", "largest")
+        shown = [["all" if key == "wavelength_nm" and value is None else value for key, value in row.items()]
+                 for row in rows]  # fmt: skip
+        print_table(columns, shown, f"{state.lens.name}, film at {state.film:.6g} mm")
+    if arguments.output is not None:
+        write_picture(spot_picture(state, spots), arguments.output)
+    return 0
+
+
+def _mtf(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.lensview.mtf import mtf_picture, mtf_table
+    from rptcam_cl.lensview.spots import film_spots
+
+    check_picture(arguments.output, arguments.lens)
+    if min(arguments.frequencies) < 0 or max(arguments.frequencies) <= 0:
+        raise InputError("--frequencies: must not be negative, and one must be above 0")
+    state = _state(arguments)
+    spots = film_spots(state, arguments.fields, arguments.wavelengths, arguments.rays)
+    rows = mtf_table(state, spots, arguments.frequencies)
+    if arguments.json:
+        print(_document(state, mtf=rows))
+    else:
+        columns = ("field [°]", "cycles/mm", "tangential", "sagittal", "diffraction limit")
+        print_table(columns, [list(row.values()) for row in rows], f"{state.lens.name}, film at {state.film:.6g} mm")
+    if arguments.output is not None:
+        write_picture(mtf_picture(state, spots, max(arguments.frequencies)), arguments.output)
+    return 0
+
+
+def _psf(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.lensview.psf import npy_bytes, picture_bytes, point_image
+    from rptcam_cl.lensview.spots import film_spots
+
+    output = arguments.output
+    if output is not None and output.suffix.lower() not in (".npy", ".png"):
+        raise InputError(f"{output}: unknown kind of image (allowed: a name that ends in .npy or .png)")
+    if not abs(arguments.field) < 89:
+        raise InputError(f"--field: got {arguments.field:g}; allowed between -89 and 89 degrees")
+    check_file(output, arguments.lens)
+    state = _state(arguments)
+    spots = film_spots(state, [arguments.field], arguments.wavelengths, arguments.rays)
+    image = point_image(spots, arguments.pixels, arguments.width_um)
+    facts = {"field_degrees": arguments.field, "width_um": image.width_um, "pixels": arguments.pixels, **image.facts}
+    if arguments.json:
+        print(_document(state, psf=facts))
+    else:
+        print_table(("fact", "value"), [[name, value] for name, value in facts.items()], state.lens.name)
+    if output is not None:
+        write(npy_bytes(image) if output.suffix.lower() == ".npy" else picture_bytes(image), output)
+    return 0

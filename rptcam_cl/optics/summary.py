@@ -1,0 +1,158 @@
+"""What a lens does in one state: the numbers of `lens info`, image circle, field of view and T-number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics.focus import film_distance
+from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.lens import Lens
+
+LARGEST_FIELD = 8.0  # image circles are searched up to this many focal lengths from the axis
+QUICK = (40, 40)
+SEARCH = (160, 160)
+
+
+def lens_info(
+    lens: Lens,
+    f_number: float | None = None,
+    object_distance_mm: float = np.inf,
+    wavelength_nm: float = WAVELENGTH_D,
+) -> dict[str, Any]:
+    """Return first-order data and working state as plain values, for JSON; None where there is no such number.
+
+    Parameters
+    ----------
+    lens : Lens
+    f_number : float, optional
+        Closes the stop; by default it is as in the file.
+    object_distance_mm : float
+        From the film to the object plane.
+    wavelength_nm : float
+    """
+    if f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
+    result = lens.first_order(wavelength_nm).as_dict()
+    result |= {"name": lens.name, "source": lens.source, "warnings": list(lens.warnings)}
+    result["stop_diameter_mm"] = None if lens.stop is None else 2 * lens.stop.semi_diameter
+    try:
+        film: float | None = film_distance(lens, object_distance_mm, wavelength_nm=wavelength_nm)
+    except InputError:
+        if np.isfinite(object_distance_mm):
+            raise
+        film = None
+    result["film_distance_mm"] = film
+    for key in ("working_f_number", "t_number", "image_circle_mm", "field_of_view_degrees"):
+        result[key] = None
+    if film is not None:
+        result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
+        result["t_number"] = t_number(lens, film, wavelength_nm)
+        circle = image_circle(lens, film, wavelength_nm)
+        result["image_circle_mm"] = 2 * circle
+        result["field_of_view_degrees"] = field_of_view(lens, film, circle * 0.999, wavelength_nm)
+    return _plain(result)
+
+
+def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+    """Return 1 / (2 n' sin theta') of the axial beam at the film, by first order for the size of the exit pupil."""
+    data = lens.first_order(wavelength_nm)
+    away = film_distance_mm - data.exit_pupil.distance_mm
+    index = float(lens.indices(wavelength_nm)[-1])
+    if not np.isfinite(away):
+        return data.f_number
+    return float(abs(away) / (index * data.exit_pupil.diameter_mm))
+
+
+def t_number(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+    """Return the f-number of an ideal lens that would give the centre of the film the same light: E = pi / (4 T^2)."""
+    return float(np.sqrt(np.pi / (4.0 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm))))
+
+
+def image_circle(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+    """Return the film radius [mm] beyond which no ray arrives along +x, within 0.1 %.
+
+    It is searched up to eight focal lengths from the axis; a lens that lights more has that radius.
+    """
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    length = abs(lens.first_order(wavelength_nm).focal_length_mm)
+    limit = LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
+
+    def lit(radius: float) -> bool:
+        film = np.array([[radius, 0.0]])
+        return any(narrowed(probe, film, probe.windows(film), shape)[1][0] for shape in (QUICK, SEARCH))
+
+    radii = np.concatenate([[0.0], limit * np.geomspace(0.02, 1.0, 24)])
+    low, high = 0.0, 0.0
+    for radius in radii:
+        if not lit(float(radius)):
+            high = float(radius)
+            break
+        low = float(radius)
+    else:
+        return low
+    while high - low > 1e-3 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if lit(middle) else (low, middle)
+    return low
+
+
+def field_of_view(
+    lens: Lens, film_distance_mm: float, film_radius_mm: float, wavelength_nm: float = WAVELENGTH_D
+) -> float | None:
+    """Return the full angle [degrees] that a film radius sees: twice the mean angle of its rays in the scene."""
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    film = np.array([[film_radius_mm, 0.0]])
+    boxes, found = narrowed(probe, film, probe.windows(film), SEARCH)
+    if not found[0]:
+        return None
+    points = grid(boxes, *QUICK)[0]
+    targets = np.column_stack([points, np.full(len(points), lens.length)])
+    start = np.array([film_radius_mm, 0.0, lens.length + film_distance_mm])
+    rays = lens.trace(np.broadcast_to(start, targets.shape), targets - start, wavelength_nm)
+    if not rays.passed.any():
+        return None
+    mean = rays.directions[rays.passed].mean(axis=0)
+    return float(2 * np.degrees(np.arctan2(np.hypot(mean[0], mean[1]), -mean[2])))
+
+
+def stop_diameter_by_sine(lens: Lens, f_number: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+    """Return the stop diameter [mm] at which the real axial ray of an object at infinity has sin theta' = 1 / (2 N).
+
+    The ray leaves the rear focal point at that angle and is traced through the rear group to the stop (CS348b 2003).
+
+    Raises
+    ------
+    InputError
+        When the lens has no stop or does not open that far.
+    """
+    if lens.stop_index is None or lens.stop is None:
+        raise InputError(f"{lens.name}: has no stop to set; only its rims limit the light (mark one with stop: true)")
+    if not f_number > 0.5:
+        raise InputError(f"{lens.name}: no lens in air is faster than f/0.5 (got f/{f_number:g})")
+    back = lens.first_order(wavelength_nm).back_focal_distance_mm
+    rear = tuple(replace(s, semi_diameter=np.inf, region=None) for s in lens.surfaces[lens.stop_index :])
+    group = replace(lens, surfaces=rear, stop_index=None)
+    sine = 1.0 / (2.0 * f_number)
+    ray = group.trace([[0, 0, group.length + back]], [[0, sine, -np.sqrt(1 - sine * sine)]], wavelength_nm)
+    diameter = 2 * abs(float(ray.origins[0, 1]))
+    has = 2 * lens.stop.semi_diameter
+    if not ray.passed[0] or diameter > has * (1 + 5e-3):
+        raise InputError(f"{lens.name}: the stop opens to {has:.5g} mm (f/{f_number:g} would need {diameter:.5g} mm)")
+    return min(diameter, has)
+
+
+def _plain(value: Any) -> Any:
+    """Return nested values with numbers that are not finite as None."""
+    if isinstance(value, dict):
+        return {key: _plain(inner) for key, inner in value.items()}
+    if isinstance(value, float) and not np.isfinite(value):
+        return None
+    return value

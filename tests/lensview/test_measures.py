@@ -1,0 +1,157 @@
+"""Spots, transfer functions, point images, vignetting and distortion against closed forms."""
+
+import io
+
+import numpy as np
+import pytest
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.lensview import setting
+from rptcam_cl.lensview.distortion import distortion_table, film_height, ideal_height, usual_projection
+from rptcam_cl.lensview.mtf import diffraction_mtf, geometric_mtf, mtf_table
+from rptcam_cl.lensview.psf import npy_bytes, point_image
+from rptcam_cl.lensview.spots import FilmSpot, at_best_focus, film_spots, spot_facts, spot_table
+from rptcam_cl.lensview.vignetting import film_radii, pass_areas, vignetting_table
+from rptcam_cl.optics import load_lens
+
+RNG = np.random.default_rng(7)
+
+# A lens so thin and weakly curved that it draws as the thin lens of theory: f = 1000 mm, stop of 20 mm.
+THIN = {
+    "name": "Thin lens",
+    "surfaces": [
+        {"stop": True, "radius": 1000, "thickness": 1e-6, "glass": {"index": 1.5}, "diameter": 20},
+        {"radius": -1000, "diameter": 400},
+    ],
+}
+
+
+def disk(radius: float, count: int = 200_000) -> np.ndarray:
+    angle, share = 2 * np.pi * RNG.random(count), np.sqrt(RNG.random(count))
+    return radius * share[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def test_defocused_spot_is_a_disk() -> None:
+    state = setting(load_lens(THIN), focus_distance_m=10.0)
+    far = setting(load_lens(THIN))
+    spots = film_spots(far.__class__(far.lens, state.film), [0.0], [587.56], 200)
+    # similar triangles: radius = stop radius * defocus / f; a disk's rms is its radius / sqrt 2
+    radius = 10 * (state.film - far.film) / 1000
+    assert spot_facts(spots[0].points)["rms_um"] == pytest.approx(1e3 * radius / np.sqrt(2), rel=5e-3)
+
+
+def test_spots_agree_with_the_published_reference_of_optics() -> None:
+    from rptcam_cl.optics.spot import Beam, spot
+
+    state = setting(load_lens("dgauss-50mm"), f_number=4)
+    (row,) = spot_table(film_spots(state, [10.0], [587.5618], 128))
+    exact = spot(state.lens, state.film, Beam(10.0), across=128)
+    assert row["rms_um"] == pytest.approx(1e3 * exact.rms, rel=1e-12)
+    assert row["centroid_y_mm"] == pytest.approx(exact.centroid[1], rel=1e-12)
+
+
+def test_wavelengths_of_a_field_are_also_taken_together() -> None:
+    state = setting(load_lens("tessar-100mm"))
+    rows = spot_table(film_spots(state, [0.0, 5.0], [486.1, 656.3], 32))
+    assert [(row["field_degrees"], row["wavelength_nm"]) for row in rows] == [
+        (0.0, 486.1), (0.0, 656.3), (0.0, None), (5.0, 486.1), (5.0, 656.3), (5.0, None),
+    ]  # fmt: skip
+
+
+def test_best_focus_makes_the_axial_spot_smaller() -> None:
+    state = setting(load_lens("takumar-50mm"))
+    best = at_best_focus(state, [587.56])
+    before, after = (spot_facts(film_spots(s, [0.0], [587.56])[0].points)["rms_um"] for s in (state, best))
+    assert after < before
+
+
+def test_geometric_mtf_of_a_disk_is_that_of_bessel() -> None:
+    from scipy.special import j1
+
+    frequencies = np.array([0.0, 5.0, 20.0, 40.0])
+    argument = 2 * np.pi * frequencies[1:] * 0.01
+    expected = np.concatenate([[1.0], np.abs(2 * j1(argument) / argument)])
+    for curve in geometric_mtf(disk(0.01), frequencies):
+        np.testing.assert_allclose(curve, expected, atol=0.01)  # 200 000 rays leave 0.002
+
+
+def test_tangential_lines_blur_with_y() -> None:
+    along_y = np.stack([np.zeros(1000), RNG.normal(0, 0.01, 1000)], axis=1)
+    tangential, sagittal = geometric_mtf(along_y, [30.0])
+    assert sagittal[0] == pytest.approx(1)
+    assert tangential[0] == pytest.approx(np.exp(-2 * (np.pi * 30 * 0.01) ** 2), abs=0.1)
+
+
+def test_diffraction_limit_ends_at_the_cutoff() -> None:
+    cutoff = 1 / (550e-6 * 8)
+    np.testing.assert_allclose(diffraction_mtf([0, cutoff, 2 * cutoff], 8, 550), [1, 0, 0], atol=1e-12)
+    # at half the cutoff: 2/pi (pi/3 - sqrt(3)/4)
+    assert diffraction_mtf([cutoff / 2], 8, 550)[0] == pytest.approx(2 / np.pi * (np.pi / 3 - np.sqrt(3) / 4))
+
+
+def test_mtf_has_a_row_for_each_field_and_frequency() -> None:
+    state = setting(load_lens("tessar-100mm"))
+    rows = mtf_table(state, film_spots(state, [0.0, 5.0], [486.1, 656.3], 32), [10.0, 20.0])
+    assert [(row["field_degrees"], row["frequency_per_mm"]) for row in rows] == [(0, 10), (0, 20), (5, 10), (5, 20)]
+    assert all(0 <= row["tangential"] <= 1 for row in rows)
+
+
+def test_point_image_holds_the_light_and_lies_the_right_way_up() -> None:
+    points = np.concatenate([disk(0.01, 10_000), np.tile([0.0, 0.05], (2_000, 1))])
+    image = point_image([FilmSpot(0.0, 587.56, points)], 21, width_um=200.0)
+    assert image.shares.sum() == pytest.approx(1)
+    assert image.shares[4:8].sum() == pytest.approx(1 / 6)  # the points above the disk, above the middle row 10
+    np.testing.assert_array_equal(np.load(io.BytesIO(npy_bytes(image))), image.shares.astype(np.float32))
+
+
+def test_enclosed_radius_of_a_disk() -> None:
+    image = point_image([FilmSpot(0.0, 587.56, disk(0.01))], 16)
+    assert image.facts["radius_of_50_percent_um"] == pytest.approx(10 / np.sqrt(2), rel=0.01)
+
+
+def test_thin_lens_falls_off_by_cos4_alone() -> None:
+    state = setting(load_lens(THIN))
+    rows = vignetting_table(state, film_radii(state, 4, 100.0))
+    for row in rows:
+        angle = np.arctan(row["film_radius_mm"] / 1000)
+        assert row["cos4"] == pytest.approx(np.cos(angle) ** 4, rel=1e-6)
+        assert row["relative"] == pytest.approx(row["cos4"], rel=1e-3)
+    assert pass_areas(state, np.array([0.0]))[0] == pytest.approx(np.pi * 100, rel=0.01)
+
+
+def test_vignetting_ends_at_the_image_circle() -> None:
+    state = setting(load_lens("dgauss-50mm"))
+    rows = vignetting_table(state, film_radii(state, 8))
+    assert rows[0]["relative"] == 1
+    assert rows[-2]["relative"] < 0.1
+    assert rows[-1]["relative"] == pytest.approx(0, abs=1e-3)
+
+
+@pytest.mark.parametrize("distance_m", [None, 8.0])
+def test_thin_lens_with_its_stop_has_no_distortion(distance_m: float | None) -> None:
+    state = setting(load_lens(THIN), focus_distance_m=distance_m)
+    for row in distortion_table(state, [2.0, 8.0], [587.56], "tan"):
+        assert row["distortion_percent"] == pytest.approx(0, abs=1e-4)
+        assert row["lateral_colour_um"] == pytest.approx(0, abs=1e-6)
+
+
+def test_distortion_agrees_with_that_of_optics() -> None:
+    from rptcam_cl.optics.spot import distortion
+
+    state = setting(load_lens("wide-22mm"))
+    (row,) = distortion_table(state, [30.0], [587.5618], "tan")
+    assert row["distortion_percent"] == pytest.approx(100 * distortion(state.lens, state.film, 30.0), rel=1e-6)
+
+
+def test_fisheye_draws_by_angle() -> None:
+    state = setting(load_lens("fisheye-10mm"))
+    assert usual_projection([0.0, 70.0]) == "theta"
+    height = film_height(state, 50.0, 587.56)
+    assert height == pytest.approx(ideal_height(state, 50.0, "theta"), rel=0.02)
+    assert height < 0.8 * ideal_height(state, 50.0, "tan")
+
+
+def test_lens_without_a_real_image_cannot_be_measured() -> None:
+    state = setting(load_lens("biconcave"))
+    with pytest.raises(InputError, match="no real image"):
+        film_spots(state, [0.0], [587.56])

@@ -1,0 +1,87 @@
+"""Image circle, T-number, working f-number, stop diameter by the sine rule, and the whole of `lens info`."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics import list_lenses, load_lens
+from rptcam_cl.optics.summary import image_circle, lens_info, stop_diameter_by_sine, t_number, working_f_number
+
+
+@pytest.mark.parametrize(
+    ("name", "film", "radius"),
+    [
+        ("dgauss-50mm", 36.77, 28.30),
+        ("wide-22mm", 14.54, 25.38),
+        ("fisheye-10mm", 23.192, 13.45),
+        ("telephoto-250mm", 123.7439, 40.0),
+    ],
+)
+def test_image_circle_of_the_assignment_lenses(name, film, radius):
+    allowed = 1.0 if name == "telephoto-250mm" else 0.15  # 40.0 is where the table ends to be printed
+    if name == "telephoto-250mm":
+        assert image_circle(load_lens(name), film) >= radius - allowed
+    else:
+        assert image_circle(load_lens(name), film) == pytest.approx(radius, abs=allowed)
+
+
+# CS348b 2003: sin theta = 1 / (2 N) at the rear focal point, traced to the stop.
+SINE = [
+    ("dgauss-100mm", 2.8, 24.681),
+    ("dgauss-100mm", 4, 17.325),
+    ("dgauss-100mm", 5.6, 12.388),
+    ("dgauss-100mm", 8, 8.675),
+    ("telephoto-250mm", 5.6, 40.444),
+    ("fisheye-10mm", 4, 6.070),
+    ("wide-22mm", 4, 5.972),
+]
+
+
+@pytest.mark.parametrize(("name", "f_number", "diameter"), SINE)
+def test_stop_diameter_by_the_sine_rule(name, f_number, diameter):
+    assert stop_diameter_by_sine(load_lens(name), f_number) == pytest.approx(diameter, abs=6e-4)
+
+
+def test_the_sine_rule_knows_the_limit_of_the_lens():
+    lens = load_lens("dgauss-100mm")
+    assert stop_diameter_by_sine(lens, 2.0) == pytest.approx(34.2)  # 34.27 would be needed, at the limit
+    with pytest.raises(InputError, match=r"the stop opens to 34\.2 mm \(f/1\.4 would need 47\.2\d* mm\)"):
+        stop_diameter_by_sine(lens, 1.4)
+    with pytest.raises(InputError, match=r"faster than f/0\.5"):
+        stop_diameter_by_sine(lens, 0.4)
+
+
+def test_t_number_without_losses_follows_the_sine():
+    lens = load_lens("dgauss-50mm")
+    lens = lens.with_stop_diameter(lens.stop_diameter_for(5.6))
+    film = lens.first_order().back_focal_distance_mm
+    # E = pi sin^2 theta, so T = 1 / (2 sin theta): the f-number of a lens that obeys the sine condition.
+    assert t_number(lens, film) == pytest.approx(5.6, rel=5e-3)
+    assert working_f_number(lens, film) == pytest.approx(5.6, rel=1e-9)
+    assert working_f_number(lens, film + lens.first_order().focal_length_mm) == pytest.approx(11.2, rel=0.06)
+
+
+@pytest.mark.parametrize("name", list_lenses()[::3])
+def test_info_is_plain_json_for_every_bundled_lens(name):
+    info = lens_info(load_lens(name))
+    assert json.loads(json.dumps(info, allow_nan=False)) == info
+    for key in ("focal_length_mm", "back_focal_distance_mm", "front_focal_distance_mm", "f_number", "surfaces"):
+        assert info[key] is not None
+    assert set(info["principal_planes_mm"]) == {"front", "rear"}
+    assert set(info["entrance_pupil"]) == set(info["exit_pupil"]) == {"distance_mm", "diameter_mm"}
+    if info["film_distance_mm"] is not None:
+        assert info["image_circle_mm"] > 0 and info["t_number"] > 0.4
+
+
+def test_info_at_an_aperture_and_a_distance():
+    info = lens_info(load_lens("dgauss-50mm"), f_number=8, object_distance_mm=1000)
+    assert info["f_number"] == pytest.approx(8)
+    assert info["film_distance_mm"] == pytest.approx(38.917623766237696, rel=1e-9)
+    assert info["working_f_number"] > 8.3
+    assert 50 < info["field_of_view_degrees"] < 70
+    with pytest.raises(InputError, match="nearest possible"):
+        lens_info(load_lens("dgauss-50mm"), object_distance_mm=50)
+    assert lens_info(load_lens("biconcave"))["film_distance_mm"] is None
+    assert np.isfinite(info["t_number"])

@@ -1,0 +1,127 @@
+"""The commands that draw and measure a lens: tables, JSON, pictures and errors."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+Command = Callable[..., Any]
+
+QUICK = {
+    "spot": ["--rays", "24", "--fields", "0,5", "--wavelengths", "550"],
+    "mtf": ["--rays", "24", "--fields", "0,5", "--wavelengths", "550"],
+    "vignette": ["--steps", "2"],
+    "distortion": ["--fields", "0,5,10", "--wavelengths", "486,656"],
+}
+KEYS = {
+    "spot": ("spots", {"rms_um", "centroid_y_mm"}),
+    "mtf": ("mtf", {"tangential", "sagittal", "diffraction_limit"}),
+    "vignette": ("vignetting", {"film_radius_mm", "relative", "cos4", "pass_area_mm2"}),
+    "distortion": ("distortion", {"height_mm", "distortion_percent", "lateral_colour_um"}),
+}
+
+
+def test_drawing_goes_to_standard_output(rptcam: Command) -> None:
+    run = rptcam("lens", "draw", "ball", "--device", "none", "--rays", "3")
+    assert run.code == 0
+    assert run.out.startswith("<svg")
+    assert "float64 on the host" in run.err
+
+
+def test_drawing_is_traced_by_a_device_unless_told_otherwise(rptcam: Command, tmp_path: Path) -> None:
+    run = rptcam("lens", "draw", "ball", "--rays", "3", "-o", str(tmp_path / "ball.svg"))
+    assert run.code == 0
+    assert run.out == ""
+    assert "single precision" in run.err
+    assert (tmp_path / "ball.svg").read_text().startswith("<svg")
+
+
+def test_drawing_without_a_device_falls_back_and_says_so(rptcam: Command, monkeypatch: pytest.MonkeyPatch) -> None:
+    from rptcam_cl import device
+    from rptcam_cl.errors import DeviceError
+
+    def fail(spec: str | None) -> None:
+        raise DeviceError("no OpenCL platform was found")
+
+    monkeypatch.setattr(device, "open_session", fail)
+    run = rptcam("lens", "draw", "ball")
+    assert run.code == 0
+    assert "no OpenCL device" in run.err
+    assert rptcam("lens", "draw", "ball", "--device", "gpu").code == 3
+
+
+@pytest.mark.parametrize("command", list(QUICK))
+def test_measure_prints_a_table_and_json_and_writes_a_plot(rptcam: Command, tmp_path: Path, command: str) -> None:
+    plot = tmp_path / "plot.svg"
+    run = rptcam("lens", command, "tessar-100mm", *QUICK[command], "-o", str(plot))
+    assert run.code == 0, run.err
+    assert run.out.startswith("Tessar 100 mm")
+    assert len(run.out.splitlines()) > 3
+    assert plot.read_text("utf-8").startswith("<svg")
+    document = json.loads(rptcam("lens", command, "tessar-100mm", *QUICK[command], "--json").out)
+    name, keys = KEYS[command]
+    assert document["film_distance_mm"] > 0
+    assert document[name]
+    assert all(row.keys() >= keys for row in document[name])
+
+
+def test_plots_are_written_as_png_too(rptcam: Command, tmp_path: Path) -> None:
+    from PIL import Image
+
+    plot = tmp_path / "plot.png"
+    assert rptcam("lens", "distortion", "tessar-100mm", *QUICK["distortion"], "-o", str(plot)).code == 0
+    with Image.open(plot) as image:
+        assert image.size == (1080, 690)
+        assert len(image.getcolors(1 << 20) or []) > 10
+
+
+def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_path: Path) -> None:
+    words = ("lens", "psf", "tessar-100mm", "--field", "5", "--pixels", "32", "--rays", "24")
+    assert rptcam(*words, "-o", str(tmp_path / "psf.npy")).code == 0
+    shares = np.load(tmp_path / "psf.npy")
+    assert shares.shape == (32, 32)
+    assert 0.9 < shares.sum() <= 1.000001
+    assert rptcam(*words, "-o", str(tmp_path / "psf.png")).code == 0
+    assert json.loads(rptcam(*words, "--json").out)["psf"]["rms_um"] > 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["draw", "dgaus-50mm"], "did you mean"),
+        (["draw", "ball", "-o", "ball.jpg"], "allowed: a name that ends in .svg or .png"),
+        (["draw", "ball", "--fields", "0,95"], "allowed angles"),
+        (["draw", "ball", "--fields", "wide"], "allowed numbers"),
+        (["draw", "ball", "--rays", "0"], "allowed 1 to 2000"),
+        (["draw", "ball", "--section", "z"], "invalid choice"),
+        (["draw", "dgauss-50mm", "--f-number", "1"], "opens to f/2.03"),
+        (["draw", "ball", "--focal-length-mm", "60"], "not a zoom lens"),
+        (["draw", "tessar-102mm", "--wavelengths", "100"], "is known from"),
+        (["spot", "biconcave"], "no real image"),
+        (["spot", "dgauss-50mm", "--fields", "80"], "nothing of a beam"),
+        (["spot", "dgauss-50mm", "--wavelengths=-5"], "allowed wavelengths above 0"),
+        (["mtf", "dgauss-50mm", "--frequencies", "0"], "above 0"),
+        (["psf", "dgauss-50mm", "-o", "psf.svg"], "allowed: a name that ends in .npy or .png"),
+        (["psf", "dgauss-50mm", "--field", "nan"], "allowed between"),
+        (["vignette", "biconcave"], "no real image"),
+        (["distortion", "biconcave"], "no real image"),
+        (["distortion", "dgauss-50mm", "--fields", "80"], "reaches the centre of the stop"),
+    ],
+)
+def test_what_cannot_be_shown_is_said(rptcam: Command, words: list[str], message: str) -> None:
+    run = rptcam("lens", *words)
+    assert run.code == 2
+    assert run.out == ""
+    assert message in run.err
+
+
+def test_unwritable_plot_is_refused_before_anything_is_traced(rptcam: Command, tmp_path: Path) -> None:
+    run = rptcam("lens", "draw", "ball", "-o", str(tmp_path / "missing" / "ball.svg"))
+    assert run.code == 4
+    assert "there is no folder" in run.err
+    own = tmp_path / "own.yaml"
+    own.write_text("name: own\n")
+    assert rptcam("lens", "draw", str(own), "-o", str(own)).code == 2
