@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.cameras.lens_records import lens_records
+from rptcam_cl.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.device import Session, open_session
 from rptcam_cl.errors import DeviceError, InputError
 from rptcam_cl.optics import Lens, Rays
@@ -148,7 +148,7 @@ def _trace_rows(
         far = (np.abs(p[:, 2]) > FAR * size) & (d[:, 2] > 0)
         p[far] -= d[far] * (p[far, 2] / d[far, 2])[:, None]
     traced = lens_records(lens, wavelength_nm, "film" if backwards else "scene", 0.0, double=precision == "double")
-    out = _run(session, traced.surfaces, traced.facts, p, d, precision)
+    out = _run(session, traced, p, d, precision)
     rays.origins[rows] = out[:3].T * sense + (0.0, 0.0, last)
     rays.directions[rows] = out[3:6].T * sense
     rays.status[rows] = out[6].astype(np.int32)
@@ -158,8 +158,7 @@ def _trace_rows(
 
 def _run(
     session: Session,
-    surfaces: NDArray[np.void],
-    facts: dict[str, int],
+    traced: LensRecords,
     points: NDArray[np.float64],
     directions: NDArray[np.float64],
     precision: Precision,
@@ -173,11 +172,12 @@ def _run(
     rays = np.zeros((8, padded), real)
     rays[5] = 1.0
     rays[:3, :count], rays[3:6, :count] = points.T, directions.T
-    all_facts = facts | {"VW": lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
-    program = session.program(["pass/trace_rays.cl"], all_facts, device_declarations())
+    facts = traced.facts | {"VW": lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
+    program = session.program(["pass/trace_rays.cl"], facts, device_declarations())
     memory = session.allocate(rays.nbytes)
     session.write(memory, rays)
-    records = session.upload(surfaces)
-    launch = session.bind(program, "trace_rays", records, np.int32(len(surfaces)), memory, np.uint32(padded))
+    records, stop = session.upload(traced.surfaces), session.upload(traced.stop)
+    count_of = np.int32(len(traced.surfaces))
+    launch = session.bind(program, "trace_rays", records, count_of, stop, memory, np.uint32(padded))
     launch.enqueue(padded // lanes, GROUP)
     return session.read(memory, real, rays.size).reshape(8, padded)[:, :count].astype(np.float64)

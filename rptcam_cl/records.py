@@ -142,7 +142,7 @@ SURFACE = Record(
         ("int", "posed"),
         ("int", "region"),
         ("int", "inverted"),
-        ("int", "reserved_2"),
+        ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
         ("int", "reserved_3"),
     ),
 )
@@ -277,10 +277,12 @@ class RegionKind(IntEnum):
     BLOCKS = 1
     OPENS = 2  # first surface of a half lens: rays outside pass beside it
     GOES_ON = 3  # a further surface of it
+    OUTLINE = 4  # rays outside of a polygon are blocked: the shape of a stop
+    MASK = 5  # rays outside of the open cells of a square mask are blocked
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the stream reads per slot
-PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "SELF", "HIT", "T")
+PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 

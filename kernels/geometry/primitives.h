@@ -140,8 +140,13 @@ static F hit_cone(const __global Primitive *p, Ray ray, I self)
     F a = d.x * d.x + d.y * d.y - d.z * d.z;
     F b = -(o.x * d.x + o.y * d.y + h * d.z);
     F c = self ? ZERO : o.x * o.x + o.y * o.y - h * h;
+    // b^2 - a c as the Gram determinant of o and d in the cone's quadratic form: no large terms cancel.
+    F xy = o.x * d.y - o.y * d.x;
+    F yh = o.y * d.z + h * d.y;
+    F hx = h * d.x + o.x * d.z;
+    F discriminant = self ? b * b : yh * yh + hx * hx - xy * xy;
     F far;
-    F near = quadratic(a, b, c, b * b - a * c, &far);
+    F near = quadratic(a, b, c, discriminant, &far);
     return first_within(near, far, o.z, d.z);
 }
 #endif

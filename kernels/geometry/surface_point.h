@@ -82,13 +82,19 @@ static SurfacePoint point_on_ellipsoid(const __global Primitive *primitive, F3 p
 #endif
 
 #if HAS_BOX
+// World distance between the planes 0 and 1 of an object coordinate.
+static float reach_of(float4 row) { return 1.0f / sqrt(row.x * row.x + row.y * row.y + row.z * row.z); }
+
 static SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)
 {
     SurfacePoint s;
     F3 o = object_point(primitive, p);
-    F ax = absolute(o.x), ay = absolute(o.y), az = absolute(o.z);
-    I on_x = (ax >= ay) & (ax >= az);
-    I on_y = NOT(on_x) & (ay >= az);
+    // The face is the nearest one by distance in the world, so that a thin box has no false side faces near its edges.
+    F ax = absolute(1.0f - absolute(o.x)) * reach_of(primitive->row_x);
+    F ay = absolute(1.0f - absolute(o.y)) * reach_of(primitive->row_y);
+    F az = absolute(1.0f - absolute(o.z)) * reach_of(primitive->row_z);
+    I on_x = (ax <= ay) & (ax <= az);
+    I on_y = NOT(on_x) & (ay <= az);
     s.p = p;
     s.n = world_normal(primitive, f3(on_x ? with_sign(ONE, o.x) : ZERO, on_y ? with_sign(ONE, o.y) : ZERO,
                                      (on_x | on_y) ? ZERO : with_sign(ONE, o.z)));

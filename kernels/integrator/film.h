@@ -1,5 +1,6 @@
 // The film: per pixel a Kahan sum of samples added in their order, so that it depends neither on the wave size nor on the
-// number of samples (a float sum stops growing at 2^24 samples). A sample that is not finite is dropped and counted.
+// number of samples (a float sum stops growing at 2^24 samples). A sample that is not finite is dropped and counted behind
+// the rays by status.
 #ifndef FILM_H
 #define FILM_H
 #include "common/math.h"
@@ -24,11 +25,11 @@ static void write_pixels(__global float *sums, uint pixel, uint pixels, PixelSum
     STORE_F(sums + 5 * pixels, pixel, s.rest.z);
 }
 
-static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *not_finite_count)
+static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *counters)
 {
     I bad = lanes & (not_finite(value.x) | not_finite(value.y) | not_finite(value.z));
     if (ANY(bad)) {
-        atomic_add(not_finite_count, COUNT(bad));
+        atomic_add(counters + RAY_STATUS_COUNT, COUNT(bad));
         lanes = lanes & NOT(bad);
     }
     F3 y = sub(value, s.rest);

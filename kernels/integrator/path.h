@@ -38,7 +38,8 @@ static Scene scene_of(const __global Primitive *primitives, const __global int *
 
 typedef struct {
     Ray ray;        // self: the primitive it starts on, NO_PRIMITIVE, or PATH_ENDED
-    F3  beta;       // throughput
+    F   weight;     // of the camera ray, multiplied in on the film: roulette must not depend on the exposure
+    F3  beta;       // throughput behind the camera
     F3  radiance;   // gathered so far
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
     U   pixel, sample, edge;

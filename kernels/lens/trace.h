@@ -38,7 +38,8 @@ static F3 refracted(F3 d, F3 n, F cosine, real eta, I *bends)
     return f3(eta * d.x + bend * n.x, eta * d.y + bend * n.y, eta * d.z + bend * n.z);
 }
 
-static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int count)
+// `stop` holds the shape of the stop, where it has one: edges of an outline or cells of a mask.
+static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int count, const __global real *stop)
 {
     LensRay ray;
     ray.p = p;
@@ -64,8 +65,8 @@ static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int coun
         I met = hit.met & (v.z > 0.0f);
         I within = within_rim(s, hit.p);
 #if LENS_REGION
-        I outside = NOT(within_region(s, hit.p));
-        if (s->region == REGION_BLOCKS)
+        I outside = NOT(within_region(s, stop, hit.p));
+        if (s->region == REGION_BLOCKS || s->region >= REGION_OUTLINE)
             within = within & NOT(outside);
         if (s->region == REGION_GOES_ON)
             within = within & NOT(outside ^ beside);           // neither in nor out through the cut face

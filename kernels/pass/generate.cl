@@ -1,5 +1,5 @@
 // Starts a wave of paths: one camera ray per slot, counted by what became of it in the lens. For a stream it writes
-// records (o, weight, d, 0), eight floats per slot; for the passes the fields O, D, B, SELF, and clears L, PDF and REACH. Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS.
+// records (o, weight, d, 0), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, and clears L, PDF and REACH. Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS.
 #include CAMERA_FILE
 #include "common/transpose.h"
 #include "integrator/state.h"
@@ -13,7 +13,8 @@ static F3 in_world(const __global Camera *c, F3 v)
 __kernel void generate(const __global Camera  *camera,
                        const __global float   *tables,     // pupil circles of a lens camera
                        const __global Surface *surfaces,   // of a lens camera, film side first
-                       __global uint          *outcomes,   // rays by status
+                       const __global float   *stop,       // shape of its stop
+                       __global uint          *counters,   // rays by status
                        __global float         *state,      // path state
                        uint                    capacity,   // slots in the state
                        Wave                    wave)
@@ -21,13 +22,13 @@ __kernel void generate(const __global Camera  *camera,
     uint slot = get_global_id(0) * VW;
     Lane lane = lane_of(slot, wave);
     F4 u = random4(lane.pixel, lane.sample, (U)(0u), wave.seed);
-    CameraRay ray = camera_ray(lane, u, camera, tables, surfaces);
+    CameraRay ray = camera_ray(lane, u, camera, tables, surfaces, stop);
     I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
     for (int status = 0; status < RAY_STATUS_COUNT; ++status) {
         uint n = COUNT(lane.inside & (ray.status == status));
         if (n != 0u)
-            atomic_add(outcomes + status, n);
+            atomic_add(counters + status, n);
     }
 #endif
     F3 o = in_world(camera, ray.o);
@@ -41,7 +42,8 @@ __kernel void generate(const __global Camera  *camera,
 #else
     WRITE_F3(O, slot, o);
     WRITE_F3(D, slot, d);
-    WRITE_F3(B, slot, f3(weight, weight, weight));
+    WRITE_F(WEIGHT, slot, weight);
+    WRITE_F3(B, slot, f3(ONE, ONE, ONE));
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if HAS_EMITTERS

@@ -15,7 +15,7 @@ __kernel void stream(const __global Primitive   *primitives,    // sorted by kin
                      Wave                        wave,
                      Limits                      limits,
                      __global float             *sums,          // [6][pixels]: r, g, b and their compensations
-                     __global uint              *not_finite_count,
+                     __global uint              *counters,
                      uint                        pixels)        // pixels of the film incl. tile padding
 {
     uint first = get_global_id(0) * VW;
@@ -28,6 +28,7 @@ __kernel void stream(const __global Primitive   *primitives,    // sorted by kin
     path.ray.o = f3(ZERO, ZERO, ZERO);
     path.ray.d = f3(ZERO, ZERO, ONE);
     path.ray.self = (I)(PATH_ENDED);
+    path.weight = ZERO;
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
     path.pdf = ZERO;
@@ -51,7 +52,8 @@ __kernel void stream(const __global Primitive   *primitives,    // sorted by kin
             Eight ray = load_eight(rays, source);
             path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
             path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
-            path.beta = select3(started, f3(ray.f[3], ray.f[3], ray.f[3]), path.beta);
+            path.weight = started ? ray.f[3] : path.weight;
+            path.beta = select3(started, f3(ONE, ONE, ONE), path.beta);
             path.radiance = keep3(NOT(started), path.radiance);
             path.ray.self = started ? (I)(NO_PRIMITIVE) : path.ray.self;
             path.pdf = started ? ZERO : path.pdf;
@@ -72,7 +74,7 @@ __kernel void stream(const __global Primitive   *primitives,    // sorted by kin
 #endif
         I ended = running & (path.ray.self == PATH_ENDED);
         if (ANY(ended)) {
-            film = add_sample(film, ended, path.radiance, not_finite_count);
+            film = add_sample(film, ended, scale(path.radiance, path.weight), counters);
             running = running & NOT(ended);
         }
     }

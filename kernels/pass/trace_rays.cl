@@ -3,13 +3,14 @@
 
 __kernel void trace_rays(const __global Surface *surfaces,   // in order of travel
                          int                     count,      // surfaces
+                         const __global real    *stop,       // shape of the stop
                          __global real          *rays,       // [8][capacity]: p, d (both in and out), status, surface
                          uint                    capacity)   // padded number of rays
 {
     uint i = get_global_id(0) * VW;
     F3 p = f3(LOAD_F(rays, i), LOAD_F(rays + capacity, i), LOAD_F(rays + 2 * capacity, i));
     F3 d = f3(LOAD_F(rays + 3 * capacity, i), LOAD_F(rays + 4 * capacity, i), LOAD_F(rays + 5 * capacity, i));
-    LensRay out = trace_lens(p, d, surfaces, count);
+    LensRay out = trace_lens(p, d, surfaces, count, stop);
     STORE_F(rays, i, out.p.x);
     STORE_F(rays + capacity, i, out.p.y);
     STORE_F(rays + 2 * capacity, i, out.p.z);

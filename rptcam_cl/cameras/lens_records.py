@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
+from rptcam_cl.optics.aperture import MaskRegion, OutlineRegion
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.surface import Surface
@@ -20,9 +21,10 @@ MIRRORED = np.diag([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True)
 class LensRecords:
-    """Surface records in order of travel, and the facts that say which code they need."""
+    """Surface records in order of travel, the shape of the stop, and the facts that say which code they need."""
 
     surfaces: NDArray[np.void]
+    stop: NDArray[np.floating]
     facts: dict[str, int]
 
 
@@ -45,7 +47,9 @@ def lens_records(
     count = len(lens.surfaces)
     backwards = start == "film"
     order = range(count - 1, -1, -1) if backwards else range(count)
-    records = SURFACE.zeros(count, "<f8" if double else "<f4")
+    real = "<f8" if double else "<f4"
+    records = SURFACE.zeros(count, real)
+    stop = np.zeros(1)
     previous = None
     for record, k in zip(records, order, strict=True):
         surface = lens.surfaces[k]
@@ -56,11 +60,13 @@ def lens_records(
         _fill_shape(record, surface, -1.0 if backwards else 1.0, f"{lens.name}: surfaces[{k}]")
         if surface.pose is not None:
             _fill_pose(record, surface.pose, backwards)
-        if surface.region is not None:
+        if isinstance(surface.region, (OutlineRegion, MaskRegion)):
+            stop = _fill_stop(record, surface.region)
+        elif surface.region is not None:
             joins = previous is not None and _same_half_lens(lens.surfaces[previous], surface)
             _fill_region(record, surface.region, joins)
         previous = k
-    return LensRecords(records, _facts(lens, records))
+    return LensRecords(records, stop.astype(real), _facts(lens, records))
 
 
 def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> None:
@@ -102,6 +108,17 @@ def _fill_region(record: np.void, region: Region, joins: bool) -> None:
         record["edge"], record["edge_x"], record["edge_y"] = region.edge, np.cos(angle), np.sin(angle)
 
 
+def _fill_stop(record: np.void, region: OutlineRegion | MaskRegion) -> NDArray[np.float64]:
+    """Fill the region of a shaped stop and return its table."""
+    if isinstance(region, OutlineRegion):
+        edges = region.edges()
+        record["region"], record["stop_count"] = RegionKind.OUTLINE, len(edges)
+        return edges.ravel()
+    record["region"], record["stop_count"] = RegionKind.MASK, len(region.cells)
+    record["half_width"] = region.half_side
+    return region.cells.astype(np.float64).ravel()
+
+
 def _same_half_lens(previous: Surface, surface: Surface) -> bool:
     return previous.region is not None and not previous.region.blocks and previous.region == surface.region
 
@@ -114,5 +131,7 @@ def _facts(lens: Lens, records: NDArray[np.void]) -> dict[str, int]:
         "LENS_GENERAL": int(general),
         "LENS_ODD": int(bool(np.any(records["odd_terms"] > 0))),
         "LENS_POSE": int(any(surface.pose is not None for surface in lens.surfaces)),
+        "LENS_OUTLINE": int(bool(np.any(records["region"] == RegionKind.OUTLINE))),
+        "LENS_MASK": int(bool(np.any(records["region"] == RegionKind.MASK))),
         "LENS_REGION": int(any(surface.region is not None for surface in lens.surfaces)),
     }

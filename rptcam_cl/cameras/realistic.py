@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from rptcam_cl.cameras.aperture import stop_region
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.cameras.model import CameraModel, camera_record
 from rptcam_cl.cameras.pupil import pupil_sampling
@@ -11,6 +15,7 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, load_lens
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.scene.aperture import CircularAperture
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
 
@@ -23,10 +28,22 @@ def lens_of(scene: Scene) -> Lens:
     assert source is not None
     lens = load_lens(source)
     if camera.f_number is not None:
-        return lens.with_stop_diameter(lens.stop_diameter_for(camera.f_number, camera.wavelength_nm))
-    if camera.stop_diameter_mm is not None:
-        return lens.with_stop_diameter(camera.stop_diameter_mm)
-    return lens
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(camera.f_number, camera.wavelength_nm))
+    elif camera.stop_diameter_mm is not None:
+        lens = lens.with_stop_diameter(camera.stop_diameter_mm)
+    return _with_shaped_stop(scene, lens, camera)
+
+
+def _with_shaped_stop(scene: Scene, lens: Lens, camera: RealisticCamera) -> Lens:
+    """Return the lens with its stop in the shape of the camera's aperture."""
+    if isinstance(camera.aperture, CircularAperture):
+        return lens
+    if lens.stop is None or lens.stop_index is None:
+        raise InputError(f"camera.aperture: {lens.name} has no stop to shape (mark one with stop: true)")
+    region = stop_region(scene, camera.aperture, lens.stop.semi_diameter)
+    surfaces = list(lens.surfaces)
+    surfaces[lens.stop_index] = replace(lens.stop, region=region)
+    return replace(lens, surfaces=tuple(surfaces))
 
 
 def film_distance_of(camera: RealisticCamera, lens: Lens) -> float:
@@ -89,6 +106,7 @@ def build(scene: Scene) -> CameraModel:
         facts=traced.facts | pupil.facts,
         tables=pupil.table,
         surfaces=traced.surfaces,
+        stop=traced.stop.astype(np.float32),
         has_lens=True,
         metadata=_metadata(camera, lens, back_mm, on_axis) | pupil.metadata,
     )

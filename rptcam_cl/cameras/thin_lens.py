@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 
+from rptcam_cl.cameras.aperture import aperture_parts
 from rptcam_cl.cameras.model import CameraModel, camera_record, half_tangents
-from rptcam_cl.scene.camera import PolygonAperture, ThinLensCamera
+from rptcam_cl.scene.camera import ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.scene import Scene
 
@@ -39,14 +40,11 @@ def build(scene: Scene) -> CameraModel:
         radius = focal_length / camera.f_number / 2
     record = camera_record(camera, scene.film)
     record["a"][0] = (across, down, camera.focus_distance_m, radius)
-    polygon = isinstance(camera.aperture, PolygonAperture)
-    if isinstance(camera.aperture, PolygonAperture):
-        turn = math.radians(camera.aperture.rotation_degrees)
-        record["b"][0] = (camera.aperture.blades, 0.0, math.cos(turn), math.sin(turn))
+    parts, facts = aperture_parts(scene, camera.aperture)
     metadata = {
         "camera": "thin_lens",
         "focal_length_mm": focal_length * 1e3,
         "f_number": focal_length / (2 * radius) if radius else math.inf,
         "focus_distance_m": camera.focus_distance_m,
     }
-    return CameraModel("camera/thin_lens.h", record, facts={"APERTURE_POLYGON": int(polygon)}, metadata=metadata)
+    return CameraModel("camera/thin_lens.h", record, facts=facts, tables=parts, metadata=metadata)

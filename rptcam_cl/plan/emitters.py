@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.alias import alias_table
 from rptcam_cl.plan.primitives import Primitive, sphere_of, world_from_scene
 from rptcam_cl.records import EMITTER, EmitterKind, Kind
 from rptcam_cl.scene.light import DirectionalLight, PointLight
@@ -85,22 +86,6 @@ def _light(light: PointLight | DirectionalLight, scene: Scene, reach: float) -> 
 def _scene_reach(primitives: list[Primitive]) -> float:
     bounded = [primitive.placement for primitive in primitives if primitive.kind is not Kind.PLANE]
     return max((float(np.linalg.norm(matrix[:3], ord=2)) for matrix in bounded), default=1.0)
-
-
-def alias_table(weights: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the share of each cell that it keeps and the index that has the rest (Vose 1991)."""
-    count = len(weights)
-    scaled = weights * (count / weights.sum())
-    keep, other = np.ones(count), np.arange(count)
-    small = [i for i in range(count) if scaled[i] < 1]
-    large = [i for i in range(count) if scaled[i] >= 1]
-    while small and large:
-        low, high = small.pop(), large[-1]
-        keep[low], other[low] = scaled[low], high
-        scaled[high] -= 1 - scaled[low]
-        if scaled[high] < 1:
-            small.append(large.pop())
-    return keep, other
 
 
 def pack_emitters(scene: Scene, primitives: list[Primitive]) -> Emitters:

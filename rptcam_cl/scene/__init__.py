@@ -1,12 +1,19 @@
 """Scene files: a validated, frozen model of everything that a picture needs. Knows nothing of OpenCL."""
 
+from rptcam_cl.scene.aperture import (
+    Aperture,
+    CircularAperture,
+    HeartAperture,
+    ImageAperture,
+    OutlineAperture,
+    PolygonAperture,
+    StarAperture,
+)
 from rptcam_cl.scene.camera import (
     Camera,
-    CircularAperture,
     EnvironmentCamera,
     Focus,
     PinholeCamera,
-    PolygonAperture,
     RealisticCamera,
     ThinLensCamera,
 )
@@ -24,6 +31,7 @@ from rptcam_cl.scene.texture import Checker, Grid, Reflectance
 from rptcam_cl.scene.transform import Rotation, TransformStep
 
 __all__ = [
+    "Aperture",
     "Box",
     "Camera",
     "Checker",
@@ -42,11 +50,14 @@ __all__ = [
     "Focus",
     "GradientEnvironment",
     "Grid",
+    "HeartAperture",
+    "ImageAperture",
     "Light",
     "Material",
     "Matte",
     "Mirror",
     "Object",
+    "OutlineAperture",
     "Picture",
     "PinholeCamera",
     "Plane",
@@ -60,6 +71,7 @@ __all__ = [
     "Scene",
     "SceneObject",
     "Sphere",
+    "StarAperture",
     "ThinLensCamera",
     "TransformStep",
     "change_scene",

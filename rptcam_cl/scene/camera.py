@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from rptcam_cl.scene.aperture import Aperture, CircularAperture
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.lens_reference import LensReference
-from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, WHOLE_NUMBER, Direction, Position
+from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Position
 from rptcam_cl.scene.refusal import refuse
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
@@ -83,29 +84,6 @@ class EnvironmentCamera(Pose):
 
     kind: Literal["environment"]
     """Camera model."""
-
-
-class CircularAperture(SceneModel):
-    """A round aperture."""
-
-    shape: Literal["circle"] = "circle"
-    """Outline of the aperture."""
-
-
-class PolygonAperture(SceneModel):
-    """An aperture made of straight blades: a regular polygon inscribed in the circle of the aperture radius."""
-
-    shape: Literal["polygon"]
-    """Outline of the aperture."""
-
-    blades: Annotated[int, Field(ge=3, le=64), WHOLE_NUMBER]
-    """Number of corners."""
-
-    rotation_degrees: Annotated[float, Field(ge=-360, le=360), NUMBER] = 0.0
-    """Turn of the first corner from the camera's +x towards +y [degrees]."""
-
-
-Aperture = Annotated[CircularAperture | PolygonAperture, Field(discriminator="shape")]
 
 
 class ThinLensCamera(Pose):
@@ -188,6 +166,9 @@ class RealisticCamera(Pose):
 
     f_number: FNumber | None = None
     """F-number that the stop is set to; as in the lens file by default."""
+
+    aperture: Aperture = CircularAperture()
+    """Shape of the stop, within the circle of its diameter."""
 
     wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = 587.5618
     """Wavelength at which the lens is traced [nm]; the helium d line by default."""

@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from rptcam_cl.scene.aperture import ImageAperture
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, RealisticCamera
 from rptcam_cl.scene.checks import check_extent, scene_warnings
@@ -105,6 +106,12 @@ class Scene(SceneModel):
         lens = self.camera.lens
         return self._folders.find(lens) if isinstance(lens, str) and is_file_reference(lens) else lens
 
+    def aperture_file(self) -> Path:
+        """Return the checked path of the picture that shapes the aperture."""
+        aperture = getattr(self.camera, "aperture", None)
+        assert isinstance(aperture, ImageAperture)
+        return self._folders.find(aperture.file)
+
     def content_hash(self) -> str:
         """Return the SHA-256 of everything that changes the film.
 
@@ -116,6 +123,8 @@ class Scene(SceneModel):
         )
         if isinstance(source := self.lens_source(), Path):
             content["camera"]["lens"] = digest(source)
+        if isinstance(getattr(self.camera, "aperture", None), ImageAperture):
+            content["camera"]["aperture"]["file"] = hashlib.sha256(self.aperture_file().read_bytes()).hexdigest()
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 

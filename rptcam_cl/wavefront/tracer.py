@@ -120,8 +120,8 @@ class Wavefront:
         session = self.session
         self._state = session.allocate(state_bytes)
         self._film = session.allocate(film_bytes, zeroed=True)
-        self._outcomes = session.allocate(4 * len(RayStatus), zeroed=True)
-        self._not_finite = session.allocate(4, zeroed=True)
+        self._counts = np.zeros(len(RayStatus) + 1, np.uint64)  # rays by status, then samples that were not finite
+        self._counters = session.allocate(4 * len(self._counts), zeroed=True)
         self._primitives = session.upload(plan.primitives)
         self._kind_end = session.upload(plan.kind_end)
         self._materials = session.upload(plan.materials)
@@ -130,6 +130,7 @@ class Wavefront:
         self._camera_record = session.upload(plan.camera.record)
         self._tables = session.upload(plan.camera.tables)
         self._surfaces = session.upload(plan.camera.surfaces)
+        self._stop = session.upload(plan.camera.stop)
 
     def _bind(self, plan: Plan) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
@@ -137,12 +138,12 @@ class Wavefront:
         shading = (*scene, self._materials, self._emitter_records, self._environment, self._state)
         pixels = np.uint32(self.layout.pixels)
         self._generate = session.bind(
-            self._camera, "generate", self._camera_record, self._tables, self._surfaces, self._outcomes,
+            self._camera, "generate", self._camera_record, self._tables, self._surfaces, self._stop, self._counters,
             self._state, capacity, empty,
         )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(
-                self._trace, "stream", *shading, empty, self._limits(), self._film, self._not_finite, pixels
+                self._trace, "stream", *shading, empty, self._limits(), self._film, self._counters, pixels
             )
             return
         self._intersect = session.bind(self._trace, "intersect", *scene, self._state, capacity)
@@ -152,7 +153,7 @@ class Wavefront:
             for edge in range(1, self.settings.max_depth + 1)
         ]
         self._develop = session.bind(
-            self._trace, "film", self._state, self._film, self._not_finite, empty, capacity, pixels
+            self._trace, "film", self._state, self._film, self._counters, empty, capacity, pixels
         )
 
     def _limits(self) -> bytes:
@@ -170,12 +171,9 @@ class Wavefront:
 
     def clear(self) -> None:
         """Empty the film and every counter."""
-        for buffer, count in (
-            (self._film, 6 * self.layout.pixels),
-            (self._outcomes, len(RayStatus)),
-            (self._not_finite, 1),
-        ):
-            self.session.fill_zero(buffer, 4 * count)
+        self.session.fill_zero(self._film, BYTES_PER_PIXEL * self.layout.pixels)
+        self.session.fill_zero(self._counters, 4 * len(self._counts))
+        self._counts[:] = 0
         self.passes.clear()
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
@@ -196,7 +194,7 @@ class Wavefront:
         """Enqueue every pass of one wave."""
         wave = self._wave_bytes(first_pixel, pixels, first_sample, samples)
         slots = pixels * samples
-        self._generate.set(6, wave)
+        self._generate.set(7, wave)
         self._run(self._generate, slots // self._lanes["camera"])
         if self.organisation == "stream":
             self._stream.set(6, wave)
@@ -229,8 +227,10 @@ class Wavefront:
         return record.tobytes()
 
     def finish(self) -> None:
-        """Wait for everything enqueued; with profiling, add the time of each pass to ``passes`` [s]."""
+        """Wait for everything enqueued and take over its counters; with profiling, add pass times to ``passes`` [s]."""
         self.session.finish()
+        self._counts += self.session.read(self._counters, np.uint32, len(self._counts))  # 32 bits would wrap
+        self.session.fill_zero(self._counters, 4 * len(self._counts))
         for name, event in self._events:
             self.passes[name] = self.passes.get(name, 0.0) + (event.profile.end - event.profile.start) * 1e-9
         self._events.clear()
@@ -241,14 +241,13 @@ class Wavefront:
         return self.layout.picture(sums.reshape(6, -1), spp)
 
     def outcomes(self) -> dict[str, int]:
-        """Return how many camera rays passed the lens, and how many failed for which reason."""
-        counts = self.session.read(self._outcomes, np.uint32, len(RayStatus))
+        """Return how many camera rays passed the lens, and how many failed for which reason, up to the last `finish`."""
         names = ["passed", *(status.name.lower() for status in list(RayStatus)[1:])]
-        return {name: int(count) for name, count in zip(names, counts, strict=True)}
+        return {name: int(count) for name, count in zip(names, self._counts, strict=False)}
 
     def not_finite(self) -> int:
-        """Return how many samples were dropped because they were not finite."""
-        return int(self.session.read(self._not_finite, np.uint32, 1)[0])
+        """Return how many samples were dropped because they were not finite, up to the last `finish`."""
+        return int(self._counts[-1])
 
 
 def seed_words(seed: int) -> tuple[int, int]:

@@ -13,6 +13,7 @@ FILES = GROUND | {"resources", "strict_yaml"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "_version": set(),
+    "alias": set(),
     "records": set(),
     "resources": GROUND,
     "strict_yaml": GROUND,
@@ -21,8 +22,8 @@ ALLOWED: dict[str, set[str]] = {
     "optics": FILES,
     "geometry": GROUND | {"records", "scene"},
     "device": GROUND | {"records", "resources"},
-    "cameras": GROUND | {"records", "scene", "optics"},
-    "plan": GROUND | {"records", "scene", "optics", "geometry", "cameras"},
+    "cameras": GROUND | {"alias", "records", "scene", "optics"},
+    "plan": GROUND | {"alias", "records", "scene", "optics", "geometry", "cameras"},
     "lensview": FILES | {"optics"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "device"},
