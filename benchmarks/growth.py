@@ -22,7 +22,7 @@ from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.wavefront import Wavefront
 
 Points = Iterator[tuple[str, Wavefront]]
-LEAST_WAVES = 2  # of every pixel, so that a render is not all start and end
+SMALL = 4  # divides width and height where a sample is dear
 
 
 @dataclass(frozen=True)
@@ -51,13 +51,13 @@ def by_resolution(session: Session, shrink: int) -> Points:
 def by_depth(session: Session, shrink: int) -> Points:
     """The closed Cornell box, where hardly a path ends by itself, with paths of 1 to 32 edges."""
     for depth in (1, 2, 4, 8, 16, 32):
-        yield f"{depth}", wavefront_of(reference_scene("B", shrink=shrink, max_depth=depth), session)
+        yield f"{depth}", wavefront_of(reference_scene("B", shrink=SMALL * shrink, max_depth=depth), session)
 
 
 def by_primitives(session: Session, shrink: int) -> Points:
     """Spheres on a floor that together always fill the same part of the picture."""
     for power in range(1, 10):
-        yield f"{1 << power}", wavefront_of(spheres(1 << power, shrink), session)
+        yield f"{1 << power}", wavefront_of(spheres(1 << power, SMALL * shrink), session)
 
 
 def spheres(count: int, shrink: int) -> Scene:
@@ -90,8 +90,8 @@ def spheres(count: int, shrink: int) -> Scene:
 TABLES = (
     Growth("Wave size (scene A)", "slots", by_wave_size),
     Growth("Resolution (scene A)", "pixels", by_resolution),
-    Growth("Path depth (scene B, the closed Cornell box)", "edges", by_depth),
-    Growth("Primitives (spheres on a floor)", "spheres", by_primitives),
+    Growth("Path depth (scene B, the closed Cornell box, 128 x 128)", "edges", by_depth),
+    Growth("Primitives (spheres on a floor, 160 x 90)", "spheres", by_primitives),
 )
 
 COLUMNS = {"wall": "Msamples/s by wall", "cpu": "by CPU", "ns_per_sample": "CPU ns per sample"}
@@ -99,7 +99,7 @@ COLUMNS = {"wall": "Msamples/s by wall", "cpu": "by CPU", "ns_per_sample": "CPU 
 
 def measure(wavefront: Wavefront, seconds: float) -> dict[str, float]:
     """Return millions of samples per second by wall and CPU time, and the CPU time per sample [ns]."""
-    least = LEAST_WAVES * wavefront.samples_per_wave
+    least = wavefront.samples_per_wave
     rate = least / timed(lambda: render_samples(wavefront, least)).wall
     spp = least * max(round(rate * seconds / least), 1)
     times = fastest(lambda: render_samples(wavefront, spp), 3)
@@ -121,7 +121,7 @@ def main() -> None:
     print_machine(facts)
     results: dict[str, Any] = {}
     for growth in TABLES:
-        points = islice(growth.points(session, 8), 2) if options.quick else growth.points(session, 1)
+        points = islice(growth.points(session, 4), 2) if options.quick else growth.points(session, 1)
         found = {name: measure(wavefront, 0.0 if options.quick else options.seconds) for name, wavefront in points}
         results[growth.quantity] = found
         columns = (growth.quantity, *COLUMNS.values())

@@ -1,4 +1,4 @@
-"""Share of the time per pass, from OpenCL's profiling events, and what a sample costs in it.
+"""Share of the time per pass, from OpenCL's profiling events, what a sample costs in it, and by pupil of the lens.
 
     python -m benchmarks.passes [--seconds 1] [--json FILE]
 
@@ -15,9 +15,11 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.scenes import MEANING, reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import cores, timed
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.scene import change_scene
 from rptcam_cl.wavefront import Wavefront
 
 SCENES = ("A", "A_lens", "B")
+PUPILS = ("rear", "thick", "bounds", "tight", "auto")
 # Throw-away prototypes, measured before this program was written on two Zen 3 cores with PoCL 3.0: paths of depth 8
 # among three spheres, as 8-lane streams and as waves of passes; rays through the eleven surfaces of the double Gauss.
 PROTOTYPE = "prototype: three spheres as 8-lane streams 24, as waves of passes 44; rays through the lens alone 19"
@@ -67,18 +69,31 @@ def rows(scene: str, organisation: str, found: dict[str, Any]) -> list[list[str]
     return lines
 
 
+def pupils(session: Session, shrink: int, seconds: float) -> dict[str, dict[str, float]]:
+    """Return, per way to sample the exit pupil, what a sample of A_lens costs [ns] and which share passes the lens."""
+    found = {}
+    for pupil in PUPILS:
+        scene = change_scene(reference_scene("A_lens", shrink=shrink), camera={"pupil": pupil})
+        wavefront = wavefront_of(scene, session)
+        cost = measure(wavefront, seconds)["ns_per_sample"]
+        outcomes = wavefront.outcomes()
+        passed = outcomes["passed"] / sum(outcomes.values())
+        found[pupil] = {"ns_per_sample": cost, "passed": passed, "ns_per_passing_sample": cost / passed}
+    return found
+
+
 def main() -> None:
-    """Measure all scenes and print the table."""
+    """Measure all scenes and pupils and print the tables."""
     parser = arguments("Share of the time per pass.")
     parser.add_argument("--seconds", type=float, default=1.0, help="length of a measurement (default 1)")
     options = parser.parse_args()
     session = Session(choose_device(options.device), profiling=True)
     facts = machine(session.info)
     results, lines = [], []
+    shrink, seconds = (8, 0.02) if options.quick else (1, options.seconds)
     for scene, organisation in itertools.product(SCENES, ("stream", "passes")):
-        content = reference_scene(scene, shrink=8 if options.quick else 1)
-        wavefront = wavefront_of(content, session, organisation=organisation)
-        found = measure(wavefront, 0.02 if options.quick else options.seconds)
+        wavefront = wavefront_of(reference_scene(scene, shrink=shrink), session, organisation=organisation)
+        found = measure(wavefront, seconds)
         results.append({"scene": scene, "organisation": organisation, **found})
         lines += rows(scene, organisation, found)
     print_machine(facts)
@@ -86,8 +101,17 @@ def main() -> None:
     columns = ("scene", "organisation", "pass", "share", "ns per sample", "prototype")
     print_table(f"Passes, {unit}, Russian roulette off", columns, lines)
     print(*(f"{name}: {MEANING[name]}" for name in SCENES), sep="\n")
-    print(PROTOTYPE)
-    write_json(options.json, facts, results)
+    print(PROTOTYPE, end="\n\n")
+    tiers = pupils(session, shrink, seconds)
+    print_table(
+        f"Ways to sample the pupil, scene A_lens, {unit}",
+        ("pupil", "ns per sample", "rays that pass", "ns per passing sample"),
+        [
+            [name, f"{x['ns_per_sample']:.1f}", f"{100 * x['passed']:.1f} %", f"{x['ns_per_passing_sample']:.1f}"]
+            for name, x in tiers.items()
+        ],
+    )
+    write_json(options.json, facts, {"passes": results, "pupils": tiers})
 
 
 if __name__ == "__main__":

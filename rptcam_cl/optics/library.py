@@ -38,11 +38,14 @@ def load_lens(source: str | Path | Mapping[str, Any]) -> Lens:
     """
     if isinstance(source, Mapping):
         return read_native(document_of(source))
-    bundled = lenses_dir() / f"{source}.yaml"
-    if isinstance(source, str) and "/" not in source and bundled.is_file():
-        return read_native(read_yaml(bundled))
+    if isinstance(source, str) and source in list_lenses():
+        return read_native(read_yaml(lenses_dir() / f"{source}.yaml"))
     path = Path(source)
-    if not path.exists():
+    try:
+        found = path.exists()
+    except (OSError, ValueError):
+        found = False
+    if not found:
         raise _unknown(str(source))
     suffix = path.suffix.lower()
     if suffix in NATIVE_SUFFIXES:

@@ -82,6 +82,8 @@ def exit_pupil_circles(
     InputError
         When no light reaches the film at all.
     """
+    if lens.stop is not None and lens.stop.stop_shape is not None:
+        lens = lens.with_stop_shape(None)  # the circles hold the round stop, hence every shape in it
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
     if not film_radius_mm > 0:
         raise InputError(f"{lens.name}: the film radius must be above 0 mm (got {film_radius_mm:g})")

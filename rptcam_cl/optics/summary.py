@@ -58,7 +58,7 @@ def lens_info(
         circle = image_circle(lens, film, wavelength_nm)
         result["image_circle_mm"] = 2 * circle
         result["field_of_view_degrees"] = field_of_view(lens, film, circle * 0.999, wavelength_nm)
-    return _plain(result)
+    return {key: _plain(value) for key, value in result.items()}
 
 
 def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:

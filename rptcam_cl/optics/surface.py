@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
+from rptcam_cl.optics.stop_shape import StopShape
 
 Array = NDArray[np.float64]
 
@@ -50,6 +51,8 @@ class Surface:
         Decentre and tilt against the nominal vertex frame.
     region : Region or None
         A further limit of the clear area, and what happens outside.
+    stop_shape : StopShape or None
+        Shape of the opening of a stop inside its semi-diameter; None for a round one.
     """
 
     curvature: float = 0.0
@@ -65,6 +68,7 @@ class Surface:
     is_toroid: bool = False
     pose: Pose | None = None
     region: Region | None = None
+    stop_shape: StopShape | None = None
 
     @property
     def radius(self) -> float:
@@ -80,13 +84,17 @@ class Surface:
 
     @property
     def is_rotational(self) -> bool:
-        """Whether the surface and its clear region look the same from every azimuth."""
+        """Whether the surface and its clear region, but for the shape of a stop, look the same from every azimuth."""
         return not (self.cylinder or self.curvature_x is not None or self.pose or self.region)
 
     def clears(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which points of the vertex plane lie in the clear area."""
         inside = x * x + y * y <= self.semi_diameter * self.semi_diameter
-        return inside & self.region.holds(x, y) if self.region else inside
+        if self.region:
+            inside = inside & self.region.holds(x, y)
+        if self.stop_shape:
+            inside = inside & self.stop_shape.holds(x / self.semi_diameter, y / self.semi_diameter)
+        return inside
 
     def axes(self) -> tuple[float, float]:
         """Return the weights of x^2 and y^2 in s: 1 where the surface curves."""

@@ -58,17 +58,17 @@ def wave_record(layout: FilmLayout, samples: int, seed: tuple[int, int]) -> NDAr
 
 
 def camera_slots(
-    session: Session, scene: Scene, samples: int, lanes: int = 8, seed: tuple[int, int] = (7, 11), beyond: int = 0
+    session: Session, scene: Scene, samples: int, lanes: int = 8, seed: tuple[int, int] = (7, 11), beyond: float = 0.0
 ) -> NDArray[np.float64]:
     """Return what the probe writes of every slot, those of padding too, shape (12, slots).
 
-    The camera's tables are followed by ``beyond`` values that are not a number: what reads past their end shows it.
+    The camera's tables are followed by a million values ``beyond``: what reads past their end depends on them.
     """
     camera = make_plan(scene).camera
     layout = FilmLayout.of(scene.film)
     slots = layout.pixels * samples
     facts = {**camera.facts, "CAMERA_FILE": camera.kernel, "VW": lanes}
-    tables = np.concatenate([camera.tables, np.full(beyond, np.nan, np.float32)])
+    tables = np.concatenate([camera.tables, np.full(1 << 20, beyond, np.float32)])
     out = session.allocate(12 * 4 * slots)
     run(
         session, "probe_camera", facts, slots // lanes, session.upload(camera.record), session.upload(tables),

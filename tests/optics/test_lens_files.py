@@ -140,6 +140,9 @@ BAD = [
     (rows(ROW, "  - {radius: true, diameter: 2}\n"), r"surfaces\[1\]\.radius: expected a number \(got True\)"),
     (rows(ROW, "  - {radius: 1:30, diameter: 2}\n"), r"surfaces\[1\]\.radius: expected a number \(got '1:30'\)"),
     (rows(ROW, "  - {radius: .nan, diameter: 2}\n"), r"surfaces\[1\]\.radius: must be finite \(got nan\)"),
+    (rows(ROW, "  - {radius: 1.0e-300, diameter: 2}\n"), r"surfaces\[1\]\.radius: must be at least 1e-09 mm"),
+    (rows(ROW, "  - {diameter: 1.0e+300}\n"), r"surfaces\[1\]\.diameter: must be at most 1e\+15 mm"),
+    (rows(ROW.replace("3.6", "1e200"), LAST), r"surfaces\[0\]\.thickness: must be at most 1e\+15 mm"),
     (rows(ROW, "  - {radius: -30}\n"), r"lens\.yaml:4:5: surfaces\[1\]: diameter is missing"),
     (rows(ROW, "  - {diameter: 0}\n"), r"surfaces\[1\]\.diameter: must be above 0 \(got 0\)"),
     (rows(ROW, "  - {diameter: -2}\n"), r"surfaces\[1\]\.diameter: must be above 0 \(got -2\)"),
@@ -208,6 +211,9 @@ def test_a_mapping_is_named_by_its_lens():
 def test_an_unknown_name_is_answered_with_near_ones(tmp_path):
     with pytest.raises(InputError, match=r"dgaus-50mm: no such lens file or name; did you mean dgauss-50mm"):
         load_lens("dgaus-50mm")
+    for odd in ("a\0b", "x" * 5000, "/", "."):
+        with pytest.raises(InputError):
+            load_lens(odd)
     path = tmp_path / "lens.xyz"
     path.write_text("x")
     with pytest.raises(InputError, match="unknown kind of lens file"):

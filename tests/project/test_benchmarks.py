@@ -29,9 +29,10 @@ def quick(checkout: Path, folder: Path, name: str, *options: str) -> tuple[str, 
 def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "passes")
     assert "| A_lens |" in printed
-    assert {found["organisation"] for found in results} == {"stream", "passes"}
-    for found in results:
+    assert {found["organisation"] for found in results["passes"]} == {"stream", "passes"}
+    for found in results["passes"]:
         assert sum(found["shares"].values()) == pytest.approx(1)
+    assert all(0 < found["passed"] <= 1 for found in results["pupils"].values())
 
 
 def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:

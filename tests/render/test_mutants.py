@@ -73,8 +73,9 @@ RIM = "p.y * p.y <= surface->semi_diameter2"
 MIS = "weight = rival ? own2 / (own2 + other * other)"
 SELF = "F c = self ? ZERO : dot3(oc, oc) - r * r;"
 MUTANTS = [
-    Mutant("cos^3 for cos^4", "zz / (length2 * length2)", "z / (length2 * sqrt(length2))", lens_corner),
-    Mutant("no root in the pupil", "F rho = reach * sqrt(u.d)", "F rho = reach * u.d", lens_corner),
+    Mutant("cos^3 for cos^4", "cos2_over_length2 * cos2_over_length2;",
+           "cos2_over_length2 / sqrt(length2);", lens_corner),
+    Mutant("no root in the pupil", "F rho = sqrt(v);", "F rho = v;", lens_corner),
     Mutant(
         "no root in the aperture", "F r = sqrt(v);\n    *x = r * c;", "F r = v;\n    *x = r * c;",
         lambda: rays.test_round_aperture_is_filled_evenly(open_session()),
@@ -83,9 +84,9 @@ MUTANTS = [
     Mutant("stop 1 % wider", RIM, "p.y * p.y <= 1.02f * surface->semi_diameter2", lens_row),
     Mutant("index off by 1e-3", "hit.cosine, s->eta, &bends", "hit.cosine, s->eta + 1e-3f, &bends", pixel_of_rays),
     Mutant("normal not unit", "hit.n = f3(-c * hit.p.x, -c", "hit.n = f3(-1.01f * c * hit.p.x, -c", pixel_of_rays),
-    Mutant("pupil too tight", "F reach = GATHER(F, tables + 1, row, );",
-           "F reach = 0.9f * GATHER(F, tables + 1, row, );", lens_row),
-    Mutant("blocked rays weigh", "r.weight = lit ? weight : ZERO", "r.weight = weight", lens_corner),
+    Mutant("pupil too tight", "o.r = r0 + between * (r1 - r0);",
+           "o.r = 0.9f * (r0 + between * (r1 - r0));", lens_row),
+    Mutant("blocked rays weigh", "r.weight = out.passed ? weight : ZERO", "r.weight = weight", lens_corner),
     Mutant("depth off by one", "path->edge < scene.max_edges", "path->edge <= scene.max_edges", cavity),
     Mutant("survivors keep their weight", "path->beta = scale(path->beta, ONE / MAX(survive",
            "path->beta = scale(path->beta, ONE / MAX(ONE", lambda: furnaces.test_roulette_changes_no_mean(1)),

@@ -22,6 +22,7 @@ from rptcam_cl.optics.variable import configured
 from rptcam_cl.strict_yaml import Document
 
 UNITS_MM = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "in": 25.4, "km": 1e6}
+SHORTEST_MM, LONGEST_MM = 1e-9, 1e15  # beyond these, squares and reciprocals leave the range of numbers
 TOP_KEYS = ("name", "source", "published", "unit", "object_medium", "surfaces", "groups", "configurations", "focusing")
 SURFACE_KEYS = ("radius", "thickness", "glass", "diameter", "stop", *SHAPE_KEYS)
 
@@ -87,7 +88,12 @@ def _surface(document: Document, index: int, last: bool, scale: float) -> Surfac
     radius = fields.number("radius", math.inf, infinite=True)
     if radius == 0:
         raise fields.fail("radius", "must not be 0: leave it out for a plane, and mark the stop with stop: true")
+    if abs(radius * scale) < SHORTEST_MM:
+        raise fields.fail("radius", f"must be at least {SHORTEST_MM:g} mm")
     thickness = fields.number("thickness", 0.0 if last else None)
+    for key, value in (("thickness", thickness), ("diameter", fields.positive("diameter"))):
+        if abs(value * scale) > LONGEST_MM:
+            raise fields.fail(key, f"must be at most {LONGEST_MM:g} mm")
     glass: Medium = read_glass(document, (*fields.path, "glass")) if "glass" in fields else AIR
     return Surface(
         curvature=1.0 / (radius * scale),

@@ -5,11 +5,14 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from rptcam_cl.errors import InputError
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
+from rptcam_cl.optics.stop_shape import StopShape, blades, heart, polygon, star
 
 SHAPE_KEYS = (
+    "shape",
     "conic",
     "aspheric",
     "cylinder",
@@ -48,6 +51,7 @@ def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
         "is_toroid": form == "toroid",
         "pose": read_pose(fields, scale),
         "region": _region(fields, scale),
+        "stop_shape": _stop_shape(fields),
     }
 
 
@@ -64,6 +68,47 @@ def read_pose(fields: Fields, scale: float) -> Pose | None:
     dx, dy, dz = (*(scale * d for d in decentre), 0.0)[:3]
     rx, ry, rz = (*tilt, 0.0)[:3]
     return Pose.of((dx, dy, dz), (rx, ry, rz))
+
+
+def _stop_shape(fields: Fields) -> StopShape | None:
+    """Return the shape of a stop: `heart`, or one of {blades, star, polygon} with its options."""
+    if "shape" not in fields:
+        return None
+    if not fields.flag("stop"):
+        raise fields.fail("shape", "belongs to the stop (mark it with stop: true)")
+    try:
+        if fields.get("shape") == "heart":
+            return heart()
+        inner = Fields(
+            fields.document,
+            (*fields.path, "shape"),
+            ("blades", "star", "polygon", "rotation_degrees", "curvature", "inner"),
+        )
+        kinds = [kind for kind in ("blades", "star", "polygon") if kind in inner]
+        if len(kinds) != 1:
+            raise fields.fail("shape", "allowed: heart, {blades: n}, {star: n} or {polygon: [[x, y], ...]}")
+        if kinds[0] == "polygon":
+            rows = inner.get("polygon")
+            if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
+                raise inner.fail("polygon", "expected a list of points [x, y] in units of the stop's radius")
+            path = (*inner.path, "polygon")
+            return polygon(
+                [
+                    (as_number(inner.document, (*path, i, 0)), as_number(inner.document, (*path, i, 1)))
+                    for i in range(len(rows))
+                ]
+            )
+        count = inner.number(kinds[0])
+        if count % 1:
+            raise inner.fail(kinds[0], "expected a whole number")
+        turn = inner.number("rotation_degrees", 0.0 if kinds[0] == "blades" else 90.0)
+        if kinds[0] == "blades":
+            return blades(int(count), turn, inner.number("curvature", 0.0))
+        return star(int(count), inner.number("inner", 0.4), turn)
+    except InputError as error:
+        if str(error).startswith(fields.document.name):
+            raise
+        raise fields.fail("shape", str(error)) from None
 
 
 def _aspheric(fields: Fields, scale: float) -> tuple[tuple[int, float], ...]:
