@@ -130,8 +130,8 @@ SURFACE = Record(
         ("real", "edge"),
         ("real", "edge_x"),
         ("real", "edge_y"),
+        ("real", "stop_radius"),  # half the side of a mask
         ("real", "reserved_0"),
-        ("real", "reserved_1"),
         ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
         ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
         ("real", "offset[4]"),  # pose
@@ -143,7 +143,7 @@ SURFACE = Record(
         ("int", "region"),
         ("int", "inverted"),
         ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
-        ("int", "reserved_3"),
+        ("int", "stop_shape"),
     ),
 )
 
@@ -277,8 +277,14 @@ class RegionKind(IntEnum):
     BLOCKS = 1
     OPENS = 2  # first surface of a half lens: rays outside pass beside it
     GOES_ON = 3  # a further surface of it
-    OUTLINE = 4  # rays outside of a polygon are blocked: the shape of a stop
-    MASK = 5  # rays outside of the open cells of a square mask are blocked
+
+
+class StopKind(IntEnum):
+    """The shape of a stop within its circle."""
+
+    ROUND = 0
+    OUTLINE = 1  # a polygon
+    MASK = 2  # the open cells of a square
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the stream reads per slot
@@ -307,7 +313,7 @@ def device_declarations() -> str:
     lines += ["typedef float real;", "#endif"]
     lines += [record.typedef for record in RECORDS]
     lines += _constants("LENS", SurfaceKind) + _constants("REGION", RegionKind)
-    lines += _constants("PUPIL", PupilKind)
+    lines += _constants("PUPIL", PupilKind) + _constants("STOP", StopKind)
     lines += _constants("KIND", Kind) + _constants("MATERIAL", MaterialKind) + _constants("TEXTURE", TextureKind)
     lines += (
         _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)

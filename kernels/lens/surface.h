@@ -175,11 +175,6 @@ static LensHit meet_surface(const __global Surface *surface, F3 p, F3 d)
     return meet_sphere(surface, p, d);
 }
 
-static I within_rim(const __global Surface *surface, F3 p)
-{
-    return p.x * p.x + p.y * p.y <= surface->semi_diameter2;
-}
-
 #if LENS_OUTLINE
 // Inside a polygon by the even-odd rule; an edge is y0, y1, x0 and dx/dy.
 static I within_outline(const __global real *edges, int count, F3 p)
@@ -195,32 +190,39 @@ static I within_outline(const __global real *edges, int count, F3 p)
 #endif
 
 #if LENS_MASK
-// In an open cell of a square mask of `side` cells, row 0 at +y; half its side is in the surface's half_width.
+// In an open cell of a square mask of `side` cells, row 0 at +y; half its side is the stop's radius.
 static I within_mask(const __global Surface *surface, const __global real *cells, int side, F3 p)
 {
     F half_cells = 0.5f * (real)side;
-    F column = (p.x / surface->half_width + 1.0f) * half_cells;
-    F row = (1.0f - p.y / surface->half_width) * half_cells;
+    F column = (p.x / surface->stop_radius + 1.0f) * half_cells;
+    F row = (1.0f - p.y / surface->stop_radius) * half_cells;
     I inside = (column >= 0.0f) & (column < (real)side) & (row >= 0.0f) & (row < (real)side);
     I index = inside ? TO_I(row) * side + TO_I(column) : FALSE;
     return inside & (GATHER(F, cells, index, ) > 0.5f);
 }
 #endif
 
+// Inside the rim and, at a stop with a shape, inside that.
+static I within_rim(const __global Surface *surface, const __global real *stop, F3 p)
+{
+    I within = p.x * p.x + p.y * p.y <= surface->semi_diameter2;
+#if LENS_OUTLINE
+    if (surface->stop_shape == STOP_OUTLINE)
+        within = within & within_outline(stop, surface->stop_count, p);
+#endif
+#if LENS_MASK
+    if (surface->stop_shape == STOP_MASK)
+        within = within & within_mask(surface, stop, surface->stop_count, p);
+#endif
+    return within;
+}
+
 #if LENS_REGION
 // A rectangle or half plane of the vertex plane, or what lies outside of it.
-static I within_region(const __global Surface *surface, const __global real *stop, F3 p)
+static I within_region(const __global Surface *surface, F3 p)
 {
     if (surface->region == REGION_NONE)
         return TRUE;
-#if LENS_OUTLINE
-    if (surface->region == REGION_OUTLINE)
-        return within_outline(stop, surface->stop_count, p);
-#endif
-#if LENS_MASK
-    if (surface->region == REGION_MASK)
-        return within_mask(surface, stop, surface->stop_count, p);
-#endif
     I inside = (absolute(p.x) <= surface->half_width) & (absolute(p.y) <= surface->half_height)
              & (p.x * surface->edge_x + p.y * surface->edge_y >= surface->edge);
     return surface->inverted ? NOT(inside) : inside;

@@ -63,10 +63,10 @@ static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int coun
 #endif
         LensHit hit = meet_surface(s, q, v);
         I met = hit.met & (v.z > 0.0f);
-        I within = within_rim(s, hit.p);
+        I within = within_rim(s, stop, hit.p);
 #if LENS_REGION
-        I outside = NOT(within_region(s, stop, hit.p));
-        if (s->region == REGION_BLOCKS || s->region >= REGION_OUTLINE)
+        I outside = NOT(within_region(s, hit.p));
+        if (s->region == REGION_BLOCKS)
             within = within & NOT(outside);
         if (s->region == REGION_GOES_ON)
             within = within & NOT(outside ^ beside);           // neither in nor out through the cut face

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
-from rptcam_cl.optics.aperture import MaskRegion, OutlineRegion
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
+from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.optics.surface import Surface
-from rptcam_cl.records import EVEN_TERMS, ODD_TERMS, SURFACE, RegionKind, SurfaceKind
+from rptcam_cl.records import EVEN_TERMS, ODD_TERMS, SURFACE, RegionKind, StopKind, SurfaceKind
 
 MIRRORED = np.diag([1.0, 1.0, -1.0])
 
@@ -55,14 +55,15 @@ def lens_records(
         surface = lens.surfaces[k]
         before, after = (indices[k + 1], indices[k]) if backwards else (indices[k], indices[k + 1])
         record["eta"] = before / after
-        record["gap"] = first_gap_mm if previous is None else abs(lens.vertices[k] - lens.vertices[previous])
+        sense = -1.0 if backwards else 1.0
+        record["gap"] = first_gap_mm if previous is None else sense * (lens.vertices[k] - lens.vertices[previous])
         record["semi_diameter2"] = min(np.square(surface.semi_diameter), float(np.finfo(np.float32).max))
-        _fill_shape(record, surface, -1.0 if backwards else 1.0, f"{lens.name}: surfaces[{k}]")
+        _fill_shape(record, surface, sense, f"{lens.name}: surfaces[{k}]")
         if surface.pose is not None:
             _fill_pose(record, surface.pose, backwards)
-        if isinstance(surface.region, (OutlineRegion, MaskRegion)):
-            stop = _fill_stop(record, surface.region)
-        elif surface.region is not None:
+        if surface.stop_shape is not None:
+            stop = _fill_stop(record, surface.stop_shape, surface.semi_diameter)
+        if surface.region is not None:
             joins = previous is not None and _same_half_lens(lens.surfaces[previous], surface)
             _fill_region(record, surface.region, joins)
         previous = k
@@ -108,15 +109,15 @@ def _fill_region(record: np.void, region: Region, joins: bool) -> None:
         record["edge"], record["edge_x"], record["edge_y"] = region.edge, np.cos(angle), np.sin(angle)
 
 
-def _fill_stop(record: np.void, region: OutlineRegion | MaskRegion) -> NDArray[np.float64]:
-    """Fill the region of a shaped stop and return its table."""
-    if isinstance(region, OutlineRegion):
-        edges = region.edges()
-        record["region"], record["stop_count"] = RegionKind.OUTLINE, len(edges)
-        return edges.ravel()
-    record["region"], record["stop_count"] = RegionKind.MASK, len(region.cells)
-    record["half_width"] = region.half_side
-    return region.cells.astype(np.float64).ravel()
+def _fill_stop(record: np.void, shape: StopShape | StopMask, semi_diameter_mm: float) -> NDArray[np.float64]:
+    """Fill the shape of the stop and return its table [mm]."""
+    if isinstance(shape, StopShape):
+        edges = shape.edges() * (semi_diameter_mm, semi_diameter_mm, semi_diameter_mm, 1.0)
+        record["stop_shape"], record["stop_count"] = StopKind.OUTLINE, len(edges)
+        return np.asarray(edges.ravel())
+    record["stop_shape"], record["stop_count"] = StopKind.MASK, len(shape.cells)
+    record["stop_radius"] = semi_diameter_mm
+    return shape.cells.astype(np.float64).ravel()
 
 
 def _same_half_lens(previous: Surface, surface: Surface) -> bool:
@@ -131,7 +132,7 @@ def _facts(lens: Lens, records: NDArray[np.void]) -> dict[str, int]:
         "LENS_GENERAL": int(general),
         "LENS_ODD": int(bool(np.any(records["odd_terms"] > 0))),
         "LENS_POSE": int(any(surface.pose is not None for surface in lens.surfaces)),
-        "LENS_OUTLINE": int(bool(np.any(records["region"] == RegionKind.OUTLINE))),
-        "LENS_MASK": int(bool(np.any(records["region"] == RegionKind.MASK))),
+        "LENS_OUTLINE": int(bool(np.any(records["stop_shape"] == StopKind.OUTLINE))),
+        "LENS_MASK": int(bool(np.any(records["stop_shape"] == StopKind.MASK))),
         "LENS_REGION": int(any(surface.region is not None for surface in lens.surfaces)),
     }

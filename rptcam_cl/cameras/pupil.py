@@ -53,6 +53,8 @@ def pupil_sampling(
         where it would lose light. ``bounds``: a box per film cell (pbrt). ``tight``: the outline of the true pupil.
         ``auto``: tight, which measures best on every lens of the library.
     """
+    if lens.stop is not None and lens.stop.stop_shape is not None:
+        lens = lens.with_stop_shape(None)  # what holds the round stop holds every shape in it
     if tier == "rear":
         return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm)
     if tier == "thick":

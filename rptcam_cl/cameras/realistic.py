@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from rptcam_cl.cameras.aperture import stop_region
+from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.cameras.model import CameraModel, camera_record
 from rptcam_cl.cameras.pupil import pupil_sampling
@@ -15,7 +14,6 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, load_lens
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.scene.aperture import CircularAperture
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
 
@@ -36,14 +34,12 @@ def lens_of(scene: Scene) -> Lens:
 
 def _with_shaped_stop(scene: Scene, lens: Lens, camera: RealisticCamera) -> Lens:
     """Return the lens with its stop in the shape of the camera's aperture."""
-    if isinstance(camera.aperture, CircularAperture):
+    shape = stop_shape(scene, camera.aperture)
+    if shape is None:
         return lens
-    if lens.stop is None or lens.stop_index is None:
+    if lens.stop is None:
         raise InputError(f"camera.aperture: {lens.name} has no stop to shape (mark one with stop: true)")
-    region = stop_region(scene, camera.aperture, lens.stop.semi_diameter)
-    surfaces = list(lens.surfaces)
-    surfaces[lens.stop_index] = replace(lens.stop, region=region)
-    return replace(lens, surfaces=tuple(surfaces))
+    return lens.with_stop_shape(shape)
 
 
 def film_distance_of(camera: RealisticCamera, lens: Lens) -> float:
@@ -93,7 +89,10 @@ def build(scene: Scene) -> CameraModel:
         )
     half_film_mm = (width_mm / 2, height_mm / 2)
     pupil = pupil_sampling(lens, back_mm, half_film_mm, camera.wavelength_nm, camera.pupil)
-    scale = 1 / on_axis if scene.exposure == "relative" else 1.0
+    indices = lens.indices(camera.wavelength_nm)
+    scale = float(indices[-1] / indices[0]) ** 2  # radiance over n^2 is what refraction conserves
+    if scene.exposure == "relative":
+        scale /= on_axis
     record = camera_record(camera, scene.film)
     record["a"][0] = (*half_film_mm, back_mm, scale)
     record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, 0.0, 0.0)

@@ -17,7 +17,7 @@ from rptcam_cl.optics.surface import Surface
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.first_order import FirstOrder
-    from rptcam_cl.optics.stop_shape import StopShape
+    from rptcam_cl.optics.stop_shape import StopMask, StopShape
     from rptcam_cl.optics.trace import Rays
     from rptcam_cl.optics.variable import Configuration, FocusingGroup
 
@@ -138,7 +138,7 @@ class Lens:
         surfaces[self.stop_index] = replace(stop, semi_diameter=min(diameter_mm, has) / 2)
         return replace(self, surfaces=tuple(surfaces))
 
-    def with_stop_shape(self, shape: StopShape | None) -> Lens:
+    def with_stop_shape(self, shape: StopShape | StopMask | None) -> Lens:
         """Return the lens with its stop shaped; None makes it round."""
         stop = self._need_stop()
         assert self.stop_index is not None

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.errors import InputError
 
@@ -19,12 +19,12 @@ MOST_VERTICES = 1024
 
 @dataclass(frozen=True)
 class StopShape:
-    """A polygon that every ray from the axis leaves once, so that it can be sampled as a fan of triangles.
+    """A polygon that does not cross itself, inside the unit circle.
 
     Attributes
     ----------
     vertices : tuple of (x, y)
-        Counter-clockwise, in units of the stop's radius; x to the right and y upwards as seen from the film.
+        In order, in units of the stop's radius; x to the right and y upwards as seen from the film.
     """
 
     vertices: tuple[tuple[float, float], ...]
@@ -35,38 +35,125 @@ class StopShape:
             raise InputError(f"a stop shape needs 3 to {MOST_VERTICES} points [x, y]")
         if not np.all(np.isfinite(points)) or np.max(np.hypot(*points.T)) > 1 + 1e-9:
             raise InputError("the points of a stop shape must lie inside the unit circle")
-        if np.min(self.fan_areas) <= 0:
-            raise InputError("a stop shape must run counter-clockwise round the axis and be seen whole from it")
+        if not self.area > 0:
+            raise InputError("a stop shape must enclose an area")
 
     @cached_property
-    def fan_areas(self) -> Array:
-        """Area of the triangle from the axis to each edge."""
-        first = np.array(self.vertices)
-        second = np.roll(first, -1, axis=0)
-        return np.asarray((first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2, dtype=np.float64)
+    def triangles(self) -> Array:
+        """Triangles (n, 3, 2) that make up the shape."""
+        return cut_ears(np.array(self.vertices, dtype=np.float64))
+
+    @cached_property
+    def triangle_areas(self) -> Array:
+        """Their areas."""
+        first, second = (self.triangles[:, k] - self.triangles[:, 0] for k in (1, 2))
+        return np.abs(first[:, 0] * second[:, 1] - first[:, 1] * second[:, 0]) / 2
 
     @property
     def area(self) -> float:
         """Area in units of the squared radius of the stop; a full circle has pi."""
-        return float(self.fan_areas.sum())
+        return float(self.triangle_areas.sum())
+
+    def edges(self) -> Array:
+        """Return (n, 4): y0, y1, x0 and dx/dy of every edge that is not level."""
+        start = np.array(self.vertices, dtype=np.float64)
+        end = np.roll(start, -1, axis=0)
+        rises = start[:, 1] != end[:, 1]
+        start, end = start[rises], end[rises]
+        slope = (end[:, 0] - start[:, 0]) / (end[:, 1] - start[:, 1])
+        return np.stack([start[:, 1], end[:, 1], start[:, 0], slope], axis=1)
 
     def holds(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which points, in units of the stop's radius, lie inside."""
         inside = np.zeros(np.shape(x), dtype=bool)
-        for (x0, y0), (x1, y1) in zip(self.vertices, (*self.vertices[1:], self.vertices[0]), strict=True):
-            if y0 != y1:
-                inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+        for y0, y1, x0, slope in self.edges():
+            inside ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * slope)
         return inside
 
     def sample(self, u: Array) -> Array:
         """Return points (n, 2) spread evenly over the shape for numbers (n, 3) in [0, 1); none is rejected."""
-        edges = np.cumsum(self.fan_areas) / self.area
-        k = np.minimum(np.searchsorted(edges, u[:, 0], side="right"), len(edges) - 1)
-        first = np.array(self.vertices)
+        ends = np.cumsum(self.triangle_areas) / self.area
+        k = np.minimum(np.searchsorted(ends, u[:, 0], side="right"), len(ends) - 1)
+        corner, first, second = (self.triangles[k, i] for i in range(3))
         root = np.sqrt(u[:, 1])
-        return np.asarray(
-            (root * (1 - u[:, 2]))[:, None] * first[k] + (root * u[:, 2])[:, None] * np.roll(first, -1, axis=0)[k]
-        )
+        a, b = (root * (1 - u[:, 2]))[:, None], (root * u[:, 2])[:, None]
+        return np.asarray(corner + a * (first - corner) + b * (second - corner))
+
+
+@dataclass(frozen=True, eq=False)
+class StopMask:
+    """A square grid of open and closed cells; its inscribed circle is the stop's.
+
+    Attributes
+    ----------
+    cells : (n, n) boolean array
+        Row 0 on top (+y), open where true.
+    """
+
+    cells: NDArray[np.bool_]
+
+    def holds(self, x: Array, y: Array) -> NDArray[np.bool_]:
+        """Return which points, in units of the stop's radius, lie in an open cell."""
+        count = len(self.cells)
+        places = (np.floor((1 - y) * count / 2), np.floor((1 + x) * count / 2))
+        inside = np.logical_and.reduce([(place >= 0) & (place < count) for place in places])
+        row, column = (np.where(inside, place, 0).astype(np.intp) for place in places)
+        return np.asarray(inside & self.cells[row, column])
+
+
+def fitted(points: ArrayLike) -> Array:
+    """Return points (n, 2) moved and scaled so that the circle about the middle of their box holds them and touches."""
+    moved = np.array(points, dtype=np.float64)
+    moved -= (moved.min(axis=0) + moved.max(axis=0)) / 2
+    return np.asarray(moved / np.hypot(*moved.T).max())
+
+
+def cut_ears(vertices: Array) -> Array:
+    """Return triangles (n, 3, 2) that make up a polygon, cutting off one corner after the other.
+
+    Raises
+    ------
+    InputError
+        When the outline crosses itself.
+    """
+    x, y = vertices.T
+    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
+    if _crosses_itself(vertices):
+        raise InputError("the outline of a stop shape crosses itself (allowed: a simple polygon)")
+    rest = list(vertices if area > 0 else vertices[::-1])
+    found = []
+    while len(rest) > 3:
+        # Corners in one line are no ears; where rounding leaves nothing else, any corner may go.
+        ear = next((i for i in range(len(rest)) if _is_ear(rest, i)), 0)
+        found.append([rest[ear - 1], rest[ear], rest[(ear + 1) % len(rest)]])
+        del rest[ear]
+    return np.array([*found, rest])
+
+
+def _crosses_itself(vertices: Array) -> bool:
+    """Return whether two edges of a polygon cross."""
+    start, along = vertices, np.roll(vertices, -1, axis=0) - vertices
+
+    def sides(of: Array) -> Array:
+        """On which side of edge i (rows) each point of `of` lies."""
+        away = of[None, :, :] - start[:, None, :]
+        return np.asarray(np.sign(along[:, None, 0] * away[..., 1] - along[:, None, 1] * away[..., 0]))
+
+    parted = sides(start) * sides(np.roll(start, -1, axis=0)) < 0
+    return bool(np.any(parted & parted.T))
+
+
+def _is_ear(polygon: list[Array], i: int) -> bool:
+    a, b, c = polygon[i - 1], polygon[i], polygon[(i + 1) % len(polygon)]
+    if _turn(a, b, c) <= 0:
+        return False
+    others = (p for p in polygon if p is not a and p is not b and p is not c)
+    return not any(_turn(a, b, p) >= 0 and _turn(b, c, p) >= 0 and _turn(c, a, p) >= 0 for p in others)
+
+
+def _turn(a: Array, b: Array, c: Array) -> float:
+    """Return twice the signed area of a triangle, positive counter-clockwise."""
+    return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 
 def blades(count: int, rotation_degrees: float = 0.0, curvature: float = 0.0) -> StopShape:
@@ -101,14 +188,12 @@ def heart(rotation_degrees: float = 0.0) -> StopShape:
     return _shape(angles, radius / radius.max(), rotation_degrees)
 
 
-def polygon(points: list[tuple[float, float]]) -> StopShape:
-    """Return a polygon of points in units of the stop's radius, in either sense of rotation."""
+def polygon(points: ArrayLike, rotation_degrees: float = 0.0) -> StopShape:
+    """Return a polygon of points in units of the stop's radius."""
     flat = np.array(points, dtype=np.float64)
     if flat.ndim == 2 and flat.shape[1] == 2:
-        turned = np.roll(flat, -1, axis=0)
-        if np.sum(flat[:, 0] * turned[:, 1] - flat[:, 1] * turned[:, 0]) < 0:
-            points = points[::-1]
-    return StopShape(tuple((float(x), float(y)) for x, y in points))
+        return _shape(np.arctan2(flat[:, 1], flat[:, 0]), np.hypot(*flat.T), rotation_degrees)
+    raise InputError("a stop shape is a list of points [x, y]")
 
 
 def _shape(angles: Array, radii: Array, rotation_degrees: float) -> StopShape:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
-from rptcam_cl.optics.stop_shape import StopShape
+from rptcam_cl.optics.stop_shape import StopMask, StopShape
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Surface:
         Decentre and tilt against the nominal vertex frame.
     region : Region or None
         A further limit of the clear area, and what happens outside.
-    stop_shape : StopShape or None
+    stop_shape : StopShape, StopMask or None
         Shape of the opening of a stop inside its semi-diameter; None for a round one.
     """
 
@@ -68,7 +68,7 @@ class Surface:
     is_toroid: bool = False
     pose: Pose | None = None
     region: Region | None = None
-    stop_shape: StopShape | None = None
+    stop_shape: StopShape | StopMask | None = None
 
     @property
     def radius(self) -> float:

@@ -31,7 +31,7 @@ class PolygonAperture(SceneModel):
     """Number of corners."""
 
     curvature: Annotated[float, Field(ge=0, le=1), NUMBER] = 0.0
-    """Curvature of each edge times the aperture radius: 0 straight, 1 a full circle."""
+    """How far each edge bulges: 0 straight, 1 the circle."""
 
     rotation_degrees: Turn = 0.0
     """Turn of the first corner from the camera's +x towards +y [degrees]."""
@@ -43,10 +43,10 @@ class StarAperture(SceneModel):
     shape: Literal["star"]
     """Outline of the aperture."""
 
-    points: Annotated[int, Field(ge=2, le=64), WHOLE_NUMBER] = 5
+    points: Annotated[int, Field(ge=3, le=64), WHOLE_NUMBER] = 5
     """Number of tips."""
 
-    inner_radius: Annotated[float, Field(gt=0, le=1), NUMBER] = 0.4
+    inner_radius: Annotated[float, Field(gt=0, lt=1), NUMBER] = 0.4
     """Radius of the inner corners as a share of the aperture radius."""
 
     rotation_degrees: Turn = 90.0

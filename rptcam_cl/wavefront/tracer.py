@@ -241,7 +241,7 @@ class Wavefront:
         return self.layout.picture(sums.reshape(6, -1), spp)
 
     def outcomes(self) -> dict[str, int]:
-        """Return how many camera rays passed the lens, and how many failed for which reason, up to the last `finish`."""
+        """Return how many camera rays passed the lens, and how many failed and why, up to the last `finish`."""
         names = ["passed", *(status.name.lower() for status in list(RayStatus)[1:])]
         return {name: int(count) for name, count in zip(names, self._counts, strict=False)}
 

@@ -227,8 +227,8 @@ CAMERAS = [
         "aperture.blades: …allowed: at most 64",
     ),
     (
-        f"{OPEN} {{shape: heart}}",
-        "aperture.shape: …allowed: circle, polygon",
+        f"{OPEN} {{shape: square}}",
+        "aperture.shape: …allowed: circle, polygon, star, heart, outline, image",
     ),
     ("kind: pinhole, fov_degrees: 40, f_number: 4", "camera.f_number: unknown key"),
 ]
