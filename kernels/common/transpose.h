@@ -1,4 +1,4 @@
-// Records of eight floats in memory, one per lane: written and read whole, turned by shuffles instead of lane by lane.
+// Eight neighbouring floats in memory per lane: written and read whole, turned by shuffles instead of lane by lane.
 #ifndef TRANSPOSE_H
 #define TRANSPOSE_H
 #include "common/width.h"
@@ -6,9 +6,9 @@
 typedef struct { F f[8]; } Eight;
 
 #if VW == 1
-static Eight load_eight(const __global float *p, I index)
+static Eight load_eight(const __global float *p, I offset)
 {
-    float8 v = vload8(index, p);
+    float8 v = vload8(0, p + offset);
     Eight e;
     e.f[0] = v.s0; e.f[1] = v.s1; e.f[2] = v.s2; e.f[3] = v.s3;
     e.f[4] = v.s4; e.f[5] = v.s5; e.f[6] = v.s6; e.f[7] = v.s7;
@@ -35,13 +35,18 @@ static void transpose8(float8 *r)
     r[4] = (float8)(p.hi, u.hi); r[5] = (float8)(q.hi, v.hi); r[6] = (float8)(s.hi, w.hi); r[7] = (float8)(t.hi, x.hi);
 }
 
+static void load_rows(const __global float *p, int8 i, float8 *r)
+{
+    r[0] = vload8(0, p + i.s0); r[1] = vload8(0, p + i.s1); r[2] = vload8(0, p + i.s2); r[3] = vload8(0, p + i.s3);
+    r[4] = vload8(0, p + i.s4); r[5] = vload8(0, p + i.s5); r[6] = vload8(0, p + i.s6); r[7] = vload8(0, p + i.s7);
+    transpose8(r);
+}
+
 #if VW == 8
-static Eight load_eight(const __global float *p, I i)
+static Eight load_eight(const __global float *p, I offset)
 {
     float8 r[8];
-    r[0] = vload8(i.s0, p); r[1] = vload8(i.s1, p); r[2] = vload8(i.s2, p); r[3] = vload8(i.s3, p);
-    r[4] = vload8(i.s4, p); r[5] = vload8(i.s5, p); r[6] = vload8(i.s6, p); r[7] = vload8(i.s7, p);
-    transpose8(r);
+    load_rows(p, offset, r);
     Eight e;
     for (int k = 0; k < 8; ++k)
         e.f[k] = r[k];
@@ -58,6 +63,17 @@ static void store_eight(__global float *p, uint first, Eight e)
         vstore8(r[k], first + k, p);
 }
 #elif VW == 16
+static Eight load_eight(const __global float *p, I offset)
+{
+    float8 low[8], high[8];
+    load_rows(p, offset.lo, low);
+    load_rows(p, offset.hi, high);
+    Eight e;
+    for (int k = 0; k < 8; ++k)
+        e.f[k] = (float16)(low[k], high[k]);
+    return e;
+}
+
 static void store_eight(__global float *p, uint first, Eight e)
 {
     float8 r[8];

@@ -104,6 +104,9 @@ static ShadowRay shade_vertex(Path *path, I hit, F t, Scene scene)
                              keep3(escaped, mul(path->beta, environment_radiance(path->ray.d, scene.environment))));
 #endif
     I on = living & (hit >= 0);
+#if !HAS_EMISSIVE
+    on = on & (path->edge < scene.max_edges);
+#endif
     if (!ANY(on)) {
         path->ray.self = (I)(PATH_ENDED);
         return shadow;
@@ -117,12 +120,12 @@ static ShadowRay shade_vertex(Path *path, I hit, F t, Scene scene)
         path->radiance = add(path->radiance, emission(*path, vertex, lamp, t, cos_i, scene.emitters));
         on = on & NOT(lamp);
     }
-#endif
     on = on & (path->edge < scene.max_edges);
     if (!ANY(on)) {
         path->ray.self = (I)(PATH_ENDED);
         return shadow;
     }
+#endif
 #if HAS_EMITTERS
     shadow = light_sample(*path, vertex, on, hit, scene);
 #endif

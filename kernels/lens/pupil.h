@@ -7,6 +7,7 @@
 #ifndef PUPIL_H
 #define PUPIL_H
 #include "common/records.h"
+#include "common/transpose.h"
 
 typedef struct { F x, y, inverse_density; } Aim;
 
@@ -43,33 +44,23 @@ static Aim aim(F fx, F fy, F u, F v, const __global Camera *camera, const __glob
 }
 
 #else
-// A node: centre u, v, half axes u, v, then the radius in PUPIL_DIRECTIONS directions and again the first.
-#define NODE_FLOATS (4 + PUPIL_DIRECTIONS + 1)
-
+// Tables: per node its centre u, v and half axes u, v, and one node more; then, per node and direction, the radius there,
+// in the next direction, and both again at the next node along x.
 typedef struct { F u, v, a, b, r; } Outline;
 
-static Outline outline_at(const __global float *tables, I node, I direction, F between)
-{
-    I at = node * NODE_FLOATS;
-    Outline o;
-    o.u = GATHER(F, tables, at, );
-    o.v = GATHER(F, tables + 1, at, );
-    o.a = GATHER(F, tables + 2, at, );
-    o.b = GATHER(F, tables + 3, at, );
-    F r0 = GATHER(F, tables + 4, at + direction, );
-    F r1 = GATHER(F, tables + 5, at + direction, );
-    o.r = r0 + between * (r1 - r0);
-    return o;
-}
+static F blend(F p, F q, F t) { return p + t * (q - p); }
 
-static Outline mix_outlines(Outline p, Outline q, F t)
+// Between a node and the next one along x.
+static Outline outline_at(const __global float *tables, int nodes, I node, F share, I direction, F between)
 {
+    Eight frames = load_eight(tables, node * 4);
+    Eight radii = load_eight(tables + 4 * (nodes + 1), (node * PUPIL_DIRECTIONS + direction) * 4);
     Outline o;
-    o.u = p.u + t * (q.u - p.u);
-    o.v = p.v + t * (q.v - p.v);
-    o.a = p.a + t * (q.a - p.a);
-    o.b = p.b + t * (q.b - p.b);
-    o.r = p.r + t * (q.r - p.r);
+    o.u = blend(frames.f[0], frames.f[4], share);
+    o.v = blend(frames.f[1], frames.f[5], share);
+    o.a = blend(frames.f[2], frames.f[6], share);
+    o.b = blend(frames.f[3], frames.f[7], share);
+    o.r = blend(blend(radii.f[0], radii.f[1], between), blend(radii.f[2], radii.f[3], between), share);
     return o;
 }
 
@@ -85,15 +76,15 @@ static Aim aim(F fx, F fy, F u, F v, const __global Camera *camera, const __glob
     Aim a;
 #if PUPIL_RADIAL
     F radius = sqrt(fx * fx + fy * fy);
-    F ex = radius > 0.0f ? fx / radius : ONE;
-    F ey = radius > 0.0f ? fy / radius : ZERO;
+    F inverse = ONE / radius;
+    F ex = radius > 0.0f ? fx * inverse : ONE;
+    F ey = radius > 0.0f ? fy * inverse : ZERO;
     F place = radius * camera->pupil.x;
     I lit = place < camera->pupil.z - 1.0f;
     place = MIN(place, (F)(camera->pupil.z - 1.0f));
     I node = MIN(TO_I(place), (I)((int)camera->pupil.z - 2));
     F share = place - TO_F(node);
-    Outline o = mix_outlines(outline_at(tables, node, direction, between),
-                             outline_at(tables, node + 1, direction, between), share);
+    Outline o = outline_at(tables, (int)camera->pupil.z, node, share, direction, between);
     F pu = o.u + o.a * o.r * rho * c;
     F pv = o.v + o.b * o.r * rho * s;
     a.x = ex * pu - ey * pv;
@@ -107,11 +98,14 @@ static Aim aim(F fx, F fy, F u, F v, const __global Camera *camera, const __glob
     F sx = px - TO_F(nx);
     F sy = py - TO_F(ny);
     I node = ny * (int)camera->pupil.z + nx;
-    I below = node + (int)camera->pupil.z;
-    Outline o = mix_outlines(
-        mix_outlines(outline_at(tables, node, direction, between), outline_at(tables, node + 1, direction, between), sx),
-        mix_outlines(outline_at(tables, below, direction, between), outline_at(tables, below + 1, direction, between), sx),
-        sy);
+    int nodes = (int)(camera->pupil.z * camera->pupil.w);
+    Outline o = outline_at(tables, nodes, node, sx, direction, between);
+    Outline p = outline_at(tables, nodes, node + (int)camera->pupil.z, sx, direction, between);
+    o.u = blend(o.u, p.u, sy);
+    o.v = blend(o.v, p.v, sy);
+    o.a = blend(o.a, p.a, sy);
+    o.b = blend(o.b, p.b, sy);
+    o.r = blend(o.r, p.r, sy);
     a.x = o.u + o.a * o.r * rho * c;
     a.y = o.v + o.b * o.r * rho * s;
     a.inverse_density = PI_F * o.a * o.b * o.r * o.r;

@@ -82,12 +82,14 @@ static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int coun
         bends = bends | beside;
 #endif
         I stops = ray.passed & NOT(met & within & bends);
-        I reason = met ? (within ? (I)(RAY_TOTAL_INTERNAL_REFLECTION) : (I)(RAY_CLIPPED)) : (I)(RAY_MISSED);
+        if (ANY(stops)) {                                      // rare where rays aim at the pupil
+            I reason = met ? (within ? (I)(RAY_TOTAL_INTERNAL_REFLECTION) : (I)(RAY_CLIPPED)) : (I)(RAY_MISSED);
 #if LENS_GENERAL
-        reason = hit.settled ? reason : (I)(RAY_NO_CONVERGENCE);
+            reason = hit.settled ? reason : (I)(RAY_NO_CONVERGENCE);
 #endif
-        ray.status = stops ? reason : ray.status;
-        ray.surface = stops ? (I)(k) : ray.surface;
+            ray.status = stops ? reason : ray.status;
+            ray.surface = stops ? (I)(k) : ray.surface;
+        }
         p = hit.p;
         d = bent;
 #if LENS_POSE

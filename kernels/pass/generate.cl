@@ -1,4 +1,4 @@
-// Starts a wave of paths: one camera ray per slot, counted by what became of it in the lens. For a stream it writes
+// Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
 // records (o, weight, d, 0), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, and clears L, PDF and REACH. Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS.
 #include CAMERA_FILE
 #include "common/transpose.h"
@@ -25,11 +25,12 @@ __kernel void generate(const __global Camera  *camera,
     CameraRay ray = camera_ray(lane, u, camera, tables, surfaces, stop);
     I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
-    for (int status = 0; status < RAY_STATUS_COUNT; ++status) {
-        uint n = COUNT(lane.inside & (ray.status == status));
-        if (n != 0u)
-            atomic_add(counters + status, n);
-    }
+    if (ANY(ray.status != RAY_OK))                              // those that passed are the rest
+        for (int status = RAY_OK + 1; status < RAY_STATUS_COUNT; ++status) {
+            uint n = COUNT(lane.inside & (ray.status == status));
+            if (n != 0u)
+                atomic_add(counters + status, n);
+        }
 #endif
     F3 o = in_world(camera, ray.o);
     F3 d = in_world(camera, ray.d);

@@ -49,7 +49,7 @@ __kernel void stream(const __global Primitive   *primitives,    // sorted by kin
                 started |= lit;
                 start = start & NOT(lit) & (slot < end);
             }
-            Eight ray = load_eight(rays, source);
+            Eight ray = load_eight(rays, source * 8);
             path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
             path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
             path.weight = started ? ray.f[3] : path.weight;

@@ -142,8 +142,13 @@ def _bounds(
 
 
 def _tight(shapes: PupilShapes) -> PupilSampling:
-    nodes = np.concatenate([shapes.centres, shapes.axes, shapes.radii, shapes.radii[..., :1]], axis=-1)
+    frames = np.concatenate([shapes.centres, shapes.axes], axis=-1)
+    rows = np.stack([shapes.radii, np.roll(shapes.radii, -1, axis=-1)], axis=-1)
+    ahead = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
+    table = [frames.ravel(), np.zeros(4), np.concatenate([rows, ahead], axis=-1).ravel(), np.zeros(4)]
     step = shapes.x[1] - shapes.x[0]
     down = 1 / (shapes.y[1] - shapes.y[0]) if len(shapes.y) > 1 else 0.0
     parameters = (1 / step, down, float(len(shapes.x)), float(len(shapes.y)))
-    return PupilSampling("tight", PupilKind.OUTLINES, parameters, nodes.astype(np.float32).ravel(), shapes.radial)
+    return PupilSampling(
+        "tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32), shapes.radial
+    )

@@ -57,6 +57,16 @@ class FilmLayout:
         """Pixels of the picture."""
         return self.width * self.height
 
+    def pixels_within(self, first: int, count: int) -> int:
+        """Return how many pixels of the picture lie in a range of whole tiles of the buffer."""
+        return self._pixels_before(first + count) - self._pixels_before(first)
+
+    def _pixels_before(self, index: int) -> int:
+        row, column = divmod(index // (TILE * TILE), self.tiles_across)
+        above = min(TILE * row, self.height)
+        deep = min(TILE, self.height - above)
+        return above * self.width + deep * min(TILE * column, self.width)
+
     def picture(self, sums: NDArray[np.float32], spp: int) -> NDArray[np.float32]:
         """Return the mean of ``spp`` samples, shape (height, width, 3), from the buffer ``(6, pixels)``."""
         mean = (sums[:3].astype(np.float64) - sums[3:].astype(np.float64)) / max(spp, 1)

@@ -73,6 +73,7 @@ class Wavefront:
         self._emitters = plan.emitters.count
         self._size_wave(wave_size or WAVE_SLOTS[session.info.type])
         self._group = GROUP[session.info.type]
+        self._enqueued, self._rays = 0, 0  # camera rays of the picture, since the last and up to the last `finish`
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
         self._build(plan)
@@ -174,6 +175,7 @@ class Wavefront:
         self.session.fill_zero(self._film, BYTES_PER_PIXEL * self.layout.pixels)
         self.session.fill_zero(self._counters, 4 * len(self._counts))
         self._counts[:] = 0
+        self._enqueued, self._rays = 0, 0
         self.passes.clear()
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
@@ -194,6 +196,7 @@ class Wavefront:
         """Enqueue every pass of one wave."""
         wave = self._wave_bytes(first_pixel, pixels, first_sample, samples)
         slots = pixels * samples
+        self._enqueued += samples * self.layout.pixels_within(first_pixel, pixels)
         self._generate.set(7, wave)
         self._run(self._generate, slots // self._lanes["camera"])
         if self.organisation == "stream":
@@ -229,6 +232,8 @@ class Wavefront:
     def finish(self) -> None:
         """Wait for everything enqueued and take over its counters; with profiling, add pass times to ``passes`` [s]."""
         self.session.finish()
+        self._rays += self._enqueued
+        self._enqueued = 0
         self._counts += self.session.read(self._counters, np.uint32, len(self._counts))  # 32 bits would wrap
         self.session.fill_zero(self._counters, 4 * len(self._counts))
         for name, event in self._events:
@@ -242,8 +247,8 @@ class Wavefront:
 
     def outcomes(self) -> dict[str, int]:
         """Return how many camera rays passed the lens, and how many failed and why, up to the last `finish`."""
-        names = ["passed", *(status.name.lower() for status in list(RayStatus)[1:])]
-        return {name: int(count) for name, count in zip(names, self._counts, strict=False)}
+        stopped = {status.name.lower(): int(self._counts[status]) for status in list(RayStatus)[1:]}
+        return {"passed": self._rays - sum(stopped.values()), **stopped}
 
     def not_finite(self) -> int:
         """Return how many samples were dropped because they were not finite, up to the last `finish`."""
