@@ -4,7 +4,7 @@ import argparse
 import math
 from typing import Any
 
-from rptcam_cl.cli import lens_draw, lens_field, lens_spots
+from rptcam_cl.cli import lens_convert, lens_design, lens_draw, lens_field, lens_spots, lens_trace
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import D_LINE, add_lens, load
 from rptcam_cl.cli.output import as_json
@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
     )  # fmt: skip
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info, parser=info)
-    for command in (lens_draw, lens_spots, lens_field):
+    for command in (lens_draw, lens_spots, lens_field, lens_trace, lens_convert, lens_design):
         command.add_to(inner)
 
 
@@ -42,7 +42,7 @@ def _list(arguments: argparse.Namespace) -> int:
 
 def _label(key: str) -> str:
     """A key as words: ``back_focal_distance_mm`` is ``back focal distance [mm]``."""
-    for unit in ("mm", "nm", "m"):
+    for unit in ("mm", "nm", "m", "degrees"):
         if key.endswith(f"_{unit}"):
             return f"{key.removesuffix(f'_{unit}').replace('_', ' ')} [{unit}]"
     return key.replace("_", " ")
@@ -61,14 +61,17 @@ def _lines(facts: dict[str, Any], indent: str = "") -> list[str]:
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.cli.lens_facts import lens_facts
+    from rptcam_cl.optics.summary import lens_info
+    from rptcam_cl.optics.variable import zoomed
 
-    facts = lens_facts(
-        load(arguments.lens),
-        arguments.f_number,
-        arguments.focus_distance_m,
-        arguments.wavelength_nm,
-        arguments.focal_length_mm,
-    )
-    print(as_json(facts) if arguments.json else "\n".join(_lines(facts)))
+    lens = load(arguments.lens)
+    if arguments.focal_length_mm is not None:
+        lens = zoomed(lens, arguments.focal_length_mm, arguments.wavelength_nm)
+    distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m
+    facts = lens_info(lens, arguments.f_number, distance, arguments.wavelength_nm)
+    if arguments.json:
+        print(as_json(facts))
+    else:
+        del facts["warnings"]  # which standard error has
+        print("\n".join(_lines({"name": facts["name"], "source": facts["source"]} | facts)))
     return 0
