@@ -1,6 +1,7 @@
 """What the commands that look at a lens have in common: the lens in use, its tracer, and files to write."""
 
 import argparse
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -28,6 +29,17 @@ def numbers(text: str) -> list[float]:
     if not found or not all(-1e12 < value < 1e12 for value in found):
         raise argparse.ArgumentTypeError(f"got {text}; allowed numbers with commas between, as 0,10,20")
     return found
+
+
+def number(text: str) -> float:
+    """A finite number."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed a finite number")
+    return value
 
 
 def angles(text: str) -> list[float]:

@@ -16,6 +16,7 @@ from rptcam_cl.cli.lens_options import (
     check_picture,
     count,
     lens_in_use,
+    number,
     numbers,
     write,
     write_picture,
@@ -45,7 +46,7 @@ def add_to(commands: Commands) -> None:
     mtf.set_defaults(run=_mtf, parser=mtf)
     psf = _command(commands, "psf", "image of one point by geometrical optics", (D_LINE,))
     psf.add_argument(
-        "--field", type=float, metavar="A", default=0.0, help="angle from the axis in degrees (default: 0)"
+        "--field", type=number, metavar="A", default=0.0, help="angle from the axis in degrees (default: 0)"
     )
     psf.add_argument("--pixels", type=count, metavar="N", default=64, help="along each side (default: %(default)s)")
     psf.add_argument("--width-um", type=values.positive, metavar="W", help="side of the image (default: what it needs)")

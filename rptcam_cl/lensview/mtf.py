@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.lensview.chart import Key, chart
 from rptcam_cl.lensview.picture import FAINT, SERIES, Picture
-from rptcam_cl.lensview.setting import Setting, working_f_number
+from rptcam_cl.lensview.setting import Setting
 from rptcam_cl.lensview.spots import FilmSpot, by_field
+from rptcam_cl.optics.summary import working_f_number
 
 Array = NDArray[np.float64]
 
@@ -40,8 +41,7 @@ def diffraction_mtf(frequencies_per_mm: ArrayLike, f_number: float, wavelength_n
 
 def perfect_mtf(setting: Setting, spots: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> Array:
     """Return the modulation on the axis of a perfect lens of the same aperture, the mean over the wavelengths."""
-    first = setting.lens.first_order(setting.wavelength_nm)
-    f_number = working_f_number(first, setting.film)
+    f_number = working_f_number(setting.lens, setting.film, setting.wavelength_nm)
     waves = list(dict.fromkeys(spot.wavelength_nm for spot in spots))
     curves = [diffraction_mtf(frequencies_per_mm, f_number, wave) for wave in waves]
     return np.asarray(np.mean(curves, axis=0))

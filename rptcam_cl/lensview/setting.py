@@ -6,19 +6,13 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.probe import FilmProbe
 from rptcam_cl.optics.variable import zoomed
 
 if TYPE_CHECKING:
-    from rptcam_cl.optics import FirstOrder, Lens
-
-FAN = 2048  # rays across the last surface; the image circle is found to about this fraction of the pupil
-WIDEST = 100.0  # film radii beyond so many film distances count as without bound (89.4 degrees off the axis)
+    from rptcam_cl.optics import Lens
 
 
 @dataclass(frozen=True)
@@ -85,38 +79,3 @@ def setting(
     first = lens.first_order(wavelength_nm)
     real = 0 < first.focal_length_mm < math.inf and first.back_focal_distance_mm > 0
     return Setting(lens, first.back_focal_distance_mm if real else None, math.inf, wavelength_nm)
-
-
-def working_f_number(first: FirstOrder, film_distance_mm: float) -> float:
-    """Return the distance from the exit pupil to the film over the pupil's diameter, which sets the exposure.
-
-    To first order it is N (1 + |m| / P), with the magnification m and the ratio P of exit to entrance pupil.
-    """
-    pupil = first.exit_pupil
-    if not math.isfinite(pupil.distance_mm):
-        return first.f_number  # telecentric: the cone is the same wherever the film stands
-    return abs((film_distance_mm - pupil.distance_mm) / pupil.diameter_mm)
-
-
-def image_circle(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float | None:
-    """Return the diameter of the lit circle on the film [mm]; None when it has no bound.
-
-    The last ray to arrive lies in the plane of the film point and the axis, as the lens is symmetric about the axis.
-    """
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
-
-    def lit(radius: float) -> bool:
-        film = np.array([[radius, 0.0]])
-        left, right = probe.windows(film)[0, :2]
-        rear = np.stack([np.linspace(left, right, FAN), np.zeros(FAN)], axis=1)
-        return bool(probe.passes(film, rear).any())
-
-    inside, outside = 0.0, film_distance_mm
-    while lit(outside):
-        inside, outside = outside, 2 * outside
-        if outside > WIDEST * film_distance_mm:
-            return None
-    while outside - inside > 1e-4 * outside:
-        middle = (inside + outside) / 2
-        inside, outside = (middle, outside) if lit(middle) else (inside, middle)
-    return inside + outside

@@ -11,9 +11,10 @@ from numpy.typing import NDArray
 from rptcam_cl.errors import InputError
 from rptcam_cl.lensview.chart import Key, chart
 from rptcam_cl.lensview.picture import FAINT, SERIES, Picture
-from rptcam_cl.lensview.setting import Setting, image_circle
+from rptcam_cl.lensview.setting import Setting
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.probe import FilmProbe, cells, grid, narrowed
+from rptcam_cl.optics.summary import image_circle
 
 Array = NDArray[np.float64]
 
@@ -24,10 +25,7 @@ Row = dict[str, float | None]
 def film_radii(setting: Setting, steps: int, film_radius_mm: float | None = None) -> Array:
     """Return radii from the centre to a film radius [mm], that of the image circle when absent."""
     if film_radius_mm is None:
-        circle = image_circle(setting.lens, setting.film, setting.wavelength_nm)
-        if circle is None:
-            raise InputError(f"{setting.lens.name}: its image circle has no bound; say how far with a film radius")
-        film_radius_mm = circle / 2
+        film_radius_mm = image_circle(setting.lens, setting.film, setting.wavelength_nm)
     return np.linspace(0.0, film_radius_mm, steps + 1)
 
 

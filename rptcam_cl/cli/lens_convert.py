@@ -1,0 +1,61 @@
+"""``rptcam lens convert``: a lens file of any known kind becomes one of ours, or a pbrt table."""
+
+import argparse
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from rptcam_cl.cli import parser as values
+from rptcam_cl.cli.lens_options import D_LINE, check_file, load, write
+from rptcam_cl.cli.parser import Commands
+from rptcam_cl.errors import InputError
+
+_SUFFIXES = (".yaml", ".yml", ".dat")
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    text = "write a lens as a file of ours (.yaml) or as a pbrt table (.dat)"
+    parser = commands.add_parser("convert", help=text, description=text.capitalize() + ".")
+    parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file of any known kind")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml or .dat")
+    parser.add_argument("--f-number", type=values.positive, metavar="N", help="stop down (default: as in the file)")
+    parser.add_argument(
+        "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens and write it as it then is"
+    )
+    parser.add_argument(
+        "--wavelength-nm", type=values.positive, metavar="W", default=D_LINE,
+        help="whose indices a .dat table gets (default: %(default)s)",
+    )  # fmt: skip
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.lensview.pbrt_table import loses_dispersion, pbrt_text
+    from rptcam_cl.lensview.prescription import lens_text
+    from rptcam_cl.optics.variable import zoomed
+
+    suffix = arguments.output.suffix.lower()
+    if suffix not in _SUFFIXES:
+        raise InputError(f"{arguments.output}: unknown kind of lens file to write (allowed: {', '.join(_SUFFIXES)})")
+    check_file(arguments.output, arguments.lens)
+    lens = load(arguments.lens)
+    comments = []
+    if arguments.focal_length_mm is not None:
+        lens = replace(zoomed(lens, arguments.focal_length_mm), configurations=(), published={})
+        comments.append(f"Set to a focal length of {arguments.focal_length_mm:g} mm.")
+    if arguments.f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(arguments.f_number))
+        lens = replace(lens, published={})
+        comments.append(f"Stopped down to f/{arguments.f_number:g}.")
+    if suffix != ".dat":
+        text = lens_text(lens, comments)
+    else:
+        text = pbrt_text(lens, arguments.wavelength_nm)
+        if loses_dispersion(lens):
+            print(f"a .dat table has no dispersion: its indices are those at {arguments.wavelength_nm:g} nm",
+                  file=sys.stderr)  # fmt: skip
+        if lens.focusing is not None:
+            print("a .dat table has no focusing group: the lens is written focused at infinity", file=sys.stderr)
+    write(text.encode(), arguments.output)
+    return 0
