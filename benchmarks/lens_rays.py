@@ -58,8 +58,13 @@ def kernel_times(
     records = lens_records(lens, WAVELENGTH_D, "film", 0.0)
     facts = records.facts | {"VW": lanes, "DOUBLE": 0, "LENS_KEEP_FAILED": 0}
     program = session.program(["pass/trace_rays.cl"], facts, device_declarations())
-    memory, surfaces = session.allocate(rays.nbytes), session.upload(records.surfaces)
-    launch = session.bind(program, "trace_rays", surfaces, np.int32(len(lens.surfaces)), memory, np.uint32(count))
+    memory, surfaces, stop = (
+        session.allocate(rays.nbytes),
+        session.upload(records.surfaces),
+        session.upload(records.stop),
+    )
+    number = np.int32(len(lens.surfaces))
+    launch = session.bind(program, "trace_rays", surfaces, number, stop, memory, np.uint32(count))
 
     def refill() -> None:
         session.write(memory, rays)

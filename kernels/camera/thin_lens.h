@@ -1,6 +1,6 @@
 // A perfect thin lens: every ray of a film point meets in one point of the plane of focus. a = (tan x, tan y, distance of
 // that plane, aperture radius); tables = parts of the aperture.
-#include "camera/aperture.h"
+#include "lens/aperture.h"
 #include "camera/film_point.h"
 
 static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables,

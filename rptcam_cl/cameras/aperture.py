@@ -41,7 +41,7 @@ def stop_shape(scene: Scene, aperture: scene_shapes.Aperture) -> StopShape | Sto
 
 
 def aperture_parts(scene: Scene, aperture: scene_shapes.Aperture) -> tuple[NDArray[np.float32], dict[str, int]]:
-    """Return the parts of an aperture of radius 1 and the facts for `kernels/camera/aperture.h`.
+    """Return the parts of an aperture of radius 1 and the facts for `kernels/lens/aperture.h`.
 
     A part is eight floats: a corner, two edges from it, and its cell of the alias table that picks parts by their area.
     """

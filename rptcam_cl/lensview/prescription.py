@@ -16,6 +16,7 @@ from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, P
 from rptcam_cl.optics.glass_table import GLASSES
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
+from rptcam_cl.optics.stop_shape import StopShape
 
 SCHOTT_POWERS = (0.0, 2.0, -2.0, -4.0, -6.0, -8.0)
 
@@ -83,7 +84,7 @@ def _surface(lens: Lens, k: int, last: bool) -> dict[str, Any]:
         row |= _pose(surface.pose)
     if surface.region is not None:
         row |= _region(surface.region, where)
-    if surface.stop_shape is not None:
+    if isinstance(surface.stop_shape, StopShape):
         row["shape"] = {"polygon": [list(point) for point in surface.stop_shape.vertices]}
     return row
 

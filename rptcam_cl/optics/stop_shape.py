@@ -189,11 +189,14 @@ def heart(rotation_degrees: float = 0.0) -> StopShape:
 
 
 def polygon(points: ArrayLike, rotation_degrees: float = 0.0) -> StopShape:
-    """Return a polygon of points in units of the stop's radius."""
+    """Return a polygon of points in units of the stop's radius, turned from +x towards +y."""
     flat = np.array(points, dtype=np.float64)
-    if flat.ndim == 2 and flat.shape[1] == 2:
-        return _shape(np.arctan2(flat[:, 1], flat[:, 0]), np.hypot(*flat.T), rotation_degrees)
-    raise InputError("a stop shape is a list of points [x, y]")
+    if flat.ndim != 2 or flat.shape[1] != 2:
+        raise InputError("a stop shape is a list of points [x, y]")
+    if rotation_degrees:
+        c, s = math.cos(math.radians(rotation_degrees)), math.sin(math.radians(rotation_degrees))
+        flat = flat @ np.array([[c, s], [-s, c]])
+    return StopShape(tuple((float(x), float(y)) for x, y in flat))
 
 
 def _shape(angles: Array, radii: Array, rotation_degrees: float) -> StopShape:

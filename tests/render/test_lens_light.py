@@ -162,9 +162,6 @@ def test_picture_is_upright_unless_it_is_left_as_it_lies_on_the_film(exposure):
         assert (x, y) == pytest.approx(np.array(expected) * 1000 / 199, abs=0.12)
 
 
-@pytest.mark.xfail(
-    strict=True, reason="roulette compares the throughput, which holds the camera's weight, with 1: 60 times the noise"
-)
 def test_roulette_does_not_depend_on_the_exposure():
     # weights of a slow lens are tiny; roulette must judge the path, not the exposure
     wall = {

@@ -11,7 +11,7 @@ from rptcam_cl.resources import kernels_dir
 from tests.render.pictures import WHITE, looking, scene_of
 from tests.render.test_world import still_life
 
-ADDED = "static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *not_finite_count)\n{"
+ADDED = "static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *counters)\n{"
 
 
 @pytest.mark.parametrize("poison", ["NAN", "INFINITY", "-INFINITY"])

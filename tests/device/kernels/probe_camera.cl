@@ -4,6 +4,7 @@
 __kernel void probe_camera(const __global Camera  *camera,
                            const __global float   *tables,
                            const __global Surface *surfaces,
+                           const __global float   *stop,
                            __global float         *out,        // [12][capacity]
                            uint                    capacity,   // slots
                            Wave                    wave)
@@ -11,7 +12,7 @@ __kernel void probe_camera(const __global Camera  *camera,
     uint slot = get_global_id(0) * VW;
     Lane lane = lane_of(slot, wave);
     F4 u = random4(lane.pixel, lane.sample, (U)(0u), wave.seed);
-    CameraRay ray = camera_ray(lane, u, camera, tables, surfaces);
+    CameraRay ray = camera_ray(lane, u, camera, tables, surfaces, stop);
     STORE_F(out, slot, ray.o.x);
     STORE_F(out + capacity, slot, ray.o.y);
     STORE_F(out + 2 * capacity, slot, ray.o.z);
