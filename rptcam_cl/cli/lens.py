@@ -2,13 +2,16 @@
 
 import argparse
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import lens_convert, lens_design, lens_draw, lens_field, lens_spots, lens_trace
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import D_LINE, add_lens, load
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics import Lens
 
 
 def add_to(commands: Commands) -> None:
@@ -17,6 +20,9 @@ def add_to(commands: Commands) -> None:
     lens = commands.add_parser("lens", help=text, description=text.capitalize() + ".")
     inner = lens.add_subparsers(title="commands", metavar="COMMAND", dest="lens_command", required=True)
     listing = inner.add_parser("list", help="list the lenses that come with the package")
+    form = listing.add_mutually_exclusive_group()
+    form.add_argument("--json", action="store_true", help="print JSON, with source, focal length and f-number")
+    form.add_argument("--markdown", action="store_true", help="print the same as a table in Markdown")
     listing.set_defaults(run=_list, parser=listing)
     info = inner.add_parser("info", help="print the first-order data of a lens")
     add_lens(info)
@@ -33,11 +39,36 @@ def add_to(commands: Commands) -> None:
 def _list(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics import list_lenses, load_lens
 
-    names = list_lenses()
-    width = max(map(len, names), default=0)
-    for name in names:
-        print(f"{name:<{width}}  {load_lens(name).name}")
+    lenses = {name: load_lens(name) for name in list_lenses()}
+    if arguments.json or arguments.markdown:
+        rows = [_row(name, lens) for name, lens in lenses.items()]
+        print(as_json(rows) if arguments.json else _markdown(rows))
+        return 0
+    width = max(map(len, lenses), default=0)
+    for name, lens in lenses.items():
+        print(f"{name:<{width}}  {lens.name}")
     return 0
+
+
+def _row(name: str, lens: "Lens") -> dict[str, Any]:
+    first = lens.first_order()
+    return {
+        "name": name,
+        "lens": lens.name,
+        "focal_length_mm": first.focal_length_mm,
+        "f_number": first.f_number,
+        "surfaces": first.surfaces,
+        "source": lens.source,
+    }
+
+
+def _markdown(rows: list[dict[str, Any]]) -> str:
+    lines = ["| name | lens | f [mm] | f/ | surfaces | source |", "|---|---|---|---|---|---|"]
+    for row in rows:
+        cells = (row["name"], row["lens"], f"{row['focal_length_mm']:.4g}", f"{row['f_number']:.3g}", row["surfaces"])
+        source = row["source"].replace("|", "\\|")
+        lines.append(f"| `{cells[0]}` | {' | '.join(map(str, cells[1:]))} | {source} |")
+    return "\n".join(lines)
 
 
 def _label(key: str) -> str:

@@ -41,6 +41,7 @@ def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = refer
     for beam, ray, line in lines:
         _draw_ray(picture, frame, beam, ray, line)
     _draw_surfaces(picture, frame, setting, view)
+    _draw_numbers(picture, frame, lines)
     if film is not None:
         picture.add(Path(frame.places(film), INK, 2.0, note="film"))
     _draw_words(picture, setting, beams, view)
@@ -131,6 +132,18 @@ def _draw_ray(picture: Picture, frame: _Frame, beam: Bundle, ray: int, line: Arr
     x, y = places[-1]
     for tilt in (-MARK, MARK):
         picture.add(Path([(x - MARK, y - tilt), (x + MARK, y + tilt)], BLOCKED, 1.3, note=what))
+
+
+def _draw_numbers(picture: Picture, frame: _Frame, lines: Sequence[tuple[Bundle, int, Array]]) -> None:
+    """Write the number of each surface that blocks rays beside its outermost mark."""
+    marks: dict[int, Point] = {}
+    for beam, ray, line in lines:
+        surface = int(beam.paths.last.surface[ray])
+        (place,) = frame.places(line[-1:])
+        if surface >= 0 and (surface not in marks or place[1] < marks[surface][1]):
+            marks[surface] = place
+    for surface, (x, y) in marks.items():
+        picture.add(Text((x + MARK, y - MARK - 1), str(surface), 10, colour=BLOCKED))
 
 
 def _draw_words(picture: Picture, setting: Setting, beams: Sequence[Bundle], view: View) -> None:

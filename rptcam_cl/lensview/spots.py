@@ -121,7 +121,7 @@ def spot_picture(setting: Setting, spots: Sequence[FilmSpot]) -> Picture:
         axes = Axes(picture, (left, HEAD, left + PANEL, HEAD + PANEL), (-half, half), (-half, half))
         axes.frame("x [µm]", "y [µm]" if number == 0 else "")
         rms = spot_facts(np.concatenate([spot.points for spot in group]))["rms_um"]
-        picture.add(Text((left, HEAD - 28), f"{degrees:g}°, y = {round(centres[degrees][1], 4):g} mm", 12))
+        picture.add(Text((left, HEAD - 28), f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm", 12))
         picture.add(Text((left, HEAD - 11), f"rms {rms:.3g} µm", 12, colour=FAINT))
         for spot in group:
             shown = np.random.default_rng(0).permutation(len(spot.points))[:MOST_DOTS]
