@@ -5,9 +5,11 @@ from rptcam_cl.scene.camera import (
     CircularAperture,
     EnvironmentCamera,
     Focus,
+    LensCamera,
     PinholeCamera,
     PolygonAperture,
     RealisticCamera,
+    ThickLensCamera,
     ThinLensCamera,
 )
 from rptcam_cl.scene.change import change_scene
@@ -42,6 +44,7 @@ __all__ = [
     "Focus",
     "GradientEnvironment",
     "Grid",
+    "LensCamera",
     "Light",
     "Material",
     "Matte",
@@ -60,6 +63,7 @@ __all__ = [
     "Scene",
     "SceneObject",
     "Sphere",
+    "ThickLensCamera",
     "ThinLensCamera",
     "TransformStep",
     "change_scene",
