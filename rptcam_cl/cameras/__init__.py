@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from rptcam_cl.cameras import environment, pinhole, realistic, thin_lens
+from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_lens
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.scene.scene import Scene
 
@@ -12,6 +12,7 @@ _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
     "pinhole": pinhole.build,
     "environment": environment.build,
     "thin_lens": thin_lens.build,
+    "thick_lens": thick_lens.build,
     "realistic": realistic.build,
 }
 

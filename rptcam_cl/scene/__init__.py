@@ -13,8 +13,10 @@ from rptcam_cl.scene.camera import (
     Camera,
     EnvironmentCamera,
     Focus,
+    LensCamera,
     PinholeCamera,
     RealisticCamera,
+    ThickLensCamera,
     ThinLensCamera,
 )
 from rptcam_cl.scene.change import change_scene
@@ -52,6 +54,7 @@ __all__ = [
     "Grid",
     "HeartAperture",
     "ImageAperture",
+    "LensCamera",
     "Light",
     "Material",
     "Matte",
@@ -72,6 +75,7 @@ __all__ = [
     "SceneObject",
     "Sphere",
     "StarAperture",
+    "ThickLensCamera",
     "ThinLensCamera",
     "TransformStep",
     "change_scene",

@@ -1,4 +1,4 @@
-"""The four camera models and the pose that they share."""
+"""The camera models and the pose that they share."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Pose(SceneModel):
     """Where a camera stands and looks. It looks along -z of its own frame, with +y up and +x to the right."""
 
     eye: Position
-    """Where the camera stands [scene units]; for `realistic` the centre of the film."""
+    """Where the camera stands [scene units]; with a `lens`, the centre of the film."""
 
     target: Position
     """A point that the camera looks at [scene units]."""
@@ -134,29 +134,63 @@ class ThinLensCamera(Pose):
 
 
 class Focus(SceneModel):
-    """Focus of a real lens. Exactly one of the two distances."""
+    """Focus of a real lens: where the object plane is, or where the film is. Exactly one of the four places.
+
+    The eye is the centre of the film, so `distance_m` and `point` fix a plane of the scene, at right angles to the
+    axis. `front_distance_m` fixes it relative to the lens: the plane lies farther from the eye by the length of the
+    lens and the film distance, which follow from it.
+    """
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("distance_m", "film_distance_mm"), required=True),
+        Alternatives(("distance_m", "front_distance_m", "point", "film_distance_mm"), required=True),
     )
 
     distance_m: Metres | None = None
-    """Distance from the object in focus to the film [m]."""
+    """Distance from the object plane in focus to the film [m]."""
+
+    front_distance_m: Metres | None = None
+    """Distance from the object plane in focus to the first vertex of the lens [m]."""
+
+    point: Position | None = None
+    """A point of the object plane in focus [scene units]."""
 
     film_distance_mm: Millimetres | None = None
     """Distance from the last vertex of the lens to the film [mm]."""
 
+    method: Literal["thick", "spot"] = "thick"
+    """How the film distance of an object plane is found: first-order optics, or the least spot of traced rays."""
 
-class RealisticCamera(Pose):
-    """A real lens: every ray is traced through every surface. At most one of `stop_diameter_mm` and `f_number`."""
+    @model_validator(mode="after")
+    def _check_method(self) -> Self:
+        if self.method != "thick" and self.film_distance_mm is not None:
+            raise refuse(
+                "seeks the film distance, which film_distance_mm gives already",
+                got=self.method,
+                allowed="distance_m, front_distance_m or point beside it",
+                path=("method",),
+            )
+        return self
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("stop_diameter_mm", "f_number"), required=False),)
 
-    kind: Literal["realistic"]
-    """Camera model."""
+class LensCamera(Pose):
+    """A camera with a lens of surfaces.
+
+    At most one of `stop_diameter_mm` and `f_number`, and at most one of `zoom` and `focal_length_mm`.
+    """
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (
+        Alternatives(("stop_diameter_mm", "f_number"), required=False),
+        Alternatives(("zoom", "focal_length_mm"), required=False),
+    )
 
     lens: LensReference
     """The lens: a name, a file in the scene's folder, or a prescription written out as a mapping."""
+
+    zoom: Annotated[str, Field(max_length=200)] | None = None
+    """Position of a zoom lens by its name in the lens file; the first one by default."""
+
+    focal_length_mm: Millimetres | None = None
+    """Focal length that a zoom lens is set to, between its named positions [mm]."""
 
     focus: Focus
     """Where the lens is focused."""
@@ -167,15 +201,46 @@ class RealisticCamera(Pose):
     f_number: FNumber | None = None
     """F-number that the stop is set to; as in the lens file by default."""
 
+    wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = 587.5618
+    """Wavelength of the indices of refraction [nm]; the helium d line by default."""
+
+    def ahead(self, point: tuple[float, float, float]) -> float:
+        """Return how far in front of the eye a point lies along the axis [scene units]."""
+        return float(np.dot(np.subtract(self.eye, point), self.world_from_camera()[:3, 2]))
+
+    @model_validator(mode="after")
+    def _check_focus(self) -> Self:
+        if self.focus.point is not None and not self.ahead(self.focus.point) > 0:
+            raise refuse(
+                "does not lie in front of the film",
+                got=list(self.focus.point),
+                allowed="a point on the side that the camera looks to",
+                path=("focus", "point"),
+            )
+        return self
+
+
+class ThickLensCamera(LensCamera):
+    """A lens by its cardinal points and pupils: every aberration and every rim but the stop left out."""
+
+    kind: Literal["thick_lens"]
+    """Camera model."""
+
+
+class RealisticCamera(LensCamera):
+    """A real lens: every ray is traced through every surface."""
+
+    kind: Literal["realistic"]
+    """Camera model."""
+
     aperture: Aperture = CircularAperture()
     """Shape of the stop, within the circle of its diameter."""
-
-    wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = 587.5618
-    """Wavelength at which the lens is traced [nm]; the helium d line by default."""
 
     pupil: Literal["auto", "rear", "thick", "bounds", "tight"] = "auto"
     """Where rays aim: the whole rear element, the paraxial exit pupil, a box per film cell or the pupil's true outline;
     auto takes the last. It changes noise only."""
 
 
-Camera = Annotated[PinholeCamera | EnvironmentCamera | ThinLensCamera | RealisticCamera, Field(discriminator="kind")]
+Camera = Annotated[
+    PinholeCamera | EnvironmentCamera | ThinLensCamera | ThickLensCamera | RealisticCamera, Field(discriminator="kind")
+]

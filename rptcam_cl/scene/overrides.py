@@ -8,7 +8,7 @@ from typing import Any
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.camera import Focus, RealisticCamera, ThinLensCamera
+from rptcam_cl.scene.camera import Focus, LensCamera, ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.problems import shown
 from rptcam_cl.strict_yaml import KeyPath, dotted, read_yaml
@@ -16,7 +16,7 @@ from rptcam_cl.strict_yaml import KeyPath, dotted, read_yaml
 # Where keys that exclude each other live, and the models that say which they are.
 _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
     ("film",): (Film,),
-    ("camera",): (ThinLensCamera, RealisticCamera),
+    ("camera",): (ThinLensCamera, LensCamera),
     ("camera", "focus"): (Focus,),
 }
 

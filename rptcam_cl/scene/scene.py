@@ -13,7 +13,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 
 from rptcam_cl.scene.aperture import ImageAperture
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.camera import Camera, RealisticCamera
+from rptcam_cl.scene.camera import Camera, LensCamera
 from rptcam_cl.scene.checks import check_extent, scene_warnings
 from rptcam_cl.scene.environment import Environment
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
@@ -101,7 +101,7 @@ class Scene(SceneModel):
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
         """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""
-        if not isinstance(self.camera, RealisticCamera):
+        if not isinstance(self.camera, LensCamera):
             return None
         lens = self.camera.lens
         return self._folders.find(lens) if isinstance(lens, str) and is_file_reference(lens) else lens

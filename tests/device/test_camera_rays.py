@@ -6,7 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras.realistic import film_distance_of, lens_of
+from rptcam_cl.cameras.lens_setting import lens_setting
 from rptcam_cl.scene import load_scene
 from rptcam_cl.scene.camera import RealisticCamera
 from tests.device.probes import camera_rays, camera_slots
@@ -159,8 +159,8 @@ def through(lens, resolution=(24, 16), **options):
 @pytest.mark.parametrize("lens", LENSES)
 def test_rays_through_a_lens_come_from_their_pixel_when_traced_back(session, lens, flip):
     loaded = load_scene(through(lens, flip=flip))
-    glass = lens_of(loaded)
-    back = film_distance_of(loaded.camera, glass)
+    setting = lens_setting(loaded)
+    glass, back = setting.lens, setting.film_distance_mm
     rays = camera_rays(session, loaded, 64, lanes=16)
     lit = rays.weight > 0
     assert lit.sum() > 1000
@@ -186,8 +186,8 @@ def test_rays_through_a_lens_come_from_their_pixel_when_traced_back(session, len
 
 def test_outcomes_of_the_lens_have_the_shares_of_rays_traced_in_float64(session):
     loaded = load_scene(through("dgauss-50mm", (48, 32), pupil="rear"))
-    lens = lens_of(loaded)
-    back = film_distance_of(loaded.camera, lens)
+    setting = lens_setting(loaded)
+    lens, back = setting.lens, setting.film_distance_mm
     rays = camera_rays(session, loaded, 64, lanes=16)
     shares = np.bincount(rays.status, minlength=4) / len(rays.status)
     rng = np.random.default_rng(3)

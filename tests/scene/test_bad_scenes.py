@@ -115,7 +115,16 @@ VALUES = [
     ("camera.f_number=0", "camera.f_number: is out of range"),
     ("camera.f_number=-4", "camera.f_number: is out of range"),
     ("camera.stop_diameter_mm=0", "camera.stop_diameter_mm: is out of range"),
-    ("camera.focus={}", "camera.focus: needs one of distance_m | film_distance_mm"),
+    ("camera.focus={}", "camera.focus: needs one of distance_m | front_distance_m | point | film_distance_mm"),
+    ("camera.focus={distance_m: 1, point: [0, 0, 1]}", "camera.focus.point: cannot be given together with distance_m"),
+    ("camera.focus={front_distance_m: 0}", "camera.focus.front_distance_m: is out of range"),
+    ("camera.focus={point: [0, 0]}", "camera.focus.point: has 2 numbers instead of 3"),
+    ("camera.focus={point: [0, -20, 0]}", "camera.focus.point: does not lie in front of the film"),
+    ("camera.focus={point: [5, -9.5, 3.2]}", "camera.focus.point: does not lie in front of the film"),
+    ("camera.focus.method=best", "camera.focus.method: …allowed: thick, spot"),
+    ("camera.focus={film_distance_mm: 36, method: spot}", "camera.focus.method: seeks the film distance"),
+    ("camera.zoom=85", "camera.zoom: must be text (got 85)"),
+    ("camera.focal_length_mm=0", "camera.focal_length_mm: is out of range"),
     ("camera.focus={distance_m: 1, film_distance_mm: 50}", "film_distance_mm: cannot be given together"),
     ("camera.focus.distance_m=-1", "camera.focus.distance_m: is out of range"),
     ("camera.wavelength_nm=1", "camera.wavelength_nm: is out of range"),
@@ -198,6 +207,7 @@ def test_value_is_refused(load: Load, override: str, message: str) -> None:
 
 # Keys of a camera that stands well, and what the message must say.
 THIN = "kind: thin_lens, f_number: 2, fov_degrees: 40"
+THICK = "kind: thick_lens, lens: dgauss-50mm, focus: {distance_m: 5}"
 OPEN = f"{THIN}, focus_distance_m: 3, aperture:"
 CAMERAS = [
     ("kind: pinhole, fov_degrees: 0", "fov_degrees: is out of range (got 0; allowed: more than 0)"),
@@ -231,6 +241,11 @@ CAMERAS = [
         "aperture.shape: …allowed: circle, polygon, star, heart, outline, image",
     ),
     ("kind: pinhole, fov_degrees: 40, f_number: 4", "camera.f_number: unknown key"),
+    ("kind: thick_lens, focus: {distance_m: 5}", "camera.lens: is required"),
+    ("kind: thick_lens, lens: dgauss-50mm", "camera.focus: is required"),
+    (f"{THICK}, f_number: 2, stop_diameter_mm: 9", "camera.f_number: cannot be given together with stop_diameter_mm"),
+    (f"{THICK}, zoom: tele, focal_length_mm: 85", "camera.focal_length_mm: cannot be given together with zoom"),
+    (f"{THICK}, pupil: rear", "camera.pupil: unknown key"),
 ]
 
 

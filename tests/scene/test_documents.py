@@ -13,30 +13,31 @@ from rptcam_cl.scene import load_scene, scene_json_schema
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Pose
 
-# Sections of docs/scene.md: the model that each describes, and the section that describes the keys that it shares.
-SECTIONS: dict[str, tuple[type[SceneModel], str | None]] = {
-    "Scene": (model.Scene, None),
-    "Film": (model.Film, None),
+# Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
+SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
+    "Scene": (model.Scene,),
+    "Film": (model.Film,),
     "Pinhole camera": (model.PinholeCamera, "Pose"),
     "Environment camera": (model.EnvironmentCamera, "Pose"),
     "Thin-lens camera": (model.ThinLensCamera, "Pose"),
-    "Realistic camera": (model.RealisticCamera, "Pose"),
-    "Circular aperture": (model.CircularAperture, None),
-    "Polygon aperture": (model.PolygonAperture, None),
-    "Star aperture": (model.StarAperture, None),
-    "Heart aperture": (model.HeartAperture, None),
-    "Outline aperture": (model.OutlineAperture, None),
-    "Image aperture": (model.ImageAperture, None),
-    "Focus": (model.Focus, None),
-    "Render": (model.RenderSettings, None),
-    "Picture": (model.Picture, None),
-    "Matte": (model.Matte, None),
-    "Mirror": (model.Mirror, None),
-    "Conductor": (model.Conductor, None),
-    "Dielectric": (model.Dielectric, None),
-    "Emissive": (model.Emissive, None),
-    "Checker": (model.Checker, None),
-    "Grid": (model.Grid, None),
+    "Thick-lens camera": (model.ThickLensCamera, "Pose", "Lens cameras"),
+    "Realistic camera": (model.RealisticCamera, "Pose", "Lens cameras"),
+    "Circular aperture": (model.CircularAperture,),
+    "Polygon aperture": (model.PolygonAperture,),
+    "Star aperture": (model.StarAperture,),
+    "Heart aperture": (model.HeartAperture,),
+    "Outline aperture": (model.OutlineAperture,),
+    "Image aperture": (model.ImageAperture,),
+    "Focus": (model.Focus,),
+    "Render": (model.RenderSettings,),
+    "Picture": (model.Picture,),
+    "Matte": (model.Matte,),
+    "Mirror": (model.Mirror,),
+    "Conductor": (model.Conductor,),
+    "Dielectric": (model.Dielectric,),
+    "Emissive": (model.Emissive,),
+    "Checker": (model.Checker,),
+    "Grid": (model.Grid,),
     "Sphere": (model.Sphere, "Every object"),
     "Disk": (model.Disk, "Every object"),
     "Rectangle": (model.Rectangle, "Every object"),
@@ -44,14 +45,14 @@ SECTIONS: dict[str, tuple[type[SceneModel], str | None]] = {
     "Cylinder": (model.Cylinder, "Every object"),
     "Cone": (model.Cone, "Every object"),
     "Plane": (model.Plane, "Every object"),
-    "Transform step": (model.TransformStep, None),
-    "Rotation": (model.Rotation, None),
-    "Point light": (model.PointLight, None),
-    "Directional light": (model.DirectionalLight, None),
-    "Constant environment": (model.ConstantEnvironment, None),
-    "Gradient environment": (model.GradientEnvironment, None),
+    "Transform step": (model.TransformStep,),
+    "Rotation": (model.Rotation,),
+    "Point light": (model.PointLight,),
+    "Directional light": (model.DirectionalLight,),
+    "Constant environment": (model.ConstantEnvironment,),
+    "Gradient environment": (model.GradientEnvironment,),
 }
-BASES = {SceneModel, Pose, model.SceneObject, model.shape.BoundedObject}
+BASES = {SceneModel, Pose, model.LensCamera, model.SceneObject, model.shape.BoundedObject}
 
 # Defaults that the reference describes in words.
 IN_WORDS = {"film", "render", "picture"}
@@ -79,15 +80,15 @@ def subclasses(base: type[SceneModel]) -> set[type[SceneModel]]:
 
 
 def test_every_model_has_a_section() -> None:
-    assert {described for described, _ in SECTIONS.values()} == subclasses(SceneModel) - BASES
+    assert {described for described, *_ in SECTIONS.values()} == subclasses(SceneModel) - BASES
 
 
 @pytest.mark.parametrize("section", SECTIONS)
 def test_reference_lists_every_key_with_default_and_bounds(
     tables: dict[str, dict[str, list[str]]], section: str
 ) -> None:
-    described, shared = SECTIONS[section]
-    rows = (tables[shared] if shared else {}) | tables[section]
+    described, *shared = SECTIONS[section]
+    rows = {key: row for name in (*shared, section) for key, row in tables[name].items()}
     assert rows.keys() == described.model_fields.keys()
     schema = described.model_json_schema()
     for key, field in described.model_fields.items():

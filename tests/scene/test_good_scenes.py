@@ -19,6 +19,7 @@ from rptcam_cl.scene import (
     RealisticCamera,
     Scene,
     Sphere,
+    ThickLensCamera,
     load_scene,
 )
 from rptcam_cl.strict_yaml import read_yaml
@@ -36,6 +37,22 @@ def test_attributes_are_the_keys_of_the_file(everything: Scene) -> None:
         "sphere", "disk", "rectangle", "box", "cylinder", "cone", "plane",
     ]  # fmt: skip
     assert [light.kind for light in everything.lights] == ["point", "directional"]
+
+
+def test_thick_lens_camera_takes_the_lens_keys_of_the_realistic_one(load: Load) -> None:
+    camera = load(EVERYTHING, "camera.kind=thick_lens", "camera.zoom=tele").camera
+    assert isinstance(camera, ThickLensCamera)
+    assert (camera.lens, camera.f_number, camera.focus.distance_m) == ("double_gauss_50mm", 4.0, 8.8)
+    assert camera.zoom == "tele"
+    assert set(RealisticCamera.model_fields) - set(ThickLensCamera.model_fields) == {"aperture", "pupil"}
+
+
+def test_depth_of_a_point_is_measured_along_the_axis(load: Load) -> None:
+    camera = load(EVERYTHING, "camera.focus.point=[3, 0.5, 3.2]", "camera.target=[0, 0, 3.2]").camera
+    assert isinstance(camera, RealisticCamera)
+    assert (camera.focus.distance_m, camera.focus.point) == (None, (3.0, 0.5, 3.2))
+    assert camera.ahead((3.0, 0.5, 3.2)) == pytest.approx(10.0)  # the eye stands at y = -9.5
+    assert camera.ahead((0.0, -10.0, 3.2)) == pytest.approx(-0.5)
 
 
 def test_named_material_is_the_same_instance_everywhere(everything: Scene) -> None:

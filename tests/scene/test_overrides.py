@@ -43,6 +43,15 @@ def test_override_replaces_the_key_that_it_excludes(load: Load) -> None:
     assert load(EVERYTHING, "film.width_mm=24").film.size_mm is None
 
 
+def test_place_of_focus_replaces_any_other(load: Load) -> None:
+    camera = load(EVERYTHING, "camera.focus.point=[0, 0, 1]", "camera.focus.method=spot", "camera.zoom=tele").camera
+    assert isinstance(camera, RealisticCamera)
+    assert (camera.focus.point, camera.focus.distance_m, camera.focus.method) == ((0.0, 0.0, 1.0), None, "spot")
+    again = load(EVERYTHING, "camera.zoom=tele", "camera.focal_length_mm=85").camera
+    assert isinstance(again, RealisticCamera)
+    assert (again.focal_length_mm, again.zoom) == (85.0, None)
+
+
 def test_null_leaves_the_excluded_key_alone(load: Load) -> None:
     camera = load(EVERYTHING, "camera.stop_diameter_mm=null").camera
     assert isinstance(camera, RealisticCamera)

@@ -1,0 +1,109 @@
+"""The lens of a camera as its scene sets it: zoomed, stopped down and focused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from rptcam_cl.cameras.focusing import focused
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics import Lens, load_lens
+from rptcam_cl.optics.focus import object_distance
+from rptcam_cl.optics.variable import configured, zoomed
+from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.scene.scene import Scene
+
+
+@dataclass(frozen=True)
+class LensSetting:
+    """A lens in use.
+
+    Attributes
+    ----------
+    lens : Lens
+        Zoomed, stopped down, and with its focusing group in place.
+    film_distance_mm : float
+        Last vertex to film.
+    focus_distance_mm : float or None
+        Object plane in focus to film; None when the film stands where no object is sharp.
+    camera : LensCamera
+        What was asked for.
+    """
+
+    lens: Lens
+    film_distance_mm: float
+    focus_distance_mm: float | None
+    camera: LensCamera
+
+    @property
+    def gain(self) -> float:
+        """Irradiance over that of the same rays in one medium: what a ray keeps is radiance over the squared index."""
+        indices = self.lens.indices(self.camera.wavelength_nm)
+        return float(indices[-1] / indices[0]) ** 2
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """What the picture's metadata should say."""
+        first = self.lens.first_order(self.camera.wavelength_nm)
+        focus = self.camera.focus
+        sought = focus.film_distance_mm is None
+        return {
+            "lens": self.lens.name,
+            "zoom": self.camera.zoom,
+            "focal_length_mm": first.focal_length_mm,
+            "f_number": first.f_number,
+            "film_distance_mm": self.film_distance_mm,
+            "focus_distance_m": None if self.focus_distance_mm is None else self.focus_distance_mm * 1e-3,
+            "focus_method": focus.method if sought else None,
+            "focused_by": ("whole lens" if self.lens.focusing is None else "group") if sought else None,
+            "wavelength_nm": self.camera.wavelength_nm,
+        }
+
+
+def lens_setting(scene: Scene) -> LensSetting:
+    """Return the lens of a scene's camera in use.
+
+    Raises
+    ------
+    InputError
+        When it cannot be zoomed, stopped down or focused as asked.
+    """
+    camera = scene.camera
+    assert isinstance(camera, LensCamera)
+    lens, focus = _stopped_down(scene, camera), camera.focus
+    if focus.film_distance_mm is not None:
+        return LensSetting(lens, focus.film_distance_mm, _sharp_at(lens, focus.film_distance_mm, camera), camera)
+    if focus.front_distance_m is not None:
+        front_mm = focus.front_distance_m * 1e3
+        lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm)
+        return LensSetting(lens, back_mm, front_mm + lens.length + back_mm, camera)
+    if focus.point is not None:
+        distance_mm = camera.ahead(focus.point) * scene.metres_per_unit * 1e3
+    else:
+        assert focus.distance_m is not None
+        distance_mm = focus.distance_m * 1e3
+    lens, back_mm = focused(lens, distance_mm, "film", focus.method, camera.wavelength_nm)
+    return LensSetting(lens, back_mm, distance_mm, camera)
+
+
+def _stopped_down(scene: Scene, camera: LensCamera) -> Lens:
+    """Return the lens at its focal length and working aperture."""
+    source = scene.lens_source()
+    assert source is not None
+    lens = load_lens(source)
+    if camera.zoom is not None:
+        lens = configured(lens, camera.zoom)
+    if camera.focal_length_mm is not None:
+        lens = zoomed(lens, camera.focal_length_mm, camera.wavelength_nm)
+    if camera.f_number is not None:
+        return lens.with_stop_diameter(lens.stop_diameter_for(camera.f_number, camera.wavelength_nm))
+    if camera.stop_diameter_mm is not None:
+        return lens.with_stop_diameter(camera.stop_diameter_mm)
+    return lens
+
+
+def _sharp_at(lens: Lens, back_mm: float, camera: LensCamera) -> float | None:
+    try:
+        return object_distance(lens, back_mm, camera.wavelength_nm)
+    except InputError:  # the film lies where no object images: legal, just never sharp
+        return None
