@@ -15,6 +15,7 @@ from rptcam_cl.optics.summary import image_circle
 from rptcam_cl.records import PupilKind
 from tests.device.probes import camera_rays
 from tests.lens_device.beams import ASSIGNMENT, back_distance, generator, scene_beam
+from tests.support.statistics import Z
 
 COUNT = 60_000
 CONTAINED = {**ASSIGNMENT, "anamorphic-100mm": (80.0, 13.7)}
@@ -200,3 +201,17 @@ def test_nine_of_ten_rays_that_the_device_draws_pass(session, name):
     rays = camera_rays(session, circle_scene(name, back, radius, "auto"), 4)
     inside = np.hypot(*(rays.pixel - 23.5).T) < 23
     assert (rays.status == Status.ok)[inside].mean() >= 0.90
+
+
+@pytest.mark.parametrize("name", ["dgauss-50mm", "telephoto-250mm"])
+def test_the_device_draws_the_pupil_that_its_table_holds(session, name):
+    # rays that are drawn a little inside of the outline would all pass, and the light at its edge be lost
+    lens, back, radius = film_of(name)
+    rays = camera_rays(session, circle_scene(name, back, radius, "tight"), 16)
+    sampling, x, y = sampling_of(lens, back, radius, "tight")
+    rng = generator("drawn", name)
+    film = rng.uniform(-radius, radius, (len(rays.status), 2))
+    points, _ = drawn(sampling.table.reshape(len(y), len(x), -1), x, y, film, rng, sampling.radial)
+    wanted = FilmProbe(lens, back, WAVELENGTH_D).passes(film, points).mean()
+    got = (rays.status == Status.ok).mean()
+    assert abs(got - wanted) <= Z * np.sqrt(2 * wanted * (1 - wanted) / len(film))
