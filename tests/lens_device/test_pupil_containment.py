@@ -17,7 +17,7 @@ from tests.device.probes import camera_rays
 from tests.lens_device.beams import ASSIGNMENT, back_distance, generator, scene_beam
 from tests.support.statistics import Z
 
-COUNT = 60_000
+COUNT = 50_000
 CONTAINED = {**ASSIGNMENT, "anamorphic-100mm": (80.0, 13.7)}
 LEAKS = {
     ("fisheye-10mm", "tight"): "loses 6e-5 of the rays that pass, all of them within 0.8 mm of where the light ends"
@@ -142,6 +142,37 @@ def test_no_ray_that_passes_lies_outside_its_pupil(name, tier):
     if sampling.radial:
         lost |= np.hypot(*film.T) > x[-1]  # beyond the last node no ray is drawn
     assert len(lost) > 2000
+    assert lost.sum() == 0
+
+
+# A pupil smaller than a cell of the first scan over the rear element is missed between its rays.
+SMALL = {
+    ("wide-22mm", "bounds"): "loses 4 of 10 rays at f/22",
+    ("wide-22mm", "tight"): "loses 1 of 6 rays at f/22",
+    ("fisheye-10mm", "bounds"): "loses 1 of 100 rays at f/22",
+}
+STOPPED = [
+    pytest.param(name, tier, marks=pytest.mark.xfail(strict=True, reason=SMALL[name, tier]))
+    if (name, tier) in SMALL
+    else (name, tier)
+    for name in CONTAINED
+    for tier in ("thick", "bounds", "tight")
+]
+
+
+@cache
+def passing_stopped_down(name):
+    lens, (back, diagonal) = load_lens(name), CONTAINED[name]
+    stopped, half = lens.with_stop_diameter(lens.stop_diameter_for(22.0)), diagonal / np.sqrt(2)
+    return stopped, back, half, *passing_rays(stopped, back, half)
+
+
+@pytest.mark.parametrize(("name", "tier"), STOPPED)
+def test_no_ray_that_passes_at_f_22_lies_outside_its_pupil(name, tier):
+    lens, back, half, film, points = passing_stopped_down(name)
+    sampling, x, y = sampling_of(lens, back, half, tier)
+    lost = outside(sampling, half, film, points, x, y)
+    assert len(lost) > 80
     assert lost.sum() == 0
 
 
