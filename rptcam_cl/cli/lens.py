@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import lens_convert, lens_design, lens_draw, lens_field, lens_spots, lens_trace
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import D_LINE, add_lens, load
+from rptcam_cl.cli.lens_options import D_LINE, add_lens, zoomed_lens
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
 
@@ -93,11 +93,8 @@ def _lines(facts: dict[str, Any], indent: str = "") -> list[str]:
 
 def _info(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.summary import lens_info
-    from rptcam_cl.optics.variable import zoomed
 
-    lens = load(arguments.lens)
-    if arguments.focal_length_mm is not None:
-        lens = zoomed(lens, arguments.focal_length_mm, arguments.wavelength_nm)
+    lens = zoomed_lens(arguments, arguments.wavelength_nm)
     distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m
     facts = lens_info(lens, arguments.f_number, distance, arguments.wavelength_nm)
     if arguments.json:

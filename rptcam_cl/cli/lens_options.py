@@ -73,8 +73,10 @@ def add_lens(parser: argparse.ArgumentParser) -> None:
         "--focus-distance-m", type=values.positive, metavar="D",
         help="distance from the object to the film in metres (default: infinity)",
     )  # fmt: skip
-    parser.add_argument(
-        "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens (default: its first position)"
+    zoom = parser.add_mutually_exclusive_group()
+    zoom.add_argument("--zoom", metavar="NAME", help="position of a zoom lens, by its name (default: the first)")
+    zoom.add_argument(
+        "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens, between its positions too"
     )
 
 
@@ -104,9 +106,20 @@ def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = D_LINE) ->
     """The lens as the options set it; doubts about it go to standard error."""
     from rptcam_cl.lensview.setting import setting
 
-    return setting(
-        load(arguments.lens), arguments.f_number, arguments.focus_distance_m, arguments.focal_length_mm, wavelength_nm
-    )
+    lens = zoomed_lens(arguments, wavelength_nm)
+    return setting(lens, arguments.f_number, arguments.focus_distance_m, wavelength_nm)
+
+
+def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
+    """The lens at the focal length that the options ask for; doubts about it go to standard error."""
+    from rptcam_cl.optics.variable import configured, zoomed
+
+    lens = load(arguments.lens)
+    if arguments.zoom is not None:
+        return configured(lens, arguments.zoom)
+    if arguments.focal_length_mm is not None:
+        return zoomed(lens, arguments.focal_length_mm, wavelength_nm)
+    return lens
 
 
 def load(source: str) -> "Lens":

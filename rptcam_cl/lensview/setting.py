@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.variable import zoomed
 
 if TYPE_CHECKING:
     from rptcam_cl.optics import Lens
@@ -53,7 +52,6 @@ def setting(
     lens: Lens,
     f_number: float | None = None,
     focus_distance_m: float | None = None,
-    focal_length_mm: float | None = None,
     wavelength_nm: float = WAVELENGTH_D,
 ) -> Setting:
     """Return a lens in use.
@@ -61,16 +59,13 @@ def setting(
     Parameters
     ----------
     lens : Lens
+        Zoomed already.
     f_number : float, optional
         To stop down to; as wide as the file has it when absent.
     focus_distance_m : float, optional
         Object plane to film [m]; infinity when absent.
-    focal_length_mm : float, optional
-        To which a zoom lens is set.
     wavelength_nm : float
     """
-    if focal_length_mm is not None:
-        lens = zoomed(lens, focal_length_mm, wavelength_nm)
     if f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
     if focus_distance_m is not None:

@@ -70,6 +70,12 @@ def test_wavelength_is_part_of_the_facts(rptcam: Command) -> None:
     assert info(rptcam, "--wavelength-nm", "486.1")["wavelength_nm"] == 486.1
 
 
+@pytest.mark.parametrize(("words", "focal_length"), [(["--zoom", "194 mm"], 194), (["--focal-length-mm", "100"], 100)])
+def test_zoom_is_part_of_the_facts(rptcam: Command, words: list[str], focal_length: float) -> None:
+    run = rptcam("lens", "info", "zoom-70-200mm", "--json", *words)
+    assert json.loads(run.out)["focal_length_mm"] == pytest.approx(focal_length, rel=2e-3)
+
+
 def test_facts_for_people_carry_their_units(rptcam: Command) -> None:
     run = rptcam("lens", "info", "dgauss-50mm")
     assert run.code == 0

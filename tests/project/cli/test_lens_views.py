@@ -99,6 +99,8 @@ def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_p
         (["draw", "ball", "--section", "z"], "invalid choice"),
         (["draw", "dgauss-50mm", "--f-number", "1"], "opens to f/2.03"),
         (["draw", "ball", "--focal-length-mm", "60"], "not a zoom lens"),
+        (["draw", "ball", "--zoom", "tele"], "no configuration 'tele'; it has none"),
+        (["draw", "ball", "--zoom", "tele", "--focal-length-mm", "60"], "not allowed with"),
         (["draw", "tessar-102mm", "--wavelengths", "100"], "is known from"),
         (["spot", "biconcave"], "no real image"),
         (["spot", "dgauss-50mm", "--fields", "80"], "nothing of a beam"),
