@@ -17,7 +17,7 @@ from tests.device.probes import camera_rays
 from tests.lens_device.beams import ASSIGNMENT, back_distance, generator, scene_beam
 from tests.support.statistics import Z
 
-COUNT = 50_000
+COUNT = 60_000
 CONTAINED = {**ASSIGNMENT, "anamorphic-100mm": (80.0, 13.7)}
 LEAKS = {
     ("fisheye-10mm", "tight"): "loses 6e-5 of the rays that pass, all of them within 0.8 mm of where the light ends"
