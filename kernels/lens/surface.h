@@ -155,7 +155,8 @@ static LensHit meet_general(const __global Surface *surface, F3 p, F3 d)
     hit.p = f3(x, y, z);
     hit.n = f3(-zx * inverse, -zy * inverse, inverse);
     hit.cosine = dot3(hit.n, d);
-    I reached = NOT(not_finite(t)) & NOT(not_finite(z));
+    I near = x * x + y * y <= 9.0f * surface->semi_diameter2;   // farther out the iteration follows other sheets
+    I reached = NOT(not_finite(t)) & NOT(not_finite(z)) & near;
     hit.met = reached & settled & (hit.cosine > 0.0f);
     hit.settled = settled | NOT(reached);
     return hit;

@@ -32,10 +32,10 @@ static F3 offset_of(const __global Surface *s) { return f3((F)(s->offset[0]), (F
 // Direction after a surface by Snell's law, and whether the ray is bent and not totally reflected.
 static F3 refracted(F3 d, F3 n, F cosine, real eta, I *bends)
 {
-    F cosine2_after = 1.0f - eta * eta * (1.0f - cosine * cosine);
-    F bend = root(cosine2_after) - eta * cosine;
+    F3 along_surface = scale(along(d, n, -cosine), eta);       // formed first: 1 - cosine^2 would lose it near grazing
+    F cosine2_after = 1.0f - dot3(along_surface, along_surface);
     *bends = cosine2_after > CRITICAL;
-    return f3(eta * d.x + bend * n.x, eta * d.y + bend * n.y, eta * d.z + bend * n.z);
+    return along(along_surface, n, root(cosine2_after));
 }
 
 // `stop` holds the shape of the stop, where it has one: edges of an outline or cells of a mask.

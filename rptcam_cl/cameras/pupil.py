@@ -10,12 +10,14 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
-from rptcam_cl.optics.probe import FilmProbe, cells, grid, narrowed
-from rptcam_cl.optics.pupil_shape import DIRECTIONS, PupilShapes, pupil_shapes
+from rptcam_cl.optics.probe import FilmProbe, cells, grid
+from rptcam_cl.optics.pupil_shape import DIRECTIONS, PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
 from rptcam_cl.records import PupilKind
 
 Tier = Literal["auto", "rear", "thick", "bounds", "tight"]
 CELLS = 16  # of the film across and down, for the boxes
+SPREAD = 0.05  # share of its size that a box is widened by, for what lies between the corners of its cell
+EDGE_SPREAD = 0.2  # the same where the pupil closes within the cell
 PROBES = (18, 18)  # rays per box and film point
 
 
@@ -108,31 +110,32 @@ def _needed_radius(
     lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, shift: float
 ) -> float:
     """Return the radius [mm] of a circle, shifted with the film point, that holds every probed ray that passes."""
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
     film = _film_points(half_film_mm, 11)
-    windows, _ = narrowed(probe, film, probe.windows(film), PROBES)
+    windows, found = pupil_boxes(probes, film, PROBES)
+    film, windows = film[found], windows[found]
     points = grid(windows, 2 * PROBES[0], 2 * PROBES[1])
-    passes = probe.passes(film[:, None], points)
+    passes = probes[-1].passes(film[:, None], points)
     away = points - shift * film[:, None]
     cell = np.hypot(*cells(windows, 2 * PROBES[0], 2 * PROBES[1]).T)[:, None]
-    return float(np.max((np.hypot(away[..., 0], away[..., 1]) + cell) * passes))
+    return float(np.max((np.hypot(away[..., 0], away[..., 1]) + cell) * passes, initial=0.0))
 
 
 def _bounds(
     lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
 ) -> PupilSampling:
-    """A box per film cell that holds the pupils of its corners and their neighbours' difference."""
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    """A box per film cell that holds the pupils of its corners, and a little more."""
     film = _film_points(half_film_mm, CELLS + 1)
-    boxes, found = narrowed(probe, film, probe.windows(film), PROBES)
-    boxes, again = narrowed(probe, film, boxes, PROBES)
-    found &= again
+    boxes, found = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm), film, PROBES)
     low = np.where(found[:, None], boxes[:, ::2], np.inf).reshape(CELLS + 1, CELLS + 1, 2)
     high = np.where(found[:, None], boxes[:, 1::2], -np.inf).reshape(CELLS + 1, CELLS + 1, 2)
     corners = [(slice(i, i + CELLS), slice(j, j + CELLS)) for i in (0, 1) for j in (0, 1)]
     low = np.min([low[corner] for corner in corners], axis=0)
     high = np.max([high[corner] for corner in corners], axis=0)
     lit = np.isfinite(low[..., 0])
+    closed = ~np.all([found.reshape(CELLS + 1, CELLS + 1)[corner] for corner in corners], axis=0)
+    spread = np.where(closed, EDGE_SPREAD, SPREAD)[..., None] * np.where(lit[..., None], high - low, 0.0)
+    low, high = low - spread, high + spread
     if not lit.any():
         raise InputError(f"{lens.name}: no light reaches the film {film_distance_mm:g} mm behind the lens")
     size = np.where(lit[..., None], high - low, 0.0)

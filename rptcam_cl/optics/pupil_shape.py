@@ -9,7 +9,7 @@ traced between the nodes as well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
+from rptcam_cl.optics.probe import FilmProbe, narrowed
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -34,6 +34,8 @@ RADIAL_NODES = 49
 FILM_NODES = 9  # along each side of the film, for a lens without rotational symmetry
 COARSE = (24, 24)
 MARGIN = 0.003  # of the radius, beyond what was traced
+EDGE_NODES = 4  # nearest to the edge of the light, where the pupil closes faster than nodes follow
+EDGE_MARGIN = 0.25
 FILM_MARGIN = 0.01  # the same for a grid over the film, whose nodes stand farther apart
 
 
@@ -83,30 +85,79 @@ def pupil_shapes(
     InputError
         When no light reaches the film at all.
     """
-    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
     if lens.is_rotational:
-        x, y = np.linspace(0.0, _lit_radius(probe, float(np.hypot(*half_film_mm))), RADIAL_NODES), np.zeros(1)
+        x, y = np.linspace(0.0, _lit_radius(probes, float(np.hypot(*half_film_mm))), RADIAL_NODES), np.zeros(1)
     else:
         x, y = (np.linspace(-half, half, FILM_NODES) for half in half_film_mm)
     film = np.stack(np.meshgrid(_with_middles(x), _with_middles(y)), axis=-1)
     nodes = film[::2, ::2].copy()
     if lens.is_rotational:
         nodes[0, -1, 0] -= 0.1 * (x[1] - x[0])  # at the edge itself the pupil has closed
-    centres, axes = _frames(probe, nodes)
+    centres, axes = _frames(probes, nodes)
     if not axes.any():
         raise InputError(f"{lens.name}: no light reaches the film {film_distance_mm:g} mm behind the lens")
-    reach = _reach(probe, film, _between(centres), _between(axes))
+    reach = _reach(probes[-1], film, _between(centres), _between(axes))
     radii = _envelope(reach) * (1.0 + (MARGIN if lens.is_rotational else FILM_MARGIN))
+    if lens.is_rotational and x[-1] < np.hypot(*half_film_mm):
+        radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
     return PupilShapes(bool(lens.is_rotational), x, y, centres, axes, radii)
 
 
-def _lit_radius(probe: FilmProbe, film_radius: float) -> float:
+def narrowing_probes(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> list[FilmProbe]:
+    """Return probes of the lens with its stop ever smaller: first as wide as any rim, then half that, last its own.
+
+    A small pupil slips through a grid over the rear element; the next wider one tells where to look for it.
+    """
+    stops = [lens]
+    if lens.stop is not None and lens.stop_index is not None:
+        widest = max(surface.semi_diameter for surface in lens.surfaces if np.isfinite(surface.semi_diameter))
+        while (radius := _stop_radius(stops[0])) < widest:
+            surfaces = list(lens.surfaces)
+            surfaces[lens.stop_index] = replace(lens.stop, semi_diameter=2 * radius)
+            stops.insert(0, replace(lens, surfaces=tuple(surfaces)))
+    return [FilmProbe(stopped, film_distance_mm, wavelength_nm) for stopped in stops]
+
+
+def _stop_radius(lens: Lens) -> float:
+    assert lens.stop is not None
+    return lens.stop.semi_diameter
+
+
+def pupil_boxes(probes: list[FilmProbe], film: Array, shape: tuple[int, int] = COARSE) -> tuple[Array, Mask]:
+    """Return boxes (m, 4) round the pupil as seen from film points (m, 2), a cell wider, and where it is open."""
+    boxes = probes[-1].windows(film)
+    found = np.ones(len(film), dtype=bool)
+    for probe in (*probes, probes[-1]):
+        boxes, hit = narrowed(probe, film, boxes, shape)
+        found &= hit
+    if not found.all():
+        near = _paraxial_boxes(probes[-1], film[~found])
+        for _ in range(2):
+            near, again = narrowed(probes[-1], film[~found], near, shape)
+        boxes[~found] = near
+        found[~found] = again
+    return boxes, found
+
+
+def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
+    """Return boxes (m, 4) thrice as large as the paraxial exit pupil, on the plane of the last vertex."""
+    pupil = probe.lens.first_order(probe.wavelength_nm).exit_pupil
+    from_film = probe.distance - pupil.distance_mm
+    if not (np.isfinite(from_film) and from_film != 0.0):
+        return probe.windows(film)
+    shrink = probe.distance / from_film
+    centres, reach = film * (1.0 - shrink), 1.5 * abs(shrink) * pupil.diameter_mm
+    low, high = centres - reach, centres + reach
+    return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+
+
+def _lit_radius(probes: list[FilmProbe], film_radius: float) -> float:
     """Return the film radius up to which light arrives, at most `film_radius`; found in two scans."""
     low, high = 0.0, film_radius
     for _ in range(2):
         radii = np.linspace(low, high, SCAN)
-        film = np.stack([radii, np.zeros(SCAN)], axis=1)
-        found = probe.passes(film[:, None], grid(probe.windows(film), *COARSE)).any(axis=1)
+        _, found = pupil_boxes(probes, np.stack([radii, np.zeros(SCAN)], axis=1))
         last = int(np.flatnonzero(found)[-1]) if found.any() else 0
         if last == SCAN - 1:
             return high
@@ -114,23 +165,16 @@ def _lit_radius(probe: FilmProbe, film_radius: float) -> float:
     return float(high)
 
 
-def _frames(probe: FilmProbe, nodes: Array) -> tuple[Array, Array]:
+def _frames(probes: list[FilmProbe], nodes: Array) -> tuple[Array, Array]:
     """Return centres and half axes of boxes round the pupil at film points (rows, columns, 2); 0 where it is closed.
 
     A closed node next to open ones takes the mean of theirs, so that interpolation reaches the edge of the light.
     """
-    film = nodes.reshape(-1, 2)
-    boxes, found = narrowed(probe, film, probe.windows(film), COARSE)
-    boxes, again = narrowed(probe, film, boxes, COARSE)
-    found &= again
-    centres = np.stack([boxes[:, 0] + boxes[:, 1], boxes[:, 2] + boxes[:, 3]], axis=1) / 2
-    axes = np.where(found[:, None], np.stack([boxes[:, 1] - boxes[:, 0], boxes[:, 3] - boxes[:, 2]], axis=1) / 2, 0.0)
+    boxes, found = pupil_boxes(probes, nodes.reshape(-1, 2))
     rows, columns = nodes.shape[:2]
-    centres, axes, lit = (
-        centres.reshape(rows, columns, 2),
-        axes.reshape(rows, columns, 2),
-        found.reshape(rows, columns, 1),
-    )
+    lit = found.reshape(rows, columns, 1)
+    low, high = boxes[:, ::2].reshape(rows, columns, 2), boxes[:, 1::2].reshape(rows, columns, 2)
+    centres, axes = (low + high) / 2, np.where(lit, (high - low) / 2, 0.0)
     weight = _neighbours(lit.astype(np.float64))
     borrow = ~lit & (weight > 0)
     weight = np.maximum(weight, 1.0)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.optics import Status, list_lenses, load_lens
+from rptcam_cl.optics import Rays, Status, list_lenses, load_lens
 from tests.lens_device.beams import ASSIGNMENT, PRECISIONS, doubtful, film_beam, neighbours, on_device
 
 COUNT = 2000
@@ -57,6 +57,12 @@ def test_rays_from_the_film_are_those_of_the_reference(session, name, precision)
     got = on_device(session, lens, origins, directions, precision)
     if name in STRAYING:
         got.status[got.status == Status.missed] = Status.no_convergence
+        # A ray that strays on a steep asphere stops at one surface or the next; that it does not pass is the same.
+        strayed = ~got.passed & ~wanted.passed & ((got.status != wanted.status) | (got.surface != wanted.surface))
+        assert strayed.mean() < 0.01
+        kept = ~strayed
+        got, wanted = (Rays(*(part[kept] for part in rays._arrays()[:4]), np.empty(0)) for rays in (got, wanted))
+        origins, directions = origins[kept], directions[kept]
     assert_alike(lens, got, wanted, origins, directions, precision)
 
 

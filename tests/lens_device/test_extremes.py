@@ -118,11 +118,6 @@ def test_refractions_beside_the_critical_angle(session, precision):
         assert error <= 3 * allowed, case["id"]
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="sin^2 as 1 - cos^2 loses digits where the ratio of indices is large; from the tangential part d - cos n all"
-    " these cases are within their tolerance",
-)
 def test_refractions_beside_the_critical_angle_are_as_good_as_float32_can_be(session):
     for case, error in refraction_errors(session, ("critical_float32",), "single"):
         assert error <= case["tol_float32_abs"], case["id"]

@@ -109,7 +109,6 @@ def test_a_ray_beside_a_half_lens_is_stopped_where_it_is_stopped(session):
     assert_traced_alike(session, partial("half a lens"), "scene", "single")
 
 
-@pytest.mark.xfail(strict=True, reason="the device knows no stop shapes: every stop is round to it")
 def test_shaped_stops(session):
     hexagon = StopShape(tuple((math.cos(k * math.pi / 3), math.sin(k * math.pi / 3)) for k in range(6)))
     stop = Surface(0.0, 2.0, semi_diameter=5.0, is_stop=True, stop_shape=hexagon)
