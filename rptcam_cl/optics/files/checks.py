@@ -16,6 +16,7 @@ from rptcam_cl.optics.surface import Surface
 Report = Callable[[int, str, str], InputError]
 
 LONGEST_PLAUSIBLE_MM = 10_000.0
+DENSER_THAN_AIR = 1e-3
 
 
 def check_lens(lens: Lens, report: Report) -> Lens:
@@ -65,6 +66,24 @@ def _check_gaps(lens: Lens, report: Report) -> None:
             )
 
 
+def crossed_rims(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt for each piece of glass whose front rim lies behind its rear rim, whatever their diameters.
+
+    Rays that meet the surfaces inside the smaller rim are not harmed, so such a lens can be traced, though not made.
+    """
+    doubts = []
+    indices = lens.indices(WAVELENGTH_D)
+    for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
+        if first.is_stop or second.is_stop or first.pose or second.pose or abs(indices[index + 1] - 1) < DENSER_THAN_AIR:
+            continue
+        if not np.isfinite(max(first.semi_diameter, second.semi_diameter)):
+            continue
+        edge = first.thickness + second.rim_sag() - first.rim_sag()
+        if edge < -1e-6 * max(first.semi_diameter, second.semi_diameter):
+            doubts.append(f"the rims of the glass between surfaces {index} and {index + 1} cross by {-edge:.4g} mm")
+    return tuple(doubts)
+
+
 def _doubts(lens: Lens) -> tuple[str, ...]:
     doubts = []
     data = first_order(lens, WAVELENGTH_D)
@@ -74,6 +93,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     for index, surface in enumerate(lens.surfaces):
         if surface.aspheric and not _monotone(surface):
             doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
+    doubts += crossed_rims(lens)
     if np.any(lens.indices(WAVELENGTH_D) < 1):
         doubts.append("a medium has an index below 1")
     return tuple(doubts)
