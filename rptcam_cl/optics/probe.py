@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 PATCH_AZIMUTHS = 32
 PATCH_RADII = 9
+WAVE = 10.0  # the search for small pupils goes outwards in waves of so many steps between film points
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -111,3 +112,34 @@ def narrowed(probe: FilmProbe, film: Array, boxes: Array, shape: tuple[int, int]
     found: Mask = np.asarray(np.any(hits, axis=1))
     tight = np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
     return np.where(found[:, None], tight, boxes), found
+
+
+def searched(probe: FilmProbe, film: Array, shape: tuple[int, int], dense: tuple[int, int]) -> tuple[Array, Mask]:
+    """Return boxes (m, 4) round the rays that pass from film points (m, 2), and which film points have any.
+
+    Grids of one shape over the last surface come first. When all of them miss, as they do a small pupil deep in the
+    lens, the point nearest the axis is searched densely. Dark points are then searched where the pupil of the nearest
+    lit one lies, outwards in waves.
+    """
+    boxes, found = narrowed(probe, film, probe.windows(film), shape)
+    if not found.any():
+        first = int(np.argmin(np.hypot(film[:, 0], film[:, 1])))
+        one = slice(first, first + 1)
+        boxes[one], found[one] = narrowed(probe, film[one], boxes[one], dense)
+    tried = found.copy()
+    while found.any() and not tried.all():
+        dark, lit = np.flatnonzero(~tried), np.flatnonzero(found)
+        apart = np.hypot(*np.moveaxis(film[dark, None] - film[lit], -1, 0))
+        nearest, gap = lit[apart.argmin(axis=1)], apart.min(axis=1)
+        wave = gap <= WAVE * gap.min()
+        k = dark[wave]
+        near, found[k] = narrowed(probe, film[k], _shifted(boxes[nearest[wave]], film[k] - film[nearest[wave]]), shape)
+        boxes[k[found[k]]] = near[found[k]]
+        tried[k] = found[k] | (gap[wave] <= 1.001 * gap.min())
+    return boxes, found
+
+
+def _shifted(boxes: Array, steps: Array) -> Array:
+    """Return boxes (m, 4) made twice as large, and larger by the steps (m, 2) between film points."""
+    grow = (boxes[:, 1::2] - boxes[:, ::2]) / 2 + np.abs(steps)
+    return np.stack([boxes[:, ::2] - grow, boxes[:, 1::2] + grow], axis=-1).reshape(-1, 4)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
+from rptcam_cl.optics.probe import FilmProbe, narrowed, searched
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -33,6 +33,7 @@ BISECTIONS = 7
 RADIAL_NODES = 49
 FILM_NODES = 9  # along each side of the film, for a lens without rotational symmetry
 COARSE = (24, 24)
+DENSE = (96, 96)
 MARGIN = 0.003  # of the radius, beyond what was traced
 FILM_MARGIN = 0.01  # the same for a grid over the film, whose nodes stand farther apart
 
@@ -106,7 +107,7 @@ def _lit_radius(probe: FilmProbe, film_radius: float) -> float:
     for _ in range(2):
         radii = np.linspace(low, high, SCAN)
         film = np.stack([radii, np.zeros(SCAN)], axis=1)
-        found = probe.passes(film[:, None], grid(probe.windows(film), *COARSE)).any(axis=1)
+        _, found = searched(probe, film, COARSE, DENSE)
         last = int(np.flatnonzero(found)[-1]) if found.any() else 0
         if last == SCAN - 1:
             return high
@@ -120,7 +121,7 @@ def _frames(probe: FilmProbe, nodes: Array) -> tuple[Array, Array]:
     A closed node next to open ones takes the mean of theirs, so that interpolation reaches the edge of the light.
     """
     film = nodes.reshape(-1, 2)
-    boxes, found = narrowed(probe, film, probe.windows(film), COARSE)
+    boxes, found = searched(probe, film, COARSE, DENSE)
     boxes, again = narrowed(probe, film, boxes, COARSE)
     found &= again
     centres = np.stack([boxes[:, 0] + boxes[:, 1], boxes[:, 2] + boxes[:, 3]], axis=1) / 2
