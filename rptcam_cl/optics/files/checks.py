@@ -17,6 +17,7 @@ Report = Callable[[int, str, str], InputError]
 
 LONGEST_PLAUSIBLE_MM = 10_000.0
 DENSER_THAN_AIR = 1e-3
+INSIDE_THE_RIM = 1 - 1e-9  # where a surface that is a whole hemisphere still has a sag
 
 
 def check_lens(lens: Lens, report: Report) -> Lens:
@@ -35,7 +36,7 @@ def check_lens(lens: Lens, report: Report) -> Lens:
 
 def _check_reach(surface: Surface, index: int, report: Report) -> None:
     """Refuse a surface that ends before its rim."""
-    rim = surface.semi_diameter * (1 - 1e-9)
+    rim = surface.semi_diameter * INSIDE_THE_RIM
     angles = np.linspace(0.0, np.pi, 9)
     if np.all(np.isfinite(surface.sag(rim * np.cos(angles), rim * np.sin(angles)))) or not np.isfinite(rim):
         return
@@ -74,11 +75,12 @@ def crossed_rims(lens: Lens) -> tuple[str, ...]:
     doubts = []
     indices = lens.indices(WAVELENGTH_D)
     for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
-        if first.is_stop or second.is_stop or first.pose or second.pose or abs(indices[index + 1] - 1) < DENSER_THAN_AIR:
+        if first.is_stop or second.is_stop or first.pose or second.pose:
             continue
-        if not np.isfinite(max(first.semi_diameter, second.semi_diameter)):
+        if abs(indices[index + 1] - 1) < DENSER_THAN_AIR or not np.isfinite(first.semi_diameter + second.semi_diameter):
             continue
-        edge = first.thickness + second.rim_sag() - first.rim_sag()
+        front, rear = (part.rim_sag(part.semi_diameter * INSIDE_THE_RIM) for part in (first, second))
+        edge = first.thickness + rear - front
         if edge < -1e-6 * max(first.semi_diameter, second.semi_diameter):
             doubts.append(f"the rims of the glass between surfaces {index} and {index + 1} cross by {-edge:.4g} mm")
     return tuple(doubts)
