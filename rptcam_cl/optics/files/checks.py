@@ -29,8 +29,6 @@ def check_lens(lens: Lens, report: Report) -> Lens:
                 index, "thickness", f"must not be negative except beside the stop (got {surface.thickness:g} mm)"
             )
     _check_gaps(lens, report)
-    if all(surface.is_stop for surface in lens.surfaces):
-        raise report(0, "stop", "a lens needs at least one surface beside its stop")
     return replace(lens, warnings=(*lens.warnings, *_doubts(lens)))
 
 
