@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from rptcam_cl.cameras.focusing import focused
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, load_lens
@@ -50,14 +52,19 @@ class LensSetting:
         return {
             "lens": self.lens.name,
             "zoom": self.camera.zoom,
-            "focal_length_mm": first.focal_length_mm,
-            "f_number": first.f_number,
+            "focal_length_mm": _finite(first.focal_length_mm),
+            "f_number": _finite(first.f_number),
             "film_distance_mm": self.film_distance_mm,
             "focus_distance_m": None if self.focus_distance_mm is None else self.focus_distance_mm * 1e-3,
             "focus_method": focus.method if sought else None,
             "focused_by": ("whole lens" if self.lens.focusing is None else "group") if sought else None,
             "wavelength_nm": self.camera.wavelength_nm,
         }
+
+
+def _finite(value: float) -> float | None:
+    """Return a number, or None for the infinite focal length of a lens without power."""
+    return value if np.isfinite(value) else None
 
 
 def lens_setting(scene: Scene) -> LensSetting:

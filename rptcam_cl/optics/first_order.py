@@ -168,5 +168,5 @@ def _pupils(lens: Lens, wavelength_nm: float, section: str) -> tuple[Pupil, Pupi
     (_, rear_b), (_, rear_d) = system_matrix(lens, wavelength_nm, stop, section=section).tolist()
     with np.errstate(divide="ignore", invalid="ignore"):
         entrance = Pupil(float(np.float64(b) * indices[0] / a), float(diameter / abs(a)))
-        exit_ = Pupil(float(-np.float64(rear_b) * indices[-1] / rear_d), float(diameter / abs(rear_d)))
+        exit_ = Pupil(float(0.0 - np.float64(rear_b) * indices[-1] / rear_d), float(diameter / abs(rear_d)))
     return entrance, exit_

@@ -104,6 +104,8 @@ def _newton_distance(lens: Lens, data: FirstOrder, object_distance_mm: float, me
 
 def _imaging(lens: Lens, wavelength_nm: float) -> FirstOrder:
     data = lens.first_order(wavelength_nm)
+    if not lens.has_power:
+        raise InputError(f"{lens.name}: has no power, so it focuses nothing; set film_distance_mm instead")
     if not np.isfinite(data.focal_length_mm):
         raise InputError(f"{lens.name}: is afocal, so it forms no image; set film_distance_mm instead")
     if data.focal_length_mm < 0:

@@ -98,6 +98,11 @@ class Lens:
         return trace(self, origins, directions, wavelength_nm, start)
 
     @property
+    def has_power(self) -> bool:
+        """Whether any surface bends light: a stop alone, or plane glass, does not."""
+        return any(surface.paraxial_curvature(section) for surface in self.surfaces for section in ("x", "y"))
+
+    @property
     def is_rotational(self) -> bool:
         """Whether the lens looks the same from every azimuth."""
         return all(surface.is_rotational for surface in self.surfaces)
@@ -130,10 +135,9 @@ class Lens:
         if not diameter_mm > 0 or not np.isfinite(diameter_mm):
             raise InputError(f"{self.name}: stop diameter must be above 0 mm (got {diameter_mm:g})")
         if diameter_mm > has * (1 + 1e-9):
-            raise InputError(
-                f"{self.name}: the stop opens to {has:.5g} mm, f/{self.first_order().f_number:.3g} "
-                f"(asked for {diameter_mm:.5g} mm)"
-            )
+            widest = self.first_order().f_number
+            speed = f", f/{widest:.3g}" if np.isfinite(widest) else ""
+            raise InputError(f"{self.name}: the stop opens to {has:.5g} mm{speed} (asked for {diameter_mm:.5g} mm)")
         surfaces = list(self.surfaces)
         surfaces[self.stop_index] = replace(stop, semi_diameter=min(diameter_mm, has) / 2)
         return replace(self, surfaces=tuple(surfaces))
@@ -152,6 +156,8 @@ class Lens:
         if not f_number > 0 or not np.isfinite(f_number):
             raise InputError(f"{self.name}: f-number must be above 0 (got {f_number:g})")
         widest = self.first_order(wavelength_nm).f_number
+        if not np.isfinite(widest):
+            raise InputError(f"{self.name}: has no focal length, so no f-number; set stop_diameter_mm instead")
         diameter = 2 * stop.semi_diameter * widest / f_number
         if f_number < widest * (1 - 1e-9):
             raise InputError(

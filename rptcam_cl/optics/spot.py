@@ -177,7 +177,8 @@ def _first_box(lens: Lens, beam: Beam) -> Array:
     first = lens.surfaces[0]
     if not np.isfinite(first.semi_diameter):
         raise InputError(f"{lens.name}: the first surface needs a diameter")
-    heights = np.linspace(0.0, first.semi_diameter, 33)
+    inside = first.semi_diameter * (1 - 1e-12)  # the rim of a whole hemisphere may lie a rounding beyond its reach
+    heights = np.linspace(0.0, inside, 33)
     sags = np.abs([first.rim_sag(height) for height in heights])
     slope = abs(np.tan(np.radians(beam.field_degrees))) + first.semi_diameter / beam.object_distance_mm
     reach = float(np.max(heights + sags * slope)) * 1.001

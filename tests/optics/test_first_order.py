@@ -41,6 +41,14 @@ def test_other_section_of_an_anamorphic_pair():
         assert data.exit_pupil.diameter_mm == pytest.approx(expected["XPD_wide_open"], rel=RELATIVE)
 
 
+def test_the_anamorphic_lens_focuses_both_sections_on_one_film():
+    lens = load_lens("anamorphic-100mm")
+    x, y = lens.first_order(section="x"), lens.first_order(section="y")
+    assert y.focal_length_mm == pytest.approx(100.08, abs=0.01)
+    assert x.focal_length_mm == pytest.approx(73.45, abs=0.01)
+    assert x.back_focal_distance_mm == pytest.approx(y.back_focal_distance_mm, abs=1e-3)
+
+
 @pytest.mark.parametrize("name", NAMES)
 def test_stop_diameter_of_each_f_number(name):
     lens = truth_lens(name)

@@ -97,8 +97,12 @@ def test_no_real_image_is_said_so():
     plate = load_lens(
         {"name": "plate", "surfaces": [{"thickness": 5, "glass": {"index": 1.5}, "diameter": 10}, {"diameter": 10}]}
     )
-    with pytest.raises(InputError, match="plate: is afocal"):
+    with pytest.raises(InputError, match="plate: has no power"):
         film_distance(plate, 1000.0)
+    rod = {"radius": 10, "thickness": 60, "glass": {"index": 1.5}, "diameter": 5}
+    telescope = load_lens({"name": "telescope", "surfaces": [rod, {"radius": -10, "diameter": 5}]})
+    with pytest.raises(InputError, match="telescope: is afocal"):
+        film_distance(telescope, 1000.0)
 
 
 def test_a_virtual_object_is_refused():

@@ -132,7 +132,6 @@ BAD = [
     ("# c\n29.4 3.7 1.67 -25\n", r"lens\.dat:2: diameter must be above 0 \(got -25\)"),
     ("29.4 3.7 0.5 25\n-30 0 1 25\n", r"lens\.dat:1: index must lie between 1 and 5"),
     ("29.4 3.7 1.6 25\n0 1 0 9\n0 2 0 8\n-30 0 1 25\n", r"lens\.dat:3: a second stop .*line 2 has the first"),
-    ("0 0 0 9\n", r"lens\.dat:1: surface 0, stop: a lens needs at least one surface beside its stop"),
     ("29.4 0 1.6 25\n-30 3 1 25\n-50 0 1 25\n", r"lens\.dat:1: cannot tell whether"),
     (
         "9 3.7 1.6 25\n-30 0 1 25\n",

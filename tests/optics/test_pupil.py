@@ -11,6 +11,7 @@ from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.probe import FilmProbe
 from rptcam_cl.optics.pupil import exit_pupil_circles
+from rptcam_cl.optics.pupil_shape import pupil_shapes
 
 CASES = [
     ("dgauss-50mm", 36.77, 21.633),
@@ -84,3 +85,14 @@ def test_no_light_at_all_is_an_error():
         exit_pupil_circles(lens, -1.0, 20.0)
     with pytest.raises(InputError, match="film radius must be above 0"):
         exit_pupil_circles(lens, 36.0, 0.0)
+
+
+def test_outlines_of_a_pupil_much_smaller_than_the_rear_element_are_found():
+    lens = load_lens("phone-5.6mm")  # 0.17 mm of 6.8 mm
+    film = lens.first_order().back_focal_distance_mm
+    shapes = pupil_shapes(lens, film, (2.8, 2.1))
+    assert np.all(shapes.axes > 0.07) and np.all(shapes.axes < 0.1)
+    probe = FilmProbe(lens, film, WAVELENGTH_D)
+    points = np.stack([shapes.x[:-1], np.zeros(len(shapes.x) - 1)], axis=1)
+    assert np.all(probe.passes(points, shapes.centres[0, :-1]))
+    assert not np.any(probe.passes(points, shapes.centres[0, :-1] + [0.0, 0.15]))

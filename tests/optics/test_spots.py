@@ -119,3 +119,14 @@ def test_best_focus_off_the_axis_lies_nearer_for_an_undercorrected_lens():
 def test_a_beam_that_does_not_come_through_is_an_error():
     with pytest.raises(InputError, match="nothing of a beam at 80 degrees"):
         spot(load_lens("telephoto-250mm"), 100.0, Beam(80))
+
+
+@pytest.mark.parametrize("radius", [5.0, 7.3, 1 / 3])
+def test_a_beam_fills_a_first_surface_that_is_a_whole_hemisphere(radius):
+    rows = [
+        {"radius": radius, "thickness": 2 * radius, "glass": {"index": 1.5}, "diameter": 2 * radius},
+        {"radius": -radius, "diameter": 2 * radius},
+    ]
+    lens = load_lens({"name": "ball", "surfaces": rows})
+    found = spot(lens, lens.first_order().back_focal_distance_mm, Beam(0.0), across=128)
+    assert found.area == pytest.approx(np.pi * radius**2, rel=0.01)

@@ -4,7 +4,7 @@ import pytest
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.focus import film_distance
+from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.variable import configured, focused_by_group, moved, zoomed
 
 ZOOMS = {"zoom-80-200mm": [80, 200], "zoom-70-200mm": [72.1, 135, 194], "zoom-35-51mm": [35, 51]}
@@ -111,3 +111,10 @@ def test_bad_variable_parts_are_refused(tmp_path, extra, message):
     text = telephoto_with_group().split("focusing:")[0] + extra
     with pytest.raises(InputError, match=message):
         loaded(tmp_path, text)
+
+
+def test_the_macro_lens_is_half_life_size_at_a_quarter_of_a_metre():
+    lens = configured(load_lens("macro-55mm"), "1:2")
+    data = lens.first_order()
+    film = data.back_focal_distance_mm + data.focal_length_mm / 2
+    assert object_distance(lens, film) == pytest.approx(250.0, abs=0.05)

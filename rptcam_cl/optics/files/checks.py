@@ -16,6 +16,8 @@ from rptcam_cl.optics.surface import Surface
 Report = Callable[[int, str, str], InputError]
 
 LONGEST_PLAUSIBLE_MM = 10_000.0
+DENSER_THAN_AIR = 1e-3
+INSIDE_THE_RIM = 1 - 1e-9  # where a surface that is a whole hemisphere still has a sag
 
 
 def check_lens(lens: Lens, report: Report) -> Lens:
@@ -27,14 +29,12 @@ def check_lens(lens: Lens, report: Report) -> Lens:
                 index, "thickness", f"must not be negative except beside the stop (got {surface.thickness:g} mm)"
             )
     _check_gaps(lens, report)
-    if all(surface.is_stop for surface in lens.surfaces):
-        raise report(0, "stop", "a lens needs at least one surface beside its stop")
     return replace(lens, warnings=(*lens.warnings, *_doubts(lens)))
 
 
 def _check_reach(surface: Surface, index: int, report: Report) -> None:
     """Refuse a surface that ends before its rim."""
-    rim = surface.semi_diameter * (1 - 1e-9)
+    rim = surface.semi_diameter * INSIDE_THE_RIM
     angles = np.linspace(0.0, np.pi, 9)
     if np.all(np.isfinite(surface.sag(rim * np.cos(angles), rim * np.sin(angles)))) or not np.isfinite(rim):
         return
@@ -65,6 +65,25 @@ def _check_gaps(lens: Lens, report: Report) -> None:
             )
 
 
+def crossed_rims(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt for each piece of glass whose front rim lies behind its rear rim, whatever their diameters.
+
+    Rays that meet the surfaces inside the smaller rim are not harmed, so such a lens can be traced, though not made.
+    """
+    doubts = []
+    indices = lens.indices(WAVELENGTH_D)
+    for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
+        if first.is_stop or second.is_stop or first.pose or second.pose:
+            continue
+        if abs(indices[index + 1] - 1) < DENSER_THAN_AIR or not np.isfinite(first.semi_diameter + second.semi_diameter):
+            continue
+        front, rear = (part.rim_sag(part.semi_diameter * INSIDE_THE_RIM) for part in (first, second))
+        edge = first.thickness + rear - front
+        if edge < -1e-6 * max(first.semi_diameter, second.semi_diameter):
+            doubts.append(f"the rims of the glass between surfaces {index} and {index + 1} cross by {-edge:.4g} mm")
+    return tuple(doubts)
+
+
 def _doubts(lens: Lens) -> tuple[str, ...]:
     doubts = []
     data = first_order(lens, WAVELENGTH_D)
@@ -74,6 +93,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     for index, surface in enumerate(lens.surfaces):
         if surface.aspheric and not _monotone(surface):
             doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
+    doubts += crossed_rims(lens)
     if np.any(lens.indices(WAVELENGTH_D) < 1):
         doubts.append("a medium has an index below 1")
     return tuple(doubts)
