@@ -41,6 +41,12 @@ def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:
     assert list(results["spheres"]) == ["2", "4"]
 
 
+@pytest.mark.slow
+def test_ways_to_aim_at_the_pupil_are_compared(checkout: Path, tmp_path: Path) -> None:
+    printed, _ = quick(checkout, tmp_path, "pupil_tiers")
+    assert "tight" in printed
+
+
 def test_start_is_measured_cold_and_warm(checkout: Path, tmp_path: Path) -> None:
     _, results = quick(checkout, tmp_path, "startup")
     assert results["cold"][0]["compile"] > results["warm"][0]["compile"] > 0
