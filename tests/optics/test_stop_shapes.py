@@ -6,7 +6,6 @@ import pytest
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.pupil import exit_pupil_circles
 from rptcam_cl.optics.stop_shape import blades, heart, polygon, star
 
 SHAPES = {"hexagon": blades(6), "round blades": blades(7, 10.0, 0.6), "star": star(5), "heart": heart()}
@@ -39,13 +38,6 @@ def test_a_shaped_stop_takes_its_share_of_the_light():
     for shape in SHAPES.values():
         share = on_axis_irradiance(lens.with_stop_shape(shape), film) / on_axis_irradiance(lens, film)
         assert share == pytest.approx(shape.area / np.pi, rel=6e-3)
-
-
-def test_pupil_circles_hold_every_shape():
-    lens = load_lens("dgauss-50mm").with_stop_diameter(8.0)
-    plain = exit_pupil_circles(lens, 36.77, 10.0, 8)
-    shaped = exit_pupil_circles(lens.with_stop_shape(star(5)), 36.77, 10.0, 8)
-    np.testing.assert_array_equal(plain.circles, shaped.circles)
 
 
 def with_shape(shape):
