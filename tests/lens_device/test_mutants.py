@@ -18,7 +18,6 @@ from rptcam_cl.cameras import realistic
 from rptcam_cl.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.device import Session, program
-from rptcam_cl.optics.pupil_shape import DIRECTIONS
 from rptcam_cl.resources import kernels_dir
 from tests.device.probes import open_session
 from tests.device.test_camera_rays import test_round_aperture_is_filled_evenly as aperture
@@ -72,13 +71,8 @@ class KernelMutant:
 
 RIM = "p.x * p.x + p.y * p.y <= surface->semi_diameter2"
 NORMAL = "hit.n = f3(-c * hit.p.x, -c * hit.p.y, 1.0f - c * hit.p.z);"
-BENT = "return f3(eta * d.x + bend * n.x, eta * d.y + bend * n.y, eta * d.z + bend * n.z);"
-BENDS = "    F bend = root(cosine2_after) - eta * cosine;"
-SHIFT = "        p.z -= s->gap;"
-TAN = """    F sine2 = 1.0f - cosine * cosine;
-    cosine2_after = cosine * cosine / (cosine * cosine + eta * eta * sine2);
-    eta = 1.0f * eta;
-    F bend = root(cosine2_after) - eta * cosine;"""
+BENDS = "return along(along_surface, n, root(cosine2_after));"
+TAN = "return normalized(along(along_surface, n, cosine));"
 KERNEL_MUTANTS = [
     KernelMutant(
         "1 cos^3 for cos^4",
@@ -188,9 +182,10 @@ def test_fault_in_the_records_of_a_lens_is_found(monkeypatch, fault, killers):
 def test_pupil_table_2_percent_too_small_is_found(monkeypatch):
     def shrunk(*given):
         sampling = pupil_sampling(*given)
-        table = sampling.table.reshape(-1, 4 + DIRECTIONS + 1).copy()
-        table[:, 4:] *= 0.98
-        return replace(sampling, table=table.ravel())
+        nodes = int(sampling.parameters[2] * sampling.parameters[3])
+        table = sampling.table.copy()
+        table[4 * (nodes + 1) :] *= 0.98  # the radii stand behind the frames
+        return replace(sampling, table=table)
 
     monkeypatch.setattr(realistic, "pupil_sampling", shrunk)
     monkeypatch.setattr(pupils, "pupil_sampling", shrunk)

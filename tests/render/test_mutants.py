@@ -70,6 +70,8 @@ def long_render():
 
 
 RIM = "p.y * p.y <= surface->semi_diameter2"
+DEPTH = """#if !HAS_EMISSIVE
+    on = on & (path->edge < scene.max_edges);"""
 MIS = "weight = rival ? own2 / (own2 + other * other)"
 SELF = "F c = self ? ZERO : dot3(oc, oc) - r * r;"
 MUTANTS = [
@@ -84,10 +86,9 @@ MUTANTS = [
     Mutant("stop 1 % wider", RIM, "p.y * p.y <= 1.02f * surface->semi_diameter2", lens_row),
     Mutant("index off by 1e-3", "hit.cosine, s->eta, &bends", "hit.cosine, s->eta + 1e-3f, &bends", pixel_of_rays),
     Mutant("normal not unit", "hit.n = f3(-c * hit.p.x, -c", "hit.n = f3(-1.01f * c * hit.p.x, -c", pixel_of_rays),
-    Mutant("pupil too tight", "o.r = r0 + between * (r1 - r0);",
-           "o.r = 0.9f * (r0 + between * (r1 - r0));", lens_row),
+    Mutant("pupil too tight", "o.r = blend(blend(", "o.r = 0.9f * blend(blend(", lens_row),
     Mutant("blocked rays weigh", "r.weight = out.passed ? weight : ZERO", "r.weight = weight", lens_corner),
-    Mutant("depth off by one", "path->edge < scene.max_edges", "path->edge <= scene.max_edges", cavity),
+    Mutant("depth off by one", DEPTH, DEPTH.replace("<", "<="), cavity),
     Mutant("survivors keep their weight", "path->beta = scale(path->beta, ONE / MAX(survive",
            "path->beta = scale(path->beta, ONE / MAX(ONE", lambda: furnaces.test_roulette_changes_no_mean(1)),
     Mutant("one side of MIS to the first power", MIS,
