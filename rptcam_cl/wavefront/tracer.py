@@ -8,7 +8,7 @@ passes
 stream
     One kernel carries a few neighbouring pixels through all samples of the wave, with the same steps; a lane whose path
     has ended starts the next camera ray of its pixel. No state in memory, no idle lanes, three launches fewer per edge.
-    Measured on two CPU cores: 1.5 to 2 times the passes.
+    Measured on two CPU cores: 1.15 times the passes on three spheres, 1.55 on a Cornell box.
 """
 
 from __future__ import annotations
