@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 ITERATIONS = 24
-CLOSE = 4e-15  # of the distance scale, on which a Newton step may end
+LAST_STEP = 1e-9  # of the distance scale; a Newton step leaves an error like its square, less than rounding does
+WORTH_MOVING = 0.75  # share of rays still under way, below which they are moved together
 
 
 class Hits(NamedTuple):
@@ -104,21 +105,24 @@ def _iterate(surface: Surface, x0: Array, y0: Array, directions: Array, start: A
     A ray that strays to three clear radii is lost: there the polynomial of an asphere means nothing.
     """
     step, settled = start.copy(), np.zeros(start.shape, dtype=bool)
-    reach = np.abs(x0) + np.abs(y0) + np.abs(start)
     limit = 9.0 * surface.semi_diameter**2
-    active = np.arange(len(start))
+    rows, t, (dx, dy, dz) = np.arange(len(start)), start, directions
+    reach, done = np.abs(x0) + np.abs(y0) + np.abs(start), settled.copy()
     for _ in range(ITERATIONS):
-        (dx, dy, dz), t = directions[:, active], step[active]
-        x, y = x0[active] + t * dx, y0[active] + t * dy
+        x, y = x0 + t * dx, y0 + t * dy
         z, zx, zy = sag_and_slopes(surface, x, y)
         change = (t * dz - z) / (dz - zx * dx - zy * dy)
-        done = np.abs(change) <= CLOSE * (reach[active] + np.abs(t)) + 1e-300
         good = np.isfinite(change) & (x * x + y * y <= limit)
-        step[active] = np.where(good, t - change, np.nan)
-        settled[active] = done & good
-        active = active[good & ~done]
-        if not len(active):
+        t = np.where(good, t - change, np.nan)
+        done |= good & (np.abs(change) <= LAST_STEP * (reach + np.abs(t)) + 1e-300)
+        step[rows], settled[rows] = t, done
+        active = good & ~done
+        if not active.any():
             break
+        if np.count_nonzero(active) < WORTH_MOVING * len(rows):
+            rows, x0, y0, dx, dy, dz, t, reach, done = (
+                values[active] for values in (rows, x0, y0, dx, dy, dz, t, reach, done)
+            )
     return step, settled
 
 
