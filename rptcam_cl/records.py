@@ -186,7 +186,6 @@ LIMITS = Record(
     (
         ("uint", "max_edges"),  # of a path, the camera's included
         ("uint", "roulette_edge"),  # from which on Russian roulette may end a path; 0: never
-        ("int", "emitters"),
     ),
 )
 
