@@ -6,6 +6,7 @@ from pathlib import Path
 import pyopencl as cl
 import pytest
 
+from rptcam_cl.acceleration.builder import BINS, FILES, SWEEP
 from rptcam_cl.device.program import BUILD_OPTIONS, assemble, is_pocl_on_avx2
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
@@ -84,6 +85,11 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
 @pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_kernel_that_builds_trees_compiles_alone_without_a_warning(session, file):
+    without_warnings(session, [file], {"LEAF_SIZE": 8, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": 54})
 
 
 @pytest.mark.parametrize("path", sorted(kernels_dir().rglob("*.cl")), ids=lambda path: path.stem)
