@@ -7,7 +7,7 @@ import pyopencl as cl
 import pytest
 
 from rptcam_cl.acceleration.builder import BINS, FILES, SWEEP
-from rptcam_cl.device.program import BUILD_OPTIONS, assemble, is_pocl_on_avx2
+from rptcam_cl.device.program import BUILD_OPTIONS, assemble, pocl_library_arch
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
 from rptcam_cl.resources import kernels_dir
@@ -43,7 +43,7 @@ def least_facts():
 
 
 def without_warnings(session, files, facts):
-    source = assemble(files, facts, device_declarations(), avx2_pocl=is_pocl_on_avx2(session.info.handle))
+    source = assemble(files, facts, device_declarations(), library_arch=pocl_library_arch(session.info.handle))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         options = [option for option in BUILD_OPTIONS if option != "-w"]
