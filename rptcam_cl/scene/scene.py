@@ -115,11 +115,17 @@ class Scene(SceneModel):
     def content_hash(self) -> str:
         """Return the SHA-256 of everything that changes the film.
 
-        Left out are the number of samples, how the picture is shown, and names. A lens file counts by its content.
+        Left out are the number of samples, layers, how the picture is shown, and names. A lens file counts by its
+        content.
         """
         content = self.model_dump(
             mode="json",
-            exclude={"picture": True, "materials": True, "render": {"spp"}, "objects": {"__all__": {"name"}}},
+            exclude={
+                "picture": True,
+                "materials": True,
+                "render": {"spp", "layers", "layers_spp"},
+                "objects": {"__all__": {"name"}},
+            },
         )
         if isinstance(source := self.lens_source(), Path):
             content["camera"]["lens"] = digest(source)
