@@ -23,6 +23,7 @@ ALLOWED: dict[str, set[str]] = {
     "optics": FILES,
     "geometry": GROUND | {"records", "scene"},
     "device": GROUND | {"records", "resources"},
+    "acceleration": GROUND | {"records", "resources", "geometry", "device"},
     "cameras": GROUND | {"alias", "records", "scene", "optics"},
     "plan": GROUND | {"alias", "records", "scene", "optics", "geometry", "pictures", "cameras"},
     "lensview": FILES | {"optics"},
