@@ -31,7 +31,7 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
-from rptcam_cl.scene.texture import Checker, Grid, Reflectance
+from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
 
 __all__ = [
@@ -52,10 +52,12 @@ __all__ = [
     "EnvironmentCamera",
     "Film",
     "Focus",
+    "Gradient",
     "GradientEnvironment",
     "Grid",
     "HeartAperture",
     "ImageAperture",
+    "ImageTexture",
     "LensCamera",
     "Light",
     "Material",
@@ -63,6 +65,7 @@ __all__ = [
     "MeshObject",
     "Mirror",
     "NamedMesh",
+    "Noise",
     "Object",
     "OutlineAperture",
     "Picture",
@@ -80,6 +83,7 @@ __all__ = [
     "SceneObject",
     "Sphere",
     "StarAperture",
+    "Texture",
     "ThickLensCamera",
     "ThinLensCamera",
     "TransformStep",

@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene.checks import check_extent
+from rptcam_cl.scene.file_reference import file_references
 from rptcam_cl.scene.files import Folders
 from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.overrides import apply_overrides
@@ -105,6 +106,13 @@ def _check_files(scene: Scene, where: Where) -> None:
     for index, item in enumerate(scene.objects):
         if isinstance(item, MeshObject):
             _check_mesh(scene, item, index, where)
+    for path, reference in file_references(scene):
+        key = (*path, "file")
+        reference._place = reference._place or f"{where(key, False)}{dotted(key)}: "
+        try:
+            reference.source(scene._folders)
+        except InputError as problem:
+            raise InputError(f"{reference.place}{problem}") from None
 
 
 def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> None:
