@@ -104,6 +104,7 @@ class Wavefront:
             "CAMERA_FILE": plan.camera.kernel,
             "CAMERA_HAS_LENS": int(plan.camera.has_lens),
             "HAS_EMITTERS": plan.facts["HAS_EMITTERS"],
+            "SAMPLER_LATTICE": plan.facts["SAMPLER_LATTICE"],
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }

@@ -85,7 +85,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
     lens = int(camera == "realistic")
     for rest in (0, 1):
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
-        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest}
+        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest, "SAMPLER_LATTICE": rest}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 
