@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.layers import Layers
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
 
 MAX_SPP = 2**32 - 1
@@ -31,6 +32,12 @@ class RenderSettings(SceneModel):
 
     sampler: Literal["lattice", "independent"] = "lattice"
     """How the samples of a pixel are spread: on a lattice, which lowers the noise, or each by itself."""
+
+    layers: Layers = ()
+    """Auxiliary layers to record beside the picture, as depth and normal."""
+
+    layers_spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
+    """Samples per pixel that the layers are made of at most, the first ones of the picture."""
 
 
 class Picture(SceneModel):
