@@ -104,13 +104,16 @@ class Wavefront:
             "CAMERA_FILE": plan.camera.kernel,
             "CAMERA_HAS_LENS": int(plan.camera.has_lens),
             "HAS_EMITTERS": plan.facts["HAS_EMITTERS"],
+            "HAS_MESH": plan.facts["HAS_MESH"],
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }
         self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
 
     def _allocate(self, plan: Plan) -> None:
-        floats = floats_per_slot(stream=self.organisation == "stream", emitters=self._emitters > 0)
+        floats = floats_per_slot(
+            stream=self.organisation == "stream", emitters=self._emitters > 0, meshes=plan.facts["HAS_MESH"] > 0
+        )
         state_bytes = 4 * floats * self.capacity
         film_bytes = BYTES_PER_PIXEL * self.layout.pixels
         budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
