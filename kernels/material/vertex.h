@@ -54,10 +54,10 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
         if (index >= first_mesh)
             point = on_mesh;
         else
-            point = surface_point(index, p, material->texture, scene);
+            point = surface_point(index, p, material->texture >= 0, scene);
         vertex.offset = mine ? point.offset : vertex.offset;
 #else
-        SurfacePoint point = surface_point(index, p, material->texture, scene);
+        SurfacePoint point = surface_point(index, p, material->texture >= 0, scene);
 #endif
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);
@@ -65,7 +65,7 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
 #if HAS_TANGENT
         vertex.tangent = select3(mine, point.tangent, vertex.tangent);
 #endif
-        vertex.color = select3(mine, reflectance_at(material, point.u, point.v), vertex.color);
+        vertex.color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex.color);
         vertex.parameter = mine ? (F)(material->parameter) : vertex.parameter;
         vertex.kind = mine ? (I)(material->kind) : vertex.kind;
 #if HAS_EMITTERS

@@ -2,5 +2,6 @@
 
 from rptcam_cl.acceleration.build import build_bvh
 from rptcam_cl.acceleration.bvh import Bvh
+from rptcam_cl.acceleration.cache import load_or_build
 
-__all__ = ["Bvh", "build_bvh"]
+__all__ = ["Bvh", "build_bvh", "load_or_build"]

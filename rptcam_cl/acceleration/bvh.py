@@ -75,6 +75,33 @@ def quality(bvh: Bvh) -> Quality:
     )
 
 
+def is_sound(bvh: Bvh) -> bool:
+    """Return whether arrays of any origin can be traversed: indices in range, each node, block and primitive once."""
+    bounds, children, blocks = bvh.bounds, bvh.children, bvh.blocks
+    if bounds.dtype != np.float32 or children.dtype != np.int32 or blocks.dtype != np.int32:
+        return False
+    if children.ndim != 2 or blocks.ndim != 2 or bounds.shape != (len(children), 6, children.shape[1]):
+        return False
+    inner, leaf, used = children[(children >= 0) & (children != EMPTY)], ~children[children < 0], blocks[blocks >= 0]
+    return (
+        len(children) > 0
+        and not bool(np.isnan(bounds).any())
+        and _are_all(inner - 1, len(children) - 1)
+        and _are_all(leaf, len(blocks))
+        and _are_all(used, len(used))
+        and not bool((blocks < -1).any())
+    )
+
+
+def _are_all(indices: NDArray[np.int32], count: int) -> bool:
+    """Return whether ``indices`` are 0 ... count - 1 in some order."""
+    if len(indices) != count or count == 0:
+        return len(indices) == count
+    if int(indices.min()) < 0 or int(indices.max()) >= count:
+        return False
+    return bool((np.bincount(indices, minlength=count) == 1).all())
+
+
 def _cost(bvh: Bvh) -> float:
     bounds = bvh.bounds.astype(np.float64)
     used = bvh.children != EMPTY

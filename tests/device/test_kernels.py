@@ -23,18 +23,25 @@ RARE = [
     {"shape": "sphere", "center": [0, 0, 9], "radius": 1, "transform": [{"scale": [1, 2, 1]}], "material": "grid"},
     PLANE | {"material": {"kind": "matte", "reflectance": 0.5}},
 ]
+PATTERNS = {
+    "gradient": {"kind": "gradient", "start": 0.1, "end": 0.9},
+    "noise": {"kind": "noise", "low": 0.1, "high": 0.9},
+    "image": {"kind": "image", "file": str(Path(__file__).parents[2] / "docs" / "images" / "first_light.png")},
+}
 GRID = {"kind": "grid", "background": 0.9, "line": 0.1, "line_width": 0.25, "scale": [2, 2]}
 
 
 def facts_of(mapping):
-    return make_plan(load_scene(mapping)).facts
+    return make_plan(load_scene(mapping, allow_folders=[Path(__file__).parents[2]])).facts
 
 
 def all_facts():
     """Facts of a scene that has one of everything."""
     scene = still_life()
-    grid = {"grid": {"kind": "matte", "reflectance": GRID}}
-    return facts_of(scene | {"objects": scene["objects"] + RARE, "materials": grid})
+    patterns = PATTERNS | {"grid": GRID}
+    materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()}
+    shown = [PLANE | {"material": name} for name in PATTERNS]
+    return facts_of(scene | {"objects": scene["objects"] + RARE + shown, "materials": materials})
 
 
 def least_facts():
