@@ -115,7 +115,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #if HAS_EMISSIVE
     I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
     if (ANY(lamp)) {
-        F cos_i = -dot3(vertex.n, path->ray.d);
+        F cos_i = -dot3(vertex.ng, path->ray.d);
         path->radiance = add(path->radiance, emission(*path, vertex, lamp, hit.t, cos_i, scene));
         on = on & NOT(lamp);
     }

@@ -1,4 +1,4 @@
-"""The trees of a scene's meshes as the kernels walk them: nodes and leaf blocks of every group, and one over instances."""
+"""The trees of a scene's meshes as kernels walk them: nodes and leaf blocks of every group, and one over instances."""
 
 from __future__ import annotations
 
@@ -13,7 +13,10 @@ from rptcam_cl.acceleration.cache import load_or_build
 from rptcam_cl.device import Session
 from rptcam_cl.geometry.packed import PackedMeshes, TriangleGroup, shifted
 
-WIDTH = {"cpu": 8, "gpu": 4}  # measured on CPUs: 8 is 1.4 to 1.7 times as fast as 4; a GPU's thread does one box at a time
+WIDTH = {
+    "cpu": 8,
+    "gpu": 4,
+}  # measured on CPUs: 8 is 1.4 to 1.7 times as fast as 4; a GPU's thread does one box at a time
 ROUNDING = 1e-6  # of an instance's box, relative to its farthest coordinate: what a ray taken to the mesh may be off
 
 

@@ -1,8 +1,8 @@
 """Meshes of the scene as pools of vertices and triangles, in metres.
 
-A mesh that stands in the scene once is taken to the world, where all such meshes share one tree. One that several objects
-use is held once, in its own frame, with a tree that its instances share; small ones are copied all the same, as each
-instance on its way costs a ray more than a few triangles do.
+A mesh that stands in the scene once is taken to the world, where all such meshes share one tree. One that several
+objects use is held once, in its own frame, with a tree that its instances share; small ones are copied all the same, as
+each instance on its way costs a ray more than a few triangles do.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Matrix = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class PlacedMesh:
-    """A mesh and its placement: world [m], the eye at the origin, from the mesh's frame."""
+    """A mesh and its placement: the scene in metres, from the mesh's frame."""
 
     mesh: Mesh
     placement: Matrix
@@ -41,45 +41,53 @@ class MeshPlan:
     packed : PackedMeshes
     order : tuple of int
         The placed meshes in the order in which their primitives must stand.
-    instance, first_triangle : tuple of int
-        Per placed mesh, in the order given: its instance and its first triangle in the pool.
+    instances, first_triangles : tuple of int
+        Per placed mesh, in that order: its instance and its first triangle in the pool.
     """
 
     packed: PackedMeshes
     order: tuple[int, ...]
-    instance: tuple[int, ...]
-    first_triangle: tuple[int, ...]
+    instances: tuple[int, ...]
+    first_triangles: tuple[int, ...]
 
 
-def pack_meshes(placed: Sequence[PlacedMesh], first_primitive: int) -> MeshPlan:
-    """Return the pools of some placed meshes, whose primitives begin at ``first_primitive``."""
+def pack_meshes(placed: Sequence[PlacedMesh], eye: NDArray[np.float64], first_primitive: int) -> MeshPlan:
+    """Return the pools of some placed meshes.
+
+    Parameters
+    ----------
+    placed
+        At least one.
+    eye
+        Position of the eye [m], which becomes the origin. Trees do not depend on it.
+    first_primitive
+        Index of the first primitive that is a mesh.
+    """
     uses = Counter(id(item.mesh) for item in placed)
     copied = [i for i, item in enumerate(placed) if (uses[id(item.mesh)] - 1) * len(item.mesh.faces) <= MOST_COPIED]
-    shared = [i for i in range(len(placed)) if i not in set(copied)]
+    shared = [i for i, item in enumerate(placed) if (uses[id(item.mesh)] - 1) * len(item.mesh.faces) > MOST_COPIED]
     pools = _Pools()
-    order = (*copied, *shared)
-    instance, first = [0] * len(placed), [0] * len(placed)
-    if copied:
-        for index, start in zip(copied, pools.add_world([placed[i] for i in copied]), strict=True):
-            first[index] = start
+    first = pools.add_world([placed[i] for i in copied], eye) if copied else []
     group_of: dict[int, int] = {}
-    for place, index in enumerate(shared):
-        mesh = placed[index].mesh
+    for mesh in (placed[i].mesh for i in shared):
         if id(mesh) not in group_of:
             group_of[id(mesh)] = pools.add_shared(mesh)
-        first[index] = pools.groups[group_of[id(mesh)]].first_triangle
-        instance[index] = int(bool(copied)) + place
-    groups = [0] * bool(copied) + [group_of[id(placed[i].mesh)] for i in shared]
-    records = _instances([placed[i] for i in shared], first_primitive, len(copied))
+    groups = [group_of[id(placed[i].mesh)] for i in shared]
     packed = PackedMeshes(
         vertices=np.concatenate(pools.vertices),
         triangles=np.concatenate(pools.triangles),
         groups=tuple(pools.groups),
-        instances=records,
-        group_of_instance=np.array(groups),
+        instances=_instances([placed[i] for i in shared], eye, first_primitive, len(copied)),
+        group_of_instance=np.array([0] * bool(copied) + groups),
         instanced=bool(shared),
     )
-    return MeshPlan(packed, order, tuple(instance), tuple(first))
+    own = [bool(copied) + place for place in range(len(shared))]
+    return MeshPlan(
+        packed=packed,
+        order=(*copied, *shared),
+        instances=(*[0] * len(copied), *own),
+        first_triangles=(*first, *(pools.groups[group].first_triangle for group in groups)),
+    )
 
 
 class _Pools:
@@ -92,7 +100,7 @@ class _Pools:
         self._vertex_count = 0
         self._triangle_count = 0
 
-    def add_world(self, placed: Sequence[PlacedMesh]) -> list[int]:
+    def add_world(self, placed: Sequence[PlacedMesh], eye: NDArray[np.float64]) -> list[int]:
         """Add meshes taken to the world as one group; return the first triangle of each."""
         centre = _centre(placed)
         key = hashlib.sha256()
@@ -103,7 +111,7 @@ class _Pools:
             local[:3, 3] -= centre
             key.update(item.mesh.content_hash.encode() + local.tobytes())
             starts.append(self._append(item.mesh, local, slot))
-        self._close(key.hexdigest(), first_triangle, first_vertex, centre)
+        self._close(key.hexdigest(), first_triangle, first_vertex, centre - eye)
         return starts
 
     def add_shared(self, mesh: Mesh) -> int:
@@ -116,7 +124,9 @@ class _Pools:
     def _append(self, mesh: Mesh, matrix: Matrix, slot: int) -> int:
         start = self._triangle_count
         corners = np.empty((len(mesh.faces), 4), np.int32)
-        np.add(mesh.faces, self._vertex_count, out=corners[:, :3], casting="unsafe")
+        # A reflection turns the front of a triangle round; exchanging two corners turns it back.
+        order = [0, 1, 2] if np.linalg.det(matrix[:3, :3]) > 0 else [0, 2, 1]
+        np.add(mesh.faces[:, order], self._vertex_count, out=corners[:, :3], casting="unsafe")
         corners[:, 3] = slot
         self.vertices.append(_vertices(mesh, matrix))
         self.triangles.append(corners)
@@ -155,14 +165,9 @@ def _about_origin(mesh: Mesh) -> Matrix:
 
 
 def _centre(placed: Sequence[PlacedMesh]) -> NDArray[np.float64]:
-    boxes = [corners_of_box(*mesh_bounds(item.mesh), item.placement) for item in placed]
+    boxes = [corners_of_box(*item.mesh.bounds(), item.placement) for item in placed]
     corners = np.concatenate(boxes)
     return np.asarray((corners.min(axis=0) + corners.max(axis=0)) / 2)
-
-
-def mesh_bounds(mesh: Mesh) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lowest and highest corner of a mesh in its frame."""
-    return mesh.origin + mesh.positions.min(axis=0), mesh.origin + mesh.positions.max(axis=0)
 
 
 def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: Matrix) -> NDArray[np.float64]:
@@ -172,14 +177,18 @@ def corners_of_box(low: NDArray[np.float64], high: NDArray[np.float64], matrix: 
     return np.asarray(corners @ matrix[:3, :3].T + matrix[:3, 3])
 
 
-def _instances(shared: Sequence[PlacedMesh], first_primitive: int, copied: int) -> NDArray[np.void]:
+def _instances(
+    shared: Sequence[PlacedMesh], eye: NDArray[np.float64], first_primitive: int, copied: int
+) -> NDArray[np.void]:
     """Return instance records: one for the copied meshes, if any, then one for each shared."""
     records = INSTANCE.zeros(len(shared) + bool(copied))
     if copied:
         _set_transform(records[0], np.eye(4))
         records[0]["first_primitive"], records[0]["primitives"] = first_primitive, copied
     for record, item, place in zip(records[bool(copied) :], shared, range(len(shared)), strict=True):
-        _set_transform(record, item.placement @ np.linalg.inv(_about_origin(item.mesh)))
+        world = item.placement.copy()
+        world[:3, 3] += item.placement[:3, :3] @ item.mesh.origin - eye
+        _set_transform(record, world)
         record["first_primitive"], record["primitives"] = first_primitive + copied + place, 1
     return records
 

@@ -78,8 +78,8 @@ class Wavefront:
         self._enqueued, self._rays = 0, 0  # camera rays of the picture, since the last and up to the last `finish`
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
-        self._build(plan)
         self._allocate(plan)
+        self._build(plan)
         self._bind()
 
     def _size_wave(self, slots: int) -> None:
@@ -98,7 +98,9 @@ class Wavefront:
         declarations = device_declarations()
         passes = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
         trace = ["pass/stream.cl"] if self.organisation == "stream" else passes
-        self._trace = self.session.program(trace, plan.facts | {"VW": self._lanes["trace"]}, declarations)
+        self._trace = self.session.program(
+            trace, plan.facts | self._buffers.mesh_facts | {"VW": self._lanes["trace"]}, declarations
+        )
         camera_facts: dict[str, int | str] = {
             **plan.camera.facts,
             "CAMERA_FILE": plan.camera.kernel,
