@@ -11,6 +11,7 @@ from rptcam_cl.cameras import CameraModel, camera_model
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.materials import material_kinds, pack_materials
+from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.textures import Textures, TextureTable
 from rptcam_cl.records import ENVIRONMENT, EmitterKind, EnvironmentKind, Kind, MaterialKind
@@ -34,6 +35,8 @@ class Plan:
     environment: NDArray[np.void]
     primitive_count: int
     meshes: PackedMeshes | None
+    owners: Owners
+    eye_m: NDArray[np.float64]
 
 
 def _pack_environment(scene: Scene) -> tuple[EnvironmentKind, NDArray[np.void]]:
@@ -89,4 +92,6 @@ def make_plan(scene: Scene) -> Plan:
         environment=environment,
         primitive_count=len(primitives),
         meshes=meshes.packed if meshes else None,
+        owners=owners_of(scene, primitives),
+        eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
     )

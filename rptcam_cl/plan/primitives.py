@@ -31,12 +31,15 @@ class Primitive:
         origin.
         A mesh's placement: the scene [m], from the mesh's frame.
     material : Material
+    object : int
+        Index of the object of the scene that it belongs to.
     mesh : Mesh or None
     """
 
     kind: Kind
     placement: Matrix
     material: Material
+    object: int
     mesh: Mesh | None = None
 
 
@@ -109,21 +112,22 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
     """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene."""
     world = world_from_scene(scene)
     found = []
-    for item in scene.objects:
+    for index, item in enumerate(scene.objects):
         if isinstance(item, MeshObject):
-            found += _mesh_primitives(scene, item)
+            found += _mesh_primitives(scene, item, index)
             continue
         for kind, canonical in _canonical(item):
             placement = world @ item.world_from_object @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
                 kind = Kind.ELLIPSOID
-            found.append(Primitive(kind, placement, item.material))
+            found.append(Primitive(kind, placement, item.material, index))
     return sorted(found, key=lambda primitive: primitive.kind)
 
 
-def _mesh_primitives(scene: Scene, item: MeshObject) -> list[Primitive]:
+def _mesh_primitives(scene: Scene, item: MeshObject, index: int) -> list[Primitive]:
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
-    return [Primitive(Kind.MESH, scale @ part.placement, part.material, part.mesh) for part in mesh_parts(scene, item)]
+    parts = mesh_parts(scene, item)
+    return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh) for part in parts]
 
 
 def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
