@@ -18,16 +18,18 @@ ALLOWED: dict[str, set[str]] = {
     "resources": GROUND,
     "strict_yaml": GROUND,
     "imaging": GROUND,
-    "scene": FILES,
+    "mesh_files": GROUND,
+    "pictures": GROUND,
+    "scene": FILES | {"mesh_files"},
     "optics": FILES,
-    "geometry": GROUND | {"records", "scene"},
+    "geometry": GROUND | {"mesh_files", "records", "scene"},
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
     "cameras": GROUND | {"alias", "records", "scene", "optics"},
-    "plan": GROUND | {"alias", "records", "scene", "optics", "geometry", "cameras"},
+    "plan": GROUND | {"alias", "records", "scene", "optics", "geometry", "pictures", "cameras"},
     "lensview": FILES | {"optics"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
-    "wavefront": GROUND | {"records", "scene", "plan", "device"},
+    "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}
