@@ -103,8 +103,12 @@ TEXTURE = Record(
         ("int", "width"),
         ("int", "height"),
         ("int", "format"),
-        ("int", "wrap"),
         ("int", "nearest"),
+        ("int", "wrap_u"),
+        ("int", "wrap_v"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
     ),
 )
 
@@ -127,7 +131,24 @@ EMITTER = Record(
     ),
 )
 
-ENVIRONMENT = Record("Environment", (("float4", "bottom"), ("float4", "top"), ("float4", "up")))
+ENVIRONMENT = Record(
+    "Environment",
+    (
+        ("float4", "bottom"),  # radiance from below or from everywhere; gain of a picture
+        ("float4", "top"),
+        ("float4", "up"),
+        ("float4", "right"),  # of a picture's middle
+        ("float4", "forward"),
+        ("int", "texture"),  # index of the picture
+        ("int", "rows"),  # cells that light sampling tells apart
+        ("int", "columns"),
+        ("float", "pick"),  # probability that light sampling picks the environment
+        ("int", "first_sun"),  # suns are emitters first_sun to first_sun + suns - 1
+        ("int", "suns"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+    ),
+)
 
 EVEN_TERMS = 12
 ODD_TERMS = 12
@@ -269,6 +290,11 @@ class EmitterKind(IntEnum):
     SPHERE = 2
     POINT = 3
     DIRECTIONAL = 4
+    SPOT = 5
+    PROFILE = 6  # a point whose intensity in each direction is a picture
+    SUN = 7
+    ENVIRONMENT = 8
+    TRIANGLE = 9
 
 
 class EnvironmentKind(IntEnum):
@@ -277,6 +303,7 @@ class EnvironmentKind(IntEnum):
     NONE = 0
     CONSTANT = 1
     GRADIENT = 2
+    IMAGE = 3
 
 
 class RayStatus(IntEnum):
