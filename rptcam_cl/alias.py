@@ -9,15 +9,15 @@ from numpy.typing import NDArray
 def alias_table(weights: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return the share of each cell that it keeps and the index that has the rest.
 
-    Vose (1991) fills light cells from a heavy one until that is light itself, then goes on with the next heavy one. Which
-    heavy cell serves a light one follows from running sums of what the light lack and the heavy have too much, as
-    Hübschle-Schneider and Sanders, «Parallel weighted random sampling» (2019), observed.
+    Vose (1991) fills light cells from a heavy one until that is light itself, then goes on with the next heavy one.
+    Which heavy cell serves a light one follows from running sums of what the light lack and the heavy have too much,
+    as Hübschle-Schneider and Sanders, «Parallel weighted random sampling» (2019), observed.
     """
     count = len(weights)
     scaled = weights * (count / weights.sum())
     keep, other = np.ones(count), np.arange(count)
     light, heavy = np.flatnonzero(scaled < 1), np.flatnonzero(scaled >= 1)
-    if not len(light):
+    if not len(light) or not len(heavy):  # all the same, but for rounding
         return keep, other
     lack, excess = np.cumsum(1 - scaled[light]), np.cumsum(scaled[heavy] - 1)
     keep[light] = scaled[light]

@@ -115,10 +115,10 @@ TEXTURE = Record(
 EMITTER = Record(
     "Emitter",
     (
-        ("float4", "a"),  # corner, centre or position; w: area, or radius of a sphere
-        ("float4", "u"),  # edge, or axis of a disk
+        ("float4", "a"),  # corner, centre or position; w: area, radius of a sphere, squared sine of a sun's radius
+        ("float4", "u"),  # edge, or axis of a disk or profile; w: cone of a spot, see kernels/light/point.h
         ("float4", "v"),
-        ("float4", "normal"),  # or the direction towards a directional light
+        ("float4", "normal"),  # or the direction towards a light at infinity, or of the axis of a spot or profile
         ("float4", "radiance"),  # radiance, intensity or irradiance
         ("int", "kind"),
         ("int", "primitive"),
@@ -126,15 +126,15 @@ EMITTER = Record(
         ("float", "pick"),  # probability of being picked
         ("float", "alias_keep"),
         ("int", "alias_other"),
+        ("int", "texture"),  # index of the picture of a profile's intensities
         ("int", "reserved_0"),
-        ("int", "reserved_1"),
     ),
 )
 
 ENVIRONMENT = Record(
     "Environment",
     (
-        ("float4", "bottom"),  # radiance from below or from everywhere; gain of a picture
+        ("float4", "bottom"),  # radiance from below or from everywhere
         ("float4", "top"),
         ("float4", "up"),
         ("float4", "right"),  # of a picture's middle
@@ -294,7 +294,6 @@ class EmitterKind(IntEnum):
     PROFILE = 6  # a point whose intensity in each direction is a picture
     SUN = 7
     ENVIRONMENT = 8
-    TRIANGLE = 9
 
 
 class EnvironmentKind(IntEnum):

@@ -13,6 +13,7 @@ typedef struct {
     const __global uint        *texels;
     const __global Emitter     *emitters;
     const __global Environment *environment;
+    const __global float       *distribution;  // how light sampling picks directions of the environment
     int                         emitter_count;
 } Scene;
 
@@ -24,9 +25,11 @@ typedef struct {
     const __global uint        *texels,         \
     const __global Emitter     *emitters,       \
     const __global Environment *environment,    \
+    const __global float       *distribution,   \
     int                         emitter_count
 
-#define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, emitter_count)
+#define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, distribution, \
+                       emitter_count)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -38,6 +41,7 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.texels = texels;
     s.emitters = emitters;
     s.environment = environment;
+    s.distribution = distribution;
     s.emitter_count = emitter_count;
     return s;
 }

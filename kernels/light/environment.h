@@ -3,10 +3,8 @@
 #ifndef ENVIRONMENT_H
 #define ENVIRONMENT_H
 #include "common/scene.h"
-#if ENVIRONMENT == ENVIRONMENT_IMAGE
 #include "common/angles.h"
 #include "material/image.h"
-#endif
 
 #if ENVIRONMENT == ENVIRONMENT_GRADIENT
 static F3 environment_radiance(F3 d, Scene scene)
@@ -32,8 +30,8 @@ static void environment_place(F3 d, const __global Environment *e, F *u, F *v, F
 
 static F3 environment_texel(F u, F v, Scene scene)
 {
-    const __global Environment *e = scene.environment;
-    return mul(image_at(scene.textures + e->texture, scene.texels, u, v), f3_of(e->bottom));
+    const __global Texture *t = scene.textures + scene.environment->texture;
+    return mul(image_at(t, scene.texels, u, v), f3_of(t->a));
 }
 
 static F3 environment_radiance(F3 d, Scene scene)

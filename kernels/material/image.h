@@ -6,6 +6,7 @@
 #define IMAGE_H
 #include "common/scene.h"
 
+#if HAS_IMAGE || EMITTER_PROFILES || ENVIRONMENT == ENVIRONMENT_IMAGE
 // Linear value of sRGB codes 0 to 1 (IEC 61966-2-1): a fit through 1 to the 256 codes, relative error below 4e-5.
 static F srgb_decoded(F c)
 {
@@ -98,5 +99,6 @@ static F3 image_at(const __global Texture *t, const __global uint *all_texels, F
     F wy = wrapped(y, t->wrap_v);
     return t->nearest ? image_nearest(t, texels, wx, wy) : image_bilinear(t, texels, wx, wy);
 }
+#endif
 
 #endif

@@ -54,14 +54,13 @@ def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
             return Surroundings(EnvironmentKind.CONSTANT, record, nothing, 0.0)
         case ImageEnvironment() as image:
             colours = textures.pictures.colours(image, "rgb", image.color_space)
-            record["texture"] = textures.add_sphere(colours)
+            record["texture"] = textures.add_sphere(colours, image.gain)
             return _of_picture(record, brightness_of(colours), image)
     return Surroundings(EnvironmentKind.NONE, record, nothing, 0.0)
 
 
 def _of_picture(record: NDArray[np.void], brightness: Array, image: ImageEnvironment) -> Surroundings:
     record["right"][0, :3], record["up"][0, :3], record["forward"][0, :3] = axes(image.up, image.rotation_degrees)
-    record["bottom"][0, :3] = image.gain
     shares = cell_shares(brightness)
     if shares.sum() <= 0 or image.gain <= 0:
         return Surroundings(EnvironmentKind.NONE, record, np.zeros(1, np.float32), 0.0)
@@ -73,8 +72,8 @@ def _of_picture(record: NDArray[np.void], brightness: Array, image: ImageEnviron
 def axes(up: tuple[float, float, float], rotation_degrees: float) -> Array:
     """Return the directions right, up and forward of a picture of the sphere, as rows.
 
-    The turn that takes +y to ``up`` the short way takes +x to right and -z to forward, so that +y up is what an environment
-    camera sees that looks along -z. Then all turns about ``up``, counter-clockwise seen from above.
+    The turn that takes +y to ``up`` the short way takes +x to right and -z to forward: with +y up the picture is what
+    an environment camera sees that looks along -z. Then all turns about ``up``, counter-clockwise seen from above.
     """
     y = np.asarray(up, dtype=np.float64)
     y = y / np.linalg.norm(y)
@@ -101,8 +100,8 @@ def cell_shares(brightness: Array) -> Array:
     Returns
     -------
     array
-        Rows from the bottom. Between the centres of texels the picture is bilinear, so that a texel gives an eighth of its
-        brightness to each neighbour's cell, along rows and along columns.
+        Rows from the bottom. Between the centres of texels the picture is bilinear, so that a texel gives an eighth of
+        its brightness to each neighbour's cell, along rows and along columns.
     """
     height, width = brightness.shape
     sides = np.roll(brightness, 1, axis=1) + np.roll(brightness, -1, axis=1)
@@ -130,8 +129,8 @@ def _gathered(values: Array, count: int, axis: int) -> Array:
 def sampling_tables(shares: Array) -> NDArray[np.float32]:
     """Return what ``kernels/light/environment.h`` reads.
 
-    One after the other: of rows, then of the cells of each row, what the alias method keeps and the other index; then the
-    density of each cell per solid angle, times the sine of the angle from the poles.
+    One after the other: of rows, then of the cells of each row, what the alias method keeps and the other index; then
+    the density of each cell per solid angle, times the sine of the angle from the poles.
     """
     rows, columns = shares.shape
     by_row = shares.sum(axis=1)

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.errors import InputError
 from rptcam_cl.records import PRIMITIVE, Kind
 from rptcam_cl.scene import shape as shapes
 from rptcam_cl.scene.material import Material
+from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.scene import Scene
 
 Matrix = NDArray[np.float64]
@@ -104,6 +106,8 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
     world = world_from_scene(scene)
     found = []
     for item in scene.objects:
+        if isinstance(item, MeshObject):
+            raise InputError("objects of shape mesh cannot be rendered yet")
         for kind, canonical in _canonical(item):
             placement = world @ item.world_from_object @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):

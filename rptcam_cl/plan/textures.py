@@ -68,10 +68,10 @@ class TextureTable:
         """Return the mean colour over one repeat of the texture of an index."""
         return self._means[index]
 
-    def add_sphere(self, colours: Colours) -> int:
+    def add_sphere(self, colours: Colours, gain: float = 1.0) -> int:
         """Return the index of a picture of the whole sphere: it repeats in longitude and ends at the poles."""
         record: np.void = TEXTURE.zeros(1)[0]
-        self._fill_image(record, colours, 1.0)
+        self._fill_image(record, colours, gain)
         record["wrap_u"], record["wrap_v"], record["limit"] = Wrap.REPEAT, Wrap.CLAMP, UNLIMITED
         self._records.append(record)
         return len(self._records) - 1
@@ -81,7 +81,7 @@ class TextureTable:
         records = TEXTURE.zeros(len(self._records))
         for index, record in enumerate(self._records):
             records[index] = record
-        kinds = {int(record["kind"]) for record in self._records}
+        kinds = {int(self._records[index]["kind"]) for index in self._index.values()}  # what materials show
         facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in TextureKind} | {"HAS_TEXTURE": int(bool(kinds))}
         return Textures(records, self.pictures.words(), facts)
 

@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.camera import Camera
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment
+from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.light import Light, PointLight
+from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.material import Emissive
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.refusal import refuse
-from rptcam_cl.scene.shape import BoundedObject, Object, Plane, SceneObject
+from rptcam_cl.scene.scene_object import PlacedObject
+from rptcam_cl.scene.shape import Object, Plane
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
 LARGEST_EXTENT_RATIO = 1e7
@@ -24,12 +25,12 @@ LARGEST_EXTENT_RATIO = 1e7
 SQUARE_TOLERANCE = 0.01
 
 
-def to_world(item: SceneObject, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_world(item: PlacedObject, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points of an object's own frame (n, 3) in the world."""
     return np.asarray(points @ item.world_from_object[:3, :3].T + item.world_from_object[:3, 3])
 
 
-def world_corners(item: BoundedObject) -> NDArray[np.float64]:
+def world_corners(item: PlacedObject) -> NDArray[np.float64]:
     """Return the eight corners of an object's bounds in the world (8, 3)."""
     return to_world(item, np.array(list(product(*zip(*item.bounds(), strict=True)))))
 
@@ -67,13 +68,33 @@ def scene_warnings(
 
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
-    colours = [item.material.radiance for item in objects if isinstance(item.material, Emissive)]
-    colours += [light.intensity if isinstance(light, PointLight) else light.irradiance for light in lights]
-    if isinstance(environment, ConstantEnvironment):
-        colours.append(environment.radiance)
-    elif environment is not None:
-        colours += [environment.bottom, environment.top]
-    return any(max(colour) > 0 for colour in colours)
+    shown = (material for item in objects for material in item.shown_materials())
+    colours = [material.radiance for material in shown if isinstance(material, Emissive)]
+    return any(max(colour) > 0 for colour in [*colours, *_light_colours(lights), *_environment_colours(environment)])
+
+
+def _light_colours(lights: Sequence[Light]) -> list[Colour]:
+    colours = []
+    for light in lights:
+        match light:
+            case PointLight() | SpotLight():
+                colours.append(light.intensity)
+            case DirectionalLight() | SunLight():
+                colours.append(light.irradiance)
+            case ProfileLight():
+                colours.append((light.gain, light.gain, light.gain))
+    return colours
+
+
+def _environment_colours(environment: Environment | None) -> list[Colour]:
+    match environment:
+        case ConstantEnvironment():
+            return [environment.radiance]
+        case GradientEnvironment():
+            return [environment.bottom, environment.top]
+        case ImageEnvironment():
+            return [(environment.gain, environment.gain, environment.gain)]
+    return []
 
 
 def _extent_warnings(objects: Sequence[Object]) -> list[str]:
@@ -92,7 +113,7 @@ def _extent_warnings(objects: Sequence[Object]) -> list[str]:
     ]
 
 
-def _label(item: SceneObject, size: float) -> str:
+def _label(item: PlacedObject, size: float) -> str:
     return f"object '{item.name}'" if item.name else f"an object of size {size:.3g}"
 
 

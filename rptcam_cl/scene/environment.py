@@ -8,10 +8,9 @@ from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import NUMBER, Direction, Radiance
+from rptcam_cl.scene.quantities import Direction, Gain, Radiance, Turn
 
-Turn = Annotated[float, Field(ge=-360, le=360), NUMBER]
-Gain = Annotated[float, Field(ge=0, le=1e12), NUMBER]
+WITH_UP = ("gradient", "image")  # kinds whose `up` is the camera's by default
 
 
 class ConstantEnvironment(SceneModel):

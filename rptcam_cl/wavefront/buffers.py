@@ -30,7 +30,8 @@ class SceneBuffers:
             upload(plan.textures.records),
             upload(plan.textures.texels),
             upload(plan.emitters.records),
-            upload(plan.environment),
+            upload(plan.surroundings.record),
+            upload(plan.surroundings.distribution),
             np.int32(plan.emitters.count),
         )
         camera = plan.camera

@@ -49,17 +49,33 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Cylinder": (model.Cylinder, "Every object"),
     "Cone": (model.Cone, "Every object"),
     "Plane": (model.Plane, "Every object"),
+    "Mesh": (model.MeshObject, "Every object", "Named mesh"),
+    "Named mesh": (model.NamedMesh,),
     "Transform step": (model.TransformStep,),
     "Rotation": (model.Rotation,),
     "Point light": (model.PointLight,),
+    "Spot light": (model.SpotLight,),
+    "IES light": (model.ProfileLight,),
     "Directional light": (model.DirectionalLight,),
+    "Sun": (model.SunLight,),
     "Constant environment": (model.ConstantEnvironment,),
     "Gradient environment": (model.GradientEnvironment,),
+    "Image environment": (model.ImageEnvironment,),
 }
-BASES = {SceneModel, Pose, model.LensCamera, model.SceneObject, model.shape.BoundedObject, model.texture.Pattern, FileReference}
+BASES = {
+    SceneModel,
+    Pose,
+    FileReference,
+    model.LensCamera,
+    model.PlacedObject,
+    model.SceneObject,
+    model.mesh_shape.MeshSource,
+    model.texture.Pattern,
+}
 
 # Defaults that the reference describes in words.
 IN_WORDS = {"film", "render", "picture"}
+FROM_CAMERA = {("Gradient environment", "up"), ("Image environment", "up"), ("IES light", "direction")}
 
 
 @pytest.fixture(scope="module")
@@ -99,7 +115,7 @@ def test_reference_lists_every_key_with_default_and_bounds(
         _, span, default = rows[key]
         if field.is_required():
             assert default == "required", key
-        elif key not in IN_WORDS and (section, key) != ("Gradient environment", "up"):
+        elif key not in IN_WORDS and (section, key) not in FROM_CAMERA:
             assert default.split(":")[0].strip("`{") == written(field.default).strip("`{"), key
         assert all(bound in span for bound in bounds(schema["properties"][key])), (key, span)
 
