@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.alias import alias_table
+from rptcam_cl.kinds import EnvironmentKind, TexelFormat
 from rptcam_cl.plan.colour import LUMINANCE
 from rptcam_cl.plan.picture_table import Colours
 from rptcam_cl.plan.texels import linear_codes
 from rptcam_cl.plan.textures import TextureTable
-from rptcam_cl.records import ENVIRONMENT, EnvironmentKind, TexelFormat
+from rptcam_cl.records import ENVIRONMENT
 from rptcam_cl.scene.environment import ConstantEnvironment, GradientEnvironment, ImageEnvironment
 from rptcam_cl.scene.scene import Scene
 

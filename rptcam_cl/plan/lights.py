@@ -6,12 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.kinds import EmitterKind, TexelFormat
 from rptcam_cl.photometry import Luminaire, read_luminaire
 from rptcam_cl.plan.colour import LUMINANCE, luminance
 from rptcam_cl.plan.picture_table import Colours
 from rptcam_cl.plan.primitives import turn_to, world_from_scene
 from rptcam_cl.plan.textures import TextureTable
-from rptcam_cl.records import EMITTER, EmitterKind, TexelFormat
+from rptcam_cl.records import EMITTER
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.scene import Scene
 
@@ -21,7 +22,7 @@ PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its axi
 def light_emitter(light: Light, scene: Scene, textures: TextureTable, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record: np.void = EMITTER.zeros(1)[0]
-    record["primitive"] = -1
+    record["primitive"], record["part"] = -1, -1
     match light:
         case PointLight():
             record["kind"], record["radiance"][:3] = EmitterKind.POINT, light.intensity

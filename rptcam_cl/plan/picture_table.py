@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.kinds import TexelFormat
 from rptcam_cl.pictures import Picture, read_picture
 from rptcam_cl.plan.texels import Texels, colour_texels, packed
-from rptcam_cl.records import TexelFormat
 from rptcam_cl.scene.file_reference import FileReference
 from rptcam_cl.scene.scene import Scene
 

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
 from rptcam_cl.plan.materials import material_kinds, pack_materials
-from rptcam_cl.plan.primitives import pack_primitives, scene_primitives
+from rptcam_cl.plan.owners import Owners, owners_of
+from rptcam_cl.plan.primitives import pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.textures import Textures, TextureTable
 from rptcam_cl.records import Kind, MaterialKind
 from rptcam_cl.scene.scene import Scene
@@ -30,25 +32,30 @@ class Plan:
     emitters: Emitters
     surroundings: Surroundings
     primitive_count: int
+    meshes: PackedMeshes | None
+    owners: Owners
+    eye_m: NDArray[np.float64]
 
 
 def make_plan(scene: Scene) -> Plan:
     """Return the plan of a scene."""
-    primitives = scene_primitives(scene)
+    primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
     material_records, material_index = pack_materials(materials, table)
     surroundings = pack_environment(scene, table)
-    emitters = pack_emitters(scene, primitives, table, surroundings)
+    emitters = pack_emitters(scene, primitives, meshes.first_triangles if meshes else (), table, surroundings)
     textures = table.pack()
-    records, kind_end = pack_primitives(primitives, material_index, emitters.of_primitive)
+    records, kind_end = pack_primitives(primitives, material_index, emitters.of_primitive, meshes)
     kinds = {primitive.kind for primitive in primitives}
     shown = material_kinds(materials)
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind}
     facts |= {f"HAS_{kind.name}": int(kind in shown) for kind in MaterialKind}
     facts |= textures.facts | emitters.facts
     facts |= {
-        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE})),
+        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
+        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+        "HAS_TANGENT": 0,
         "ENVIRONMENT": int(surroundings.kind),
     }
     return Plan(
@@ -61,4 +68,7 @@ def make_plan(scene: Scene) -> Plan:
         emitters=emitters,
         surroundings=surroundings,
         primitive_count=len(primitives),
+        meshes=meshes.packed if meshes else None,
+        owners=owners_of(scene, primitives),
+        eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
     )

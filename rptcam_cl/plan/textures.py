@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.kinds import TextureKind, Wrap
 from rptcam_cl.plan.picture_table import Colours, PictureTable
 from rptcam_cl.plan.texels import linear_mean
-from rptcam_cl.records import TEXTURE, TextureKind, Wrap
+from rptcam_cl.records import TEXTURE
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Texture
 

@@ -42,7 +42,7 @@ def bilinear(pixels: Array, u: Array, v: Array) -> Array:
 
 
 def direction_of(u: Array, v: Array) -> Array:
-    """Return the directions at u and v of a picture with +y up, not turned: the middle looks at -z, +x lies to its right."""
+    """Return the directions at u and v of a picture with +y up: its middle lies at -z, +x to the right."""
     longitude, polar = 2 * np.pi * (u - 0.5), np.pi * v
     return np.stack([np.sin(polar) * np.sin(longitude), np.cos(polar), -np.sin(polar) * np.cos(longitude)], axis=-1)
 

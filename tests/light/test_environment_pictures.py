@@ -43,7 +43,7 @@ def test_environment_camera_takes_the_picture_again(folder: Path) -> None:
 
 
 def ground(normal, **rest):
-    """A white square about the origin that faces along ``normal``, seen in so narrow a view that all pixels are one point."""
+    """A white square about the origin, seen in so narrow a view that all pixels are one point."""
     n = np.asarray(normal, float) / np.linalg.norm(normal)
     u = np.cross(n, [0.31, -0.2, 0.87])
     v = np.cross(n, u)
@@ -58,7 +58,9 @@ def test_irradiance_is_that_of_quadrature(folder: Path, normal) -> None:
     n, scene = ground(normal)
     expected = irradiance(rough_sky(), n)
     scene = load_scene(scene, base_dir=folder)
-    film = np.pi * np.asarray(rptcam_cl.render(scene, spp=512, seed=seed_of(f"sky {normal}")), np.float64).reshape(-1, 3)
+    film = np.pi * np.asarray(rptcam_cl.render(scene, spp=512, seed=seed_of(f"sky {normal}")), np.float64).reshape(
+        -1, 3
+    )
     # halves resolve 5e-4
     assert_equivalent(film.mean(axis=0), film.std(axis=0) / 64, expected, 0.01 * expected)
 

@@ -1,4 +1,4 @@
-"""Light sampling of a picture of the environment: directions, radiance and density agree, and counts follow the density."""
+"""Light sampling of a picture of the environment: radiance and density agree, and counts follow the density."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ def session() -> Session:
 
 
 def sampled(session, folder, sky, count, lanes=8, **keys):
-    """Return what the probe writes for ``count`` random pairs: direction, radiance, density, radiance again, density again."""
+    """Return what the probe writes for random pairs: direction, radiance, density, radiance again, density again."""
     save_exr(folder / "sky.exr", sky)
     environment = {"kind": "image", "file": "sky.exr", "up": [0, 1, 0], **keys}
     plan = make_plan(load_scene({"camera": CAMERA, "film": FILM, "environment": environment}, base_dir=folder))
@@ -48,7 +48,7 @@ def test_sample_agrees_with_what_is_met(session: Session, tmp_path: Path, lanes:
     direction, radiance, density, met, met_density = sampled(session, tmp_path, sky, 1 << 14, lanes)
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=5e-7)
     expected = bilinear(sky, *place(direction))
-    # halves resolve 5e-4; float32 angles are good to 2e-7 turns, a hundred-thousandth of a texel, at slopes up to 300 per texel
+    # halves resolve 5e-4; float32 angles are good to 2e-7 turns, 1e-5 texels, at slopes up to 300 per texel
     np.testing.assert_allclose(radiance, expected, rtol=1e-3, atol=6e-3)
     np.testing.assert_allclose(met, expected, rtol=1e-3, atol=6e-3)
     # on the edge of a cell rounding may pick the neighbour
@@ -64,7 +64,7 @@ def test_counts_follow_the_density(session: Session, tmp_path: Path) -> None:
     rows, columns = sky.shape[0], sky.shape[1]
     cells = np.minimum((v * rows).astype(int), rows - 1) * columns + np.minimum((u * columns).astype(int), columns - 1)
     observed = np.bincount(cells, minlength=rows * columns)
-    # within a cell directions are even in longitude and polar angle, so its probability is density * sine * area of angles
+    # within a cell directions are even in longitude and polar angle: its probability is density * sine * area
     expected = np.full(rows * columns, np.nan)
     expected[cells] = density * np.sin(np.pi * v) * 2 * np.pi**2 / (rows * columns)
     assert np.isfinite(expected).all()

@@ -14,7 +14,8 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "_version": set(),
     "alias": set(),
-    "records": set(),
+    "kinds": set(),
+    "records": {"kinds"},
     "resources": GROUND,
     "strict_yaml": GROUND,
     "imaging": GROUND,
@@ -27,10 +28,10 @@ ALLOWED: dict[str, set[str]] = {
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
     "cameras": GROUND | {"alias", "records", "scene", "optics"},
-    "plan": GROUND | {"alias", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"},
+    "plan": GROUND | {"alias", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"},
     "lensview": FILES | {"optics"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
-    "wavefront": GROUND | {"records", "scene", "plan", "device"},
+    "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}
