@@ -164,6 +164,7 @@ ENVIRONMENT = Record(
         ("int", "first_sun"),  # suns are emitters first_sun to first_sun + suns - 1
         ("int", "suns"),
         ("int", "reserved_0"),
+        ("int", "reserved_1"),
     ),
 )
 

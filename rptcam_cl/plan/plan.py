@@ -57,6 +57,7 @@ def make_plan(scene: Scene) -> Plan:
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
         "HAS_TANGENT": 0,
         "ENVIRONMENT": int(surroundings.kind),
+        "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
     }
     return Plan(
         facts=facts,
