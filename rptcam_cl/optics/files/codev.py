@@ -12,7 +12,7 @@ from rptcam_cl.optics.lens import Lens
 
 UNITS = {"M": "mm", "C": "cm", "I": "in"}
 POWERS = dict(zip("ABCDEFGHJ", range(4, 22, 2), strict=True))
-# ADE and BDE turn left handed, CDE right handed: the convention of optical design, as ray-optics states it (misc_math.py).
+# ADE and BDE turn left handed, CDE right handed: the convention of optical design, as ray-optics has it (misc_math.py).
 SENSES = (-1.0, -1.0, 1.0)
 TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
 QUIET_WORDS = """
