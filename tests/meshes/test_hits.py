@@ -45,7 +45,9 @@ def rays_of(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np
         return o, np.where(rng.random((n, 3)) < 0.5, d, d + 0.0 * -1.0)
     # nearly along z, the rest so small that its inverse is not finite, or zero of either sign
     o = np.concatenate([rng.uniform(-1, 1, (n, 2)), np.full((n, 1), 3.0)], axis=1)
-    return o, np.concatenate([rng.choice([1e-42, -1e-42, 0.0, -0.0, 1e-30, 1e-3], (n, 2)), np.full((n, 1), -1.0)], axis=1)
+    return o, np.concatenate(
+        [rng.choice([1e-42, -1e-42, 0.0, -0.0, 1e-30, 1e-3], (n, 2)), np.full((n, 1), -1.0)], axis=1
+    )
 
 
 @pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
