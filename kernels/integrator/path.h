@@ -1,7 +1,7 @@
 // A path under way and what happens at one of its vertices. The passes of a wave and the stream share this code.
 #ifndef PATH_H
 #define PATH_H
-#include "common/rng.h"
+#include "common/sampler.h"
 #include "material/scatter.h"
 #include "light/environment.h"
 #if HAS_EMITTERS

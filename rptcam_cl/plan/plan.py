@@ -80,6 +80,7 @@ def make_plan(scene: Scene) -> Plan:
         "EMITTER_POINTS": int(EmitterKind.POINT in emitters.kinds),
         "EMITTER_DIRECTIONS": int(EmitterKind.DIRECTIONAL in emitters.kinds),
         "ENVIRONMENT": int(environment_kind),
+        "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
     }
     return Plan(
         facts=facts,

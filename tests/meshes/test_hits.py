@@ -92,7 +92,7 @@ def test_rays_that_leave_a_convex_mesh_do_not_meet_it_again(session):
 def test_offset_is_small_beside_the_distance(session):
     """A shadow begins where its object does: the step off the surface is a few roundings."""
     points, faces = globe(12, 16)
-    scene = MeshScene(session, [mesh_object(points + [0, 0, -10], faces)])
+    scene = MeshScene(session, [mesh_object(points - np.array([0, 0, 10]), faces)])
     d = np.tile([[0, 0, -1.0]], (128, 1))
     hits = scene.trace(np.random.default_rng(1).uniform(-0.3, 0.3, (128, 3)) * [1, 1, 0], d)
     assert (hits.offset > 0).all()
@@ -111,8 +111,8 @@ def test_instances_are_met_where_copies_are(session, monkeypatch, turn):
     meshes = {"globe": {"vertices": points.tolist(), "faces": faces.tolist()}}
     objects = [{"shape": "mesh", "mesh": "globe", "material": MATTE, "transform": steps} for steps in placed]
     n = 32768
-    o = rng.uniform(-1, 1, (n, 3)) + [0, 0, 4]
-    d = np.concatenate([rng.uniform(-3, 3, (n // 2, 3)) + [0, 0, -8] - o[: n // 2], directions(rng, n // 2)])
+    o = rng.uniform(-1, 1, (n, 3)) + np.array([0, 0, 4])
+    d = np.concatenate([rng.uniform(-3, 3, (n // 2, 3)) - np.array([0, 0, 8]) - o[: n // 2], directions(rng, n // 2)])
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     copies = MeshScene(session, objects, meshes=meshes)
     monkeypatch.setattr(rptcam_cl.plan.meshes, "MOST_COPIED", 0)
