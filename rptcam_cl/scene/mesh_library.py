@@ -83,7 +83,7 @@ def _written_out(source: MeshSource) -> MeshContents:
     normals = source.given_normals()
     surface = Surface(
         positions,
-        as_triangles(positions, source.faces.groups, "the mesh"),
+        as_triangles(positions, source.faces.groups, "the mesh: face"),
         None if normals is None else normals.rows,
         None if source.uvs is None else source.uvs.rows,
     )

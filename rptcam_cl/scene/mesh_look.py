@@ -10,4 +10,4 @@ def material_of(look: Look) -> Material:
     """Return the material that shows what a file says about a surface."""
     if max(look.emission) > 0:
         return Emissive(kind="emissive", radiance=look.emission, two_sided=True)
-    return Matte(kind="matte", reflectance=look.base_colour)
+    return Matte(kind="matte", reflectance=look.base_color)
