@@ -92,7 +92,7 @@ def read_obj(path: Path, find: Find) -> Draft:
             place = len(used)
             used.append(_look(looks, name_, path))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
-    return Draft(surfaces, used, [])
+    return Draft(surfaces, used)
 
 
 def _look(looks: dict[str, Look], name: str | None, path: Path) -> Look:

@@ -8,14 +8,17 @@ from pathlib import Path
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files.contents import Draft, MeshContents, finished
 from rptcam_cl.mesh_files.find import Find
+from rptcam_cl.mesh_files.gltf import read_gltf
 from rptcam_cl.mesh_files.obj import read_obj
 from rptcam_cl.mesh_files.ply import read_ply
 from rptcam_cl.mesh_files.stl import read_stl
 
 READERS: dict[str, Callable[[Path, Find], Draft]] = {
-    ".ply": lambda path, _: Draft([read_ply(path)], [], []),
+    ".ply": lambda path, _: Draft([read_ply(path)]),
     ".obj": read_obj,
-    ".stl": lambda path, _: Draft([read_stl(path)], [], []),
+    ".gltf": read_gltf,
+    ".glb": read_gltf,
+    ".stl": lambda path, _: Draft([read_stl(path)]),
 }
 
 

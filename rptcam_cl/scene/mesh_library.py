@@ -87,7 +87,7 @@ def _written_out(source: MeshSource) -> MeshContents:
         None if normals is None else normals.rows,
         None if source.uvs is None else source.uvs.rows,
     )
-    return finished(Draft([surface], [], []), "the mesh")
+    return finished(Draft([surface]), "the mesh")
 
 
 def _materials(item: MeshObject, contents: MeshContents) -> tuple[Material, ...]:
