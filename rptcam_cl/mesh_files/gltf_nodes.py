@@ -26,7 +26,8 @@ def placed_meshes(document: Part) -> Iterator[tuple[int, NDArray[np.float64], st
         if index in seen:
             raise InputError(f"{node.place}: is reached twice (allowed: a tree of nodes)")
         seen.add(index)
-        placement = parent @ _matrix(node)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused where a mesh is shown
+            placement = parent @ _matrix(node)
         waiting += [(child, placement) for child in reversed(node.wholes("children", below=len(nodes)))]
         if node.has("mesh") and _can_be_shown(placement, node):
             yield node.whole("mesh", below=meshes), placement, node.text("name") or None

@@ -14,6 +14,8 @@ from rptcam_cl.mesh_files.text_numbers import Line, parsed
 from rptcam_cl.mesh_files.welding import different_rows
 
 Counts = tuple[int, int, int]
+# Which indices a corner has, by its number of slashes and whether two of them follow each other.
+FORMS = {(0, False): [0], (1, False): [0, 1], (2, True): [0, 2], (2, False): [0, 1, 2]}
 KINDS = ("vertex", "texture coordinate", "normal")
 MISSING = -1
 
@@ -95,17 +97,14 @@ class FaceLines:
 def _alike(lines: list[Line]) -> NDArray[np.int64] | None:
     """Return the indices as written when all corners of some lines have the same form, None otherwise."""
     text = b" ".join(line for _, line in lines)
-    count = len(text.split())
-    slashes, doubles = text.count(b"/"), text.count(b"//")
-    if slashes == 0:
-        columns = [0]
-    elif slashes == count and not doubles:
-        columns = [0, 1]
-    elif slashes == 2 * count and doubles == count:
-        columns = [0, 2]
-    elif slashes == 2 * count and not doubles:
-        columns = [0, 1, 2]
-    else:
+    words = text.split()
+    count = len(words)
+    slashes = {word.count(b"/") for word in words}
+    doubles = text.count(b"//")
+    if len(slashes) != 1 or doubles not in (0, count):
+        return None
+    columns = FORMS.get((slashes.pop(), doubles > 0))
+    if columns is None:
         return None
     numbers = parsed(text.replace(b"/", b" "))
     if numbers is None or len(numbers) != count * len(columns):
