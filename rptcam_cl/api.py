@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl import optics
 from rptcam_cl._version import __version__
+from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
 from rptcam_cl.imaging import Image
 from rptcam_cl.lens_tracing import TraceableLens, traceable
@@ -18,6 +19,9 @@ from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
 __all__ = ["Image", "Progress", "Scene", "choose_device", "devices", "load_lens", "load_scene", "render"]
+
+# What the statistics repeat of the metadata, for programs that measure in pictures.
+GEOMETRY = ("world_from_camera", "intrinsics", "resolution", "window", "film_size_mm", "near_m")
 
 
 def devices() -> list[dict[str, Any]]:
@@ -44,6 +48,7 @@ def render(
     seed: int | None = None,
     size: tuple[int, int] | None = None,
     crop: tuple[float, float, float, float] | None = None,
+    layers: Sequence[str] | None = None,
     device: str | Session | None = None,
     wave_size: int | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
@@ -61,6 +66,8 @@ def render(
         Time to render [s]; the picture ends after whole samples, at least one.
     seed, size, crop
         Replace the scene's seed, resolution [pixels] and crop [fractions x0, x1, y0, y1].
+    layers
+        Auxiliary layers to record, in place of the scene's: ``["depth", "normal"]``; see docs/layers.md.
     device
         As ``--device`` on the command line, or a session to reuse; see `choose_device`.
     wave_size
@@ -78,7 +85,7 @@ def render(
         No device fits, or a kernel failed.
     """
     begun = time.perf_counter()
-    scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop)
+    scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers)
     session = device if isinstance(device, Session) else open_session(device)
     plan = make_plan(scene)
     started = time.perf_counter()
@@ -101,9 +108,10 @@ def render(
         "render": rendering.seconds,
         "total": time.perf_counter() - begun,
     }
-    stats = _stats(rendering, wavefront, plan, session.info, times)
     metadata = _metadata(scene, rendering, plan, session.info)
-    return Image(rendering.pixels, metadata, stats, scene.picture.ev)
+    stats = _stats(rendering, wavefront, plan, session.info, times)
+    stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
+    return Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
 
 
 def _adjusted(
@@ -112,8 +120,9 @@ def _adjusted(
     seed: int | None,
     size: tuple[int, int] | None,
     crop: tuple[float, float, float, float] | None,
+    layers: Sequence[str] | None,
 ) -> Scene:
-    settings = {"spp": spp, "seed": seed}
+    settings = {"spp": spp, "seed": seed, "layers": layers}
     film = {"resolution": size, "crop": crop}
     return change_scene(
         scene,
@@ -141,6 +150,12 @@ def _stats(
     return stats
 
 
+def _window(scene: Scene) -> list[int]:
+    """Return the part of the film that is rendered: x, y, width and height [pixels]."""
+    layout = FilmLayout.of(scene.film)
+    return [layout.x, layout.y, layout.width, layout.height]
+
+
 def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo) -> dict[str, Any]:
     return {
         "software": f"rptcam_cl {__version__}",
@@ -151,4 +166,8 @@ def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo
         "device": device.name,
         "exposure": scene.exposure,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
+        **camera_geometry(scene),
+        "window": _window(scene),
+        **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
+        **({"material_names": plan.owners.materials} if "material_id" in rendering.layers else {}),
     }

@@ -7,12 +7,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rptcam_cl.cameras.blur import Blur, perfect_blur
+from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lens_setting import lens_setting
-from rptcam_cl.cameras.model import CameraModel, camera_record
+from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.first_order import limiting_surface, system_matrix
 from rptcam_cl.scene.camera import ThickLensCamera
+from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.scene import Scene
 
 AT_THE_PUPIL = 1e-9  # distance from film to exit pupil, as a share of the film distance, that counts as none
@@ -44,6 +47,11 @@ class ThickLens:
     def pupil_solid_angle(self) -> float:
         """Area of the exit pupil over the square of its distance from the film."""
         return math.pi * self.film_slope[1] ** 2
+
+    def film_per_tangent(self, width_m: float, height_m: float) -> tuple[float, float]:
+        """Return how many widths and heights of a film the image moves per unit of the tangent in the scene."""
+        per_mm = 1e-3 / abs(self.slope[0])
+        return per_mm / width_m, per_mm / height_m
 
     @property
     def axial_cone(self) -> float:
@@ -112,5 +120,21 @@ def build(scene: Scene) -> CameraModel:
     first_vertex_m = -(setting.film_distance_mm + setting.lens.length) * 1e-3
     record["b"][0] = (1e-3, first_vertex_m, *thick.film_slope)
     record["pupil"][0] = (*thick.height, *thick.slope)
-    metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis}
-    return CameraModel("camera/thick_lens.h", record, facts={}, metadata=metadata)
+    projection = intrinsics(scene.film, thick.film_per_tangent(width_m, height_m), flip=camera.flip)
+    metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
+    view = entrance_pupil_view(
+        setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene.film, first_vertex_m)
+    )
+    return CameraModel("camera/thick_lens.h", record, facts={}, metadata=metadata, view=view)
+
+
+def _blur(thick: ThickLens, film: Film, first_vertex_m: float) -> Blur:
+    """Return the circle of confusion: where a point is seen, its rays spread over the film as the pupil's points do.
+
+    A point x at a distance D from the first vertex belongs to film points h with x = (height + D slope) (h, p).
+    """
+    width_m, height_m = film.size_m()
+    pixels_per_mm = math.sqrt(film.resolution[0] / width_m * film.resolution[1] / height_m) * 1e-3
+    (at, across), (turn, spread) = thick.height, thick.slope
+    gain = 2 * pixels_per_mm * abs(across / turn) * 1e-3
+    return perfect_blur(gain, -spread / across * 1e3, shift=at / turn * 1e-3, origin_z=first_vertex_m)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.layers import Layers
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
 
 MAX_SPP = 2**32 - 1
@@ -28,6 +29,15 @@ class RenderSettings(SceneModel):
 
     roulette_depth: Annotated[int, Field(ge=0, le=MAX_DEPTH), WHOLE_NUMBER] = 4
     """Edge from which on Russian roulette may end a path; 0 means never."""
+
+    sampler: Literal["lattice", "independent"] = "lattice"
+    """How the samples of a pixel are spread: on a lattice, which lowers the noise, or each by itself."""
+
+    layers: Layers = ()
+    """Auxiliary layers to record beside the picture, as depth and normal."""
+
+    layers_spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
+    """Samples per pixel that the layers are made of at most, the first ones of the picture."""
 
 
 class Picture(SceneModel):

@@ -155,13 +155,14 @@ class Scene(SceneModel):
     def content_hash(self) -> str:
         """Return the SHA-256 of everything that changes the film.
 
-        Left out are the number of samples, how the picture is shown, and names. Files count by their content.
+        Left out are the number of samples, layers, how the picture is shown, and names. Files count by their content.
         """
         left_out = {"name", "file", "mesh", "vertices", "faces", "uvs", "normals"}
         content = self.model_dump(
             mode="json",
             exclude={
-                "picture": True, "materials": True, "meshes": True, "render": {"spp"}, "objects": {"__all__": left_out},
+                "picture": True, "materials": True, "meshes": True, "render": {"spp", "layers", "layers_spp"},
+                "objects": {"__all__": left_out},
             },
         )  # fmt: skip
         for item, plain in zip(self.objects, content["objects"], strict=True):

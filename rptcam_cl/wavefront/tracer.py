@@ -26,6 +26,7 @@ from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, floa
 from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.wavefront.buffers import SceneBuffers
 from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
+from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
 
 WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
 STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
@@ -78,8 +79,10 @@ class Wavefront:
         self._enqueued, self._rays = 0, 0  # camera rays of the picture, since the last and up to the last `finish`
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
-        self._build(plan)
+        lanes = session.lanes
+        self._lanes = {"trace": lanes, "camera": lanes * 2 if plan.camera.has_lens and lanes > 1 else lanes}
         self._allocate(plan)
+        self._build(plan)
         self._bind()
 
     def _size_wave(self, slots: int) -> None:
@@ -93,26 +96,31 @@ class Wavefront:
         return self._wave_pixels * self._wave_samples
 
     def _build(self, plan: Plan) -> None:
-        lanes = self.session.lanes
-        self._lanes = {"trace": lanes, "camera": lanes * 2 if plan.camera.has_lens and lanes > 1 else lanes}
         declarations = device_declarations()
         passes = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
         trace = ["pass/stream.cl"] if self.organisation == "stream" else passes
-        self._trace = self.session.program(trace, plan.facts | {"VW": self._lanes["trace"]}, declarations)
+        self._trace = self.session.program(
+            trace, plan.facts | self._buffers.mesh_facts | {"VW": self._lanes["trace"]}, declarations
+        )
         camera_facts: dict[str, int | str] = {
             **plan.camera.facts,
             "CAMERA_FILE": plan.camera.kernel,
             "CAMERA_HAS_LENS": int(plan.camera.has_lens),
             "HAS_EMITTERS": plan.facts["HAS_EMITTERS"],
+            "SAMPLER_LATTICE": plan.facts["SAMPLER_LATTICE"],
+            "HAS_MESH": plan.facts["HAS_MESH"],
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }
         self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
 
     def _allocate(self, plan: Plan) -> None:
-        floats = floats_per_slot(stream=self.organisation == "stream", emitters=self._emitters > 0)
+        floats = floats_per_slot(
+            stream=self.organisation == "stream", emitters=self._emitters > 0, meshes=plan.facts["HAS_MESH"] > 0
+        )
         state_bytes = 4 * floats * self.capacity
-        film_bytes = BYTES_PER_PIXEL * self.layout.pixels
+        planes = LayerPlanes(self.settings.layers)
+        film_bytes = (BYTES_PER_PIXEL + planes.bytes_per_pixel) * self.layout.pixels
         budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
         if state_bytes + film_bytes > budget:
             raise InputError(
@@ -127,6 +135,12 @@ class Wavefront:
         self._counters = session.allocate(4 * len(self._counts), zeroed=True)
         self._buffers = SceneBuffers(session, plan)
         self._after_scene = len(self._buffers.scene)  # index of the first argument behind the scene
+        self._layers = None
+        if planes.names:
+            self._layers = LayerPass(
+                session, plan, self.layout, self._buffers, planes, lanes=self._lanes["trace"], state=self._state,
+                capacity=self.capacity, stream=self.organisation == "stream",
+            )  # fmt: skip
 
     def _bind(self) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
@@ -168,6 +182,8 @@ class Wavefront:
         self._counts[:] = 0
         self._enqueued, self._rays = 0, 0
         self.passes.clear()
+        if self._layers is not None:
+            self._layers.clear()
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
@@ -190,6 +206,10 @@ class Wavefront:
         self._enqueued += samples * self.layout.pixels_within(first_pixel, pixels)
         self._generate.set(WAVE_OF_GENERATE, wave)
         self._run(self._generate, slots // self._lanes["camera"])
+        if self._layers is not None and first_sample < self.settings.layers_spp:
+            seen = min(samples, self.settings.layers_spp - first_sample)
+            self._layers.set_wave(self._wave_bytes(first_pixel, pixels, first_sample, seen))
+            self._run(self._layers.launch, pixels // self._lanes["trace"])
         if self.organisation == "stream":
             self._stream.set(self._after_scene + 1, wave)
             self._run(self._stream, pixels // self._lanes["trace"])
@@ -235,6 +255,10 @@ class Wavefront:
         """Return the film's mean over ``spp`` samples, shape (height, width, 3)."""
         sums = self.session.read(self._film, np.float32, 6 * self.layout.pixels)
         return self.layout.picture(sums.reshape(6, -1), spp)
+
+    def layers(self) -> dict[str, NDArray[Any]]:
+        """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""
+        return {} if self._layers is None else self._layers.arrays()
 
     def outcomes(self) -> dict[str, int]:
         """Return how many camera rays passed the lens, and how many failed and why, up to the last `finish`."""

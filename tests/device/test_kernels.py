@@ -7,11 +7,14 @@ import pyopencl as cl
 import pytest
 
 from rptcam_cl.acceleration.builder import BINS, FILES, SWEEP
+from rptcam_cl.acceleration.reinsertion import FILES as REINSERTION_FILES
 from rptcam_cl.device.program import BUILD_OPTIONS, assemble, pocl_library_arch
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
 from rptcam_cl.resources import kernels_dir
 from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.layers import LAYER_NAMES
+from rptcam_cl.wavefront.layers import LayerPlanes
 from tests.render.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
@@ -31,22 +34,40 @@ PATTERNS = {
 GRID = {"kind": "grid", "background": 0.9, "line": 0.1, "line_width": 0.25, "scale": [2, 2]}
 
 
+GLOW = {"kind": "emissive", "radiance": 1}
+TREES = {"BVH_WIDTH": 8, "BVH_STACK": 64}
+
+
+def sheet(side):
+    """A square of ``side`` by ``side`` pairs of triangles."""
+    step = [i / side for i in range(side + 1)]
+    corner = [i * (side + 1) + j for i in range(side) for j in range(side)]
+    faces = [f for k in corner for f in ([k, k + side + 1, k + side + 2], [k, k + side + 2, k + 1])]
+    return {"vertices": [[x, y, 0] for x in step for y in step], "faces": faces}
+
+
 def facts_of(mapping):
     return make_plan(load_scene(mapping, allow_folders=[Path(__file__).parents[2]])).facts
 
 
 def all_facts():
     """Facts of a scene that has one of everything."""
-    scene = still_life()
+    scene = still_life() | {"meshes": {"sheet": sheet(100)}}
+    meshes = [{"shape": "mesh", "mesh": "sheet", "material": GLOW}] * 2  # too large to be copied: instances
     patterns = PATTERNS | {"grid": GRID}
     materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()}
     shown = [PLANE | {"material": name} for name in PATTERNS]
-    return facts_of(scene | {"objects": scene["objects"] + RARE + shown, "materials": materials})
+    return facts_of(scene | {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials})
 
 
 def least_facts():
     """Facts of an empty scene."""
     return facts_of(still_life() | {"objects": [], "lights": [], "environment": None})
+
+
+def layer_facts(names):
+    """Facts of the layers of those names; only the pass that records them reads any."""
+    return LayerPlanes(names).facts
 
 
 def without_warnings(session, files, facts):
@@ -60,22 +81,27 @@ def without_warnings(session, files, facts):
 def test_scene_with_everything_turns_every_fact_on():
     # one emitter is not many, and what there is of the world is one kind
     off = {name for name, value in all_facts().items() if not value}
-    assert off == {"ONE_EMITTER"}
+    assert off == {"ONE_EMITTER", "HAS_TANGENT"}
 
 
 SCENE_PASSES = [name for name in PASSES if name not in ("pass/generate.cl", "pass/trace_rays.cl")]
 
 
+@pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shade.cl"])
+def test_meshes_compile_for_trees_of_four(session, file):
+    without_warnings(session, [file], all_facts() | {"BVH_WIDTH": 4, "BVH_STACK": 32, "VW": 1})
+
+
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], all_facts() | {"VW": lanes})
+    without_warnings(session, [file], all_facts() | TREES | layer_facts(LAYER_NAMES) | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], least_facts() | {"VW": lanes})
+    without_warnings(session, [file], least_facts() | layer_facts(["coverage"]) | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])
@@ -85,7 +111,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
     lens = int(camera == "realistic")
     for rest in (0, 1):
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
-        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest}
+        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest, "SAMPLER_LATTICE": rest}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 
@@ -94,9 +120,11 @@ def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
 
 
-@pytest.mark.parametrize("file", FILES)
+@pytest.mark.parametrize("file", FILES + REINSERTION_FILES)
 def test_kernel_that_builds_trees_compiles_alone_without_a_warning(session, file):
-    without_warnings(session, [file], {"LEAF_SIZE": 8, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": 54})
+    without_warnings(
+        session, [file], {"LEAF_SIZE": 8, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": 54, "MOST_VISITS": 512}
+    )
 
 
 @pytest.mark.parametrize("path", sorted(kernels_dir().rglob("*.cl")), ids=lambda path: path.stem)
