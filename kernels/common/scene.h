@@ -9,6 +9,8 @@ typedef struct {
     const __global Primitive   *primitives;    // sorted by kind
     const __global int         *kind_end;      // end of each kind in `primitives`
     const __global Material    *materials;
+    const __global Texture     *textures;
+    const __global uint        *texels;
     const __global Emitter     *emitters;
     const __global Environment *environment;
     int                         emitter_count;
@@ -18,11 +20,13 @@ typedef struct {
     const __global Primitive   *primitives,     \
     const __global int         *kind_end,       \
     const __global Material    *materials,      \
+    const __global Texture     *textures,       \
+    const __global uint        *texels,         \
     const __global Emitter     *emitters,       \
     const __global Environment *environment,    \
     int                         emitter_count
 
-#define SCENE scene_of(primitives, kind_end, materials, emitters, environment, emitter_count)
+#define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, emitter_count)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -30,6 +34,8 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.primitives = primitives;
     s.kind_end = kind_end;
     s.materials = materials;
+    s.textures = textures;
+    s.texels = texels;
     s.emitters = emitters;
     s.environment = environment;
     s.emitter_count = emitter_count;

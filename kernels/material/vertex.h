@@ -32,11 +32,11 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
         I mine = hit.primitive == index;
         const __global Primitive *primitive = scene.primitives + index;
         const __global Material *material = scene.materials + primitive->material;
-        SurfacePoint point = surface_point(index, p, material->texture, scene);
+        SurfacePoint point = surface_point(index, p, material->texture >= 0, scene);
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);
         vertex.ng = select3(mine, point.n, vertex.ng);
-        vertex.color = select3(mine, reflectance_at(material, point.u, point.v), vertex.color);
+        vertex.color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex.color);
         vertex.parameter = mine ? (F)(material->parameter) : vertex.parameter;
         vertex.kind = mine ? (I)(material->kind) : vertex.kind;
 #if HAS_EMITTERS

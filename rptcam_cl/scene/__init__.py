@@ -29,7 +29,7 @@ from rptcam_cl.scene.sampling import Picture, RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.schema import scene_json_schema
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, SceneObject, Sphere
-from rptcam_cl.scene.texture import Checker, Grid, Reflectance
+from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
 
 __all__ = [
@@ -50,15 +50,18 @@ __all__ = [
     "EnvironmentCamera",
     "Film",
     "Focus",
+    "Gradient",
     "GradientEnvironment",
     "Grid",
     "HeartAperture",
     "ImageAperture",
+    "ImageTexture",
     "LensCamera",
     "Light",
     "Material",
     "Matte",
     "Mirror",
+    "Noise",
     "Object",
     "OutlineAperture",
     "Picture",
@@ -75,6 +78,7 @@ __all__ = [
     "SceneObject",
     "Sphere",
     "StarAperture",
+    "Texture",
     "ThickLensCamera",
     "ThinLensCamera",
     "TransformStep",

@@ -11,11 +11,12 @@ from typing import Any
 from pydantic import ValidationError
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.scene.file_reference import file_references
 from rptcam_cl.scene.files import Folders
 from rptcam_cl.scene.overrides import apply_overrides
 from rptcam_cl.scene.problems import Where, input_error, shown
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.strict_yaml import Document, KeyPath, read_yaml
+from rptcam_cl.strict_yaml import Document, KeyPath, dotted, read_yaml
 
 
 def load_scene(
@@ -99,3 +100,10 @@ def _check_files(scene: Scene, where: Where) -> None:
         scene.lens_source()
     except InputError as problem:
         raise InputError(f"{where(('camera', 'lens'), False)}camera.lens: {problem}") from None
+    for path, reference in file_references(scene):
+        key = (*path, "file")
+        reference._place = reference._place or f"{where(key, False)}{dotted(key)}: "
+        try:
+            reference.source(scene._folders)
+        except InputError as problem:
+            raise InputError(f"{reference.place}{problem}") from None

@@ -16,6 +16,7 @@ from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
 from rptcam_cl.scene.checks import check_extent, scene_warnings
 from rptcam_cl.scene.environment import Environment
+from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import Light
@@ -112,10 +113,18 @@ class Scene(SceneModel):
         assert isinstance(aperture, ImageAperture)
         return self._folders.find(aperture.file)
 
+    def content_of(self, reference: FileReference) -> Path | bytes:
+        """Return the checked path of the file that a part of the scene names, or its content where that is known."""
+        return reference.source(self._folders)
+
+    def digest_of(self, reference: FileReference) -> str:
+        """Return the SHA-256 of the content of the file that a part of the scene names."""
+        return reference.content_digest(self._folders)
+
     def content_hash(self) -> str:
         """Return the SHA-256 of everything that changes the film.
 
-        Left out are the number of samples, how the picture is shown, and names. A lens file counts by its content.
+        Left out are the number of samples, how the picture is shown, and names. Files count by their content.
         """
         content = self.model_dump(
             mode="json",
@@ -125,6 +134,12 @@ class Scene(SceneModel):
             content["camera"]["lens"] = digest(source)
         if isinstance(getattr(self.camera, "aperture", None), ImageAperture):
             content["camera"]["aperture"]["file"] = hashlib.sha256(self.aperture_file().read_bytes()).hexdigest()
+        for (key, *rest), reference in file_references(self):
+            if key != "materials":
+                part: Any = content[str(key)]
+                for step in rest:
+                    part = part[step]
+                part["file"] = self.digest_of(reference)
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 

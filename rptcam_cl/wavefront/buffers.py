@@ -27,6 +27,8 @@ class SceneBuffers:
             upload(plan.primitives),
             upload(plan.kind_end),
             upload(plan.materials),
+            upload(plan.textures.records),
+            upload(plan.textures.texels),
             upload(plan.emitters.records),
             upload(plan.environment),
             np.int32(plan.emitters.count),
