@@ -78,11 +78,40 @@ PRIMITIVE = Record(
 MATERIAL = Record(
     "Material",
     (
-        ("float4", "color"),  # reflectance, or radiance of an emissive material
+        ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
+        ("float4", "metal_n"),  # refractive index n + i k of a metal
+        ("float4", "metal_k"),
+        ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
+        ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
+        ("float4", "glow"),  # radiance emitted by a surface that also scatters
         ("int", "kind"),
-        ("int", "texture"),  # index of the texture that replaces the colour, or -1
-        ("float", "parameter"),  # GGX alpha; index of refraction; 1 if an emissive material shines on both sides
+        ("int", "textured"),  # whether texture coordinates are wanted
+        ("float", "parameter"),  # index of refraction; 1 if an emissive material shines on both sides
+        ("float", "alpha"),  # GGX alpha along u; with a roughness texture what it is multiplied by
+        ("float", "alpha_across"),
+        ("float", "internal"),  # of plastic: share of diffuse light that the cover sends back down
+        ("float", "cover_last"),
+        ("float", "metallic"),
+        ("float", "specular"),
+        ("float", "transmission"),
+        ("float", "coat"),
+        ("float", "coat_alpha"),
+        ("float", "opacity"),
+        ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
+        ("float", "factor"),  # of a mix: share of the second material
+        ("int", "first"),  # of a mix: the two materials
+        ("int", "second"),
+        ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
+        ("int", "glow_texture"),
+        ("int", "roughness_texture"),
+        ("int", "metallic_texture"),
+        ("int", "opacity_texture"),
+        ("int", "factor_texture"),
+        ("int", "normal_texture"),
+        ("float", "normal_strength"),
         ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
     ),
 )
 
@@ -233,6 +262,13 @@ class MaterialKind(IntEnum):
     CONDUCTOR = 2
     DIELECTRIC = 3
     EMISSIVE = 4
+    METAL = 5  # a conductor by its optical constants
+    ROUGH_DIELECTRIC = 6
+    PLASTIC = 7  # with a smooth cover
+    ROUGH_PLASTIC = 8
+    THIN_GLASS = 9
+    PRINCIPLED = 10
+    MIX = 11
 
 
 class TextureKind(IntEnum):

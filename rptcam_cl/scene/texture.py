@@ -8,7 +8,7 @@ from pydantic import Discriminator, Field, Tag
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, TexturePair
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, Radiance, TexturePair
 
 CONSTANT = "constant colour"
 
@@ -136,3 +136,5 @@ _Textured = (
     | Annotated[ImageTexture, Tag("image")]
 )
 Reflectance = Annotated[Annotated[Albedo, Tag(CONSTANT)] | _Textured, Discriminator(_form)]
+Share = Annotated[Annotated[Fraction, Tag(CONSTANT)] | _Textured, Discriminator(_form)]
+Emission = Annotated[Annotated[Radiance, Tag(CONSTANT)] | _Textured, Discriminator(_form)]
