@@ -238,7 +238,19 @@ LIMITS = Record(
     ),
 )
 
-RECORDS = (PRIMITIVE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS)
+VIEW = Record(
+    "View",  # what the auxiliary layers need to know of the camera
+    (
+        ("float4", "blur"),  # focus [1/m], scale and shift of the denominator, z of the origin of distances [m]
+        ("float4", "pupil"),  # z of the entrance pupil [m] in the camera's frame, 1 / its radius [1/m] or 0
+        ("int", "columns"),  # of the table of the blur
+        ("int", "rows"),
+        ("int", "by_depth"),  # whether the blur's distances are depths
+        ("int", "from_eye"),  # whether rays start ahead of the eye, that distances count from
+    ),
+)
+
+RECORDS = (PRIMITIVE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
 class Kind(IntEnum):

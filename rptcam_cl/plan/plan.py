@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras import CameraModel, camera_model
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.materials import material_kinds, pack_materials
+from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import pack_primitives, scene_primitives
 from rptcam_cl.plan.textures import Textures, TextureTable
 from rptcam_cl.records import ENVIRONMENT, EmitterKind, EnvironmentKind, Kind, MaterialKind
@@ -30,6 +31,8 @@ class Plan:
     emitters: Emitters
     environment: NDArray[np.void]
     primitive_count: int
+    owners: Owners
+    eye_m: NDArray[np.float64]
 
 
 def _pack_environment(scene: Scene) -> tuple[EnvironmentKind, NDArray[np.void]]:
@@ -81,4 +84,6 @@ def make_plan(scene: Scene) -> Plan:
         emitters=emitters,
         environment=environment,
         primitive_count=len(primitives),
+        owners=owners_of(scene, primitives),
+        eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
     )

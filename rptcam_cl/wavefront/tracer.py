@@ -26,6 +26,7 @@ from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, floa
 from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.wavefront.buffers import SceneBuffers
 from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
+from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
 
 WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
 STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
@@ -112,7 +113,8 @@ class Wavefront:
     def _allocate(self, plan: Plan) -> None:
         floats = floats_per_slot(stream=self.organisation == "stream", emitters=self._emitters > 0)
         state_bytes = 4 * floats * self.capacity
-        film_bytes = BYTES_PER_PIXEL * self.layout.pixels
+        planes = LayerPlanes(self.settings.layers)
+        film_bytes = (BYTES_PER_PIXEL + planes.bytes_per_pixel) * self.layout.pixels
         budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
         if state_bytes + film_bytes > budget:
             raise InputError(
@@ -127,6 +129,12 @@ class Wavefront:
         self._counters = session.allocate(4 * len(self._counts), zeroed=True)
         self._buffers = SceneBuffers(session, plan)
         self._after_scene = len(self._buffers.scene)  # index of the first argument behind the scene
+        self._layers = None
+        if planes.names:
+            self._layers = LayerPass(
+                session, plan, self.layout, self._buffers, planes, lanes=self._lanes["trace"], state=self._state,
+                capacity=self.capacity, stream=self.organisation == "stream",
+            )  # fmt: skip
 
     def _bind(self) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
@@ -168,6 +176,8 @@ class Wavefront:
         self._counts[:] = 0
         self._enqueued, self._rays = 0, 0
         self.passes.clear()
+        if self._layers is not None:
+            self._layers.clear()
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
@@ -190,6 +200,10 @@ class Wavefront:
         self._enqueued += samples * self.layout.pixels_within(first_pixel, pixels)
         self._generate.set(WAVE_OF_GENERATE, wave)
         self._run(self._generate, slots // self._lanes["camera"])
+        if self._layers is not None and first_sample < self.settings.layers_spp:
+            seen = min(samples, self.settings.layers_spp - first_sample)
+            self._layers.set_wave(self._wave_bytes(first_pixel, pixels, first_sample, seen))
+            self._run(self._layers.launch, pixels // self._lanes["trace"])
         if self.organisation == "stream":
             self._stream.set(self._after_scene + 1, wave)
             self._run(self._stream, pixels // self._lanes["trace"])
@@ -235,6 +249,10 @@ class Wavefront:
         """Return the film's mean over ``spp`` samples, shape (height, width, 3)."""
         sums = self.session.read(self._film, np.float32, 6 * self.layout.pixels)
         return self.layout.picture(sums.reshape(6, -1), spp)
+
+    def layers(self) -> dict[str, NDArray[Any]]:
+        """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""
+        return {} if self._layers is None else self._layers.arrays()
 
     def outcomes(self) -> dict[str, int]:
         """Return how many camera rays passed the lens, and how many failed and why, up to the last `finish`."""

@@ -12,6 +12,8 @@ from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
 from rptcam_cl.resources import kernels_dir
 from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.layers import LAYER_NAMES
+from rptcam_cl.wavefront.layers import LayerPlanes
 from tests.render.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
@@ -49,6 +51,11 @@ def least_facts():
     return facts_of(still_life() | {"objects": [], "lights": [], "environment": None})
 
 
+def layer_facts(names):
+    """Facts of the layers of those names; only the pass that records them reads any."""
+    return LayerPlanes(names).facts
+
+
 def without_warnings(session, files, facts):
     source = assemble(files, facts, device_declarations(), library_arch=pocl_library_arch(session.info.handle))
     with warnings.catch_warnings():
@@ -69,13 +76,13 @@ SCENE_PASSES = [name for name in PASSES if name not in ("pass/generate.cl", "pas
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], all_facts() | {"VW": lanes})
+    without_warnings(session, [file], all_facts() | layer_facts(LAYER_NAMES) | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], least_facts() | {"VW": lanes})
+    without_warnings(session, [file], least_facts() | layer_facts(["coverage"]) | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])

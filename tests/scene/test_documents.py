@@ -49,6 +49,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Cylinder": (model.Cylinder, "Every object"),
     "Cone": (model.Cone, "Every object"),
     "Plane": (model.Plane, "Every object"),
+    "Mesh": (model.MeshObject, "Every object", "Named mesh"),
+    "Named mesh": (model.NamedMesh,),
     "Transform step": (model.TransformStep,),
     "Rotation": (model.Rotation,),
     "Point light": (model.PointLight,),
@@ -56,7 +58,16 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Constant environment": (model.ConstantEnvironment,),
     "Gradient environment": (model.GradientEnvironment,),
 }
-BASES = {SceneModel, Pose, model.LensCamera, model.SceneObject, model.shape.BoundedObject, model.texture.Pattern, FileReference}
+BASES = {
+    SceneModel,
+    Pose,
+    FileReference,
+    model.LensCamera,
+    model.PlacedObject,
+    model.SceneObject,
+    model.mesh_shape.MeshSource,
+    model.texture.Pattern,
+}
 
 # Defaults that the reference describes in words.
 IN_WORDS = {"film", "render", "picture"}
