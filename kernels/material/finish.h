@@ -1,14 +1,18 @@
 // What a vertex is made of besides its kind and colour. Members that no material of the scene needs are not there.
 #ifndef FINISH_H
 #define FINISH_H
-#include "common/scene.h"
 #include "material/cover.h"
-#include "material/ggx.h"
+#include "material/texture.h"
 
 #define HAS_BASE        (HAS_ROUGH_PLASTIC || HAS_PRINCIPLED)         // diffuse light from under a rough cover
 #define HAS_REFRACTION  (HAS_ROUGH_DIELECTRIC || HAS_TRANSMISSION)    // by facets
 #define HAS_GLOSSY      (HAS_CONDUCTOR || HAS_METAL || HAS_ROUGH_DIELECTRIC || HAS_BASE)
+#define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
 #define HAS_FINISH      (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_ABSORPTION || HAS_GLOW)
+
+#include "material/ggx.h"
+
+#define SMALLEST_ALPHA  1e-3f       // what float32 still resolves about a highlight
 
 typedef struct {
 #if HAS_GLOSSY
@@ -86,14 +90,21 @@ static Finish no_finish(void)
     return finish;
 }
 
-// Fills the lanes `mine`, which share a material.
-static void take_finish(Finish *finish, I mine, const __global Material *material)
+// Fills the lanes `mine`, which share a material, at texture coordinates.
+static void take_finish(Finish *finish, I mine, const __global Material *material, F u, F v, Scene scene)
 {
 #if HAS_GLOSSY
-    TAKE(alpha.x, material->alpha);
+    F stretch = ONE;
+#if HAS_ROUGHNESS_TEXTURE
+    if (material->roughness_texture >= 0) {
+        F roughness = texture_scalar(material->roughness_texture, u, v, scene);
+        stretch = MAX(roughness * roughness, (F)(SMALLEST_ALPHA));
+    }
+#endif
+    TAKE(alpha.x, material->alpha * stretch);
 #endif
 #if HAS_ANISOTROPY
-    TAKE(alpha.y, material->alpha_across);
+    TAKE(alpha.y, MAX(material->alpha_across * stretch, (F)(SMALLEST_ALPHA)));
 #endif
 #if HAS_METAL
     TAKE_3(n, material->metal_n);
@@ -113,7 +124,12 @@ static void take_finish(Finish *finish, I mine, const __global Material *materia
     TAKE_3(depth, material->absorption);
 #endif
 #if HAS_PRINCIPLED
-    TAKE(metallic, material->metallic);
+    F metallic = (F)(material->metallic);
+#if HAS_METALLIC_TEXTURE
+    if (material->metallic_texture >= 0)
+        metallic = texture_scalar(material->metallic_texture, u, v, scene);
+#endif
+    TAKE(metallic, metallic);
     TAKE(specular, material->specular);
 #endif
 #if HAS_TRANSMISSION
@@ -127,7 +143,12 @@ static void take_finish(Finish *finish, I mine, const __global Material *materia
     TAKE_3(absorption, material->absorption);
 #endif
 #if HAS_GLOW
-    TAKE_3(glow, material->glow);
+    F3 glow = f3_of(material->glow);
+#if HAS_TEXTURE
+    if (material->glow_texture >= 0)
+        glow = texture_color(material->glow_texture, u, v, scene);
+#endif
+    finish->glow = select3(mine, glow, finish->glow);
 #endif
 }
 

@@ -41,13 +41,14 @@ static Facet principled_facet(Vertex vertex, F eta, F c)
     Facet facet;
     F steep = schlick(c);
     F f0 = vertex.finish.specular * normal_reflectance(vertex.parameter);
+    F f = f0 + (vertex.finish.specular - f0) * steep;
 #if HAS_TRANSMISSION
+    // The transparent part, seen from inside, reflects by the angle outside, and totally beyond the critical one.
+    F clear = vertex.finish.transmission;
     F sin2 = (1.0f - c * c) / (eta * eta);
     F beyond = eta < 1.0f ? schlick(root(1.0f - sin2)) : steep;
-    F f = f0 + (vertex.finish.specular - f0) * beyond;
-    f = sin2 >= 1.0f ? ONE : f;
-#else
-    F f = f0 + (vertex.finish.specular - f0) * steep;
+    F of_clear = sin2 >= 1.0f ? ONE : f0 + (vertex.finish.specular - f0) * beyond;
+    f += clear * (of_clear - f);
 #endif
     F3 metal = along(scale(vertex.color, 1.0f - steep), f3(ONE, ONE, ONE), steep);
     F dielectric = 1.0f - vertex.finish.metallic;
@@ -56,7 +57,7 @@ static Facet principled_facet(Vertex vertex, F eta, F c)
     facet.reflects = ONE;
     facet.refracted = f3(ZERO, ZERO, ZERO);
 #if HAS_TRANSMISSION
-    facet.refracted = scale(vertex.color, dielectric * vertex.finish.transmission * (1.0f - f));
+    facet.refracted = scale(vertex.color, dielectric * clear * (1.0f - of_clear));
     F other = max3(facet.refracted);
     F own = max3(facet.reflected);
     facet.reflects = other > 0.0f ? own / (own + other) : ONE;

@@ -2,9 +2,11 @@
 // `d` is the direction of the arriving camera path (towards the surface), `wo` the direction on.
 #ifndef SCATTER_H
 #define SCATTER_H
-#include "material/side.h"
-#if HAS_DIELECTRIC || HAS_PLASTIC
+#include "common/exponential.h"
 #include "material/fresnel.h"
+#include "material/side.h"
+#if HAS_PLASTIC
+#include "material/plastic.h"
 #endif
 #if HAS_GLOSSY
 #include "material/glossy.h"
@@ -48,41 +50,11 @@ static void facet_frame(Vertex vertex, F3 n, F3 *s, F3 *t)
     F3 flat = along(vertex.tangent, n, -dot3(vertex.tangent, n));
     F length2 = dot3(flat, flat);
     frame(n, s, t);
-    *s = select3(length2 > 1e-12f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(1e-12f)))), *s);
+    *s = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), *s);
     *t = cross3(n, *s);
 #else
     frame(n, s, t);
 #endif
-}
-#endif
-
-#if HAS_PLASTIC
-// A diffuse base under a smooth dielectric: what the cover lets in and out, and the light that it sends back down.
-typedef struct {
-    F3 base;        // BSDF * pi, without the way out
-    F  reflects;    // Fresnel reflectance on the side of the path
-    F  mirror;      // probability of choosing the reflection
-} Plastic;
-
-static Plastic plastic_of(Vertex vertex, F cosine)
-{
-    Plastic plastic;
-    F index = vertex.parameter;
-    F internal = vertex.finish.internal;
-    F ct;
-    plastic.reflects = fresnel(cosine, index, &ct);
-    F out = index * index * (1.0f - internal);      // share of even light that the cover lets through
-    plastic.base = scale(lit_from_below(vertex.color, internal), (1.0f - plastic.reflects) / out);
-    F diffuse = max3(plastic.base) * out;
-    plastic.mirror = plastic.reflects / (plastic.reflects + diffuse);
-    return plastic;
-}
-
-static F3 plastic_light(Vertex vertex, Plastic plastic, F cos_o)
-{
-    F ct;
-    F leaves = 1.0f - fresnel(cos_o, vertex.parameter, &ct);
-    return scale(plastic.base, leaves * INV_PI_F * cos_o);
 }
 #endif
 
@@ -132,6 +104,9 @@ static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
 {
     Side side = side_of(vertex, d);
     F3 n = side.n;
+#if HAS_MIX
+    lobe = vertex.lobe;
+#endif
     Scattered out;
     out.direction = n;
     out.weight = vertex.color;

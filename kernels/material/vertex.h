@@ -3,19 +3,79 @@
 #ifndef VERTEX_H
 #define VERTEX_H
 #include "geometry/surface_point.h"
-#include "material/texture.h"
+#include "material/finish.h"
+#if HAS_TANGENT
+#include "geometry/tangent.h"
+#endif
 
 typedef struct {
     F3 p, n;        // position and outward unit normal for shading
     F3 ng;          // outward unit normal of the surface itself
     F3 color;       // reflectance, or radiance of an emissive material
-    F  parameter;   // GGX alpha; index of refraction; of an emissive material whether it shines on both sides
+    F  parameter;   // index of refraction; of an emissive material whether it shines on both sides
     I  kind;        // MATERIAL_…
     I  emitter;     // index of the emitter that light sampling chooses for this primitive, or -1
+#if HAS_FINISH
+    Finish finish;
+#endif
+#if HAS_TANGENT
+    F3 tangent;     // along u, of any length
+#endif
+#if HAS_MIX
+    F  lobe;        // what choosing among mixed materials leaves of the random number that chooses lobes
+#endif
 } Vertex;
 
-// Of the lanes `on`.
-static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
+static void take_material(Vertex *vertex, I mine, const __global Material *material, F u, F v, Scene scene)
+{
+    vertex->color = select3(mine, reflectance_at(material, u, v, scene), vertex->color);
+    vertex->parameter = mine ? (F)(material->parameter) : vertex->parameter;
+    vertex->kind = mine ? (I)(material->kind) : vertex->kind;
+#if HAS_FINISH
+    take_finish(&vertex->finish, mine, material, u, v, scene);
+#endif
+}
+
+#if HAS_NORMAL_MAP
+// The shading normal that a picture of normals in the tangent frame gives.
+static F3 mapped_normal(const __global Material *material, SurfacePoint point, Tangents tangents, Scene scene)
+{
+    F3 texel = texture_color(material->normal_texture, point.u, point.v, scene);
+    F strength = (F)(2.0f * material->normal_strength);
+    F3 flat = along(tangents.along_u, point.n, -dot3(tangents.along_u, point.n));
+    F length2 = dot3(flat, flat);
+    F3 x, y;
+    frame(point.n, &x, &y);
+    x = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), x);
+    y = cross3(point.n, x);
+    y = scale(y, with_sign(ONE, dot3(y, tangents.along_v)));
+    F3 m = f3(strength * (texel.x - 0.5f), strength * (texel.y - 0.5f), MAX(2.0f * texel.z - 1.0f, (F)(1e-3f)));
+    return normalized(from_frame(x, y, point.n, m));
+}
+#endif
+
+#if HAS_MIX
+// Each lane takes one of the two materials of a mix, by the random number in vertex->lobe.
+static void take_mix(Vertex *vertex, I mine, const __global Material *mix, F u, F v, Scene scene)
+{
+    F factor = (F)(mix->factor);
+#if HAS_TEXTURE
+    if (mix->factor_texture >= 0)
+        factor = texture_scalar(mix->factor_texture, u, v, scene);
+#endif
+    F choice = vertex->lobe;
+    I second = choice < factor;
+    F rest = second ? choice / factor : (choice - factor) / (1.0f - factor);
+    vertex->lobe = mine ? rest : choice;
+    if (ANY(mine & NOT(second)))
+        take_material(vertex, mine & NOT(second), scene.materials + mix->first, u, v, scene);
+    if (ANY(mine & second))
+        take_material(vertex, mine & second, scene.materials + mix->second, u, v, scene);
+}
+#endif
+
+// Of the lanes `on`. `choice` is the random number that chooses among mixed materials and lobes.
+static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 {
     Vertex vertex;
     F3 p = along(ray.o, ray.d, hit.t);
@@ -26,19 +86,39 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
     vertex.parameter = ONE;
     vertex.kind = (I)(-1);
     vertex.emitter = (I)(-1);
+#if HAS_FINISH
+    vertex.finish = no_finish();
+#endif
+#if HAS_TANGENT
+    vertex.tangent = f3(ONE, ZERO, ZERO);
+#endif
+#if HAS_MIX
+    vertex.lobe = choice;
+#endif
     I rest = on;
     while (ANY(rest)) {
         int index = first_of(hit.primitive, rest);
         I mine = hit.primitive == index;
         const __global Primitive *primitive = scene.primitives + index;
         const __global Material *material = scene.materials + primitive->material;
-        SurfacePoint point = surface_point(index, p, material->texture >= 0, scene);
+        SurfacePoint point = surface_point(index, p, material->textured, scene);
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);
         vertex.ng = select3(mine, point.n, vertex.ng);
-        vertex.color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex.color);
-        vertex.parameter = mine ? (F)(material->parameter) : vertex.parameter;
-        vertex.kind = mine ? (I)(material->kind) : vertex.kind;
+#if HAS_TANGENT
+        Tangents tangents = tangents_of(index, point.p, point.n, scene);
+        vertex.tangent = select3(mine, tangents.along_u, vertex.tangent);
+#endif
+#if HAS_NORMAL_MAP
+        if (material->normal_texture >= 0)
+            vertex.n = select3(mine, mapped_normal(material, point, tangents, scene), vertex.n);
+#endif
+#if HAS_MIX
+        if (material->kind == MATERIAL_MIX)
+            take_mix(&vertex, mine, material, point.u, point.v, scene);
+        else
+#endif
+            take_material(&vertex, mine, material, point.u, point.v, scene);
 #if HAS_EMITTERS
         vertex.emitter = mine ? (I)(primitive->emitter) : vertex.emitter;
 #endif

@@ -47,7 +47,7 @@ __kernel void layers(SCENE_PARAMETERS,
         I on = passed & (hit.primitive >= 0);
         F seen = on ? weight : ZERO;
         hit.t = on ? hit.t : ZERO;
-        Vertex vertex = vertex_of(ray, hit, on, scene);
+        Vertex vertex = vertex_of(ray, hit, on, (F)(0.5f), scene);
         F depth = -dot3(vertex.p, back);
         add_weighted(&sums, SUM_OF_PASSED, passed ? weight : ZERO, ONE);
         add_weighted(&sums, SUM_OF_HITS, seen, ONE);

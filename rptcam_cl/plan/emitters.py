@@ -14,7 +14,9 @@ from rptcam_cl.alias import alias_table
 from rptcam_cl.plan.primitives import Primitive, sphere_of, world_from_scene
 from rptcam_cl.records import EMITTER, EmitterKind, Kind
 from rptcam_cl.scene.light import DirectionalLight, PointLight
-from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.material import Emissive, Material
+from rptcam_cl.scene.principled import Principled
+from rptcam_cl.scene.quantities import Colour
 from rptcam_cl.scene.scene import Scene
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
@@ -56,16 +58,25 @@ _SAMPLED = {Kind.RECTANGLE: EmitterKind.RECTANGLE, Kind.DISK: EmitterKind.DISK, 
 
 def _surface_emitter(index: int, primitive: Primitive) -> tuple[np.void, float] | None:
     """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
-    material = primitive.material
-    if not isinstance(material, Emissive) or primitive.kind not in _SAMPLED or _luminance(material.radiance) <= 0:
+    radiance, two_sided = _emitted(primitive.material)
+    if primitive.kind not in _SAMPLED or _luminance(radiance) <= 0:
         return None
     record = EMITTER.zeros(1)[0]
     kind = _SAMPLED[primitive.kind]
     factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
-    record["radiance"][:3] = material.radiance
+    record["radiance"][:3] = radiance
     record["primitive"] = index
-    record["two_sided"] = material.two_sided
-    return record, factor * _luminance(material.radiance) * (2 if material.two_sided else 1)
+    record["two_sided"] = two_sided
+    return record, factor * _luminance(radiance) * (2 if two_sided else 1)
+
+
+def _emitted(material: Material) -> tuple[Colour, bool]:
+    """Return the radiance of a material that shines evenly, else black, and whether its back shines, too."""
+    if isinstance(material, Emissive):
+        return material.radiance, material.two_sided
+    if isinstance(material, Principled) and isinstance(material.emission, tuple):
+        return material.emission, False
+    return (0.0, 0.0, 0.0), False
 
 
 def _light(light: PointLight | DirectionalLight, scene: Scene, reach: float) -> tuple[np.void, float]:

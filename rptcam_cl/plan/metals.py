@@ -1,7 +1,8 @@
 """Metals by their optical constants: spectra from the literature, and what three channels see of them.
 
-The colour at normal incidence is the reflectance of the spectrum under daylight D65 as the CIE 1931 observer sees it, in
-linear sRGB; n and k of a channel are those that have this reflectance there and come nearest to the spectrum's at slant.
+The colour at normal incidence is the reflectance of the spectrum under daylight D65 as the CIE 1931 observer sees it,
+in linear sRGB; n and k of a channel are those that have this reflectance there and come nearest to the spectrum's at
+slant.
 """
 
 from __future__ import annotations
@@ -62,22 +63,22 @@ class LorentzDrude:
 
 
 # P. B. Johnson and R. W. Christy, Phys. Rev. B 6, 4370 (1972).
-_NOBLE = (1.51, 1.64, 1.76, 1.88, 2.01, 2.13, 2.26, 2.38, 2.50, 2.63, 2.75, 2.88, 3.00, 3.12, 3.25, 3.37)
+_NOBLE = (1.51, 1.64, 1.76, 1.88, 2.01, 2.13, 2.26, 2.38, 2.50, 2.63, 2.75, 2.88, 3.00, 3.12, 3.25)
 METALS: dict[str, Table | LorentzDrude] = {
     "copper": Table(
         _NOBLE,
-        (0.26, 0.24, 0.21, 0.22, 0.30, 0.70, 1.02, 1.18, 1.22, 1.25, 1.24, 1.25, 1.28, 1.32, 1.33, 1.36),
-        (5.180, 4.665, 4.205, 3.747, 3.205, 2.704, 2.577, 2.608, 2.564, 2.483, 2.397, 2.305, 2.207, 2.116, 2.045, 1.975),
+        (0.26, 0.24, 0.21, 0.22, 0.30, 0.70, 1.02, 1.18, 1.22, 1.25, 1.24, 1.25, 1.28, 1.32, 1.33),
+        (5.180, 4.665, 4.205, 3.747, 3.205, 2.704, 2.577, 2.608, 2.564, 2.483, 2.397, 2.305, 2.207, 2.116, 2.045),
     ),
     "gold": Table(
         _NOBLE,
-        (0.16, 0.14, 0.13, 0.14, 0.21, 0.29, 0.43, 0.62, 1.04, 1.31, 1.38, 1.45, 1.46, 1.47, 1.46, 1.48),
-        (5.083, 4.542, 4.103, 3.697, 3.272, 2.863, 2.455, 2.081, 1.833, 1.849, 1.914, 1.948, 1.958, 1.952, 1.933, 1.895),
+        (0.16, 0.14, 0.13, 0.14, 0.21, 0.29, 0.43, 0.62, 1.04, 1.31, 1.38, 1.45, 1.46, 1.47, 1.46),
+        (5.083, 4.542, 4.103, 3.697, 3.272, 2.863, 2.455, 2.081, 1.833, 1.849, 1.914, 1.948, 1.958, 1.952, 1.933),
     ),
     "silver": Table(
         _NOBLE,
-        (0.04, 0.03, 0.04, 0.05, 0.06, 0.05, 0.06, 0.05, 0.05, 0.05, 0.04, 0.04, 0.05, 0.05, 0.05, 0.07),
-        (5.727, 5.242, 4.838, 4.483, 4.152, 3.858, 3.586, 3.324, 3.093, 2.869, 2.657, 2.462, 2.275, 2.070, 1.864, 1.657),
+        (0.04, 0.03, 0.04, 0.05, 0.06, 0.05, 0.06, 0.05, 0.05, 0.05, 0.04, 0.04, 0.05, 0.05, 0.05),
+        (5.727, 5.242, 4.838, 4.483, 4.152, 3.858, 3.586, 3.324, 3.093, 2.869, 2.657, 2.462, 2.275, 2.070, 1.864),
     ),
     # P. B. Johnson and R. W. Christy, Phys. Rev. B 9, 5056 (1974), at 650, 550 and 450 nm.
     "iron": Table((1.907, 2.254, 2.755), (2.87, 2.95, 2.65), (3.12, 2.93, 2.77)),

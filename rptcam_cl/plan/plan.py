@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
-from rptcam_cl.plan.materials import material_kinds, pack_materials
+from rptcam_cl.plan.materials import pack_materials
 from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import pack_primitives, scene_primitives
 from rptcam_cl.plan.textures import Textures, TextureTable
-from rptcam_cl.records import ENVIRONMENT, EmitterKind, EnvironmentKind, Kind, MaterialKind
+from rptcam_cl.records import ENVIRONMENT, EmitterKind, EnvironmentKind, Kind
 from rptcam_cl.scene.environment import GradientEnvironment
 from rptcam_cl.scene.scene import Scene
 
@@ -53,17 +53,17 @@ def make_plan(scene: Scene) -> Plan:
     primitives = scene_primitives(scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
-    material_records, material_index = pack_materials(materials, table)
+    shown = pack_materials(materials, table)
     textures = table.pack()
     emitters = pack_emitters(scene, primitives)
-    records, kind_end = pack_primitives(primitives, material_index, emitters.of_primitive)
+    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive)
     environment_kind, environment = _pack_environment(scene)
     kinds = {primitive.kind for primitive in primitives}
-    shown = material_kinds(materials)
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind}
-    facts |= {f"HAS_{kind.name}": int(kind in shown) for kind in MaterialKind}
-    facts |= textures.facts
+    facts |= shown.facts | textures.facts
     facts |= {
+        "HAS_TANGENT": int(shown.facts["HAS_ANISOTROPY"] or shown.facts["HAS_NORMAL_MAP"]),
+        "HAS_SHADING_NORMAL": shown.facts["HAS_NORMAL_MAP"],
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE})),
         "HAS_EMITTERS": int(emitters.count > 0),
         "ONE_EMITTER": int(emitters.count == 1),
@@ -79,7 +79,7 @@ def make_plan(scene: Scene) -> Plan:
         camera=camera_model(scene),
         primitives=records,
         kind_end=kind_end,
-        materials=material_records,
+        materials=shown.records,
         textures=textures,
         emitters=emitters,
         environment=environment,

@@ -13,6 +13,7 @@ from rptcam_cl.scene.environment import ConstantEnvironment, Environment
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import Light, PointLight
 from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
@@ -68,8 +69,10 @@ def scene_warnings(
 
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
-    shown = (material for item in objects for material in item.shown_materials())
+    shown = [material for item in objects for material in item.shown_materials()]
     colours = [material.radiance for material in shown if isinstance(material, Emissive)]
+    glowing = [material.emission for material in shown if isinstance(material, Principled)]
+    colours += [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
     colours += [light.intensity if isinstance(light, PointLight) else light.irradiance for light in lights]
     if isinstance(environment, ConstantEnvironment):
         colours.append(environment.radiance)
