@@ -120,11 +120,11 @@ class _Filler:
         record["color"][:3], record["texture"] = self._textures.slot(material.base_color, limit=1.0)
         record["glow"][:3], record["glow_texture"] = self._textures.slot(material.emission, limit=LARGEST_RADIANCE)
         self._number(record, "metallic", material.metallic)
-        textured = not isinstance(material.roughness, float)
-        along, across = alpha_pair(1.0 if textured else material.roughness, material.anisotropy)
-        record["alpha"], record["alpha_across"] = along, across
-        if textured:
-            _, record["roughness_texture"] = self._textures.slot(material.roughness, limit=1.0)
+        roughness = material.roughness
+        if not isinstance(roughness, float):
+            _, record["roughness_texture"] = self._textures.slot(roughness, limit=1.0)
+            roughness = 1.0
+        record["alpha"], record["alpha_across"] = alpha_pair(roughness, material.anisotropy)
         record["specular"], record["parameter"] = material.specular, material.index
         record["transmission"], record["coat"] = material.transmission, material.clearcoat
         record["coat_alpha"] = alpha_pair(material.clearcoat_roughness, 0.0)[0]
@@ -149,8 +149,8 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     kinds = set(records["kind"].tolist())
     principled = records["kind"] == MaterialKind.PRINCIPLED
     clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
-    facts = {f"HAS_{kind.name}": kind in kinds for kind in MaterialKind}
-    facts |= {
+    facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
+    features = {
         "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0),
         "HAS_CLEARCOAT": np.any(records["coat"][principled] > 0),
@@ -161,7 +161,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_OPACITY": np.any(records["opacity"] < 1) or np.any(records["opacity_texture"] >= 0),
         "HAS_NORMAL_MAP": np.any(records["normal_texture"] >= 0),
     }
-    return {name: int(value) for name, value in facts.items()}
+    return facts | {name: int(value) for name, value in features.items()}
 
 
 def pack_materials(materials: Sequence[Material], textures: TextureTable) -> Materials:

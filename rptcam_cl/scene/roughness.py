@@ -5,25 +5,38 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, WithJsonSchema
 
-from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel
-from rptcam_cl.scene.quantities import NUMBER, Fraction, list_of
+from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.quantities import Fraction, read_number
+from rptcam_cl.scene.refusal import refuse
 
 SMALLEST_ALPHA = 1e-3  # what float32 still resolves about a highlight
 
-Alpha = Annotated[float, Field(ge=SMALLEST_ALPHA, le=1), NUMBER]
-_PAIR = list_of(2, "a number, or a pair [along u, across]")
+_ALPHA = {"type": "number", "minimum": SMALLEST_ALPHA, "maximum": 1}
 
 
-def _pair(value: Any) -> Any:
-    return _PAIR(value) if isinstance(value, (list, tuple)) else (value, value)
+def _alphas(value: Any) -> tuple[float, float]:
+    """Return the pair that a number or a pair stands for."""
+
+    def alpha(item: Any, path: tuple[int, ...]) -> float:
+        number = read_number(item)
+        if not SMALLEST_ALPHA <= number <= 1:
+            bound = f"at least {SMALLEST_ALPHA:g}" if number < 1 else "at most 1"
+            raise refuse("is out of range", got=number, allowed=bound, path=path)
+        return number
+
+    if not isinstance(value, (list, tuple)):
+        return alpha(value, ()), alpha(value, ())
+    if len(value) != 2:
+        raise refuse(f"has {len(value)} numbers instead of 2", allowed="a number, or a pair [along u, across]")
+    return alpha(value[0], (0,)), alpha(value[1], (1,))
 
 
 AlphaPair = Annotated[
-    tuple[Alpha, Alpha],
-    BeforeValidator(_pair),
-    AlsoAccepts({"type": "number", "minimum": SMALLEST_ALPHA, "maximum": 1}),
+    tuple[float, float],
+    BeforeValidator(_alphas),
+    WithJsonSchema({"anyOf": [_ALPHA, {"type": "array", "items": _ALPHA, "minItems": 2, "maxItems": 2}]}),
 ]
 
 

@@ -32,6 +32,20 @@ PATTERNS = {
 }
 GRID = {"kind": "grid", "background": 0.9, "line": 0.1, "line_width": 0.25, "scale": [2, 2]}
 
+IMAGE = PATTERNS["image"]
+EVERY_MATERIAL = {
+    "metal": {"kind": "conductor", "metal": "gold", "alpha": [0.1, 0.3]},
+    "frosted": {"kind": "dielectric", "alpha": 0.2, "absorption_per_m": 1, "opacity": 0.5},
+    "pane": {"kind": "thin_glass"},
+    "plastic": {"kind": "plastic", "reflectance": 0.5},
+    "rough plastic": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.3},
+    "principled": {
+        "kind": "principled", "roughness": IMAGE, "metallic": IMAGE, "transmission": 0.5, "clearcoat": 1, "emission": 1,
+        "normal_map": {"file": IMAGE["file"]},
+    },
+    "mix": {"kind": "mix", "materials": ["metal", "plastic"]},
+}  # fmt: skip
+
 
 def facts_of(mapping):
     return make_plan(load_scene(mapping, allow_folders=[Path(__file__).parents[2]])).facts
@@ -41,8 +55,8 @@ def all_facts():
     """Facts of a scene that has one of everything."""
     scene = still_life()
     patterns = PATTERNS | {"grid": GRID}
-    materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()}
-    shown = [PLANE | {"material": name} for name in PATTERNS]
+    materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()} | EVERY_MATERIAL
+    shown = [PLANE | {"material": name} for name in (*PATTERNS, *EVERY_MATERIAL)]
     return facts_of(scene | {"objects": scene["objects"] + RARE + shown, "materials": materials})
 
 
