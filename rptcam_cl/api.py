@@ -9,6 +9,7 @@ from typing import Any
 
 from rptcam_cl import optics
 from rptcam_cl._version import __version__
+from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
 from rptcam_cl.imaging import Image
 from rptcam_cl.lens_tracing import TraceableLens, traceable
@@ -18,6 +19,9 @@ from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
 __all__ = ["Image", "Progress", "Scene", "choose_device", "devices", "load_lens", "load_scene", "render"]
+
+# What the statistics repeat of the metadata, for programs that measure in pictures.
+GEOMETRY = ("world_from_camera", "intrinsics", "resolution", "window", "film_size_mm", "near_m")
 
 
 def devices() -> list[dict[str, Any]]:
@@ -104,8 +108,9 @@ def render(
         "render": rendering.seconds,
         "total": time.perf_counter() - begun,
     }
-    stats = _stats(rendering, wavefront, plan, session.info, times)
     metadata = _metadata(scene, rendering, plan, session.info)
+    stats = _stats(rendering, wavefront, plan, session.info, times)
+    stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     return Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
 
 
@@ -145,6 +150,12 @@ def _stats(
     return stats
 
 
+def _window(scene: Scene) -> list[int]:
+    """Return the part of the film that is rendered: x, y, width and height [pixels]."""
+    layout = FilmLayout.of(scene.film)
+    return [layout.x, layout.y, layout.width, layout.height]
+
+
 def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo) -> dict[str, Any]:
     return {
         "software": f"rptcam_cl {__version__}",
@@ -155,4 +166,8 @@ def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo
         "device": device.name,
         "exposure": scene.exposure,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
+        **camera_geometry(scene),
+        "window": _window(scene),
+        **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
+        **({"material_names": plan.owners.materials} if "material_id" in rendering.layers else {}),
     }

@@ -9,10 +9,23 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rptcam_cl.kinds import EmitterKind as EmitterKind
+from rptcam_cl.kinds import EnvironmentKind as EnvironmentKind
+from rptcam_cl.kinds import Kind as Kind
+from rptcam_cl.kinds import MaterialKind as MaterialKind
+from rptcam_cl.kinds import PupilKind as PupilKind
+from rptcam_cl.kinds import RayStatus as RayStatus
+from rptcam_cl.kinds import RegionKind as RegionKind
+from rptcam_cl.kinds import StopKind as StopKind
+from rptcam_cl.kinds import SurfaceKind as SurfaceKind
+from rptcam_cl.kinds import TexelFormat as TexelFormat
+from rptcam_cl.kinds import TextureKind as TextureKind
+from rptcam_cl.kinds import Wrap as Wrap
+from rptcam_cl.kinds import kind_constants
 
 _MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
 _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -69,9 +82,25 @@ PRIMITIVE = Record(
         ("float4", "row_y"),
         ("float4", "row_z"),
         ("int", "material"),
-        ("int", "emitter"),  # index of the sampled emitter, or -1
+        ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
+        ("int", "instance"),  # of a mesh
+        ("int", "first_triangle"),
+    ),
+)
+
+INSTANCE = Record(
+    "Instance",
+    (
+        ("float4", "row_x"),  # rows of mesh_from_world
+        ("float4", "row_y"),
+        ("float4", "row_z"),
+        ("float4", "world_x"),  # rows of world_from_mesh
+        ("float4", "world_y"),
+        ("float4", "world_z"),
+        ("int", "root"),  # of its tree
+        ("int", "first_primitive"),
+        ("int", "primitives"),
         ("int", "reserved_0"),
-        ("int", "reserved_1"),
     ),
 )
 
@@ -151,8 +180,8 @@ EMITTER = Record(
         ("float", "pick"),  # probability of being picked
         ("float", "alias_keep"),
         ("int", "alias_other"),
+        ("int", "part"),  # triangle of the primitive, or -1
         ("int", "reserved_0"),
-        ("int", "reserved_1"),
     ),
 )
 
@@ -250,146 +279,28 @@ VIEW = Record(
     ),
 )
 
-RECORDS = (PRIMITIVE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
-
-
-class Kind(IntEnum):
-    """Kinds of primitive, in the order in which they are sorted."""
-
-    SPHERE = 0
-    ELLIPSOID = 1
-    RECTANGLE = 2
-    DISK = 3
-    PLANE = 4
-    BOX = 5
-    CYLINDER = 6
-    CONE = 7
-
-
-class MaterialKind(IntEnum):
-    """Kinds of material."""
-
-    MATTE = 0
-    MIRROR = 1
-    CONDUCTOR = 2
-    DIELECTRIC = 3
-    EMISSIVE = 4
-    METAL = 5  # a conductor by its optical constants
-    ROUGH_DIELECTRIC = 6
-    PLASTIC = 7  # with a smooth cover
-    ROUGH_PLASTIC = 8
-    THIN_GLASS = 9
-    PRINCIPLED = 10
-    MIX = 11
-
-
-class TextureKind(IntEnum):
-    """Kinds of texture."""
-
-    CHECKER = 0
-    GRID = 1
-    GRADIENT = 2
-    NOISE = 3
-    IMAGE = 4
-
-
-class TexelFormat(IntEnum):
-    """How the texels of an image are stored."""
-
-    SRGB = 0  # one word: red, green, blue of 8 bits from the low byte on
-    LINEAR = 1  # the same, not encoded
-    HALF = 2  # two words: red and green, blue as halves
-
-
-class Wrap(IntEnum):
-    """What continues an image beyond its edges."""
-
-    REPEAT = 0
-    CLAMP = 1
-    MIRROR = 2
-
-
-class EmitterKind(IntEnum):
-    """Kinds of emitter that light sampling can choose."""
-
-    RECTANGLE = 0
-    DISK = 1
-    SPHERE = 2
-    POINT = 3
-    DIRECTIONAL = 4
-
-
-class EnvironmentKind(IntEnum):
-    """What surrounds the scene."""
-
-    NONE = 0
-    CONSTANT = 1
-    GRADIENT = 2
-
-
-class RayStatus(IntEnum):
-    """What became of a ray in a lens; the values agree with `rptcam_cl.optics.Status`."""
-
-    OK = 0
-    MISSED = 1
-    CLIPPED = 2
-    TOTAL_INTERNAL_REFLECTION = 3
-    NO_CONVERGENCE = 4
-
-
-class SurfaceKind(IntEnum):
-    """Kinds of lens surface, by what must be solved to meet them."""
-
-    SPHERE = 0
-    CONIC_KIND = 1
-    ASPHERE = 2
-    BICONIC = 3
-    TOROID = 4
-
-
-class PupilKind(IntEnum):
-    """How a lens camera chooses where its rays aim."""
-
-    CIRCLE = 0
-    BOXES = 1
-    OUTLINES = 2
-
-
-class RegionKind(IntEnum):
-    """What the clear region of a lens surface does."""
-
-    NONE = 0
-    BLOCKS = 1
-    OPENS = 2  # first surface of a half lens: rays outside pass beside it
-    GOES_ON = 3  # a further surface of it
-
-
-class StopKind(IntEnum):
-    """The shape of a stop within its circle."""
-
-    ROUND = 0
-    OUTLINE = 1  # a polygon
-    MASK = 2  # the open cells of a square
+RECORDS = (PRIMITIVE, INSTANCE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the stream reads per slot
 PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
+MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS
 
 
-def floats_per_slot(*, stream: bool, emitters: bool) -> int:
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool) -> int:
     """Return how many 4-byte numbers a slot holds.
 
-    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample.
+    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample and with
+    triangles where it has meshes.
     """
     if stream:
         return CAMERA_RAY_FLOATS
+    if meshes:
+        return len(STATE_FIELDS)
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
-
-
-def _constants(prefix: str, kinds: type[IntEnum]) -> list[str]:
-    return [f"#define {prefix}_{kind.name} {kind.value}" for kind in kinds]
 
 
 def device_declarations() -> str:
@@ -397,13 +308,7 @@ def device_declarations() -> str:
     lines = ["#if DOUBLE", "#pragma OPENCL EXTENSION cl_khr_fp64 : enable", "typedef double real;", "#else"]
     lines += ["typedef float real;", "#endif"]
     lines += [record.typedef for record in RECORDS]
-    lines += _constants("LENS", SurfaceKind) + _constants("REGION", RegionKind)
-    lines += _constants("PUPIL", PupilKind) + _constants("STOP", StopKind)
-    lines += _constants("KIND", Kind) + _constants("MATERIAL", MaterialKind) + _constants("TEXTURE", TextureKind)
-    lines += _constants("TEXEL", TexelFormat) + _constants("WRAP", Wrap)
-    lines += (
-        _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)
-    )
+    lines += kind_constants()
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
-    lines += [f"#define PATH_{name} {index}" for index, name in enumerate(PATH_FIELDS + LIGHT_FIELDS)]
+    lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
     return "\n".join(lines) + "\n"

@@ -90,6 +90,12 @@ typedef uint16  U;
 #define LANE_INT  int
 #endif
 
+#ifdef CLANG_AVX2
+#define LOWEST_BIT(bits)  ((uint)__builtin_ctz(bits))      // OpenCL C 1.2 has clz alone
+#else
+#define LOWEST_BIT(bits)  (31u - clz((bits) & (0u - (bits))))
+#endif
+
 #if VW > 1
 #define NOT(m)    (~(m))
 #ifndef MASK_BITS
@@ -111,7 +117,7 @@ static int first_of(I values, I m)
 {
     uint bits = MASK_BITS(m);
     const LANE_INT *lane = (const LANE_INT *)&values;
-    return (int)lane[31u - clz(bits & (0u - bits))];
+    return (int)lane[LOWEST_BIT(bits)];
 }
 #else
 static int first_of(I values, I m) { return values; }

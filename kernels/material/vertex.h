@@ -11,6 +11,12 @@
 typedef struct {
     F3 p, n;        // position and outward unit normal for shading
     F3 ng;          // outward unit normal of the surface itself
+#if HAS_TANGENT
+    F3 tangent;     // dp/du, of any length
+#endif
+#if HAS_MESH
+    F  offset;      // see SurfacePoint
+#endif
     F3 color;       // reflectance, or radiance of an emissive material
     F  parameter;   // index of refraction; of an emissive material whether it shines on both sides
     I  kind;        // MATERIAL_…
@@ -18,61 +24,77 @@ typedef struct {
 #if HAS_FINISH
     Finish finish;
 #endif
-#if HAS_TANGENT
-    F3 tangent;     // along u, of any length
-#endif
 #if HAS_MIX
     F  lobe;        // what choosing among mixed materials leaves of the random number that chooses lobes
 #endif
 } Vertex;
 
-static void take_material(Vertex *vertex, I mine, const __global Material *material, F u, F v, Scene scene)
-{
-    vertex->color = select3(mine, reflectance_at(material, u, v, scene), vertex->color);
-    vertex->parameter = mine ? (F)(material->parameter) : vertex->parameter;
-    vertex->kind = mine ? (I)(material->kind) : vertex->kind;
-#if HAS_FINISH
-    take_finish(&vertex->finish, mine, material, u, v, scene);
-#endif
-}
-
 #if HAS_NORMAL_MAP
 // The shading normal that a picture of normals in the tangent frame gives.
-static F3 mapped_normal(const __global Material *material, SurfacePoint point, Tangents tangents, Scene scene)
+static F3 mapped_normal(const __global Material *material, SurfacePoint point, Scene scene)
 {
     F3 texel = texture_color(material->normal_texture, point.u, point.v, scene);
     F strength = (F)(2.0f * material->normal_strength);
-    F3 flat = along(tangents.along_u, point.n, -dot3(tangents.along_u, point.n));
+    F3 flat = along(point.tangent, point.n, -dot3(point.tangent, point.n));
     F length2 = dot3(flat, flat);
     F3 x, y;
     frame(point.n, &x, &y);
     x = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), x);
     y = cross3(point.n, x);
-    y = scale(y, with_sign(ONE, dot3(y, tangents.along_v)));
+    y = scale(y, with_sign(ONE, dot3(y, point.bitangent)));
     F3 m = f3(strength * (texel.x - 0.5f), strength * (texel.y - 0.5f), MAX(2.0f * texel.z - 1.0f, (F)(1e-3f)));
     return normalized(from_frame(x, y, point.n, m));
 }
 #endif
 
+// Fills the lanes `mine`, which share a material.
+static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, Scene scene)
+{
+    vertex->color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex->color);
+    vertex->parameter = mine ? (F)(material->parameter) : vertex->parameter;
+    vertex->kind = mine ? (I)(material->kind) : vertex->kind;
+#if HAS_FINISH
+    take_finish(&vertex->finish, mine, material, point.u, point.v, scene);
+#endif
+#if HAS_NORMAL_MAP
+    if (material->normal_texture >= 0)
+        vertex->n = select3(mine, mapped_normal(material, point, scene), vertex->n);
+#endif
+}
+
 #if HAS_MIX
 // Each lane takes one of the two materials of a mix, by the random number in vertex->lobe.
-static void take_mix(Vertex *vertex, I mine, const __global Material *mix, F u, F v, Scene scene)
+static void take_mix(Vertex *vertex, I mine, const __global Material *mix, SurfacePoint point, Scene scene)
 {
     F factor = (F)(mix->factor);
 #if HAS_TEXTURE
     if (mix->factor_texture >= 0)
-        factor = texture_scalar(mix->factor_texture, u, v, scene);
+        factor = texture_scalar(mix->factor_texture, point.u, point.v, scene);
 #endif
     F choice = vertex->lobe;
     I second = choice < factor;
     F rest = second ? choice / factor : (choice - factor) / (1.0f - factor);
     vertex->lobe = mine ? rest : choice;
     if (ANY(mine & NOT(second)))
-        take_material(vertex, mine & NOT(second), scene.materials + mix->first, u, v, scene);
+        take_material(vertex, mine & NOT(second), scene.materials + mix->first, point, scene);
     if (ANY(mine & second))
-        take_material(vertex, mine & second, scene.materials + mix->second, u, v, scene);
+        take_material(vertex, mine & second, scene.materials + mix->second, point, scene);
 }
 #endif
+
+// Of a primitive that is no mesh.
+static SurfacePoint other_point(int index, F3 p, int textured, Scene scene)
+{
+    SurfacePoint point = surface_point(index, p, textured, scene);
+#if HAS_TANGENT
+    Tangents tangents = tangents_of(index, point.p, point.n, scene);
+    point.tangent = tangents.along_u;
+#endif
+#if HAS_NORMAL_MAP
+    point.bitangent = tangents.along_v;
+#endif
+    return point;
+}
 
 // Of the lanes `on`. `choice` is the random number that chooses among mixed materials and lobes.
 static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
@@ -82,15 +104,23 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
     vertex.p = p;
     vertex.n = f3(ZERO, ZERO, ONE);
     vertex.ng = vertex.n;
+#if HAS_TANGENT
+    vertex.tangent = f3(ONE, ZERO, ZERO);
+#endif
+#if HAS_MESH
+    vertex.offset = ZERO;
+    SurfacePoint on_mesh;
+    int first_mesh = scene.kind_end[KIND_MESH - 1];
+    I meshes = on & (hit.primitive >= first_mesh);
+    if (ANY(meshes))
+        on_mesh = point_on_mesh(hit, meshes, scene);
+#endif
     vertex.color = f3(ZERO, ZERO, ZERO);
     vertex.parameter = ONE;
     vertex.kind = (I)(-1);
     vertex.emitter = (I)(-1);
 #if HAS_FINISH
     vertex.finish = no_finish();
-#endif
-#if HAS_TANGENT
-    vertex.tangent = f3(ONE, ZERO, ZERO);
 #endif
 #if HAS_MIX
     vertex.lobe = choice;
@@ -101,26 +131,35 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         I mine = hit.primitive == index;
         const __global Primitive *primitive = scene.primitives + index;
         const __global Material *material = scene.materials + primitive->material;
-        SurfacePoint point = surface_point(index, p, material->textured, scene);
+#if HAS_MESH
+        SurfacePoint point;
+        if (index >= first_mesh)
+            point = on_mesh;
+        else
+            point = other_point(index, p, material->textured, scene);
+        vertex.offset = mine ? point.offset : vertex.offset;
+#else
+        SurfacePoint point = other_point(index, p, material->textured, scene);
+#endif
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);
-        vertex.ng = select3(mine, point.n, vertex.ng);
+        vertex.ng = select3(mine, point.ng, vertex.ng);
 #if HAS_TANGENT
-        Tangents tangents = tangents_of(index, point.p, point.n, scene);
-        vertex.tangent = select3(mine, tangents.along_u, vertex.tangent);
-#endif
-#if HAS_NORMAL_MAP
-        if (material->normal_texture >= 0)
-            vertex.n = select3(mine, mapped_normal(material, point, tangents, scene), vertex.n);
+        vertex.tangent = select3(mine, point.tangent, vertex.tangent);
 #endif
 #if HAS_MIX
         if (material->kind == MATERIAL_MIX)
-            take_mix(&vertex, mine, material, point.u, point.v, scene);
+            take_mix(&vertex, mine, material, point, scene);
         else
 #endif
-            take_material(&vertex, mine, material, point.u, point.v, scene);
+            take_material(&vertex, mine, material, point, scene);
 #if HAS_EMITTERS
+#if EMITTER_TRIANGLES
+        vertex.emitter = mine ? (index >= first_mesh ? hit.part - primitive->first_triangle : FALSE)
+                                    + primitive->emitter : vertex.emitter;
+#else
         vertex.emitter = mine ? (I)(primitive->emitter) : vertex.emitter;
+#endif
 #endif
         rest = rest & NOT(mine);
     }

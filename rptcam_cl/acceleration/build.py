@@ -9,6 +9,7 @@ from rptcam_cl.acceleration.binary_tree import binary_tree
 from rptcam_cl.acceleration.builder import Builder
 from rptcam_cl.acceleration.bvh import EMPTY, Bvh
 from rptcam_cl.acceleration.large_nodes import Nodes, split_large_nodes
+from rptcam_cl.acceleration.reinsertion import reinserted
 from rptcam_cl.acceleration.wide_tree import max_binary_depth, widen
 from rptcam_cl.device import Session
 
@@ -48,8 +49,9 @@ def build_bvh(
     _check(lower, upper)
     if len(lower) == 0:
         return _nothing(width, leaf_size)
-    blocks, bounds, depths = _sort_into_leaves(lower, upper, leaf_size, max_binary_depth(width), session)
-    return widen(binary_tree(depths, bounds), blocks, width)
+    max_depth = max_binary_depth(width)
+    blocks, bounds, depths = _sort_into_leaves(lower, upper, leaf_size, max_depth, session)
+    return widen(reinserted(binary_tree(depths, bounds), max_depth, session), blocks, width)
 
 
 def _check(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:

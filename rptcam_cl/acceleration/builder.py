@@ -47,7 +47,7 @@ class Builder:
         self._program = session.program(FILES, facts, "")
         self._small = SMALL[session.info.type]
         self._count = len(lower)
-        self._shrink = np.float32(power_of_two_over(lower, upper))
+        self._shrink = np.float32(scale_of(np.concatenate([lower.min(axis=0), upper.max(axis=0)])))
         self._boxes = session.allocate(32 * self._count)
         self._spare: Any = None
         corners = session.upload(lower), session.upload(upper)
@@ -111,8 +111,8 @@ class Builder:
         return primitives.reshape(-1, self.leaf_size), corners.reshape(-1, 6)
 
 
-def power_of_two_over(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> float:
-    """Return the power of two that scales the scene's longest edge into [0.5, 1), within float32."""
-    longest = max(float(upper[:, axis].max()) - float(lower[:, axis].min()) for axis in range(3))
+def scale_of(bounds: NDArray[np.float32]) -> float:
+    """Return the power of two that brings a box's longest edge into [0.5, 1), as near as float32 allows."""
+    longest = float((bounds[3:].astype(np.float64) - bounds[:3]).max())
     exponent = int(np.frexp(longest)[1]) if longest > 0.0 else 0
     return float(np.ldexp(1.0, min(max(-exponent, -126), 126)))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import BeforeValidator, Field
+from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
@@ -12,6 +12,7 @@ from rptcam_cl.scene.dielectric import ROUGHNESS, Dielectric, ThinGlass
 from rptcam_cl.scene.metal import Conductor
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import NUMBER, Albedo, Radiance, list_of
+from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.roughness import RoughMaterial
 from rptcam_cl.scene.texture import Reflectance, Share
 
@@ -69,7 +70,7 @@ Leaf = Annotated[
 ]
 
 
-class Mix(SceneModel):
+class Mix(CoveringMaterial):
     """Two materials beside each other, finer than can be seen: each vertex of a path is of one of them."""
 
     kind: Literal["mix"]
@@ -80,6 +81,16 @@ class Mix(SceneModel):
 
     factor: Share = 0.5
     """Share of the second: a number, or a texture."""
+
+    @model_validator(mode="after")
+    def _check_holes(self) -> Self:
+        for index, part in enumerate(self.materials):
+            if part.opacity != 1.0:
+                raise refuse(
+                    "does not count inside a mix", got=part.opacity, allowed="the opacity of the mix itself",
+                    path=("materials", index, "opacity"),
+                )  # fmt: skip
+        return self
 
 
 Material = Annotated[

@@ -7,6 +7,7 @@ import pyopencl as cl
 import pytest
 
 from rptcam_cl.acceleration.builder import BINS, FILES, SWEEP
+from rptcam_cl.acceleration.reinsertion import FILES as REINSERTION_FILES
 from rptcam_cl.device.program import BUILD_OPTIONS, assemble, pocl_library_arch
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
@@ -47,17 +48,30 @@ EVERY_MATERIAL = {
 }  # fmt: skip
 
 
+GLOW = {"kind": "emissive", "radiance": 1}
+TREES = {"BVH_WIDTH": 8, "BVH_STACK": 64}
+
+
+def sheet(side):
+    """A square of ``side`` by ``side`` pairs of triangles."""
+    step = [i / side for i in range(side + 1)]
+    corner = [i * (side + 1) + j for i in range(side) for j in range(side)]
+    faces = [f for k in corner for f in ([k, k + side + 1, k + side + 2], [k, k + side + 2, k + 1])]
+    return {"vertices": [[x, y, 0] for x in step for y in step], "faces": faces}
+
+
 def facts_of(mapping):
     return make_plan(load_scene(mapping, allow_folders=[Path(__file__).parents[2]])).facts
 
 
 def all_facts():
     """Facts of a scene that has one of everything."""
-    scene = still_life()
+    scene = still_life() | {"meshes": {"sheet": sheet(100)}}
+    meshes = [{"shape": "mesh", "mesh": "sheet", "material": GLOW}] * 2  # too large to be copied: instances
     patterns = PATTERNS | {"grid": GRID}
     materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()} | EVERY_MATERIAL
     shown = [PLANE | {"material": name} for name in (*PATTERNS, *EVERY_MATERIAL)]
-    return facts_of(scene | {"objects": scene["objects"] + RARE + shown, "materials": materials})
+    return facts_of(scene | {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials})
 
 
 def least_facts():
@@ -87,10 +101,15 @@ def test_scene_with_everything_turns_every_fact_on():
 SCENE_PASSES = [name for name in PASSES if name not in ("pass/generate.cl", "pass/trace_rays.cl")]
 
 
+@pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shade.cl"])
+def test_meshes_compile_for_trees_of_four(session, file):
+    without_warnings(session, [file], all_facts() | {"BVH_WIDTH": 4, "BVH_STACK": 32, "VW": 1})
+
+
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], all_facts() | layer_facts(LAYER_NAMES) | {"VW": lanes})
+    without_warnings(session, [file], all_facts() | TREES | layer_facts(LAYER_NAMES) | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
@@ -106,7 +125,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
     lens = int(camera == "realistic")
     for rest in (0, 1):
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
-        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest}
+        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest, "SAMPLER_LATTICE": rest}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 
@@ -115,9 +134,11 @@ def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
 
 
-@pytest.mark.parametrize("file", FILES)
+@pytest.mark.parametrize("file", FILES + REINSERTION_FILES)
 def test_kernel_that_builds_trees_compiles_alone_without_a_warning(session, file):
-    without_warnings(session, [file], {"LEAF_SIZE": 8, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": 54})
+    without_warnings(
+        session, [file], {"LEAF_SIZE": 8, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": 54, "MOST_VISITS": 512}
+    )
 
 
 @pytest.mark.parametrize("path", sorted(kernels_dir().rglob("*.cl")), ids=lambda path: path.stem)

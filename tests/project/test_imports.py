@@ -14,7 +14,8 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "_version": set(),
     "alias": set(),
-    "records": set(),
+    "kinds": set(),
+    "records": {"kinds"},
     "resources": GROUND,
     "strict_yaml": GROUND,
     "imaging": GROUND,
@@ -29,7 +30,7 @@ ALLOWED: dict[str, set[str]] = {
     "plan": GROUND | {"alias", "records", "scene", "optics", "geometry", "pictures", "cameras"},
     "lensview": FILES | {"optics"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
-    "wavefront": GROUND | {"records", "scene", "plan", "device"},
+    "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}

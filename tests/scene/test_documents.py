@@ -42,7 +42,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Thin glass": (model.ThinGlass, "Holes"),
     "Plastic": (model.Plastic, "Holes", "Normals", "Roughness"),
     "Principled": (model.Principled, "Holes", "Normals", "Absorption"),
-    "Mix": (model.Mix,),
+    "Mix": (model.Mix, "Holes"),
     "Emissive": (model.Emissive,),
     "Checker": (model.Checker, "Every texture"),
     "Grid": (model.Grid, "Every texture"),
