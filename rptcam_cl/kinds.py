@@ -71,6 +71,10 @@ class EmitterKind(IntEnum):
     POINT = 3
     DIRECTIONAL = 4
     TRIANGLE = 5
+    SPOT = 6
+    PROFILE = 7  # a point whose intensity in each direction is a picture
+    SUN = 8
+    ENVIRONMENT = 9
 
 
 class EnvironmentKind(IntEnum):
@@ -79,6 +83,7 @@ class EnvironmentKind(IntEnum):
     NONE = 0
     CONSTANT = 1
     GRADIENT = 2
+    IMAGE = 3
 
 
 class RayStatus(IntEnum):

@@ -161,18 +161,22 @@ TEXTURE = Record(
         ("int", "width"),
         ("int", "height"),
         ("int", "format"),
-        ("int", "wrap"),
         ("int", "nearest"),
+        ("int", "wrap_u"),
+        ("int", "wrap_v"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
     ),
 )
 
 EMITTER = Record(
     "Emitter",
     (
-        ("float4", "a"),  # corner, centre or position; w: area, or radius of a sphere
-        ("float4", "u"),  # edge, or axis of a disk
+        ("float4", "a"),  # corner, centre or position; w: area, radius of a sphere, squared sine of a sun's radius
+        ("float4", "u"),  # edge, or axis of a disk or profile; w: cone of a spot, see kernels/light/point.h
         ("float4", "v"),
-        ("float4", "normal"),  # or the direction towards a directional light
+        ("float4", "normal"),  # or the direction towards a light at infinity, or of the axis of a spot or profile
         ("float4", "radiance"),  # radiance, intensity or irradiance
         ("int", "kind"),
         ("int", "primitive"),
@@ -181,11 +185,28 @@ EMITTER = Record(
         ("float", "alias_keep"),
         ("int", "alias_other"),
         ("int", "part"),  # triangle of the primitive, or -1
-        ("int", "reserved_0"),
+        ("int", "texture"),  # index of the picture of a profile's intensities
     ),
 )
 
-ENVIRONMENT = Record("Environment", (("float4", "bottom"), ("float4", "top"), ("float4", "up")))
+ENVIRONMENT = Record(
+    "Environment",
+    (
+        ("float4", "bottom"),  # radiance from below or from everywhere
+        ("float4", "top"),
+        ("float4", "up"),
+        ("float4", "right"),  # of a picture's middle
+        ("float4", "forward"),
+        ("int", "texture"),  # index of the picture
+        ("int", "rows"),  # cells that light sampling tells apart
+        ("int", "columns"),
+        ("float", "pick"),  # probability that light sampling picks the environment
+        ("int", "first_sun"),  # suns are emitters first_sun to first_sun + suns - 1
+        ("int", "suns"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+    ),
+)
 
 EVEN_TERMS = 12
 ODD_TERMS = 12

@@ -6,7 +6,7 @@
 #if HAS_ABSORPTION
 #include "material/absorption.h"
 #endif
-#include "light/environment.h"
+#include "light/infinity.h"
 #if HAS_EMITTERS
 #include "light/emitters.h"
 #endif
@@ -54,7 +54,7 @@ static F3 departure(Vertex vertex, F3 d)
 }
 
 #if HAS_LAMPS
-// Emission of the primitive that was hit, weighted against light sampling (power heuristic, Veach 1997, ch. 9).
+// Emission of the primitive that was hit, weighted against light sampling.
 static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i, Scene scene)
 {
     F weight = ONE;
@@ -62,8 +62,7 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
     I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
     if (ANY(rival)) {
         F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), path.ray.o, t, absolute(cos_i));
-        F own2 = path.pdf * path.pdf;
-        weight = rival ? own2 / (own2 + other * other) : weight;
+        weight = rival ? against_lights(path.pdf, other) : weight;
     }
 #endif
     return keep3(shines, scale(mul(path.beta, radiance), weight));
@@ -74,7 +73,7 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
 static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene scene, Rules rules)
 {
     F4 u = random4(path.pixel, path.sample, 2u * path.edge + 1u, rules.seed);
-    LightSample light = sample_emitter(scene.emitters, scene.emitter_count, vertex.p, u.a, u.b, u.c);
+    LightSample light = sample_emitter(scene, vertex.p, u.a, u.b, u.c);
     F pdf;
     F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
     F light2 = light.pdf * light.pdf;
@@ -99,11 +98,11 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     ShadowRay shadow;
     shadow.reach = ZERO;
     I living = path->ray.self != PATH_ENDED;
-#if ENVIRONMENT
+#if ENVIRONMENT || EMITTER_SUNS
     I escaped = living & (hit.primitive == NO_PRIMITIVE);
     if (ANY(escaped))
         path->radiance = add(path->radiance,
-                             keep3(escaped, mul(path->beta, environment_radiance(path->ray.d, scene.environment))));
+                             keep3(escaped, mul(path->beta, light_from_infinity(path->ray.d, path->pdf, scene))));
 #endif
     I on = living & (hit.primitive >= 0);
 #if !HAS_LAMPS

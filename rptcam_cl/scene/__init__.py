@@ -22,9 +22,9 @@ from rptcam_cl.scene.camera import (
 from rptcam_cl.scene.change import change_scene
 from rptcam_cl.scene.coverage import NormalMap
 from rptcam_cl.scene.dielectric import Dielectric, ThinGlass
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment
+from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.light import DirectionalLight, Light, PointLight
+from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
@@ -61,6 +61,7 @@ __all__ = [
     "Grid",
     "HeartAperture",
     "ImageAperture",
+    "ImageEnvironment",
     "ImageTexture",
     "LensCamera",
     "Light",
@@ -83,6 +84,7 @@ __all__ = [
     "PointLight",
     "PolygonAperture",
     "Principled",
+    "ProfileLight",
     "RealisticCamera",
     "Rectangle",
     "Reflectance",
@@ -91,7 +93,9 @@ __all__ = [
     "Scene",
     "SceneObject",
     "Sphere",
+    "SpotLight",
     "StarAperture",
+    "SunLight",
     "Texture",
     "ThickLensCamera",
     "ThinGlass",
