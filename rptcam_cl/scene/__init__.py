@@ -22,6 +22,7 @@ from rptcam_cl.scene.camera import (
 from rptcam_cl.scene.change import change_scene
 from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment
 from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.film_filter import FilmFilter
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Conductor, Dielectric, Emissive, Material, Matte, Mirror
@@ -51,6 +52,7 @@ __all__ = [
     "Environment",
     "EnvironmentCamera",
     "Film",
+    "FilmFilter",
     "Focus",
     "Gradient",
     "GradientEnvironment",
