@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.acceleration.binary_tree import BinaryTree, heights
-from rptcam_cl.acceleration.builder import GROUP, scale_of
+from rptcam_cl.acceleration.builder import GROUP, build_program, scale_of
 from rptcam_cl.device import Session
 
-FILES = ["build/search.cl", "build/reinsert.cl"]
 ROUNDS = 4  # more gain less than 1 %
-MOST_VISITS = 512  # nodes that the search for one node's place looks at; a mesh needs some ten
 
 
 def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
@@ -24,7 +22,7 @@ def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree
     """
     if tree.leaves < 4:
         return tree
-    program = session.program(FILES, {"LEAF_SIZE": 1, "BINS": 1, "MOST_VISITS": MOST_VISITS}, "")
+    program = build_program(session)
     nodes = len(tree.bounds)
     boxes = np.zeros((nodes, 2, 4), np.float32)
     boxes[:, :, :3] = tree.bounds.reshape(-1, 2, 3)

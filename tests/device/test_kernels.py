@@ -6,8 +6,7 @@ from pathlib import Path
 import pyopencl as cl
 import pytest
 
-from rptcam_cl.acceleration.builder import BINS, FILES, SWEEP
-from rptcam_cl.acceleration.reinsertion import FILES as REINSERTION_FILES
+from rptcam_cl.acceleration.builder import FACTS, FILES
 from rptcam_cl.device.program import BUILD_OPTIONS, assemble, pocl_library_arch
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
@@ -122,11 +121,9 @@ def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
 
 
-@pytest.mark.parametrize("file", FILES + REINSERTION_FILES)
+@pytest.mark.parametrize("file", FILES)
 def test_kernel_that_builds_trees_compiles_alone_without_a_warning(session, file):
-    without_warnings(
-        session, [file], {"LEAF_SIZE": 8, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": 54, "MOST_VISITS": 512}
-    )
+    without_warnings(session, [file], FACTS)
 
 
 @pytest.mark.parametrize("path", sorted(kernels_dir().rglob("*.cl")), ids=lambda path: path.stem)

@@ -5,7 +5,17 @@ import pytest
 
 from rptcam_cl.cameras.lens_setting import lens_setting
 from rptcam_cl.scene import load_scene
-from tests.layers.scenes import BALL, CAMERAS, EYE, FLOOR, assert_seen_in_their_pixels, in_camera, one_sample, world
+from tests.layers.scenes import (
+    BALL,
+    CAMERAS,
+    EYE,
+    FLOOR,
+    assert_seen_in_their_pixels,
+    in_camera,
+    one_sample,
+    pixel_grid,
+    world,
+)
 
 GEOMETRY = ["depth", "distance", "position", "normal", "geometric_normal", "object_id", "uv", "pupil"]
 
@@ -103,6 +113,23 @@ def test_thin_lens_sees_each_point_past_the_pupil_in_the_plane_of_focus():
     hit = image["object_id"] >= 0
     assert_seen_in_their_pixels(image, seen, hit, 1e-3)
     np.testing.assert_allclose(image["distance"][hit], np.linalg.norm(points - pupil, axis=-1)[hit], rtol=2e-6)
+
+
+@pytest.mark.parametrize(("name", "reach", "slack"), [("thick_lens", 30, 1e-3), ("double_gauss", 12, 0.1)])
+def test_lens_in_focus_projects_from_its_entrance_pupil_as_its_intrinsics_say(name, reach, slack):
+    mapping = world(name)
+    image = one_sample(mapping, GEOMETRY, seed=4)
+    setting = lens_setting(load_scene(mapping))
+    entrance = setting.lens.first_order().entrance_pupil
+    pupil_z = (entrance.distance_mm - setting.lens.length - setting.film_distance_mm) * 1e-3
+    points = in_camera(mapping, image["position"]) - [0, 0, pupil_z]
+    pupil = np.pad(image["pupil"] * entrance.diameter_mm / 2e3, ((0, 0), (0, 0), (0, 1)))
+    depth = 4 + pupil_z  # of the plane in focus, from the pupil
+    focus = pupil + (points - pupil) * (depth / -points[..., 2:])
+    k = image.metadata["intrinsics"]
+    seen = np.stack([k["cx"] + k["fx"] * focus[..., 0] / depth, k["cy"] - k["fy"] * focus[..., 1] / depth], axis=-1)
+    near_the_axis = np.linalg.norm(pixel_grid(image) - [23.5, 11.5], axis=-1) < reach  # the traced lens distorts
+    assert_seen_in_their_pixels(image, seen, near_the_axis & (image["object_id"] >= 0), slack)
 
 
 @pytest.mark.parametrize("name", ["double_gauss", "fisheye"])
