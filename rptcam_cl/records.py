@@ -267,7 +267,7 @@ WAVE = Record(
     "Wave",
     (
         ("uint2", "seed"),
-        ("uint", "first_pixel"),  # in tile order
+        ("uint", "first_pixel"),  # in the list of tiles
         ("uint", "pixels"),  # of the wave, a multiple of 16
         ("uint", "first_sample"),
         ("uint", "samples"),  # per pixel in this wave

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
@@ -25,6 +26,7 @@ class Plan:
 
     facts: dict[str, int]
     camera: CameraModel
+    camera_filter: FilterTable
     primitives: NDArray[np.void]
     kind_end: NDArray[np.int32]
     materials: NDArray[np.void]
@@ -65,6 +67,7 @@ def make_plan(scene: Scene) -> Plan:
     return Plan(
         facts=facts,
         camera=camera_model(scene),
+        camera_filter=filter_table(scene.film.filter),
         primitives=records,
         kind_end=kind_end,
         materials=shown.records,

@@ -24,6 +24,7 @@ from rptcam_cl.scene.coverage import NormalMap
 from rptcam_cl.scene.dielectric import Dielectric, ThinGlass
 from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
 from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.film_filter import FilmFilter
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
@@ -55,6 +56,7 @@ __all__ = [
     "Environment",
     "EnvironmentCamera",
     "Film",
+    "FilmFilter",
     "Focus",
     "Gradient",
     "GradientEnvironment",

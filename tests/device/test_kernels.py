@@ -17,7 +17,9 @@ from rptcam_cl.wavefront.layers import LayerPlanes
 from tests.render.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
-CAMERAS = sorted(path.stem for path in (kernels_dir() / "camera").glob("*.h") if path.stem != "film_point")
+CAMERAS = sorted(
+    path.stem for path in (kernels_dir() / "camera").glob("*.h") if path.stem not in ("film_point", "filter")
+)
 # How calls pass wide vectors is moot, as every helper is static. Compilers that are not clang ignore the pragma.
 NO_ABI = '#ifdef __clang__\n#pragma clang diagnostic ignored "-Wpsabi"\n#endif\n'
 BANNED = ("fast-relaxed-math", "unsafe-math", "finite-math", "mad-enable", "no-signed-zeros", "denorms-are-zero")
@@ -124,7 +126,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
     lens = int(camera == "realistic")
     for rest in (0, 1):
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
-        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest, "SAMPLER_LATTICE": rest}
+        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 

@@ -18,6 +18,7 @@ from rptcam_cl.scene.file_reference import FileReference
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Scene": (model.Scene,),
     "Film": (model.Film,),
+    "Filter": (model.FilmFilter,),
     "Pinhole camera": (model.PinholeCamera, "Pose"),
     "Environment camera": (model.EnvironmentCamera, "Pose"),
     "Thin-lens camera": (model.ThinLensCamera, "Pose"),
@@ -85,7 +86,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "render", "picture"}
+IN_WORDS = {"film", "render", "picture", "filter", "radius_px"}
 FROM_CAMERA = {("Gradient environment", "up"), ("Image environment", "up"), ("IES light", "direction")}
 
 
