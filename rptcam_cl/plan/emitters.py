@@ -15,7 +15,7 @@ from rptcam_cl.alias import alias_table
 from rptcam_cl.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.plan.colour import luminance
 from rptcam_cl.plan.environment import Surroundings
-from rptcam_cl.plan.lights import light_emitter
+from rptcam_cl.plan.lights import light_emitter, sun_emitter
 from rptcam_cl.plan.meshes import corners_of_box
 from rptcam_cl.plan.primitives import Primitive, sphere_of
 from rptcam_cl.plan.textures import TextureTable
@@ -157,6 +157,8 @@ def pack_emitters(
     lights = [light_emitter(light, scene, textures, reach) for light in scene.lights]
     if surroundings.kind is EnvironmentKind.IMAGE:
         lights.append(_environment(surroundings.flux * np.pi * reach**2))
+    if surroundings.sun is not None:
+        lights.append(sun_emitter(surroundings.sun, reach))
     lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     suns = sum(int(record["kind"]) == EmitterKind.SUN for record, _ in lights)
