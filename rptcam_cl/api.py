@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +44,7 @@ def render(
     seed: int | None = None,
     size: tuple[int, int] | None = None,
     crop: tuple[float, float, float, float] | None = None,
+    layers: Sequence[str] | None = None,
     device: str | Session | None = None,
     wave_size: int | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
@@ -61,6 +62,8 @@ def render(
         Time to render [s]; the picture ends after whole samples, at least one.
     seed, size, crop
         Replace the scene's seed, resolution [pixels] and crop [fractions x0, x1, y0, y1].
+    layers
+        Auxiliary layers to record, in place of the scene's: ``["depth", "normal"]``; see docs/layers.md.
     device
         As ``--device`` on the command line, or a session to reuse; see `choose_device`.
     wave_size
@@ -78,7 +81,7 @@ def render(
         No device fits, or a kernel failed.
     """
     begun = time.perf_counter()
-    scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop)
+    scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers)
     session = device if isinstance(device, Session) else open_session(device)
     plan = make_plan(scene)
     started = time.perf_counter()
@@ -103,7 +106,7 @@ def render(
     }
     stats = _stats(rendering, wavefront, plan, session.info, times)
     metadata = _metadata(scene, rendering, plan, session.info)
-    return Image(rendering.pixels, metadata, stats, scene.picture.ev)
+    return Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
 
 
 def _adjusted(
@@ -112,8 +115,9 @@ def _adjusted(
     seed: int | None,
     size: tuple[int, int] | None,
     crop: tuple[float, float, float, float] | None,
+    layers: Sequence[str] | None,
 ) -> Scene:
-    settings = {"spp": spp, "seed": seed}
+    settings = {"spp": spp, "seed": seed, "layers": layers}
     film = {"resolution": size, "crop": crop}
     return change_scene(
         scene,

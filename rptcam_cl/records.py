@@ -79,12 +79,32 @@ MATERIAL = Record(
     "Material",
     (
         ("float4", "color"),  # reflectance, or radiance of an emissive material
-        ("float4", "other"),  # second colour of a texture
-        ("float4", "mapping"),  # scale u, v and offset u, v of a texture
         ("int", "kind"),
-        ("int", "texture"),
+        ("int", "texture"),  # index of the texture that replaces the colour, or -1
         ("float", "parameter"),  # GGX alpha; index of refraction; 1 if an emissive material shines on both sides
-        ("float", "line_width"),
+        ("int", "reserved_0"),
+    ),
+)
+
+TEXTURE = Record(
+    "Texture",
+    (
+        ("float4", "a"),  # first colour; of an image its gain
+        ("float4", "b"),  # second colour
+        ("float4", "row_u"),  # coordinates on the pattern: x u + y v + z
+        ("float4", "row_v"),
+        ("int", "kind"),
+        ("float", "parameter"),  # width of a grid's line; amplitude of an octave of noise relative to the last
+        ("float", "contrast"),  # of noise
+        ("int", "octaves"),
+        ("int", "seed"),
+        ("float", "limit"),  # largest value of an image
+        ("uint", "first"),  # word of the texels where an image starts
+        ("int", "width"),
+        ("int", "height"),
+        ("int", "format"),
+        ("int", "wrap"),
+        ("int", "nearest"),
     ),
 )
 
@@ -186,11 +206,22 @@ LIMITS = Record(
     (
         ("uint", "max_edges"),  # of a path, the camera's included
         ("uint", "roulette_edge"),  # from which on Russian roulette may end a path; 0: never
-        ("int", "emitters"),
     ),
 )
 
-RECORDS = (PRIMITIVE, MATERIAL, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS)
+VIEW = Record(
+    "View",  # what the auxiliary layers need to know of the camera
+    (
+        ("float4", "blur"),  # focus [1/m], scale and shift of the denominator, z of the origin of distances [m]
+        ("float4", "pupil"),  # z of the entrance pupil [m] in the camera's frame, 1 / its radius [1/m] or 0
+        ("int", "columns"),  # of the table of the blur
+        ("int", "rows"),
+        ("int", "by_depth"),  # whether the blur's distances are depths
+        ("int", "from_eye"),  # whether rays start ahead of the eye, that distances count from
+    ),
+)
+
+RECORDS = (PRIMITIVE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
 class Kind(IntEnum):
@@ -219,9 +250,27 @@ class MaterialKind(IntEnum):
 class TextureKind(IntEnum):
     """Kinds of texture."""
 
-    CONSTANT = 0
-    CHECKER = 1
-    GRID = 2
+    CHECKER = 0
+    GRID = 1
+    GRADIENT = 2
+    NOISE = 3
+    IMAGE = 4
+
+
+class TexelFormat(IntEnum):
+    """How the texels of an image are stored."""
+
+    SRGB = 0  # one word: red, green, blue of 8 bits from the low byte on
+    LINEAR = 1  # the same, not encoded
+    HALF = 2  # two words: red and green, blue as halves
+
+
+class Wrap(IntEnum):
+    """What continues an image beyond its edges."""
+
+    REPEAT = 0
+    CLAMP = 1
+    MIRROR = 2
 
 
 class EmitterKind(IntEnum):
@@ -315,6 +364,7 @@ def device_declarations() -> str:
     lines += _constants("LENS", SurfaceKind) + _constants("REGION", RegionKind)
     lines += _constants("PUPIL", PupilKind) + _constants("STOP", StopKind)
     lines += _constants("KIND", Kind) + _constants("MATERIAL", MaterialKind) + _constants("TEXTURE", TextureKind)
+    lines += _constants("TEXEL", TexelFormat) + _constants("WRAP", Wrap)
     lines += (
         _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)
     )

@@ -6,11 +6,19 @@
 // A flat primitive has no other root.
 #ifndef PRIMITIVES_H
 #define PRIMITIVES_H
-#include "common/records.h"
+#include "common/scene.h"
 
 #define NEVER  3.0e38f   // farther than any hit, yet finite
 
-typedef struct { F3 o, d; I self; } Ray;
+typedef struct {
+    F3 o, d;
+    I  self;        // the primitive it starts on, NO_PRIMITIVE, or PATH_ENDED
+} Ray;
+
+typedef struct {
+    F t;            // distance
+    I primitive;    // or NO_PRIMITIVE
+} Hit;
 
 // The smaller positive root of a t^2 - 2 b t + c = 0 (and the larger through *far); negative when there is none. Stable:
 // Haines, Guenther, Akenine-Moeller, Ray Tracing Gems ch. 7.
@@ -212,22 +220,28 @@ static F hit_cone(const __global Primitive *p, Ray ray, I self)
     EACH_DISK(ray, VISIT) EACH_PLANE(ray, VISIT) EACH_BOX(ray, VISIT)                       \
     EACH_CYLINDER(ray, VISIT) EACH_CONE(ray, VISIT)
 
-// The nearest primitive that the ray meets, or NO_PRIMITIVE; its distance through *distance.
-static I nearest_hit(Ray ray, const __global Primitive *primitives, const __global int *kind_end, F *distance)
+// What the ray meets first.
+static Hit nearest_hit(Ray ray, Scene scene)
 {
+    const __global Primitive *primitives = scene.primitives;
+    const __global int *kind_end = scene.kind_end;
     F best = (F)(NEVER);
     I index = (I)(NO_PRIMITIVE);
     EACH_PRIMITIVE(ray,
         I closer = (t > 0.0f) & (t < best);
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
-    *distance = best;
-    return index;
+    Hit hit;
+    hit.t = best;
+    hit.primitive = index;
+    return hit;
 }
 
 // Lanes whose ray meets anything but `target` before `reach`.
-static I any_hit(Ray ray, F reach, I target, const __global Primitive *primitives, const __global int *kind_end)
+static I any_hit(Ray ray, F reach, I target, Scene scene)
 {
+    const __global Primitive *primitives = scene.primitives;
+    const __global int *kind_end = scene.kind_end;
     I blocked = FALSE;
     EACH_PRIMITIVE(ray,
         blocked |= (t > 0.0f) & (t < reach) & (target != i);)

@@ -123,10 +123,10 @@ static SurfacePoint point_on_round(const __global Primitive *primitive, F3 p, fl
 #endif
 
 // `textured` says whether u and v are wanted (those of round shapes are dear).
-static SurfacePoint surface_point(const __global Primitive *primitives, int index, const __global int *kind_end, F3 p,
-                                  int textured)
+static SurfacePoint surface_point(int index, F3 p, int textured, Scene scene)
 {
-    const __global Primitive *primitive = primitives + index;
+    const __global Primitive *primitive = scene.primitives + index;
+    const __global int *kind_end = scene.kind_end;
 #if HAS_SPHERE
     if (BELONGS_TO(KIND_SPHERE))
         return point_on_sphere(primitive, p, textured);

@@ -8,36 +8,23 @@
 #include "light/emitters.h"
 #endif
 
+// What limits and seeds the paths of a wave.
 typedef struct {
-    const __global Primitive   *primitives;    // sorted by kind
-    const __global int         *kind_end;      // end of each kind in `primitives`
-    const __global Material    *materials;
-    const __global Emitter     *emitters;
-    const __global Environment *environment;
     uint2 seed;
     uint  max_edges, roulette_edge;
-    int   emitter_count;
-} Scene;
+} Rules;
 
-static Scene scene_of(const __global Primitive *primitives, const __global int *kind_end,
-                      const __global Material *materials, const __global Emitter *emitters,
-                      const __global Environment *environment, Wave wave, Limits limits)
+static Rules rules_of(Wave wave, Limits limits)
 {
-    Scene s;
-    s.primitives = primitives;
-    s.kind_end = kind_end;
-    s.materials = materials;
-    s.emitters = emitters;
-    s.environment = environment;
-    s.seed = wave.seed;
-    s.max_edges = limits.max_edges;
-    s.roulette_edge = limits.roulette_edge;
-    s.emitter_count = limits.emitters;
-    return s;
+    Rules r;
+    r.seed = wave.seed;
+    r.max_edges = limits.max_edges;
+    r.roulette_edge = limits.roulette_edge;
+    return r;
 }
 
 typedef struct {
-    Ray ray;        // self: the primitive it starts on, NO_PRIMITIVE, or PATH_ENDED
+    Ray ray;
     F   weight;     // of the camera ray, multiplied in on the film: roulette must not depend on the exposure
     F3  beta;       // throughput behind the camera
     F3  radiance;   // gathered so far
@@ -54,14 +41,14 @@ typedef struct {
 
 #if HAS_EMISSIVE
 // Emission of the primitive that was hit, weighted against light sampling (power heuristic, Veach 1997, ch. 9).
-static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, const __global Emitter *emitters)
+static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, Scene scene)
 {
     I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
     F weight = ONE;
 #if HAS_EMITTERS
     I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
     if (ANY(rival)) {
-        F other = emitter_pdf(emitters, MAX(vertex.emitter, FALSE), path.ray.o, t, absolute(cos_i));
+        F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), path.ray.o, t, absolute(cos_i));
         F own2 = path.pdf * path.pdf;
         weight = rival ? own2 / (own2 + other * other) : weight;
     }
@@ -71,9 +58,9 @@ static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, const __globa
 #endif
 
 #if HAS_EMITTERS
-static ShadowRay light_sample(Path path, Vertex vertex, I on, I hit, Scene scene)
+static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene scene, Rules rules)
 {
-    F4 u = random4(path.pixel, path.sample, 2u * path.edge + 1u, scene.seed);
+    F4 u = random4(path.pixel, path.sample, 2u * path.edge + 1u, rules.seed);
     LightSample light = sample_emitter(scene.emitters, scene.emitter_count, vertex.p, u.a, u.b, u.c);
     F pdf;
     F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
@@ -83,7 +70,7 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, I hit, Scene scene
     shadow.light = scale(mul(through, light.radiance), mis);
     shadow.ray.o = vertex.p;
     shadow.ray.d = light.direction;
-    shadow.ray.self = hit;
+    shadow.ray.self = hit.primitive;
     shadow.target = light.primitive;
     shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;
     return shadow;
@@ -91,57 +78,56 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, I hit, Scene scene
 #endif
 
 // One vertex of every living path: gathers emission and environment, makes a light sample, and continues the path or ends
-// it. `hit` and `t` say what its ray met.
-static ShadowRay shade_vertex(Path *path, I hit, F t, Scene scene)
+// it. `hit` says what its ray met.
+static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 {
     ShadowRay shadow;
     shadow.reach = ZERO;
     I living = path->ray.self != PATH_ENDED;
 #if ENVIRONMENT
-    I escaped = living & (hit == NO_PRIMITIVE);
+    I escaped = living & (hit.primitive == NO_PRIMITIVE);
     if (ANY(escaped))
         path->radiance = add(path->radiance,
                              keep3(escaped, mul(path->beta, environment_radiance(path->ray.d, scene.environment))));
 #endif
-    I on = living & (hit >= 0);
+    I on = living & (hit.primitive >= 0);
 #if !HAS_EMISSIVE
-    on = on & (path->edge < scene.max_edges);
+    on = on & (path->edge < rules.max_edges);
 #endif
     if (!ANY(on)) {
         path->ray.self = (I)(PATH_ENDED);
         return shadow;
     }
-    Vertex vertex = vertex_of(scene.primitives, scene.kind_end, scene.materials, on ? hit : (I)(NO_PRIMITIVE),
-                              along(path->ray.o, path->ray.d, t));
+    Vertex vertex = vertex_of(path->ray, hit, on, scene);
 #if HAS_EMISSIVE
     I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
     if (ANY(lamp)) {
         F cos_i = -dot3(vertex.n, path->ray.d);
-        path->radiance = add(path->radiance, emission(*path, vertex, lamp, t, cos_i, scene.emitters));
+        path->radiance = add(path->radiance, emission(*path, vertex, lamp, hit.t, cos_i, scene));
         on = on & NOT(lamp);
     }
-    on = on & (path->edge < scene.max_edges);
+    on = on & (path->edge < rules.max_edges);
     if (!ANY(on)) {
         path->ray.self = (I)(PATH_ENDED);
         return shadow;
     }
 #endif
 #if HAS_EMITTERS
-    shadow = light_sample(*path, vertex, on, hit, scene);
+    shadow = light_sample(*path, vertex, on, hit, scene, rules);
 #endif
-    F4 u = random4(path->pixel, path->sample, 2u * path->edge, scene.seed);
+    F4 u = random4(path->pixel, path->sample, 2u * path->edge, rules.seed);
     Scattered next = scatter_sample(vertex, path->ray.d, u.a, u.b, u.c);
     path->beta = mul(path->beta, next.weight);
     on = on & (max3(path->beta) > 0.0f);
-    if (scene.roulette_edge > 0u) {
-        I plays = path->edge >= scene.roulette_edge;
+    if (rules.roulette_edge > 0u) {
+        I plays = path->edge >= rules.roulette_edge;
         F survive = plays ? MIN(max3(path->beta), ONE) : ONE;
         on = on & (u.d < survive);
         path->beta = scale(path->beta, ONE / MAX(survive, (F)(1e-20f)));
     }
     path->ray.o = vertex.p;
     path->ray.d = next.direction;
-    path->ray.self = on ? hit : (I)(PATH_ENDED);
+    path->ray.self = on ? hit.primitive : (I)(PATH_ENDED);
     path->pdf = next.pdf;
     path->edge += 1u;
     return shadow;

@@ -6,36 +6,41 @@
 #include "material/texture.h"
 
 typedef struct {
-    F3 p, n;        // position and outward unit normal
+    F3 p, n;        // position and outward unit normal for shading
+    F3 ng;          // outward unit normal of the surface itself
     F3 color;       // reflectance, or radiance of an emissive material
     F  parameter;   // GGX alpha; index of refraction; of an emissive material whether it shines on both sides
     I  kind;        // MATERIAL_…
     I  emitter;     // index of the emitter that light sampling chooses for this primitive, or -1
 } Vertex;
 
-static Vertex vertex_of(const __global Primitive *primitives, const __global int *kind_end,
-                        const __global Material *materials, I hit, F3 p)
+// Of the lanes `on`.
+static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
 {
     Vertex vertex;
+    F3 p = along(ray.o, ray.d, hit.t);
     vertex.p = p;
     vertex.n = f3(ZERO, ZERO, ONE);
+    vertex.ng = vertex.n;
     vertex.color = f3(ZERO, ZERO, ZERO);
     vertex.parameter = ONE;
     vertex.kind = (I)(-1);
     vertex.emitter = (I)(-1);
-    I rest = hit >= 0;
+    I rest = on;
     while (ANY(rest)) {
-        int index = first_of(hit, rest);
-        I mine = hit == index;
-        const __global Material *material = materials + primitives[index].material;
-        SurfacePoint point = surface_point(primitives, index, kind_end, p, material->texture);
+        int index = first_of(hit.primitive, rest);
+        I mine = hit.primitive == index;
+        const __global Primitive *primitive = scene.primitives + index;
+        const __global Material *material = scene.materials + primitive->material;
+        SurfacePoint point = surface_point(index, p, material->texture >= 0, scene);
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);
-        vertex.color = select3(mine, reflectance_at(material, point.u, point.v), vertex.color);
+        vertex.ng = select3(mine, point.n, vertex.ng);
+        vertex.color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex.color);
         vertex.parameter = mine ? (F)(material->parameter) : vertex.parameter;
         vertex.kind = mine ? (I)(material->kind) : vertex.kind;
 #if HAS_EMITTERS
-        vertex.emitter = mine ? (I)(primitives[index].emitter) : vertex.emitter;
+        vertex.emitter = mine ? (I)(primitive->emitter) : vertex.emitter;
 #endif
         rest = rest & NOT(mine);
     }

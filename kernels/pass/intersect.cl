@@ -2,10 +2,9 @@
 #include "geometry/primitives.h"
 #include "integrator/state.h"
 
-__kernel void intersect(const __global Primitive *primitives,   // sorted by kind
-                        const __global int       *kind_end,     // end of each kind in `primitives`
-                        __global float           *state,        // path state
-                        uint                      capacity)     // slots in the state
+__kernel void intersect(SCENE_PARAMETERS,
+                        __global float *state,      // path state
+                        uint            capacity)   // slots in the state
 {
     uint slot = get_global_id(0) * VW;
     Ray ray;
@@ -14,8 +13,7 @@ __kernel void intersect(const __global Primitive *primitives,   // sorted by kin
         return;
     ray.o = READ_F3(O, slot);
     ray.d = READ_F3(D, slot);
-    F t;
-    I hit = nearest_hit(ray, primitives, kind_end, &t);
-    WRITE_I(HIT, slot, hit);
-    WRITE_F(T, slot, t);
+    Hit hit = nearest_hit(ray, SCENE);
+    WRITE_I(HIT, slot, hit.primitive);
+    WRITE_F(T, slot, hit.t);
 }

@@ -4,16 +4,12 @@
 #include "integrator/path.h"
 #include "integrator/state.h"
 
-__kernel void shade(const __global Primitive   *primitives,     // sorted by kind
-                    const __global int         *kind_end,       // end of each kind in `primitives`
-                    const __global Material    *materials,
-                    const __global Emitter     *emitters,
-                    const __global Environment *environment,
-                    __global float             *state,          // path state
-                    uint                        capacity,       // slots in the state
-                    Wave                        wave,
-                    Limits                      limits,
-                    uint                        edge)           // edges of the paths so far
+__kernel void shade(SCENE_PARAMETERS,
+                    __global float *state,      // path state
+                    uint            capacity,   // slots in the state
+                    Wave            wave,
+                    Limits          limits,
+                    uint            edge)       // edges of the paths so far
 {
     uint slot = get_global_id(0) * VW;
     Path path;
@@ -31,8 +27,10 @@ __kernel void shade(const __global Primitive   *primitives,     // sorted by kin
 #if HAS_EMITTERS
     path.pdf = READ_F(PDF, slot);
 #endif
-    Scene scene = scene_of(primitives, kind_end, materials, emitters, environment, wave, limits);
-    ShadowRay shadow = shade_vertex(&path, READ_I(HIT, slot), READ_F(T, slot), scene);
+    Hit hit;
+    hit.t = READ_F(T, slot);
+    hit.primitive = READ_I(HIT, slot);
+    ShadowRay shadow = shade_vertex(&path, hit, SCENE, rules_of(wave, limits));
     WRITE_F3(L, slot, path.radiance);
     WRITE_I(SELF, slot, path.ray.self);
     WRITE_F3(O, slot, path.ray.o);

@@ -2,10 +2,9 @@
 #include "geometry/primitives.h"
 #include "integrator/state.h"
 
-__kernel void shadow(const __global Primitive *primitives,   // sorted by kind
-                     const __global int       *kind_end,     // end of each kind in `primitives`
-                     __global float           *state,        // path state
-                     uint                      capacity)     // slots in the state
+__kernel void shadow(SCENE_PARAMETERS,
+                     __global float *state,      // path state
+                     uint            capacity)   // slots in the state
 {
     uint slot = get_global_id(0) * VW;
     F reach = READ_F(REACH, slot);
@@ -16,7 +15,7 @@ __kernel void shadow(const __global Primitive *primitives,   // sorted by kind
     ray.self = READ_I(FROM, slot);
     ray.o = READ_F3(S, slot);
     ray.d = READ_F3(W, slot);
-    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), primitives, kind_end);
+    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), SCENE);
     I lit = wanted & NOT(blocked);
     WRITE_F(REACH, slot, ZERO);
     if (!ANY(lit))

@@ -6,20 +6,17 @@
 #include "integrator/path.h"
 #include "common/transpose.h"
 
-__kernel void stream(const __global Primitive   *primitives,    // sorted by kind
-                     const __global int         *kind_end,      // end of each kind in `primitives`
-                     const __global Material    *materials,
-                     const __global Emitter     *emitters,
-                     const __global Environment *environment,
-                     const __global float       *rays,          // eight floats per slot
-                     Wave                        wave,
-                     Limits                      limits,
-                     __global float             *sums,          // [6][pixels]: r, g, b and their compensations
-                     __global uint              *counters,
-                     uint                        pixels)        // pixels of the film incl. tile padding
+__kernel void stream(SCENE_PARAMETERS,
+                     const __global float *rays,        // eight floats per slot
+                     Wave                  wave,
+                     Limits                limits,
+                     __global float       *sums,        // [6][pixels]: r, g, b and their compensations
+                     __global uint        *counters,
+                     uint                  pixels)      // pixels of the film incl. tile padding
 {
     uint first = get_global_id(0) * VW;
-    Scene scene = scene_of(primitives, kind_end, materials, emitters, environment, wave, limits);
+    Scene scene = SCENE;
+    Rules rules = rules_of(wave, limits);
     PixelSum film = read_pixels(sums, wave.first_pixel + first, pixels);
     I slot = (I)((int)first) + LANES;               // of the next camera ray of each lane
     I end = slot + (int)(wave.pixels * wave.samples);
@@ -62,13 +59,11 @@ __kernel void stream(const __global Primitive   *primitives,    // sorted by kin
         }
         if (!ANY(running))
             break;
-        F t;
-        I hit = nearest_hit(path.ray, primitives, kind_end, &t);
-        ShadowRay shadow = shade_vertex(&path, hit, t, scene);
+        ShadowRay shadow = shade_vertex(&path, nearest_hit(path.ray, scene), scene, rules);
 #if HAS_EMITTERS
         I wanted = shadow.reach > 0.0f;
         if (ANY(wanted)) {
-            I dark = any_hit(shadow.ray, shadow.reach, shadow.target, primitives, kind_end);
+            I dark = any_hit(shadow.ray, shadow.reach, shadow.target, scene);
             path.radiance = add(path.radiance, keep3(wanted & NOT(dark), shadow.light));
         }
 #endif

@@ -3,15 +3,50 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.records import CAMERA, SURFACE
+from rptcam_cl.cameras.blur import Blur
+from rptcam_cl.optics import FirstOrder
+from rptcam_cl.records import CAMERA, SURFACE, VIEW
 from rptcam_cl.scene.camera import Pose
 from rptcam_cl.scene.film import Film
+
+
+@dataclass(frozen=True)
+class CameraView:
+    """What the auxiliary layers need to know of a camera; without arguments, of a point.
+
+    Attributes
+    ----------
+    pupil_z_m : float
+        Where the entrance pupil lies on the axis of the camera's frame [m].
+    pupil_radius_m : float
+        Its radius [m]; 0 for a point.
+    blur : callable
+        Returns the circle of confusion; a function, because to trace it takes a while.
+    starts_ahead : bool
+        Whether rays start ahead of the eye, that distances along them count from.
+    """
+
+    pupil_z_m: float = 0.0
+    pupil_radius_m: float = 0.0
+    blur: Callable[[], Blur] = Blur
+    starts_ahead: bool = False
+
+    def packed(self, *, with_blur: bool) -> tuple[NDArray[np.void], NDArray[np.float32]]:
+        """Return the record for the device and the table of the circle of confusion, empty where it is not wanted."""
+        blur = self.blur() if with_blur else Blur()
+        record = VIEW.zeros(1)
+        record["blur"][0] = (blur.focus, blur.scale, blur.shift, blur.origin_z)
+        record["pupil"][0, :2] = (self.pupil_z_m, 1.0 / self.pupil_radius_m if self.pupil_radius_m else 0.0)
+        record["rows"], record["columns"] = blur.table.shape[:2]
+        record["by_depth"], record["from_eye"] = blur.by_depth, self.starts_ahead
+        return record, blur.table
 
 
 @dataclass(frozen=True)
@@ -35,6 +70,7 @@ class CameraModel:
         Whether rays can be blocked.
     metadata : dict
         What the picture's metadata should say about the camera.
+    view : CameraView
     """
 
     kernel: str
@@ -45,6 +81,7 @@ class CameraModel:
     stop: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
     has_lens: bool = False
     metadata: dict[str, Any] = field(default_factory=dict)
+    view: CameraView = CameraView()
 
 
 def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:
@@ -57,6 +94,18 @@ def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:
     sign = 1.0 if pose.flip else -1.0
     record["resolution"][0] = (width, height, sign / width, sign / height)
     return record
+
+
+def entrance_pupil_view(first: FirstOrder, first_vertex_z_m: float, blur: Callable[[], Blur]) -> CameraView:
+    """Return the view of a lens from its first-order data; a pupil at infinity has no coordinates.
+
+    Parameters
+    ----------
+    first_vertex_z_m
+        Where the first vertex lies on the axis of the camera's frame [m].
+    """
+    pupil = first.entrance_pupil
+    return CameraView(first_vertex_z_m + pupil.distance_mm * 1e-3, pupil.diameter_mm / 2 * 1e-3, blur)
 
 
 def half_tangents(

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from rptcam_cl.cameras.aperture import stop_shape
+from rptcam_cl.cameras.blur import traced_blur
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.cameras.lens_setting import lens_setting
-from rptcam_cl.cameras.model import CameraModel, camera_record
+from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
@@ -44,6 +45,19 @@ def build(scene: Scene) -> CameraModel:
     record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
     traced = lens_records(lens, camera.wavelength_nm, "film", back_mm)
+    columns, rows = scene.film.resolution
+    view = entrance_pupil_view(
+        lens.first_order(camera.wavelength_nm),
+        float(record["b"][0, 1]),
+        lambda: traced_blur(
+            lens,
+            back_mm,
+            setting.focus_distance_mm,
+            half_film_mm,
+            (columns / width_mm, rows / height_mm),
+            camera.wavelength_nm,
+        ),
+    )
     return CameraModel(
         "camera/realistic.h",
         record,
@@ -53,6 +67,7 @@ def build(scene: Scene) -> CameraModel:
         stop=traced.stop.astype(np.float32),
         has_lens=True,
         metadata={"camera": "realistic", **setting.metadata, "on_axis_irradiance": on_axis} | pupil.metadata,
+        view=view,
     )
 
 

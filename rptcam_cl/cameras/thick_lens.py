@@ -7,12 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rptcam_cl.cameras.blur import Blur, perfect_blur
 from rptcam_cl.cameras.lens_setting import lens_setting
-from rptcam_cl.cameras.model import CameraModel, camera_record
+from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.first_order import limiting_surface, system_matrix
 from rptcam_cl.scene.camera import ThickLensCamera
+from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.scene import Scene
 
 AT_THE_PUPIL = 1e-9  # distance from film to exit pupil, as a share of the film distance, that counts as none
@@ -113,4 +115,19 @@ def build(scene: Scene) -> CameraModel:
     record["b"][0] = (1e-3, first_vertex_m, *thick.film_slope)
     record["pupil"][0] = (*thick.height, *thick.slope)
     metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis}
-    return CameraModel("camera/thick_lens.h", record, facts={}, metadata=metadata)
+    view = entrance_pupil_view(
+        setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene.film, first_vertex_m)
+    )
+    return CameraModel("camera/thick_lens.h", record, facts={}, metadata=metadata, view=view)
+
+
+def _blur(thick: ThickLens, film: Film, first_vertex_m: float) -> Blur:
+    """Return the circle of confusion: where a point is seen, its rays spread over the film as the pupil's points do.
+
+    A point x at a distance D from the first vertex belongs to film points h with x = (height + D slope) (h, p).
+    """
+    width_m, height_m = film.size_m()
+    pixels_per_mm = math.sqrt(film.resolution[0] / width_m * film.resolution[1] / height_m) * 1e-3
+    (at, across), (turn, spread) = thick.height, thick.slope
+    gain = 2 * pixels_per_mm * abs(across / turn) * 1e-3
+    return perfect_blur(gain, -spread / across * 1e3, shift=at / turn * 1e-3, origin_z=first_vertex_m)

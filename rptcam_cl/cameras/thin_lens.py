@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from rptcam_cl.cameras.aperture import aperture_parts
-from rptcam_cl.cameras.model import CameraModel, camera_record, half_tangents
+from rptcam_cl.cameras.blur import perfect_blur
+from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
 from rptcam_cl.scene.camera import ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.scene import Scene
@@ -47,4 +48,9 @@ def build(scene: Scene) -> CameraModel:
         "f_number": focal_length / (2 * radius) if radius else math.inf,
         "focus_distance_m": camera.focus_distance_m,
     }
-    return CameraModel("camera/thin_lens.h", record, facts=facts, tables=parts, metadata=metadata)
+    pixels_per_tangent = math.sqrt(scene.film.resolution[0] / across * scene.film.resolution[1] / down) / 2
+    view = CameraView(
+        pupil_radius_m=radius,
+        blur=lambda: perfect_blur(2 * radius * pixels_per_tangent, 1 / camera.focus_distance_m),
+    )
+    return CameraModel("camera/thin_lens.h", record, facts=facts, tables=parts, metadata=metadata, view=view)

@@ -81,3 +81,19 @@ def crop(text: str) -> tuple[float, float, float, float]:
     if not (0.0 <= x0 < x1 <= 1.0 and 0.0 <= y0 < y1 <= 1.0):
         raise argparse.ArgumentTypeError(f"got {text}; allowed x0,x1,y0,y1 in 0..1 with x0 < x1 and y0 < y1")
     return x0, x1, y0, y1
+
+
+def layers(text: str) -> tuple[str, ...]:
+    """Names of auxiliary layers in ``a,b,c``; ``all`` stands for every one."""
+    from rptcam_cl.scene.layers import LAYER_NAMES
+
+    names = tuple(name.strip() for name in text.split(","))
+    if names == ("all",):
+        return LAYER_NAMES
+    for index, name in enumerate(names):
+        if name not in LAYER_NAMES:
+            hint = nearest(name, LAYER_NAMES)
+            raise argparse.ArgumentTypeError(f"got {name}{hint}; allowed all, {', '.join(LAYER_NAMES)}")
+        if name in names[:index]:
+            raise argparse.ArgumentTypeError(f"{name} twice; allowed each layer once")
+    return names

@@ -28,7 +28,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
-        help="picture to write, format by suffix: .png tone-mapped, .exr and .npy linear; may be repeated",
+        help="picture to write, format by suffix: .png tone-mapped, .exr, .npy and .npz linear; may be repeated",
     )  # fmt: skip
     parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
     parser.add_argument("--time", type=values.positive, metavar="S", help="end after so many seconds of rendering")
@@ -37,6 +37,10 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--crop", type=values.crop, metavar="x0,x1,y0,y1",
         help="render this window only, in fractions of the picture from the left and the top",
+    )  # fmt: skip
+    parser.add_argument(
+        "--layers", type=values.layers, metavar="NAME,...",
+        help="record these auxiliary layers in .exr and .npz outputs, as depth,normal; all for every one",
     )  # fmt: skip
     parser.add_argument(
         "--device", metavar="SPEC",
@@ -59,7 +63,7 @@ def _inputs(path: Path, scene: "Scene") -> list[Path]:
 
 def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
     """Refuse, before anything is compiled, what could not be written at the end."""
-    from rptcam_cl.imaging import check_output
+    from rptcam_cl.imaging import check_output, holds_layers
     from rptcam_cl.imaging.atomic import check_writable
 
     taken = _inputs(arguments.scene, scene)
@@ -69,8 +73,19 @@ def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
         if arguments.stats.suffix.lower() != ".json":
             raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
         check_writable(arguments.stats, taken)
+    if arguments.layers and not any(map(holds_layers, arguments.outputs)):
+        raise InputError("--layers: no output has a place for them (allowed: -o with a name that ends in .exr or .npz)")
     if len({output.resolve() for output in arguments.outputs}) < len(arguments.outputs):
         raise InputError("-o: the same file twice")
+
+
+def _layers(arguments: argparse.Namespace) -> list[str] | None:
+    """The layers to record: those asked for, none where no output could hold the scene's, else the scene's."""
+    from rptcam_cl.imaging import holds_layers
+
+    if arguments.layers is not None:
+        return list(arguments.layers)
+    return None if any(map(holds_layers, arguments.outputs)) else []
 
 
 def _save(image: "Image", arguments: argparse.Namespace) -> None:
@@ -124,6 +139,7 @@ def _run(arguments: argparse.Namespace) -> int:
             seed=arguments.seed,
             size=arguments.size,
             crop=arguments.crop,
+            layers=_layers(arguments),
             device=arguments.device,
             on_progress=show,
             should_stop=stop.is_set,

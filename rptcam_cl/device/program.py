@@ -17,6 +17,7 @@ from rptcam_cl.errors import DeviceError
 from rptcam_cl.resources import kernels_dir
 
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
+AVX512_FLAGS = {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}  # what Skylake-X has
 _INCLUDE = re.compile(r'^\s*#include\s+(?:"([^"]+)"|([A-Z_]+))\s*$')
 
 
@@ -46,30 +47,36 @@ def _expand(name: str, facts: Mapping[str, int | str], seen: set[str], lines: li
         lines.append(f'#line {number + 1} "{name}"')
 
 
-def is_pocl_on_avx2(device: Any) -> bool:
-    """Whether the device is PoCL on an x86-64 processor with AVX2 and without AVX-512."""
+def pocl_library_arch(device: Any) -> str | None:
+    """Return the processor that PoCL's library of built-ins was compiled for, where kernels must be told to match it.
+
+    That is so on x86-64 with AVX2: "haswell", or "skylake-avx512" with AVX-512. None elsewhere.
+    """
     if "portable computing language" not in device.platform.name.lower() or platform.machine() not in (
         "x86_64",
         "AMD64",
     ):
-        return False
+        return None
     try:
-        flags = Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split()
+        flags = set(Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split())
     except OSError:
-        return False
-    return "avx2" in flags and "avx512f" not in flags
+        return None
+    if flags >= AVX512_FLAGS:
+        return "skylake-avx512"
+    return "haswell" if "avx2" in flags and "avx512f" not in flags else None
 
 
-def assemble(files: list[str], facts: Mapping[str, int | str], declarations: str, *, avx2_pocl: bool) -> str:
+def assemble(files: list[str], facts: Mapping[str, int | str], declarations: str, *, library_arch: str | None) -> str:
     """Return the complete program text: facts, declarations, sources."""
     head = [f"#define {name} {value}" for name, value in sorted(facts.items()) if isinstance(value, int)]
-    if avx2_pocl:
-        # PoCL compiles kernels for the exact processor and its built-ins for Haswell; LLVM then refuses to inline sqrt,
-        # floor and the like. The same target for both makes every built-in inline (measured: 9x on the lens kernel).
+    if library_arch:
+        # PoCL compiles kernels for the exact processor and its built-ins for an older one; LLVM then refuses to inline
+        # sqrt, floor, vload8 and the like where the older one has a feature that the exact one is not said to have.
+        # The same target for both makes every built-in inline (measured: 9x on the lens kernel).
         head.append("#define CLANG_AVX2 1")
-        head.append('#pragma clang attribute push(__attribute__((target("arch=haswell"))), apply_to=function)')
+        head.append(f'#pragma clang attribute push(__attribute__((target("arch={library_arch}"))), apply_to=function)')
     body = expand(files, facts)
-    tail = "#pragma clang attribute pop\n" if avx2_pocl else ""
+    tail = "#pragma clang attribute pop\n" if library_arch else ""
     return "\n".join(head) + "\n" + declarations + body + tail
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device.choose import DeviceInfo, choose_device
-from rptcam_cl.device.program import Program, assemble, is_pocl_on_avx2
+from rptcam_cl.device.program import Program, assemble, pocl_library_arch
 from rptcam_cl.errors import DeviceError
 
 
@@ -66,7 +66,7 @@ class Session:
             self.queue = cl.CommandQueue(self.context, info.handle, **options)
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
-        self._avx2_pocl = is_pocl_on_avx2(info.handle)
+        self._library_arch = pocl_library_arch(info.handle)
         self._programs: dict[str, Program] = {}
 
     @property
@@ -76,7 +76,7 @@ class Session:
 
     def program(self, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Program:
         """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use."""
-        source = assemble(files, facts, declarations, avx2_pocl=self._avx2_pocl)
+        source = assemble(files, facts, declarations, library_arch=self._library_arch)
         if source not in self._programs:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")  # pyopencl reports any text in a build log

@@ -2,6 +2,6 @@
 
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.tone import srgb_from_linear, tone_mapped
-from rptcam_cl.imaging.writers import SUFFIXES, check_output
+from rptcam_cl.imaging.writers import LAYER_SUFFIXES, SUFFIXES, check_output, holds_layers
 
-__all__ = ["SUFFIXES", "Image", "check_output", "srgb_from_linear", "tone_mapped"]
+__all__ = ["LAYER_SUFFIXES", "SUFFIXES", "Image", "check_output", "holds_layers", "srgb_from_linear", "tone_mapped"]

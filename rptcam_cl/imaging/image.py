@@ -2,6 +2,7 @@
 
 import io
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,11 +11,15 @@ from numpy.typing import DTypeLike, NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.imaging import writers
+from rptcam_cl.imaging.layers import Layer, checked_layers
 
 
 @dataclass(frozen=True, eq=False)
 class Image:
-    """The linear film of a render. ``numpy.asarray(image)`` is `pixels`; a notebook shows it as a picture."""
+    """The linear film of a render. ``numpy.asarray(image)`` is `pixels`; a notebook shows it as a picture.
+
+    ``image["depth"]`` is the layer of that name.
+    """
 
     pixels: NDArray[np.float32]
     """(height, width, 3), linear RGB, top row first."""
@@ -24,12 +29,15 @@ class Image:
     """What the render took and met (samples, seconds, rays that the lens blocked, ...)."""
     ev: float = 0.0
     """Exposure compensation of the tone-mapped picture [stops]."""
+    layers: Mapping[str, Layer] = field(default_factory=dict)
+    """Auxiliary layers by name, (height, width) or (height, width, channels); read-only."""
 
     def __post_init__(self) -> None:
         pixels = np.asarray(self.pixels, np.float32)
         if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
             raise InputError(f"pixels: wrong shape (got {pixels.shape}; allowed (height, width, 3))")
         object.__setattr__(self, "pixels", pixels)
+        object.__setattr__(self, "layers", checked_layers(self.layers, self.height, self.width))
 
     @property
     def width(self) -> int:
@@ -42,7 +50,10 @@ class Image:
         return int(self.pixels.shape[0])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Save by suffix: ``.png`` tone-mapped, ``.exr`` linear with metadata, ``.npy`` the array alone.
+        """Save by suffix.
+
+        ``.png``: tone-mapped. ``.exr``: linear, with layers and metadata. ``.npy``: the linear array alone.
+        ``.npz``: the linear array as ``rgb``, every layer by its name, and ``metadata`` as JSON text.
 
         The file is written whole or not at all.
 
@@ -53,7 +64,14 @@ class Image:
         StateError
             The file cannot be written.
         """
-        writers.write(path, self.pixels, self.metadata, self.ev)
+        writers.write(path, self.pixels, self.metadata, self.ev, self.layers)
+
+    def __getitem__(self, name: str) -> Layer:
+        try:
+            return self.layers[name]
+        except KeyError:
+            held = ", ".join(self.layers) or 'none; ask for them when rendering, as layers=["depth"]'
+            raise KeyError(f"no layer {name!r} (layers of this image: {held})") from None
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
         if copy is False and dtype is not None and np.dtype(dtype) != self.pixels.dtype:

@@ -1,9 +1,10 @@
-"""The picture files: PNG for screens, OpenEXR and NumPy arrays for the linear film."""
+"""The picture files: PNG for screens, OpenEXR and NumPy arrays for the linear film and its layers."""
 
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -11,10 +12,12 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.imaging.atomic import check_writable, replacing
+from rptcam_cl.imaging.layers import Layer, exr_channels
 from rptcam_cl.imaging.tone import tone_mapped
 
 Pixels = NDArray[np.float32]
 Metadata = Mapping[str, Any]
+Layers = Mapping[str, Layer]
 
 # Names that OpenEXR gives a meaning of its own, and drops or refuses when the type is another.
 _EXR_RESERVED = {
@@ -56,13 +59,13 @@ def write_png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, ev: float
     PIL.Image.fromarray(tone_mapped(pixels, ev)).save(stream, format="PNG", pnginfo=information)
 
 
-def _write_png(path: Path, pixels: Pixels, metadata: Metadata, ev: float) -> None:
+def _write_png(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
     with path.open("xb") as stream:
         write_png_to(stream, pixels, metadata, ev)
 
 
-def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float) -> None:
-    """Write the linear film in float32 with each piece of metadata as an attribute (``ev`` is left to the viewer)."""
+def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
+    """Write film and layers in float32 with each piece of metadata as an attribute (``ev`` is left to the viewer)."""
     import OpenEXR
 
     attributes = {
@@ -74,22 +77,32 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float) -> Non
         "type": OpenEXR.scanlineimage,
         "chromaticities": _SRGB_PRIMARIES,
     }
-    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file:
+    channels = {"RGB": np.ascontiguousarray(pixels), **dict(exr_channels(layers))}
+    with OpenEXR.File(header, channels) as file:
         file.write(str(path))
 
 
-def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, ev: float) -> None:
+def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
     """Write the linear film alone; the format has no place for metadata."""
     with path.open("xb") as stream:
         np.save(stream, pixels, allow_pickle=False)
 
 
-_WRITERS: dict[str, Callable[[Path, Pixels, Metadata, float], None]] = {
+def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
+    """Write the linear film, its layers and the metadata as JSON text, each an array by its name."""
+    with path.open("xb") as stream:
+        arrays: dict[str, Any] = {"rgb": pixels, "metadata": np.array(_text(dict(metadata))), **layers}
+        np.savez_compressed(stream, **arrays)
+
+
+_WRITERS: dict[str, Callable[[Path, Pixels, Metadata, float, Layers], None]] = {
     ".png": _write_png,
     ".exr": _write_exr,
     ".npy": _write_npy,
+    ".npz": _write_npz,
 }
 SUFFIXES = tuple(_WRITERS)
+LAYER_SUFFIXES = (".exr", ".npz")
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:
@@ -114,7 +127,14 @@ def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
     check_writable(path, inputs)
 
 
-def write(path: str | os.PathLike[str], pixels: Pixels, metadata: Metadata, ev: float) -> None:
+def holds_layers(path: str | os.PathLike[str]) -> bool:
+    """Return whether the format of a file's suffix has a place for layers."""
+    return Path(path).suffix.lower() in LAYER_SUFFIXES
+
+
+def write(
+    path: str | os.PathLike[str], pixels: Pixels, metadata: Metadata, ev: float, layers: Layers = MappingProxyType({})
+) -> None:
     """Write a picture in the format of its suffix, whole or not at all.
 
     Parameters
@@ -127,8 +147,10 @@ def write(path: str | os.PathLike[str], pixels: Pixels, metadata: Metadata, ev: 
         What the file should know of its origin.
     ev
         Exposure compensation of the tone-mapped formats [stops].
+    layers
+        Arrays by name, for the formats in `LAYER_SUFFIXES`.
     """
     writer = _WRITERS[_suffix(path)]
     check_writable(path)
     with replacing(path) as temporary:
-        writer(temporary, pixels, metadata, ev)
+        writer(temporary, pixels, metadata, ev, layers)

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.records import MATERIAL, MaterialKind, TextureKind
+from rptcam_cl.plan.textures import TextureTable
+from rptcam_cl.records import MATERIAL, MaterialKind
 from rptcam_cl.scene.material import Conductor, Dielectric, Emissive, Material, Matte, Mirror
-from rptcam_cl.scene.texture import Checker, Grid
 
 
 def _kind(material: Material) -> MaterialKind:
@@ -26,33 +26,9 @@ def _kind(material: Material) -> MaterialKind:
             return MaterialKind.EMISSIVE
 
 
-def texture_kind(material: Material) -> TextureKind:
-    """Return the kind of texture that colours a material."""
-    match getattr(material, "reflectance", None):
-        case Checker():
-            return TextureKind.CHECKER
-        case Grid():
-            return TextureKind.GRID
-    return TextureKind.CONSTANT
-
-
-def _fill_texture(record: np.void, reflectance: object) -> None:
-    match reflectance:
-        case Checker():
-            colors, scale, offset = (reflectance.even, reflectance.odd), reflectance.scale, reflectance.offset
-        case Grid():
-            colors, scale, offset = (reflectance.background, reflectance.line), reflectance.scale, reflectance.offset
-            record["line_width"] = reflectance.line_width
-        case _:
-            record["color"][:3] = reflectance
-            return
-    record["color"][:3], record["other"][:3] = colors
-    record["mapping"] = (*scale, *offset)
-
-
-def _fill(record: np.void, material: Material) -> None:
+def _fill(record: np.void, material: Material, textures: TextureTable) -> None:
     record["kind"] = _kind(material)
-    record["texture"] = texture_kind(material)
+    record["texture"] = -1
     match material:
         case Dielectric():
             record["color"][:3] = 1.0
@@ -61,17 +37,17 @@ def _fill(record: np.void, material: Material) -> None:
             record["color"][:3] = material.radiance
             record["parameter"] = material.two_sided
         case Matte() | Mirror() | Conductor():
-            _fill_texture(record, material.reflectance)
+            record["color"][:3], record["texture"] = textures.slot(material.reflectance, limit=1.0)
             if isinstance(material, Conductor):
                 record["parameter"] = material.alpha
 
 
-def pack_materials(materials: Sequence[Material]) -> tuple[NDArray[np.void], dict[int, int]]:
-    """Return one record per distinct material, and the record index by ``id`` of each material."""
+def pack_materials(materials: Sequence[Material], textures: TextureTable) -> tuple[NDArray[np.void], dict[int, int]]:
+    """Return one record per distinct material, and the record index by ``id`` of each; collect their textures."""
     distinct = list({id(material): material for material in materials}.values())
     records = MATERIAL.zeros(len(distinct))
     for index, material in enumerate(distinct):
-        _fill(records[index], material)
+        _fill(records[index], material, textures)
     return records, {id(material): index for index, material in enumerate(distinct)}
 
 

@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
-from rptcam_cl.plan.materials import material_kinds, pack_materials, texture_kind
+from rptcam_cl.plan.materials import material_kinds, pack_materials
+from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import pack_primitives, scene_primitives
-from rptcam_cl.records import ENVIRONMENT, EmitterKind, EnvironmentKind, Kind, MaterialKind, TextureKind
+from rptcam_cl.plan.textures import Textures, TextureTable
+from rptcam_cl.records import ENVIRONMENT, EmitterKind, EnvironmentKind, Kind, MaterialKind
 from rptcam_cl.scene.environment import GradientEnvironment
 from rptcam_cl.scene.scene import Scene
 
@@ -25,9 +27,12 @@ class Plan:
     primitives: NDArray[np.void]
     kind_end: NDArray[np.int32]
     materials: NDArray[np.void]
+    textures: Textures
     emitters: Emitters
     environment: NDArray[np.void]
     primitive_count: int
+    owners: Owners
+    eye_m: NDArray[np.float64]
 
 
 def _pack_environment(scene: Scene) -> tuple[EnvironmentKind, NDArray[np.void]]:
@@ -47,20 +52,19 @@ def make_plan(scene: Scene) -> Plan:
     """Return the plan of a scene."""
     primitives = scene_primitives(scene)
     materials = [primitive.material for primitive in primitives]
-    material_records, material_index = pack_materials(materials)
+    table = TextureTable(scene)
+    material_records, material_index = pack_materials(materials, table)
+    textures = table.pack()
     emitters = pack_emitters(scene, primitives)
     records, kind_end = pack_primitives(primitives, material_index, emitters.of_primitive)
     environment_kind, environment = _pack_environment(scene)
     kinds = {primitive.kind for primitive in primitives}
     shown = material_kinds(materials)
-    textures = {texture_kind(material) for material in materials}
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind}
     facts |= {f"HAS_{kind.name}": int(kind in shown) for kind in MaterialKind}
+    facts |= textures.facts
     facts |= {
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE})),
-        "HAS_CHECKER": int(TextureKind.CHECKER in textures),
-        "HAS_GRID": int(TextureKind.GRID in textures),
-        "HAS_TEXTURE": int(bool(textures - {TextureKind.CONSTANT})),
         "HAS_EMITTERS": int(emitters.count > 0),
         "ONE_EMITTER": int(emitters.count == 1),
         "EMITTER_FLATS": int(bool(emitters.kinds & {EmitterKind.RECTANGLE, EmitterKind.DISK})),
@@ -76,7 +80,10 @@ def make_plan(scene: Scene) -> Plan:
         primitives=records,
         kind_end=kind_end,
         materials=material_records,
+        textures=textures,
         emitters=emitters,
         environment=environment,
         primitive_count=len(primitives),
+        owners=owners_of(scene, primitives),
+        eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
     )

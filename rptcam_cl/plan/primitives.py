@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.errors import InputError
 from rptcam_cl.records import PRIMITIVE, Kind
 from rptcam_cl.scene import shape as shapes
 from rptcam_cl.scene.material import Material
+from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.scene import Scene
 
 Matrix = NDArray[np.float64]
@@ -27,11 +29,14 @@ class Primitive:
         Maps the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], the eye at the
         origin.
     material : Material
+    object : int
+        Index of the object of the scene that it belongs to.
     """
 
     kind: Kind
     placement: Matrix
     material: Material
+    object: int
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
@@ -103,12 +108,14 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
     """Return every primitive of the scene, sorted by kind and otherwise in the order of the scene."""
     world = world_from_scene(scene)
     found = []
-    for item in scene.objects:
+    for index, item in enumerate(scene.objects):
+        if isinstance(item, MeshObject):
+            raise InputError("objects of shape mesh cannot be rendered yet")
         for kind, canonical in _canonical(item):
             placement = world @ item.world_from_object @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
                 kind = Kind.ELLIPSOID
-            found.append(Primitive(kind, placement, item.material))
+            found.append(Primitive(kind, placement, item.material, index))
     return sorted(found, key=lambda primitive: primitive.kind)
 
 

@@ -25,11 +25,13 @@ from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Conductor, Dielectric, Emissive, Material, Matte, Mirror
+from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.sampling import Picture, RenderSettings
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
-from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, SceneObject, Sphere
-from rptcam_cl.scene.texture import Checker, Grid, Reflectance
+from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
+from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
 
 __all__ = [
@@ -50,19 +52,25 @@ __all__ = [
     "EnvironmentCamera",
     "Film",
     "Focus",
+    "Gradient",
     "GradientEnvironment",
     "Grid",
     "HeartAperture",
     "ImageAperture",
+    "ImageTexture",
     "LensCamera",
     "Light",
     "Material",
     "Matte",
+    "MeshObject",
     "Mirror",
+    "NamedMesh",
+    "Noise",
     "Object",
     "OutlineAperture",
     "Picture",
     "PinholeCamera",
+    "PlacedObject",
     "Plane",
     "PointLight",
     "PolygonAperture",
@@ -75,6 +83,7 @@ __all__ = [
     "SceneObject",
     "Sphere",
     "StarAperture",
+    "Texture",
     "ThickLensCamera",
     "ThinLensCamera",
     "TransformStep",

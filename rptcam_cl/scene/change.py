@@ -38,6 +38,7 @@ def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:
     except ValidationError as problem:
         raise input_error(problem, data, lambda path, at_key: "") from None
     changed._folders = scene._folders
+    changed._library = scene._library
     return changed
 
 

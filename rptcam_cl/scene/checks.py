@@ -15,7 +15,8 @@ from rptcam_cl.scene.light import Light, PointLight
 from rptcam_cl.scene.material import Emissive
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 from rptcam_cl.scene.refusal import refuse
-from rptcam_cl.scene.shape import BoundedObject, Object, Plane, SceneObject
+from rptcam_cl.scene.scene_object import PlacedObject
+from rptcam_cl.scene.shape import Object, Plane
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
 LARGEST_EXTENT_RATIO = 1e7
@@ -24,12 +25,12 @@ LARGEST_EXTENT_RATIO = 1e7
 SQUARE_TOLERANCE = 0.01
 
 
-def to_world(item: SceneObject, points: NDArray[np.float64]) -> NDArray[np.float64]:
+def to_world(item: PlacedObject, points: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return points of an object's own frame (n, 3) in the world."""
     return np.asarray(points @ item.world_from_object[:3, :3].T + item.world_from_object[:3, 3])
 
 
-def world_corners(item: BoundedObject) -> NDArray[np.float64]:
+def world_corners(item: PlacedObject) -> NDArray[np.float64]:
     """Return the eight corners of an object's bounds in the world (8, 3)."""
     return to_world(item, np.array(list(product(*zip(*item.bounds(), strict=True)))))
 
@@ -67,7 +68,8 @@ def scene_warnings(
 
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
-    colours = [item.material.radiance for item in objects if isinstance(item.material, Emissive)]
+    shown = (material for item in objects for material in item.shown_materials())
+    colours = [material.radiance for material in shown if isinstance(material, Emissive)]
     colours += [light.intensity if isinstance(light, PointLight) else light.irradiance for light in lights]
     if isinstance(environment, ConstantEnvironment):
         colours.append(environment.radiance)
@@ -92,7 +94,7 @@ def _extent_warnings(objects: Sequence[Object]) -> list[str]:
     ]
 
 
-def _label(item: SceneObject, size: float) -> str:
+def _label(item: PlacedObject, size: float) -> str:
     return f"object '{item.name}'" if item.name else f"an object of size {size:.3g}"
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -53,6 +54,10 @@ class Folders:
         if not regular:
             raise InputError(f"is not a regular file (got {path})")
         return path
+
+    def find_beside(self, path: Path) -> Callable[[Path], Path]:
+        """Return what finds the files that a file of the scene names relative to itself."""
+        return lambda reference: self.find(str(path.parent / reference))
 
 
 def digest(path: Path) -> str:

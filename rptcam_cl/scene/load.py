@@ -9,13 +9,17 @@ from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.scene.checks import check_extent
+from rptcam_cl.scene.file_reference import file_references
 from rptcam_cl.scene.files import Folders
+from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.overrides import apply_overrides
-from rptcam_cl.scene.problems import Where, input_error, shown
+from rptcam_cl.scene.problems import Where, input_error, refusal_text, shown
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.strict_yaml import Document, KeyPath, read_yaml
+from rptcam_cl.strict_yaml import Document, KeyPath, dotted, read_yaml
 
 
 def load_scene(
@@ -99,3 +103,27 @@ def _check_files(scene: Scene, where: Where) -> None:
         scene.lens_source()
     except InputError as problem:
         raise InputError(f"{where(('camera', 'lens'), False)}camera.lens: {problem}") from None
+    for index, item in enumerate(scene.objects):
+        if isinstance(item, MeshObject):
+            _check_mesh(scene, item, index, where)
+    for path, reference in file_references(scene):
+        key = (*path, "file")
+        reference._place = reference._place or f"{where(key, False)}{dotted(key)}: "
+        try:
+            reference.source(scene._folders)
+        except InputError as problem:
+            raise InputError(f"{reference.place}{problem}") from None
+
+
+def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> None:
+    """Refuse a mesh that cannot be loaded, or that its transform makes too large or too small."""
+    path: KeyPath = ("objects", index)
+    key = next(key for key in ("file", "mesh", "vertices") if getattr(item, key) is not None)
+    try:
+        scene.load_mesh(item)
+        key = "transform" if item.transform else key
+        check_extent(item, path)
+    except InputError as problem:
+        raise InputError(f"{where((*path, key), False)}{dotted((*path, key))}: {problem}") from None
+    except PydanticCustomError as problem:
+        raise InputError(f"{where((*path, key), False)}{dotted(path)}: {refusal_text(problem)}") from None

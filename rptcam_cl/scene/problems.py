@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 from pydantic import ValidationError
+from pydantic_core import PydanticCustomError
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene.refusal import REFUSED, listed, near_name
@@ -134,6 +135,12 @@ def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _F
     if kind in _WRONG_TYPE:
         return _Finding(f"must be {_WRONG_TYPE[kind]}", got)
     return _Finding(message[:1].lower() + message[1:], got)
+
+
+def refusal_text(refusal: PydanticCustomError) -> str:
+    """Return what a refusal outside the model's own validation says."""
+    context = dict(refusal.context or {})
+    return f"{context['problem']} (got {shown(context['got'])}; allowed: {context['allowed']})"
 
 
 def shown(value: Any) -> str:

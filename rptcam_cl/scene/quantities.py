@@ -51,6 +51,15 @@ def _number(value: Any) -> float:
     return number
 
 
+def number_at(value: Any, path: tuple[int, ...]) -> float:
+    """Return a finite float that float32 can hold, from the given place inside a value."""
+    try:
+        return _number(value)
+    except PydanticCustomError as problem:
+        context = dict(problem.context or {})
+        raise refuse(context["problem"], got=value, allowed=context["allowed"], path=path) from None
+
+
 def _whole_number(value: Any) -> int:
     """Return a whole number; 1e3 counts as one."""
     if isinstance(value, Integral) and not isinstance(value, bool):
@@ -94,11 +103,7 @@ def _colour(largest: float, excess: str) -> Callable[[Any], tuple[float, float, 
     forms = f'a number, [red, green, blue] or "#rrggbb", each {span}'
 
     def channel(value: Any, path: tuple[int, ...]) -> float:
-        try:
-            number = _number(value)
-        except PydanticCustomError as problem:
-            context = dict(problem.context or {})
-            raise refuse(context["problem"], got=value, allowed=context["allowed"], path=path) from None
+        number = number_at(value, path)
         if number < 0:
             raise refuse("must not be negative", got=value, allowed=span, path=path)
         if number > largest:

@@ -7,6 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.layers import Layers
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
 
 MAX_SPP = 2**32 - 1
@@ -28,6 +29,12 @@ class RenderSettings(SceneModel):
 
     roulette_depth: Annotated[int, Field(ge=0, le=MAX_DEPTH), WHOLE_NUMBER] = 4
     """Edge from which on Russian roulette may end a path; 0 means never."""
+
+    layers: Layers = ()
+    """Auxiliary layers to record beside the picture, as depth and normal."""
+
+    layers_spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
+    """Samples per pixel that the layers are made of at most, the first ones of the picture."""
 
 
 class Picture(SceneModel):

@@ -16,10 +16,13 @@ from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
 from rptcam_cl.scene.checks import check_extent, scene_warnings
 from rptcam_cl.scene.environment import Environment
+from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import Light
 from rptcam_cl.scene.material import Material, Matte
+from rptcam_cl.scene.mesh_library import MeshLibrary
+from rptcam_cl.scene.mesh_shape import LoadedMesh, MeshObject, NamedMesh
 from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.refusal import listed, near_name, refuse
 from rptcam_cl.scene.sampling import Picture, RenderSettings
@@ -50,6 +53,9 @@ class Scene(SceneModel):
     materials: Mapping[str, Material] = {}
     """Materials by name, for use in `objects`."""
 
+    meshes: Mapping[str, NamedMesh] = {}
+    """Meshes by name, for use in `objects`."""
+
     objects: tuple[Object, ...] = ()
     """What is in the world."""
 
@@ -60,13 +66,17 @@ class Scene(SceneModel):
     """Light from infinitely far away; black by default."""
 
     _folders: Folders = PrivateAttr(default_factory=Folders)
+    _library: MeshLibrary | None = PrivateAttr(default=None)
 
     @field_validator("objects", mode="before")
     @classmethod
     def _resolve_materials(cls, objects: Any, info: ValidationInfo) -> Any:
         if not isinstance(objects, (list, tuple)):
             return objects
-        return [_with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
+        found = [_with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
+        for index, item in enumerate(found):
+            _check_mesh_name(item, index, info.data.get("meshes"))
+        return found
 
     @field_validator("environment", mode="before")
     @classmethod
@@ -86,7 +96,8 @@ class Scene(SceneModel):
                 path=("film", "resolution"),
             )
         for index, item in enumerate(self.objects):
-            check_extent(item, path=("objects", index))
+            if not isinstance(item, MeshObject):
+                check_extent(item, path=("objects", index))
         return self
 
     @property
@@ -94,9 +105,30 @@ class Scene(SceneModel):
         """Folder of the scene file, where relative paths start; the working folder for a scene made in Python."""
         return self._folders.base
 
+    def load_mesh(self, item: MeshObject) -> LoadedMesh:
+        """Return the parts and materials of one of the scene's mesh objects; they are read once.
+
+        Raises
+        ------
+        InputError
+            When the mesh cannot be used, without the place of the object.
+        """
+        if self._library is None:
+            self._library = MeshLibrary(self._folders, self.meshes)
+        self._library.load(item)
+        return item.loaded
+
+    def mesh_objects(self) -> tuple[MeshObject, ...]:
+        """Return the objects that are meshes, loaded."""
+        found = tuple(item for item in self.objects if isinstance(item, MeshObject))
+        for item in found:
+            self.load_mesh(item)
+        return found
+
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What is allowed but probably not meant, one sentence each."""
+        self.mesh_objects()
         return scene_warnings(self.camera, self.film, self.objects, self.lights, self.environment)
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
@@ -112,19 +144,41 @@ class Scene(SceneModel):
         assert isinstance(aperture, ImageAperture)
         return self._folders.find(aperture.file)
 
+    def content_of(self, reference: FileReference) -> Path | bytes:
+        """Return the checked path of the file that a part of the scene names, or its content where that is known."""
+        return reference.source(self._folders)
+
+    def digest_of(self, reference: FileReference) -> str:
+        """Return the SHA-256 of the content of the file that a part of the scene names."""
+        return reference.content_digest(self._folders)
+
     def content_hash(self) -> str:
         """Return the SHA-256 of everything that changes the film.
 
-        Left out are the number of samples, how the picture is shown, and names. A lens file counts by its content.
+        Left out are the number of samples, layers, how the picture is shown, and names. Files count by their content.
         """
+        left_out = {"name", "file", "mesh", "vertices", "faces", "uvs", "normals"}
         content = self.model_dump(
             mode="json",
-            exclude={"picture": True, "materials": True, "render": {"spp"}, "objects": {"__all__": {"name"}}},
-        )
+            exclude={
+                "picture": True, "materials": True, "meshes": True, "render": {"spp", "layers", "layers_spp"},
+                "objects": {"__all__": left_out},
+            },
+        )  # fmt: skip
+        for item, described in zip(self.objects, content["objects"], strict=True):
+            if isinstance(item, MeshObject):
+                self.load_mesh(item)
+                described |= item.described()
         if isinstance(source := self.lens_source(), Path):
             content["camera"]["lens"] = digest(source)
         if isinstance(getattr(self.camera, "aperture", None), ImageAperture):
             content["camera"]["aperture"]["file"] = hashlib.sha256(self.aperture_file().read_bytes()).hexdigest()
+        for (key, *rest), reference in file_references(self):
+            if key != "materials":
+                part: Any = content[str(key)]
+                for step in rest:
+                    part = part[step]
+                part["file"] = self.digest_of(reference)
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
 
@@ -144,3 +198,17 @@ def _with_material(item: Any, index: int, materials: Mapping[str, Material] | No
             path=(index, "material"),
         )
     return item | {"material": materials[name]}
+
+
+def _check_mesh_name(item: Any, index: int, meshes: Mapping[str, NamedMesh] | None) -> None:
+    """Refuse an object's mapping that names a mesh that is not there."""
+    name = item.get("mesh") if isinstance(item, dict) else None
+    if not isinstance(name, str) or meshes is None or name in meshes:
+        return
+    names = list(meshes)
+    raise refuse(
+        f"names no mesh{near_name(name, names)}",
+        got=name,
+        allowed=listed(names) if names else "file or vertices, or a name once `meshes` defines one",
+        path=(index, "mesh"),
+    )

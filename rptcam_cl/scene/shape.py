@@ -2,55 +2,16 @@
 
 from __future__ import annotations
 
-from functools import cached_property
 from typing import Annotated, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
-from rptcam_cl.scene.base import AlsoAccepts, SceneModel
-from rptcam_cl.scene.material import Material
+from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.quantities import SMALLEST_LENGTH, Direction, Length, Position
 from rptcam_cl.scene.refusal import refuse
-from rptcam_cl.scene.transform import Transform, product
-
-Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
-
-
-MATERIAL_NAME = AlsoAccepts({"type": "string", "description": "Name of one of `materials`."})
-
-
-class SceneObject(SceneModel):
-    """What every object has besides its shape."""
-
-    material: Annotated[Material, MATERIAL_NAME]
-    """Name of one of `materials`, or a material written out as a mapping."""
-
-    name: Annotated[str, Field(max_length=200)] | None = None
-    """Name of the object, for the reader."""
-
-    transform: Transform = ()
-    """One step or a list of steps, applied in their order to the shape as described by its own keys."""
-
-    @cached_property
-    def world_from_object(self) -> NDArray[np.float64]:
-        """Return the 4x4 matrix of the transform (read-only); its determinant is negative when it reflects."""
-        matrix = product(self.transform)
-        matrix.setflags(write=False)
-        return matrix
-
-
-class BoundedObject(SceneObject):
-    """An object of finite size."""
-
-    def bounds(self) -> Bounds:
-        """Return the lowest and highest corner of the shape before its transform [scene units]."""
-        raise NotImplementedError
-
-    def contains(self, point: NDArray[np.float64]) -> bool:
-        """Return whether a point, in the frame before the transform, lies inside the solid."""
-        return False
+from rptcam_cl.scene.scene_object import Bounds, SceneObject
 
 
 def _disk_reach(normal: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
@@ -59,7 +20,7 @@ def _disk_reach(normal: NDArray[np.float64], radius: float) -> NDArray[np.float6
     return np.asarray(radius * np.sqrt(np.clip(1 - unit**2, 0, 1)))
 
 
-class Sphere(BoundedObject):
+class Sphere(SceneObject):
     """A sphere; u runs once round its z axis, v from the highest point (+z) to the lowest."""
 
     shape: Literal["sphere"]
@@ -81,7 +42,7 @@ class Sphere(BoundedObject):
         return bool(np.linalg.norm(point - self.center) < self.radius)
 
 
-class Disk(BoundedObject):
+class Disk(SceneObject):
     """A flat disk; u and v are the in-plane coordinates divided by the radius, -1 to 1."""
 
     shape: Literal["disk"]
@@ -102,7 +63,7 @@ class Disk(BoundedObject):
         return center - reach, center + reach
 
 
-class Rectangle(BoundedObject):
+class Rectangle(SceneObject):
     """A flat parallelogram; u and v run from 0 to 1 along its edges, the normal is edge_u x edge_v."""
 
     shape: Literal["rectangle"]
@@ -131,7 +92,7 @@ class Rectangle(BoundedObject):
         return corners.min(axis=0), corners.max(axis=0)
 
 
-class Box(BoundedObject):
+class Box(SceneObject):
     """A box along the axes; u and v run from 0 to 1 over each face, along its two axes in alphabetical order."""
 
     shape: Literal["box"]
@@ -159,7 +120,7 @@ class Box(BoundedObject):
         return bool(np.all(point > self.min) and np.all(point < self.max))
 
 
-class Cylinder(BoundedObject):
+class Cylinder(SceneObject):
     """A circular cylinder; u runs once round the axis, v from base to top."""
 
     shape: Literal["cylinder"]
@@ -194,7 +155,7 @@ class Cylinder(BoundedObject):
         return self.capped and 0 < height < 1 and distance < self.radius
 
 
-class Cone(BoundedObject):
+class Cone(SceneObject):
     """A circular cone; u runs once round the axis, v from base to apex."""
 
     shape: Literal["cone"]
@@ -254,4 +215,4 @@ def _along_axis(point: NDArray[np.float64], base: NDArray[np.float64], end: NDAr
     return height, float(np.linalg.norm(point - base - height * axis))
 
 
-Object = Annotated[Sphere | Disk | Rectangle | Box | Cylinder | Cone | Plane, Field(discriminator="shape")]
+Object = Annotated[Sphere | Disk | Rectangle | Box | Cylinder | Cone | Plane | MeshObject, Field(discriminator="shape")]

@@ -1,67 +1,138 @@
-"""Textures: reflectance that changes over the surface coordinates (u, v)."""
+"""Textures: colours and numbers that change over the surface coordinates (u, v)."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Tag
+from pydantic import Discriminator, Field, Tag
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import Albedo, Fraction, TexturePair
+from rptcam_cl.scene.file_reference import FileReference
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, TexturePair
 
 CONSTANT = "constant colour"
 
+Turn = Annotated[float, Field(ge=-360, le=360), NUMBER]
 
-class Checker(SceneModel):
-    """A chessboard. The cell is floor(u * scale_u + offset_u) + floor(v * scale_v + offset_v)."""
+
+class Pattern(SceneModel):
+    """What every texture has: where on the pattern a surface point lies."""
+
+    scale: TexturePair = (1.0, 1.0)
+    """Repeats of the pattern per unit of u and of v."""
+
+    rotation_degrees: Turn = 0.0
+    """Turn of the scaled coordinates about (0, 0), from u towards v [degrees]."""
+
+    offset: TexturePair = (0.0, 0.0)
+    """Shift of the scaled and turned coordinates [repeats]."""
+
+
+class Checker(Pattern):
+    """A chessboard: a cell is even or odd as the sum of its whole coordinates is."""
 
     kind: Literal["checker"]
     """Kind of texture."""
 
     even: Albedo
-    """Reflectance of even cells; a colour of channels 0 to 1."""
+    """Colour of even cells; channels 0 to 1."""
 
     odd: Albedo
-    """Reflectance of odd cells; a colour of channels 0 to 1."""
-
-    scale: TexturePair = (1.0, 1.0)
-    """Cells per unit of u and of v."""
-
-    offset: TexturePair = (0.0, 0.0)
-    """Shift of the pattern [cells]."""
+    """Colour of odd cells; channels 0 to 1."""
 
 
-class Grid(SceneModel):
-    """Lines on a background: where the fraction of u * scale_u + offset_u, or the same of v, is below `line_width`."""
+class Grid(Pattern):
+    """Lines on a background: where the fraction of either coordinate is below `line_width`."""
 
     kind: Literal["grid"]
     """Kind of texture."""
 
     background: Albedo
-    """Reflectance between the lines; a colour of channels 0 to 1."""
+    """Colour between the lines; channels 0 to 1."""
 
     line: Albedo
-    """Reflectance of the lines; a colour of channels 0 to 1."""
+    """Colour of the lines; channels 0 to 1."""
 
     line_width: Fraction
     """Width of a line as a fraction of the cell."""
 
-    scale: TexturePair = (1.0, 1.0)
-    """Cells per unit of u and of v."""
 
-    offset: TexturePair = (0.0, 0.0)
-    """Shift of the pattern [cells]."""
+class Gradient(Pattern):
+    """A colour that changes evenly with the first coordinate, from 0 to 1, and stays beyond."""
+
+    kind: Literal["gradient"]
+    """Kind of texture."""
+
+    start: Albedo
+    """Colour at 0; channels 0 to 1."""
+
+    end: Albedo
+    """Colour at 1; channels 0 to 1."""
+
+
+class Noise(Pattern):
+    """Random mottling without a repeat: gradient noise summed over octaves, each twice as fine."""
+
+    kind: Literal["noise"]
+    """Kind of texture."""
+
+    low: Albedo
+    """Colour where the noise is lowest; channels 0 to 1."""
+
+    high: Albedo
+    """Colour where the noise is highest; channels 0 to 1."""
+
+    octaves: Annotated[int, Field(ge=1, le=12), WHOLE_NUMBER] = 4
+    """Number of octaves; the first has features about one repeat across."""
+
+    gain: Fraction = 0.5
+    """Amplitude of an octave relative to the one before it."""
+
+    contrast: Annotated[float, Field(gt=0, le=100), NUMBER] = 1.0
+    """Stretch of the noise about its middle; what leaves `low` or `high` is cut."""
+
+    seed: Annotated[int, Field(ge=0, le=2**31 - 1), WHOLE_NUMBER] = 0
+    """Which of the patterns."""
+
+
+class ImageTexture(FileReference, Pattern):
+    """A picture; its lower left corner is (0, 0) and its upper right corner (1, 1)."""
+
+    kind: Literal["image"]
+    """Kind of texture."""
+
+    color_space: Literal["auto", "srgb", "linear"] = "auto"
+    """How colours are stored; auto: sRGB for pictures of 8 and 16 bits read as rgb, linear for all else."""
+
+    filter: Literal["bilinear", "nearest"] = "bilinear"
+    """What is seen between the centres of texels."""
+
+    wrap: Literal["repeat", "clamp", "mirror"] = "repeat"
+    """What continues the picture beyond its edges."""
+
+    channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
+    """Which channels are read; a single one gives a grey, a is the alpha channel."""
+
+    gain: Annotated[float, Field(ge=0, le=1e12), NUMBER] = 1.0
+    """Factor on the linear values."""
+
+
+Texture = Checker | Grid | Gradient | Noise | ImageTexture
 
 
 def _form(value: Any) -> str | None:
-    """Return which form of reflectance a value has: a colour, or the kind of texture."""
+    """Return which form a textured parameter has: a constant, or the kind of texture."""
     if isinstance(value, dict):
         kind = value.get("kind")
         return kind if isinstance(kind, str) else None
     return str(getattr(value, "kind", CONSTANT))
 
 
-Reflectance = Annotated[
-    Annotated[Albedo, Tag(CONSTANT)] | Annotated[Checker, Tag("checker")] | Annotated[Grid, Tag("grid")],
-    Discriminator(_form),
-]
+_Textured = (
+    Annotated[Checker, Tag("checker")]
+    | Annotated[Grid, Tag("grid")]
+    | Annotated[Gradient, Tag("gradient")]
+    | Annotated[Noise, Tag("noise")]
+    | Annotated[ImageTexture, Tag("image")]
+)
+Reflectance = Annotated[Annotated[Albedo, Tag(CONSTANT)] | _Textured, Discriminator(_form)]

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.film import Film
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 TILE = 4
 BLOCK = 256  # pixels are padded to this, so that any wave is a whole number of work groups on every device
@@ -70,8 +73,12 @@ class FilmLayout:
     def picture(self, sums: NDArray[np.float32], spp: int) -> NDArray[np.float32]:
         """Return the mean of ``spp`` samples, shape (height, width, 3), from the buffer ``(6, pixels)``."""
         mean = (sums[:3].astype(np.float64) - sums[3:].astype(np.float64)) / max(spp, 1)
+        return np.ascontiguousarray(np.moveaxis(self.in_rows(mean), 0, -1), dtype=np.float32)
+
+    def in_rows(self, planes: NDArray[Scalar]) -> NDArray[Scalar]:
+        """Return planes (count, height, width) in rows of the picture, from planes (count, pixels) in tiles."""
         rows = -(-self.height // TILE)
-        tiles = mean[:, : rows * self.tiles_across * TILE * TILE]
-        tiles = tiles.reshape(3, rows, self.tiles_across, TILE, TILE).transpose(1, 3, 2, 4, 0)
-        whole = tiles.reshape(rows * TILE, self.tiles_across * TILE, 3)
-        return np.ascontiguousarray(whole[: self.height, : self.width], dtype=np.float32)
+        tiles = planes[:, : rows * self.tiles_across * TILE * TILE]
+        tiles = tiles.reshape(-1, rows, self.tiles_across, TILE, TILE).transpose(0, 1, 3, 2, 4)
+        whole = tiles.reshape(-1, rows * TILE, self.tiles_across * TILE)
+        return whole[:, : self.height, : self.width]

@@ -44,12 +44,13 @@ class Progress:
 
 @dataclass(frozen=True)
 class Rendering:
-    """The result of a render: the film's mean, the samples in it and what it met."""
+    """The result of a render: the film's mean, the samples in it, how it went, and the layers by name."""
 
     pixels: NDArray[np.float32]
     spp: int
     seconds: float
     interrupted: bool
+    layers: dict[str, NDArray[Any]]
 
 
 def render_plan(
@@ -82,7 +83,7 @@ def render_plan(
                 break
     wavefront.finish()
     clock.report(done)
-    return Rendering(wavefront.picture(done), done, clock.elapsed, stopped)
+    return Rendering(wavefront.picture(done), done, clock.elapsed, stopped, wavefront.layers())
 
 
 class _Clock:

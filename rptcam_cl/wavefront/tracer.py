@@ -24,12 +24,15 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan
 from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, floats_per_slot
 from rptcam_cl.scene.sampling import RenderSettings
+from rptcam_cl.wavefront.buffers import SceneBuffers
 from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
+from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
 
 WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
 STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
 GROUP = {"cpu": 16, "gpu": 64}  # work items per group
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
+WAVE_OF_GENERATE, WAVE_OF_FILM = 7, 3  # argument indices
 MEMORY_SHARE = 0.8  # of the device's memory that a render may plan to use
 
 
@@ -78,7 +81,7 @@ class Wavefront:
         self.passes: dict[str, float] = {}
         self._build(plan)
         self._allocate(plan)
-        self._bind(plan)
+        self._bind()
 
     def _size_wave(self, slots: int) -> None:
         at_least = STREAM_SAMPLES if self.organisation == "stream" else 1
@@ -110,7 +113,8 @@ class Wavefront:
     def _allocate(self, plan: Plan) -> None:
         floats = floats_per_slot(stream=self.organisation == "stream", emitters=self._emitters > 0)
         state_bytes = 4 * floats * self.capacity
-        film_bytes = BYTES_PER_PIXEL * self.layout.pixels
+        planes = LayerPlanes(self.settings.layers)
+        film_bytes = (BYTES_PER_PIXEL + planes.bytes_per_pixel) * self.layout.pixels
         budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
         if state_bytes + film_bytes > budget:
             raise InputError(
@@ -123,34 +127,30 @@ class Wavefront:
         self._film = session.allocate(film_bytes, zeroed=True)
         self._counts = np.zeros(len(RayStatus) + 1, np.uint64)  # rays by status, then samples that were not finite
         self._counters = session.allocate(4 * len(self._counts), zeroed=True)
-        self._primitives = session.upload(plan.primitives)
-        self._kind_end = session.upload(plan.kind_end)
-        self._materials = session.upload(plan.materials)
-        self._emitter_records = session.upload(plan.emitters.records)
-        self._environment = session.upload(plan.environment)
-        self._camera_record = session.upload(plan.camera.record)
-        self._tables = session.upload(plan.camera.tables)
-        self._surfaces = session.upload(plan.camera.surfaces)
-        self._stop = session.upload(plan.camera.stop)
+        self._buffers = SceneBuffers(session, plan)
+        self._after_scene = len(self._buffers.scene)  # index of the first argument behind the scene
+        self._layers = None
+        if planes.names:
+            self._layers = LayerPass(
+                session, plan, self.layout, self._buffers, planes, lanes=self._lanes["trace"], state=self._state,
+                capacity=self.capacity, stream=self.organisation == "stream",
+            )  # fmt: skip
 
-    def _bind(self, plan: Plan) -> None:
+    def _bind(self) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
-        scene = (self._primitives, self._kind_end)
-        shading = (*scene, self._materials, self._emitter_records, self._environment, self._state)
-        pixels = np.uint32(self.layout.pixels)
+        scene, pixels = self._buffers.scene, np.uint32(self.layout.pixels)
         self._generate = session.bind(
-            self._camera, "generate", self._camera_record, self._tables, self._surfaces, self._stop, self._counters,
-            self._state, capacity, empty,
-        )  # fmt: skip
+            self._camera, "generate", *self._buffers.camera, self._counters, self._state, capacity, empty
+        )
         if self.organisation == "stream":
             self._stream = session.bind(
-                self._trace, "stream", *shading, empty, self._limits(), self._film, self._counters, pixels
+                self._trace, "stream", *scene, self._state, empty, self._limits(), self._film, self._counters, pixels
             )
             return
         self._intersect = session.bind(self._trace, "intersect", *scene, self._state, capacity)
         self._shadow = session.bind(self._trace, "shadow", *scene, self._state, capacity)
         self._shade = [
-            session.bind(self._trace, "shade", *shading, capacity, empty, self._limits(), np.uint32(edge))
+            session.bind(self._trace, "shade", *scene, self._state, capacity, empty, self._limits(), np.uint32(edge))
             for edge in range(1, self.settings.max_depth + 1)
         ]
         self._develop = session.bind(
@@ -160,7 +160,6 @@ class Wavefront:
     def _limits(self) -> bytes:
         record = LIMITS.zeros(1)
         record["max_edges"], record["roulette_edge"] = self.settings.max_depth, self.settings.roulette_depth
-        record["emitters"] = self._emitters
         return record.tobytes()
 
     def warm_up(self) -> None:
@@ -177,6 +176,8 @@ class Wavefront:
         self._counts[:] = 0
         self._enqueued, self._rays = 0, 0
         self.passes.clear()
+        if self._layers is not None:
+            self._layers.clear()
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
@@ -197,20 +198,24 @@ class Wavefront:
         wave = self._wave_bytes(first_pixel, pixels, first_sample, samples)
         slots = pixels * samples
         self._enqueued += samples * self.layout.pixels_within(first_pixel, pixels)
-        self._generate.set(7, wave)
+        self._generate.set(WAVE_OF_GENERATE, wave)
         self._run(self._generate, slots // self._lanes["camera"])
+        if self._layers is not None and first_sample < self.settings.layers_spp:
+            seen = min(samples, self.settings.layers_spp - first_sample)
+            self._layers.set_wave(self._wave_bytes(first_pixel, pixels, first_sample, seen))
+            self._run(self._layers.launch, pixels // self._lanes["trace"])
         if self.organisation == "stream":
-            self._stream.set(6, wave)
+            self._stream.set(self._after_scene + 1, wave)
             self._run(self._stream, pixels // self._lanes["trace"])
             return
         items = slots // self._lanes["trace"]
         for shade in self._shade:
             self._run(self._intersect, items)
-            shade.set(7, wave)
+            shade.set(self._after_scene + 2, wave)
             self._run(shade, items)
             if self._emitters and shade is not self._shade[-1]:
                 self._run(self._shadow, items)
-        self._develop.set(3, wave)
+        self._develop.set(WAVE_OF_FILM, wave)
         self._run(self._develop, pixels // self._lanes["trace"])
 
     def _run(self, launch: Launch, items: int) -> None:
@@ -244,6 +249,10 @@ class Wavefront:
         """Return the film's mean over ``spp`` samples, shape (height, width, 3)."""
         sums = self.session.read(self._film, np.float32, 6 * self.layout.pixels)
         return self.layout.picture(sums.reshape(6, -1), spp)
+
+    def layers(self) -> dict[str, NDArray[Any]]:
+        """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""
+        return {} if self._layers is None else self._layers.arrays()
 
     def outcomes(self) -> dict[str, int]:
         """Return how many camera rays passed the lens, and how many failed and why, up to the last `finish`."""

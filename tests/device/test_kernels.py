@@ -6,11 +6,14 @@ from pathlib import Path
 import pyopencl as cl
 import pytest
 
-from rptcam_cl.device.program import BUILD_OPTIONS, assemble, is_pocl_on_avx2
+from rptcam_cl.acceleration.builder import BINS, FILES, SWEEP
+from rptcam_cl.device.program import BUILD_OPTIONS, assemble, pocl_library_arch
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
 from rptcam_cl.resources import kernels_dir
 from rptcam_cl.scene import load_scene
+from rptcam_cl.scene.layers import LAYER_NAMES
+from rptcam_cl.wavefront.layers import LayerPlanes
 from tests.render.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
@@ -22,18 +25,25 @@ RARE = [
     {"shape": "sphere", "center": [0, 0, 9], "radius": 1, "transform": [{"scale": [1, 2, 1]}], "material": "grid"},
     PLANE | {"material": {"kind": "matte", "reflectance": 0.5}},
 ]
+PATTERNS = {
+    "gradient": {"kind": "gradient", "start": 0.1, "end": 0.9},
+    "noise": {"kind": "noise", "low": 0.1, "high": 0.9},
+    "image": {"kind": "image", "file": str(Path(__file__).parents[2] / "docs" / "images" / "first_light.png")},
+}
 GRID = {"kind": "grid", "background": 0.9, "line": 0.1, "line_width": 0.25, "scale": [2, 2]}
 
 
 def facts_of(mapping):
-    return make_plan(load_scene(mapping)).facts
+    return make_plan(load_scene(mapping, allow_folders=[Path(__file__).parents[2]])).facts
 
 
 def all_facts():
     """Facts of a scene that has one of everything."""
     scene = still_life()
-    grid = {"grid": {"kind": "matte", "reflectance": GRID}}
-    return facts_of(scene | {"objects": scene["objects"] + RARE, "materials": grid})
+    patterns = PATTERNS | {"grid": GRID}
+    materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()}
+    shown = [PLANE | {"material": name} for name in PATTERNS]
+    return facts_of(scene | {"objects": scene["objects"] + RARE + shown, "materials": materials})
 
 
 def least_facts():
@@ -41,8 +51,13 @@ def least_facts():
     return facts_of(still_life() | {"objects": [], "lights": [], "environment": None})
 
 
+def layer_facts(names):
+    """Facts of the layers of those names; only the pass that records them reads any."""
+    return LayerPlanes(names).facts
+
+
 def without_warnings(session, files, facts):
-    source = assemble(files, facts, device_declarations(), avx2_pocl=is_pocl_on_avx2(session.info.handle))
+    source = assemble(files, facts, device_declarations(), library_arch=pocl_library_arch(session.info.handle))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         options = [option for option in BUILD_OPTIONS if option != "-w"]
@@ -61,13 +76,13 @@ SCENE_PASSES = [name for name in PASSES if name not in ("pass/generate.cl", "pas
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], all_facts() | {"VW": lanes})
+    without_warnings(session, [file], all_facts() | layer_facts(LAYER_NAMES) | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], least_facts() | {"VW": lanes})
+    without_warnings(session, [file], least_facts() | layer_facts(["coverage"]) | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])
@@ -84,6 +99,11 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
 @pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
+
+
+@pytest.mark.parametrize("file", FILES)
+def test_kernel_that_builds_trees_compiles_alone_without_a_warning(session, file):
+    without_warnings(session, [file], {"LEAF_SIZE": 8, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": 54})
 
 
 @pytest.mark.parametrize("path", sorted(kernels_dir().rglob("*.cl")), ids=lambda path: path.stem)

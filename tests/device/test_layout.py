@@ -8,7 +8,7 @@ import pytest
 from rptcam_cl.records import RECORDS, Record, device_declarations
 from tests.device.probes import GROUP
 
-IN_ARRAYS = ("Primitive", "Material", "Emitter", "Environment", "Surface", "Camera")
+IN_ARRAYS = ("Primitive", "Material", "Emitter", "Environment", "Surface", "Camera", "View")
 
 
 def base(member: str) -> str:

@@ -71,7 +71,7 @@ def long_render():
 
 RIM = "p.y * p.y <= surface->semi_diameter2"
 DEPTH = """#if !HAS_EMISSIVE
-    on = on & (path->edge < scene.max_edges);"""
+    on = on & (path->edge < rules.max_edges);"""
 MIS = "weight = rival ? own2 / (own2 + other * other)"
 SELF = "F c = self ? ZERO : dot3(oc, oc) - r * r;"
 MUTANTS = [

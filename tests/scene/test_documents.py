@@ -12,6 +12,7 @@ from rptcam_cl import scene as model
 from rptcam_cl.scene import load_scene, scene_json_schema
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Pose
+from rptcam_cl.scene.file_reference import FileReference
 
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
@@ -36,8 +37,11 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Conductor": (model.Conductor,),
     "Dielectric": (model.Dielectric,),
     "Emissive": (model.Emissive,),
-    "Checker": (model.Checker,),
-    "Grid": (model.Grid,),
+    "Checker": (model.Checker, "Every texture"),
+    "Grid": (model.Grid, "Every texture"),
+    "Gradient": (model.Gradient, "Every texture"),
+    "Noise": (model.Noise, "Every texture"),
+    "Image": (model.ImageTexture, "Every texture"),
     "Sphere": (model.Sphere, "Every object"),
     "Disk": (model.Disk, "Every object"),
     "Rectangle": (model.Rectangle, "Every object"),
@@ -45,6 +49,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Cylinder": (model.Cylinder, "Every object"),
     "Cone": (model.Cone, "Every object"),
     "Plane": (model.Plane, "Every object"),
+    "Mesh": (model.MeshObject, "Every object", "Named mesh"),
+    "Named mesh": (model.NamedMesh,),
     "Transform step": (model.TransformStep,),
     "Rotation": (model.Rotation,),
     "Point light": (model.PointLight,),
@@ -52,7 +58,16 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Constant environment": (model.ConstantEnvironment,),
     "Gradient environment": (model.GradientEnvironment,),
 }
-BASES = {SceneModel, Pose, model.LensCamera, model.SceneObject, model.shape.BoundedObject}
+BASES = {
+    SceneModel,
+    Pose,
+    FileReference,
+    model.LensCamera,
+    model.PlacedObject,
+    model.SceneObject,
+    model.mesh_shape.MeshSource,
+    model.texture.Pattern,
+}
 
 # Defaults that the reference describes in words.
 IN_WORDS = {"film", "render", "picture"}

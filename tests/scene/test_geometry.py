@@ -9,7 +9,6 @@ from numpy.testing import assert_allclose
 
 from rptcam_cl.scene import Film, SceneObject, load_scene
 from rptcam_cl.scene.checks import world_corners
-from rptcam_cl.scene.shape import BoundedObject
 from rptcam_cl.strict_yaml import read_yaml
 
 from .conftest import SMALL, Load
@@ -88,7 +87,7 @@ BOUNDED = [
 @pytest.mark.parametrize(("keys", "low", "high"), BOUNDED, ids=[str(row[0]["shape"]) for row in BOUNDED])
 def test_bounds_enclose_the_shape(keys: dict[str, Any], low: list[float], high: list[float]) -> None:
     item = one_object(**keys, transform={"translate": [10, 0, 0]})
-    assert isinstance(item, BoundedObject)
+    assert isinstance(item, SceneObject)
     assert_allclose(item.bounds(), (low, high), atol=1e-12)
     assert_allclose(world_corners(item).min(axis=0), np.add(low, [10, 0, 0]), atol=1e-12)
 
@@ -104,6 +103,6 @@ def test_bounds_enclose_the_shape(keys: dict[str, Any], low: list[float], high: 
 )
 def test_solid_contains_what_is_inside(keys: dict[str, Any], inside: list[float], outside: list[float]) -> None:
     item = one_object(**keys)
-    assert isinstance(item, BoundedObject)
+    assert isinstance(item, SceneObject)
     assert item.contains(np.array(inside))
     assert not item.contains(np.array(outside))

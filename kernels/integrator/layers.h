@@ -1,0 +1,123 @@
+// Auxiliary layers: what the camera rays meet first, per pixel. Means are Kahan sums of ray weight times value over the rays
+// that hit something, beside the sums of the weights; what cannot be averaged is taken from the pixel's first ray that
+// passes the camera. Planes of the buffer, `pixels` long each: the sums, their compensations, the firsts.
+// Facts: LAYER_<name>, the place of a layer among the sums or the firsts, or -1; LAYER_SUMS, how many sums there are.
+#ifndef LAYERS_H
+#define LAYERS_H
+#include "camera/film_point.h"
+#include "material/vertex.h"
+
+#define SUM_OF_PASSED 0      // weights of the rays that pass the camera
+#define SUM_OF_HITS   1      // weights of those that hit something
+#define NOT_A_NUMBER  0x7fc00000
+#define SMALLEST_DISTANCE 1e-12f   // [m]; nearer points blur alike
+
+typedef struct { F sum[LAYER_SUMS], rest[LAYER_SUMS]; } LayerSums;
+
+static LayerSums read_sums(__global const float *planes, uint pixel, uint pixels)
+{
+    LayerSums s;
+    for (int k = 0; k < LAYER_SUMS; ++k) {
+        s.sum[k] = LOAD_F(planes + (size_t)k * pixels, pixel);
+        s.rest[k] = LOAD_F(planes + (size_t)(LAYER_SUMS + k) * pixels, pixel);
+    }
+    return s;
+}
+
+static void write_sums(__global float *planes, uint pixel, uint pixels, LayerSums s)
+{
+    for (int k = 0; k < LAYER_SUMS; ++k) {
+        STORE_F(planes + (size_t)k * pixels, pixel, s.sum[k]);
+        STORE_F(planes + (size_t)(LAYER_SUMS + k) * pixels, pixel, s.rest[k]);
+    }
+}
+
+static void add_weighted(LayerSums *s, int k, F weight, F value)
+{
+    F y = weight * value - s->rest[k];
+    F t = s->sum[k] + y;
+    s->rest[k] = (t - s->sum[k]) - y;
+    s->sum[k] = t;
+}
+
+static void add_weighted3(LayerSums *s, int k, F weight, F3 value)
+{
+    add_weighted(s, k, weight, value.x);
+    add_weighted(s, k + 1, weight, value.y);
+    add_weighted(s, k + 2, weight, value.z);
+}
+
+static void write_first(__global float *planes, int k, uint pixel, uint pixels, I fresh, F value)
+{
+    __global float *plane = planes + (size_t)(2 * LAYER_SUMS + k) * pixels;
+    STORE_F(plane, pixel, fresh ? value : LOAD_F(plane, pixel));
+}
+
+#if LAYER_OBJECT_ID >= 0 || LAYER_MATERIAL_ID >= 0
+// Object (which = 0) or material (which = 1) of what was hit; -1 for nothing.
+static F owner_of(Hit hit, I on, const __global int *owners, int which)
+{
+    I index = on ? hit.primitive * 2 + which : FALSE;
+    return AS_F(on ? GATHER(I, owners, index, ) : (I)(-1));
+}
+#endif
+
+#if LAYER_UV >= 0
+typedef struct { F u, v; } Uv;
+
+// Texture coordinates of what the lanes `on` hit, whether it has a texture or not.
+static Uv texture_coordinates(Hit hit, I on, F3 p, Scene scene)
+{
+    Uv uv;
+    uv.u = ZERO;
+    uv.v = ZERO;
+    while (ANY(on)) {
+        int index = first_of(hit.primitive, on);
+        I mine = on & (hit.primitive == index);
+        SurfacePoint point = surface_point(index, p, 1, scene);
+        uv.u = mine ? point.u : uv.u;
+        uv.v = mine ? point.v : uv.v;
+        on = on & NOT(mine);
+    }
+    return uv;
+}
+#endif
+
+#if LAYER_COC >= 0
+typedef struct { F a, b, c; } BlurHere;
+
+// The blur as seen from the middle of a pixel, between four nodes of the film.
+static BlurHere blur_here(Lane lane, const __global Camera *camera, const __global float4 *blur, const __global View *view)
+{
+    F x = (0.5f - 0.5f * film_x(lane, (F)(0.5f), camera)) * (float)(view->columns - 1);  // a lens inverts
+    F y = (0.5f - 0.5f * film_y(lane, (F)(0.5f), camera)) * (float)(view->rows - 1);
+    I column = TO_I(MAX(MIN(x, (F)((float)(view->columns - 2))), ZERO));
+    I row = TO_I(MAX(MIN(y, (F)((float)(view->rows - 2))), ZERO));
+    I n = row * view->columns + column;
+    I e = n + (view->columns > 1 ? 1 : 0);
+    int below = view->rows > 1 ? view->columns : 0;
+    F right = x - TO_F(column);
+    F down = y - TO_F(row);
+    F wn = (1.0f - down) * (1.0f - right);
+    F we = (1.0f - down) * right;
+    F wsn = down * (1.0f - right);
+    F wse = down * right;
+    BlurHere here;
+    here.a = wn * GATHER(F, blur, n, .x) + we * GATHER(F, blur, e, .x)
+           + wsn * GATHER(F, blur, n + below, .x) + wse * GATHER(F, blur, e + below, .x);
+    here.b = wn * GATHER(F, blur, n, .y) + we * GATHER(F, blur, e, .y)
+           + wsn * GATHER(F, blur, n + below, .y) + wse * GATHER(F, blur, e + below, .y);
+    here.c = wn * GATHER(F, blur, n, .z) + we * GATHER(F, blur, e, .z)
+           + wsn * GATHER(F, blur, n + below, .z) + wse * GATHER(F, blur, e + below, .z);
+    return here;
+}
+
+// Diameter of the circle of confusion [pixels] of a point with a vergence [1/m]; rptcam_cl/cameras/blur.py has the formula.
+static F circle_of_confusion(BlurHere here, F vergence, const __global View *view)
+{
+    F away = vergence - view->blur.x;
+    return root(here.a + away * (here.b + away * here.c)) / absolute(view->blur.y + view->blur.z * vergence);
+}
+#endif
+
+#endif

@@ -1,0 +1,99 @@
+// Adds what a wave's camera rays meet first to the auxiliary layers: one work item owns VW pixels and takes their samples
+// in order. Reads the camera rays that generate wrote, before the paths go on from them. Facts: STREAM, LAYER_….
+#include "common/transpose.h"
+#include "integrator/layers.h"
+#include "integrator/state.h"
+
+__kernel void layers(SCENE_PARAMETERS,
+                     const __global int    *owners,      // per primitive: object and material identifier
+                     const __global Camera *camera,
+                     const __global float4 *blur,        // table of the circle of confusion
+                     const __global View   *view,
+                     const __global float  *state,       // records of camera rays, or path state
+                     Wave                   wave,
+                     __global float        *planes,      // sums, compensations, firsts: one plane each
+                     uint                   capacity,    // slots in the state
+                     uint                   pixels)      // pixels of a plane
+{
+    uint first = get_global_id(0) * VW;
+    uint pixel = wave.first_pixel + first;
+    Scene scene = SCENE;
+    LayerSums sums = read_sums(planes, pixel, pixels);
+    F3 right = f3_of(camera->right);
+    F3 up = f3_of(camera->up);
+    F3 back = f3_of(camera->back);
+#if LAYER_COC >= 0
+    BlurHere here = blur_here(lane_of(first, wave), camera, blur, view);
+#endif
+    for (uint k = 0; k < wave.samples; ++k) {
+        uint slot = first + k * wave.pixels;
+        Ray ray;
+        ray.self = (I)(NO_PRIMITIVE);
+#if STREAM
+        Eight record = load_eight(state, ((I)((int)slot) + LANES) * 8);
+        F weight = record.f[3];
+        ray.o = f3(record.f[0], record.f[1], record.f[2]);
+        ray.d = f3(record.f[4], record.f[5], record.f[6]);
+#else
+        F weight = READ_F(WEIGHT, slot);
+        ray.o = READ_F3(O, slot);
+        ray.d = READ_F3(D, slot);
+#endif
+        I passed = weight > 0.0f;
+        if (!ANY(passed))
+            continue;
+        I fresh = passed & (sums.sum[SUM_OF_PASSED] == 0.0f);
+        Hit hit = nearest_hit(ray, scene);
+        I on = passed & (hit.primitive >= 0);
+        F seen = on ? weight : ZERO;
+        hit.t = on ? hit.t : ZERO;
+        Vertex vertex = vertex_of(ray, hit, on, scene);
+        F depth = -dot3(vertex.p, back);
+        add_weighted(&sums, SUM_OF_PASSED, passed ? weight : ZERO, ONE);
+        add_weighted(&sums, SUM_OF_HITS, seen, ONE);
+#if LAYER_DEPTH >= 0
+        add_weighted(&sums, LAYER_DEPTH, seen, depth);
+#endif
+#if LAYER_DISTANCE >= 0
+        add_weighted(&sums, LAYER_DISTANCE, seen, view->from_eye ? hit.t + dot3(ray.o, ray.d) : hit.t);
+#endif
+#if LAYER_POSITION >= 0
+        add_weighted3(&sums, LAYER_POSITION, seen, vertex.p);
+#endif
+        I behind = dot3(vertex.ng, ray.d) > 0.0f;
+#if LAYER_NORMAL >= 0
+        add_weighted3(&sums, LAYER_NORMAL, behind ? -seen : seen, vertex.n);
+#endif
+#if LAYER_GEOMETRIC_NORMAL >= 0
+        add_weighted3(&sums, LAYER_GEOMETRIC_NORMAL, behind ? -seen : seen, vertex.ng);
+#endif
+#if LAYER_ALBEDO >= 0
+        add_weighted3(&sums, LAYER_ALBEDO, seen, keep3(vertex.kind != MATERIAL_EMISSIVE, vertex.color));
+#endif
+#if LAYER_COC >= 0
+        F away = view->by_depth ? depth + view->blur.w : dot3(sub(vertex.p, scale(back, (F)(view->blur.w))), ray.d);
+        F vergence = on ? ONE / MAX(away, (F)(SMALLEST_DISTANCE)) : ZERO;
+        add_weighted(&sums, LAYER_COC, passed ? weight : ZERO, circle_of_confusion(here, vergence, view));
+#endif
+        if (!ANY(fresh))
+            continue;
+#if LAYER_OBJECT_ID >= 0
+        write_first(planes, LAYER_OBJECT_ID, pixel, pixels, fresh, owner_of(hit, on, owners, 0));
+#endif
+#if LAYER_MATERIAL_ID >= 0
+        write_first(planes, LAYER_MATERIAL_ID, pixel, pixels, fresh, owner_of(hit, on, owners, 1));
+#endif
+#if LAYER_UV >= 0
+        Uv uv = texture_coordinates(hit, fresh & on, vertex.p, scene);
+        write_first(planes, LAYER_UV, pixel, pixels, fresh, on ? uv.u : AS_F((I)(NOT_A_NUMBER)));
+        write_first(planes, LAYER_UV + 1, pixel, pixels, fresh, on ? uv.v : AS_F((I)(NOT_A_NUMBER)));
+#endif
+#if LAYER_PUPIL >= 0
+        F step = (view->pupil.x - dot3(ray.o, back)) / dot3(ray.d, back);
+        F3 there = along(ray.o, ray.d, step);
+        write_first(planes, LAYER_PUPIL, pixel, pixels, fresh, dot3(there, right) * view->pupil.y);
+        write_first(planes, LAYER_PUPIL + 1, pixel, pixels, fresh, dot3(there, up) * view->pupil.y);
+#endif
+    }
+    write_sums(planes, pixel, pixels, sums);
+}

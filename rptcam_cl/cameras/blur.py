@@ -1,0 +1,117 @@
+"""The circle of confusion: how wide the camera blurs a point, by where it is seen and how far away it is.
+
+The diameter is that of the evenly lit disk whose light spreads as much (mean square distance) as that of the point; a
+uniform round pupil out of focus makes exactly that disk. With u = 1 / distance it is, in pixels,
+sqrt(a + b (u - focus) + c (u - focus)^2) / |scale + shift u|: a perfect lens has c alone, and the denominator tells how
+the magnification depends on the distance when that is not counted from the entrance pupil.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.optics import Lens
+from rptcam_cl.optics.blur import blur_variances
+
+Array = NDArray[np.float64]
+
+NODES = 11  # across and down the film
+FAR_FOCAL_LENGTHS = 25.0  # distance that the table is fitted at when the focus lies at infinity
+
+
+@dataclass(frozen=True)
+class Blur:
+    """What `kernels/integrator/layers.h` reads.
+
+    Attributes
+    ----------
+    table : (rows, columns, 4) array
+        a, b, c [pixels^2, with u in 1/m] at points of the film, spread evenly from edge to edge; the last is unused.
+    focus : float
+        Vergence that a, b and c stand for [1/m].
+    scale, shift : float
+        Of the denominator [1, m].
+    origin_z : float
+        Where distances count from, on the axis in the camera's frame [m].
+    by_depth : bool
+        Whether distances are depths along the axis; otherwise they run along the ray.
+    """
+
+    table: NDArray[np.float32] = field(default_factory=lambda: np.zeros((1, 1, 4), np.float32))
+    focus: float = 0.0
+    scale: float = 1.0
+    shift: float = 0.0
+    origin_z: float = 0.0
+    by_depth: bool = True
+
+
+def perfect_blur(gain: float, focus: float, *, shift: float = 0.0, origin_z: float = 0.0) -> Blur:
+    """Return the blur of a lens without aberrations; the other parameters as in `Blur`.
+
+    Parameters
+    ----------
+    gain
+        Diameter [pixels] per vergence away from the focus [1/m].
+    """
+    return Blur(np.array([[[0.0, 0.0, gain**2, 0.0]]], np.float32), focus, 1.0, shift, origin_z)
+
+
+def traced_blur(
+    lens: Lens,
+    film_distance_mm: float,
+    focus_distance_mm: float | None,
+    half_film_mm: tuple[float, float],
+    pixels_per_mm: tuple[float, float],
+    wavelength_nm: float,
+) -> Blur:
+    """Return the blur of a lens by exact rays at three distances: infinity, the focus, and twice nearer.
+
+    Parameters
+    ----------
+    focus_distance_mm
+        Object plane in focus to film; None when no object is sharp.
+    """
+    length = film_distance_mm + lens.length
+    first = lens.first_order(wavelength_nm)
+    focus, step = 0.0, 1.0 / (FAR_FOCAL_LENGTHS * min(abs(first.focal_length_mm), 1e9))
+    if focus_distance_mm is not None and length < focus_distance_mm < 1.0 / step:
+        focus = step = 1.0 / (focus_distance_mm - length)
+    vergences: Array = step * np.arange(3, dtype=np.float64)
+    pupil_mm = first.entrance_pupil.distance_mm
+    scale, shift = (1.0, pupil_mm) if np.isfinite(pupil_mm) else (0.0, 1.0)
+    variances, lit = _variances(lens, film_distance_mm, half_film_mm, vergences, wavelength_nm)
+    square = 8.0 * variances @ np.square(pixels_per_mm) * (scale + shift * vergences) ** 2
+    square = _filled(square, lit)
+    away = vergences - focus
+    coefficients = square @ np.linalg.inv(np.vander(away, 3, increasing=True)).T * np.array([1.0, 1e-3, 1e-6])
+    table = np.concatenate([coefficients, np.zeros((NODES, NODES, 1))], axis=-1).astype(np.float32)
+    return Blur(table, focus * 1e3, scale, shift * 1e-3, -length * 1e-3, by_depth=False)
+
+
+def _variances(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], vergences: Array, wavelength_nm: float
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return the variances (rows, columns, vergences, 2) and which nodes are lit; by a quarter for a round lens."""
+    count = NODES // 2 + 1 if lens.is_rotational else NODES
+    x, y = (np.linspace(-half, half, NODES)[-count:] for half in half_film_mm)
+    film = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    variances, lit = blur_variances(lens, film_distance_mm, film, vergences, wavelength_nm)
+    variances, lit = variances.reshape(count, count, len(vergences), 2), lit.reshape(count, count)
+    if lens.is_rotational:
+        mirror = np.abs(np.arange(NODES) - NODES // 2)
+        return variances[np.ix_(mirror, mirror)], lit[np.ix_(mirror, mirror)]
+    return variances, lit
+
+
+def _filled(values: Array, lit: NDArray[np.bool_]) -> Array:
+    """Return the values (rows, columns, n) with dark nodes taking those of the nearest lit one."""
+    if lit.all() or not lit.any():
+        return values
+    nodes = np.argwhere(lit)
+    filled = values.copy()
+    for dark in np.argwhere(~lit):
+        filled[tuple(dark)] = values[tuple(nodes[np.argmin(np.sum((nodes - dark) ** 2, axis=1))])]
+    return filled

@@ -1,0 +1,56 @@
+"""Auxiliary layers of a picture: what each is called in files, and the check of their arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.errors import InputError
+
+Layer = NDArray[Any]
+
+# EXR channels by layer, as compositors know them: a plain Z is the depth, N the normal.
+CHANNELS: dict[str, tuple[str, ...]] = {
+    "depth": ("Z",),
+    "distance": ("distance.X",),
+    "position": ("position.X", "position.Y", "position.Z"),
+    "normal": ("N.X", "N.Y", "N.Z"),
+    "geometric_normal": ("Ng.X", "Ng.Y", "Ng.Z"),
+    "albedo": ("albedo.R", "albedo.G", "albedo.B"),
+    "coverage": ("coverage.X",),
+    "coc": ("coc.X",),
+    "object_id": ("object_id.X",),
+    "material_id": ("material_id.X",),
+    "uv": ("uv.U", "uv.V"),
+    "pupil": ("pupil.X", "pupil.Y"),
+}
+
+
+def checked_layers(layers: Mapping[str, Layer], height: int, width: int) -> Mapping[str, Layer]:
+    """Return the layers, which do not change any more.
+
+    Raises
+    ------
+    InputError
+        A layer is not one of `CHANNELS`, or its shape does not fit the picture.
+    """
+    for name, values in layers.items():
+        if name not in CHANNELS:
+            raise InputError(f"layers: unknown layer (got {name}; allowed {', '.join(CHANNELS)})")
+        count = len(CHANNELS[name])
+        shape = (height, width) if count == 1 else (height, width, count)
+        if np.shape(values) != shape:
+            raise InputError(f"layers: {name}: wrong shape (got {np.shape(values)}; allowed {shape})")
+    return MappingProxyType(dict(layers))
+
+
+def exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[np.float32]]]:
+    """Yield name and values (height, width) of each EXR channel; identifiers are floats there, as readers expect."""
+    for name, values in layers.items():
+        planes = values[..., None] if values.ndim == 2 else values
+        for index, channel in enumerate(CHANNELS[name]):
+            yield channel, np.ascontiguousarray(planes[..., index], np.float32)

@@ -1,0 +1,108 @@
+"""What a mesh file holds: surfaces, the materials they name, and where each surface is placed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.mesh_files.clean import NOTHING_DROPPED, Dropped
+from rptcam_cl.mesh_files.looks import Look
+from rptcam_cl.mesh_files.mesh import Mesh, NormalsMode, Surface, make_mesh
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedMesh:
+    """A mesh at its place in the file.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    placement : (4, 4) float64
+        From the mesh's coordinates, its origin included, to the file's.
+    look : Look or None
+        What the surface looks like, None where the file does not say.
+    name : str or None
+    """
+
+    mesh: Mesh
+    placement: NDArray[np.float64]
+    look: Look | None = None
+    name: str | None = None
+
+    def corners(self) -> NDArray[np.float64]:
+        """Return the eight corners (8, 3) of the mesh's bounds, placed."""
+        corners = np.array(list(product(*zip(*self.mesh.bounds(), strict=True))))
+        return np.asarray(corners @ self.placement[:3, :3].T + self.placement[:3, 3])
+
+
+@dataclass(frozen=True, eq=False)
+class MeshContents:
+    """Everything that a mesh file holds, and how many triangles of it could not be used."""
+
+    parts: tuple[PlacedMesh, ...]
+    dropped: Dropped = NOTHING_DROPPED
+
+    def with_normals(self, mode: NormalsMode) -> MeshContents:
+        """Return the contents with the normals that a mode asks for; parts that shared a mesh still do."""
+        if mode == "auto":
+            return self
+        return self._with_meshes({mesh: mesh.with_normals(mode) for mesh in {part.mesh for part in self.parts}})
+
+    def sharing(self, known: dict[str, Mesh]) -> MeshContents:
+        """Return the contents with meshes that are known by their hash in place of equal ones; others become known."""
+        meshes = {part.mesh for part in self.parts}
+        return self._with_meshes({mesh: known.setdefault(mesh.content_hash, mesh) for mesh in meshes})
+
+    def _with_meshes(self, changed: dict[Mesh, Mesh]) -> MeshContents:
+        return MeshContents(tuple(replace(part, mesh=changed[part.mesh]) for part in self.parts), self.dropped)
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """What a reader finds in a file.
+
+    Attributes
+    ----------
+    surfaces : list of Surface
+    looks : list of Look
+        What `Surface.material` counts.
+    nodes : list of (int, (4, 4) array, str or None)
+        Surface, placement and name of each part; one for each surface at its own coordinates when empty.
+    """
+
+    surfaces: list[Surface]
+    looks: list[Look]
+    nodes: list[tuple[int, NDArray[np.float64], str | None]]
+
+
+def finished(draft: Draft, place: str) -> MeshContents:
+    """Return the contents of a file from what its reader found.
+
+    Raises
+    ------
+    InputError
+        When no triangle is left.
+    """
+    nodes = draft.nodes or [(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
+    dropped = NOTHING_DROPPED
+    meshes: dict[int, Mesh | None] = {}
+    for index in dict.fromkeys(index for index, _, _ in nodes):
+        meshes[index], lost = make_mesh(draft.surfaces[index], place)
+        dropped = dropped.plus(lost)
+    parts = [
+        PlacedMesh(mesh, placement, _look(draft, index), name)
+        for index, placement, name in nodes
+        if (mesh := meshes[index]) is not None
+    ]
+    if not parts:
+        raise InputError(f"{place}: has no triangle that can be shown (dropped: {dropped})")
+    return MeshContents(tuple(parts), dropped)
+
+
+def _look(draft: Draft, surface: int) -> Look | None:
+    material = draft.surfaces[surface].material
+    return None if material is None else draft.looks[material]

@@ -1,0 +1,102 @@
+"""Polygons become triangles: convex ones as fans, quads along the diagonal that lies inside, others by their ears."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.errors import InputError
+
+# Corners of a polygon that is not convex; cutting ears takes time that grows with the square.
+MOST_CORNERS = 1000
+
+Corners = NDArray[Any]
+
+
+def triangulate(positions: NDArray[Any], polygons: NDArray[Any], face: str) -> Corners:
+    """Return the triangles of polygons that have equally many corners, as places 0 to k - 1 in their polygon.
+
+    Parameters
+    ----------
+    positions : (n, 3) array
+    polygons : (m, k) array of int
+        Indices into the positions, inside their range; k is at least 3.
+    face : str
+        What an error calls the polygons.
+
+    Returns
+    -------
+    triangles : (m, k - 2, 3) array
+    """
+    count, size = polygons.shape
+    fan = np.stack([np.zeros(size - 2, np.int64), np.arange(1, size - 1), np.arange(2, size)], axis=1)
+    triangles = np.broadcast_to(fan, (count, size - 2, 3))
+    if size == 3:
+        return triangles
+    bent = np.flatnonzero(~_fan_fits(positions, polygons))
+    if not len(bent):
+        return triangles
+    triangles = triangles.copy()
+    if size == 4:
+        triangles[bent] = [[1, 2, 3], [1, 3, 0]]
+        return triangles
+    if size > MOST_CORNERS:
+        raise InputError(
+            f"{face} has {size} corners and is not convex (allowed: convex ones, or up to {MOST_CORNERS} corners)"
+        )
+    for index in bent:
+        triangles[index] = _ears(np.asarray(positions[polygons[index]], np.float64))
+    return triangles
+
+
+def _fan_fits(positions: NDArray[Any], polygons: NDArray[Any]) -> NDArray[np.bool_]:
+    """Return for each polygon whether the triangles from its first corner all face the same way."""
+    fits = np.ones(len(polygons), bool)
+    rows = max(1, (1 << 19) // polygons.shape[1])
+    for start in range(0, len(polygons), rows):
+        corners = positions[polygons[start : start + rows]].astype(np.float64)
+        spokes = corners[:, 1:] - corners[:, :1]
+        normals = np.cross(spokes[:, :-1], spokes[:, 1:])
+        with np.errstate(invalid="ignore", over="ignore"):
+            along = np.einsum("ijk,ik->ij", normals, normals.sum(axis=1))
+        fits[start : start + rows] = ~(along < 0).any(axis=1)
+    return fits
+
+
+def _ears(corners: NDArray[np.float64]) -> list[tuple[int, int, int]]:
+    """Return the triangles of one polygon (k, 3), by cutting off ears in the plane it lies in best (Meisters 1975)."""
+    flat = _flattened(corners)
+    left = list(range(len(flat)))
+    found: list[tuple[int, int, int]] = []
+    while len(left) > 3:
+        ear = next((place for place in range(len(left)) if _is_ear(flat, left, place)), 0)
+        found.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        del left[ear]
+    return [*found, (left[0], left[1], left[2])]
+
+
+def _flattened(corners: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return corners (k, 2) seen along the axis that is nearest to the polygon's normal, counter-clockwise."""
+    normal = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+    axis = int(np.argmax(np.abs(normal)))
+    flat = corners[:, [(axis + 1) % 3, (axis + 2) % 3]]
+    return flat if normal[axis] >= 0 else flat * (1, -1)
+
+
+def _is_ear(flat: NDArray[np.float64], left: list[int], place: int) -> bool:
+    """Return whether a corner turns inwards and no other corner that is left lies in its triangle."""
+    around = [left[place - 1], left[place], left[(place + 1) % len(left)]]
+    a, b, c = flat[around]
+    if _turn(a, b, c) <= 0:
+        return False
+    others = flat[[index for index in left if index not in around]]
+    inside = (_turn(a, b, others) >= 0) & (_turn(b, c, others) >= 0) & (_turn(c, a, others) >= 0)
+    same = ((others == a) | (others == b) | (others == c)).all(axis=1)
+    return not bool((inside & ~same).any())
+
+
+def _turn(a: NDArray[np.float64], b: NDArray[np.float64], points: NDArray[np.float64]) -> Any:
+    """Return twice the signed area of the triangles a, b, point."""
+    return (b[0] - a[0]) * (points[..., 1] - a[1]) - (b[1] - a[1]) * (points[..., 0] - a[0])

@@ -1,0 +1,65 @@
+"""Parts of a scene that name a file: found once all is validated, so that errors can name the place in the scene."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, PrivateAttr
+
+from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.files import Folders, digest
+
+FileName = Annotated[str, Field(min_length=1, max_length=1000)]
+
+
+class FileReference(SceneModel):
+    """A part of a scene whose content is in a file of the scene's folder, or was taken out of another file."""
+
+    file: FileName
+    """File in the scene's folder."""
+
+    _data: bytes | None = PrivateAttr(None)
+    """Content of the file, where it comes from inside another file; `file` is a name for the reader then."""
+
+    _place: str = PrivateAttr("")
+    """Where the scene names the file, ``scene.yaml:3:9: materials.wood.reflectance.file: ``; for errors."""
+
+    @property
+    def place(self) -> str:
+        """What an error about the file begins with."""
+        return self._place or f"{self.file}: "
+
+    def source(self, folders: Folders) -> Path | bytes:
+        """Return the real path of the file, or its content where that is known.
+
+        Raises
+        ------
+        InputError
+            When the file is missing, not a regular file, or not in a folder where the scene may read.
+        """
+        return self._data if self._data is not None else folders.find(self.file)
+
+    def content_digest(self, folders: Folders) -> str:
+        """Return the SHA-256 of the content."""
+        source = self.source(folders)
+        return hashlib.sha256(source).hexdigest() if isinstance(source, bytes) else digest(source)
+
+
+def file_references(
+    value: Any, path: tuple[str | int, ...] = ()
+) -> Iterator[tuple[tuple[str | int, ...], FileReference]]:
+    """Yield every part below a value that names a file, with the keys that lead to it."""
+    if isinstance(value, FileReference):
+        yield path, value
+    if isinstance(value, SceneModel):
+        for name in type(value).model_fields:
+            yield from file_references(getattr(value, name), (*path, name))
+    elif isinstance(value, Mapping):
+        for key, item in value.items():
+            yield from file_references(item, (*path, key))
+    elif isinstance(value, tuple) and value and not isinstance(value[0], (int, float)):
+        for index, item in enumerate(value):
+            yield from file_references(item, (*path, index))

@@ -1,0 +1,58 @@
+"""What the objects of a scene have in common."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Annotated
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field
+
+from rptcam_cl.scene.base import AlsoAccepts, SceneModel
+from rptcam_cl.scene.material import Material
+from rptcam_cl.scene.transform import Transform, product
+
+Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
+
+MATERIAL_NAME = AlsoAccepts({"type": "string", "description": "Name of one of `materials`."})
+
+
+class PlacedObject(SceneModel):
+    """What every object has."""
+
+    name: Annotated[str, Field(max_length=200)] | None = None
+    """Name of the object, for the reader."""
+
+    transform: Transform = ()
+    """One step or a list of steps, applied in their order to the shape as described by its own keys."""
+
+    @cached_property
+    def world_from_object(self) -> NDArray[np.float64]:
+        """Return the 4x4 matrix of the transform (read-only); its determinant is negative when it reflects."""
+        matrix = product(self.transform)
+        matrix.setflags(write=False)
+        return matrix
+
+    def shown_materials(self) -> tuple[Material, ...]:
+        """Return the materials that the object shows."""
+        raise NotImplementedError
+
+    def bounds(self) -> Bounds:
+        """Return the lowest and highest corner of the shape before its transform [scene units]."""
+        raise NotImplementedError
+
+    def contains(self, point: NDArray[np.float64]) -> bool:
+        """Return whether a point, in the frame before the transform, lies inside the solid."""
+        return False
+
+
+class SceneObject(PlacedObject):
+    """An object that has one material."""
+
+    material: Annotated[Material, MATERIAL_NAME]
+    """Name of one of `materials`, or a material written out as a mapping."""
+
+    def shown_materials(self) -> tuple[Material, ...]:
+        """Return the object's material."""
+        return (self.material,)

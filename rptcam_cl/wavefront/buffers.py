@@ -1,0 +1,42 @@
+"""The scene on the device: every array of the plan, in the order in which kernels take them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rptcam_cl.device import Session
+from rptcam_cl.plan import Plan
+
+
+class SceneBuffers:
+    """Uploaded arrays of a plan.
+
+    Attributes
+    ----------
+    scene : tuple
+        Values of ``SCENE_PARAMETERS`` (``kernels/common/scene.h``), in its order.
+    camera : tuple
+        The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
+    """
+
+    def __init__(self, session: Session, plan: Plan) -> None:
+        upload = session.upload
+        self.scene: tuple[Any, ...] = (
+            upload(plan.primitives),
+            upload(plan.kind_end),
+            upload(plan.materials),
+            upload(plan.textures.records),
+            upload(plan.textures.texels),
+            upload(plan.emitters.records),
+            upload(plan.environment),
+            np.int32(plan.emitters.count),
+        )
+        camera = plan.camera
+        self.camera: tuple[Any, ...] = (
+            upload(camera.record),
+            upload(camera.tables),
+            upload(camera.surfaces),
+            upload(camera.stop),
+        )
