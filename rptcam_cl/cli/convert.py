@@ -50,13 +50,16 @@ def _run(arguments: argparse.Namespace) -> int:
     _check_names(arguments.source, arguments.target)
     done = convert_scene(arguments.source, arguments.target)
     done.write(arguments.target)
+    if not arguments.quiet:
+        for message in done.report:
+            print(message, file=sys.stderr)
     try:
         scene = load_scene(arguments.target)
     except InputError as problem:
         raise InputError(f"{arguments.source}: became a scene that cannot be used: {problem}") from None
     if not arguments.quiet:
-        for message in (*done.report, *(f"warning: {text}" for text in scene.warnings)):
-            print(message, file=sys.stderr)
+        for text in scene.warnings:
+            print(f"warning: {text}", file=sys.stderr)
         count = len(done.scene.get("objects", ()))
         print(f"wrote {arguments.target}: {count} object{'' if count == 1 else 's'}", file=sys.stderr)
     return 0

@@ -16,6 +16,7 @@ from rptcam_cl.pbrt.film import Raster, diagonal_mm
 from rptcam_cl.pbrt.frame import Frame
 from rptcam_cl.pbrt.source import Place
 from rptcam_cl.pbrt.state import Entity
+from rptcam_cl.pbrt.transforms import tidy
 
 Array = NDArray[np.float64]
 Keys = dict[str, Any]
@@ -126,7 +127,7 @@ def _orthographic(context: Context, camera: Entity, frame: Frame, raster: Raster
     forward = frame.forward / np.linalg.norm(frame.forward)
     eye = frame.eye - forward * (reach / frame.metres_per_unit)
     keys = {
-        "kind": "pinhole", **pose, "eye": eye.tolist(), "near_m": reach,
+        "kind": "pinhole", **pose, "eye": tidy(eye), "near_m": reach,
         "fov_degrees": math.degrees(2 * math.atan(half_x / reach)),
     }  # fmt: skip
     return CameraKeys(keys, _film_keys(raster, half_x, half_y), {})

@@ -35,7 +35,7 @@ SRGB_FROM_XYZ = np.linalg.inv(XYZ_FROM_SRGB)
 
 
 def srgb_from(space: str, rgb: ArrayLike) -> Array:
-    """Return linear sRGB of the colour (…, 3) of a space; white stays white, as for what is lit by the space's white."""
+    """Return linear sRGB of the colour (…, 3) of a space; white stays white, as in the space's own light."""
     values = np.asarray(rgb, np.float64)
     if space == "srgb":
         return values

@@ -88,7 +88,9 @@ def _pairs(numbers: Array, item: Parameter) -> tuple[Array, Array]:
     if len(numbers) == 1:
         return np.array([500.0]), numbers
     if len(numbers) % 2 or not len(numbers) or not np.isfinite(numbers).all():
-        raise item.place.error(f'"{item.name}" needs pairs of a wavelength [nm] and a value (got {len(numbers)} numbers)')
+        raise item.place.error(
+            f'"{item.name}" needs pairs of a wavelength [nm] and a value (got {len(numbers)} numbers)'
+        )
     return numbers[::2], numbers[1::2]
 
 

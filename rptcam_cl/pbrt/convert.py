@@ -17,7 +17,7 @@ from rptcam_cl.pbrt.lights import convert_lights
 from rptcam_cl.pbrt.objects import Objects
 from rptcam_cl.pbrt.parameters import Parameters
 from rptcam_cl.pbrt.report import Report
-from rptcam_cl.pbrt.scene_text import scene_text
+from rptcam_cl.pbrt.scene_text import plain, scene_text
 from rptcam_cl.pbrt.sky import convert_sky
 from rptcam_cl.pbrt.state import PbrtScene
 from rptcam_cl.pbrt.world import read_world
@@ -102,7 +102,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
         scene["lights"] = lights.items
     if (sky := convert_sky(context, frame, lights)) is not None:
         scene["environment"] = sky
-    return scene
+    return dict(plain(scene))
 
 
 def _note_unused(context: Context) -> None:

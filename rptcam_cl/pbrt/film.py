@@ -91,8 +91,8 @@ def diagonal_mm(film: Entity | None) -> float:
 def exposure_ev(context: Context, film: Entity | None, camera: Entity) -> float:
     """Return by how many stops pbrt brightens what its film records.
 
-    pbrt-v3 has a factor ``scale``; the sensor of pbrt-v4 multiplies by exposure time x ISO / 100. Our linear film leaves
-    both out, the tone-mapped picture takes them as ``picture.ev``.
+    pbrt-v3 has a factor ``scale``; the sensor of pbrt-v4 multiplies by exposure time x ISO / 100. Our linear film has
+    neither, the tone-mapped picture takes them as ``picture.ev``.
     """
     shutter = camera.parameters.number("shutterclose", 1.0) - camera.parameters.number("shutteropen", 0.0)
     if film is None:

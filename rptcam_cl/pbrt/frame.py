@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.pbrt.state import Entity
-from rptcam_cl.pbrt.transforms import Matrix, apply, is_invertible, mean_scale
+from rptcam_cl.pbrt.transforms import Matrix, apply, is_invertible, mean_scale, tidy
 
 Array = NDArray[np.float64]
 
@@ -53,9 +53,9 @@ class Frame:
     def pose(self) -> dict[str, Any]:
         """Return the keys of a camera's pose; the target lies one unit before the eye."""
         return {
-            "eye": self.eye.tolist(),
-            "target": (self.eye + self.forward).tolist(),
-            "up": self.up.tolist(),
+            "eye": tidy(self.eye),
+            "target": tidy(self.eye + self.forward),
+            "up": tidy(self.up),
         }
 
 
@@ -69,7 +69,7 @@ def frame_of(camera: Entity) -> Frame:
     """
     if not is_invertible(camera.world_from_object):
         raise camera.place.error(f"{camera.what}: the transform before it cannot be inverted")
-    world_from_camera = np.linalg.inv(camera.world_from_object)
+    world_from_camera = np.asarray(np.linalg.inv(camera.world_from_object), np.float64)
     whole = camera.kind in ("environment", "spherical")
     axes = AXES["environment" if whole else "perspective"]
     right, up, forward = (world_from_camera[:3, :3] @ axes.T).T

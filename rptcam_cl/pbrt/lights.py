@@ -14,7 +14,7 @@ from rptcam_cl.pbrt.colours import light, scale_factor
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.frame import Frame
 from rptcam_cl.pbrt.state import Entity
-from rptcam_cl.pbrt.transforms import Matrix, apply
+from rptcam_cl.pbrt.transforms import Matrix, apply, tidy
 
 Array = NDArray[np.float64]
 Keys = dict[str, Any]
@@ -72,7 +72,7 @@ def _point(context: Context, entity: Entity, frame: Frame) -> Keys:
         context.report.approximated(entity.place, f"{entity.what}: a point light without its picture")
     position = apply(_world(entity, frame), entity.parameters.vector("from", (0, 0, 0))[None])[0]
     intensity = _intensity(context, entity, frame, 4 * math.pi)
-    return {"kind": "point", "position": position.tolist(), "intensity": intensity}
+    return {"kind": "point", "position": tidy(position), "intensity": intensity}
 
 
 def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
@@ -84,7 +84,7 @@ def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
     position = apply(_world(entity, frame), parameters.vector("from", (0, 0, 0))[None])[0]
     solid_angle = 2 * math.pi * ((1 - math.cos(inner)) + (math.cos(inner) - math.cos(outer)) / 2)
     intensity = _intensity(context, entity, frame, solid_angle)
-    return {"kind": "point", "position": position.tolist(), "intensity": intensity}
+    return {"kind": "point", "position": tidy(position), "intensity": intensity}
 
 
 def _distant(context: Context, entity: Entity, frame: Frame) -> Keys:
@@ -97,7 +97,7 @@ def _distant(context: Context, entity: Entity, frame: Frame) -> Keys:
     illuminance = parameters.number("illuminance", -1.0)
     if illuminance > 0:
         colour = colour * illuminance
-    return {"kind": "directional", "direction": direction.tolist(), "irradiance": colour.tolist()}
+    return {"kind": "directional", "direction": tidy(direction), "irradiance": colour.tolist()}
 
 
 def _infinite(context: Context, entity: Entity, found: Lights) -> None:

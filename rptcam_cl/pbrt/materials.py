@@ -148,7 +148,9 @@ def _mix(context: Context, material: Entity, depth: int) -> Keys | None:
     else:
         names = [parameters.text(key, "") for key in ("namedmaterial1", "namedmaterial2")]
     if len(names) != 2 or not all(names):
-        raise material.place.error(f"{material.what} needs the names of two materials (got {len([*filter(None, names)])})")
+        raise material.place.error(
+            f"{material.what} needs the names of two materials (got {len([*filter(None, names)])})"
+        )
     amount = number_shade(context, material, "amount", 0.5)
     if not parameters.has("materials"):
         names.reverse()
@@ -160,7 +162,9 @@ def _mix(context: Context, material: Entity, depth: int) -> Keys | None:
     ]
     first, second = parts
     if first is None or second is None or "mix" in (first["kind"], second["kind"]):
-        context.report.approximated(material.place, f"{material.what}: the one of its materials that is a plain surface")
+        context.report.approximated(
+            material.place, f"{material.what}: the one of its materials that is a plain surface"
+        )
         return next((part for part in parts if part is not None and part["kind"] != "mix"), first or second)
     factor: Any = amount.texture if amount.texture is not None else float(np.clip(amount.colour.mean(), 0, 1))
     return {"kind": "mix", "materials": [first, second], "factor": factor}

@@ -59,7 +59,9 @@ def _glass(context: Context, material: Entity) -> Keys:
     index = index_of(context, material)
     tints = [shade(context, material, name, 1.0) for name in ("Kr", "Kt")]
     if any(tint.texture is not None or np.abs(tint.colour - 1).max() > 0.01 for tint in tints):
-        context.report.ignored(material.place, f"{material.what}: the tints Kr and Kt; clear glass neither adds nor takes")
+        context.report.ignored(
+            material.place, f"{material.what}: the tints Kr and Kt; clear glass neither adds nor takes"
+        )
     if not has_effect(tints[1]):
         context.report.approximated(material.place, f"{material.what}: without Kt it is a mirror of its index")
         return conductor({"metal": {"n": [index] * 3, "k": [1e-3] * 3}}, rough)

@@ -13,8 +13,8 @@ from rptcam_cl.pbrt.textures import shade
 
 # Metals of pbrt that ours have by name.
 METALS = {"Au": "gold", "Ag": "silver", "Al": "aluminium", "Cu": "copper"}
-# Others. Brass: linear sRGB at normal incidence, as physicallybased.info computes it from n and k of Cu70Zn30. The oxides
-# are transparent: n at the sodium D line from the CRC Handbook of Chemistry and Physics, no k.
+# Others. Brass: linear sRGB at normal incidence, as physicallybased.info has it. The oxides are transparent: n at the
+# sodium D line from the CRC Handbook of Chemistry and Physics, no k.
 OTHER_METALS: dict[str, dict[str, Any]] = {
     "CuZn": {"reflectance": [0.910, 0.778, 0.423]},
     "MgO": {"metal": {"n": [1.736] * 3, "k": [1e-3] * 3}},

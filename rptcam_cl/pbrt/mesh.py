@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.pbrt.transforms import Matrix, apply, apply_to_normals, reflects
+from rptcam_cl.pbrt.transforms import Matrix, apply, apply_to_normals, reflects, tidy
 
 Array = NDArray[np.float64]
 Faces = NDArray[np.int64]
@@ -64,9 +64,9 @@ class MeshData:
 
     def keys(self) -> dict[str, Any]:
         """Return the keys of a mesh that is written out."""
-        found: dict[str, Any] = {"vertices": self.vertices.tolist(), "faces": self.faces.tolist()}
+        found: dict[str, Any] = {"vertices": tidy(self.vertices), "faces": self.faces.tolist()}
         if self.normals is not None:
-            found["normals"] = self.normals.tolist()
+            found["normals"] = tidy(self.normals)
         if self.uvs is not None:
             found["uvs"] = self.uvs.tolist()
         return found
@@ -95,13 +95,15 @@ class MeshData:
         path.write_bytes(self.ply())
 
 
-def rectangle_of(mesh: MeshData, *, textured: bool) -> dict[str, Any] | None:
+def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str, Any] | None:
     """Return the keys of a rectangle for a mesh of two triangles that are one; None when they are not.
 
     Parameters
     ----------
     textured
         Whether the texture coordinates must be those of a rectangle, from (0, 0) to (1, 1).
+    oriented
+        Whether the front must stay the front.
     """
     ring = _ring(mesh)
     if ring is None:
@@ -110,18 +112,18 @@ def rectangle_of(mesh: MeshData, *, textured: bool) -> dict[str, Any] | None:
     size = np.ptp(corners, axis=0).max()
     if np.abs(a + c - b - d).max() > PARALLELOGRAM_TOLERANCE * size or not _is_flat(mesh, ring):
         return None
-    shift = 0
     if textured:
         if mesh.uvs is None:
             return None
-        fits = [k for k in range(4) if np.allclose(np.roll(mesh.uvs[ring], -k, axis=0), CORNERS_UV, atol=1e-6)]
+        turns = [ring] if oriented else [ring, ring[::-1]]
+        fits = [turn for way in turns for turn in _turns(way) if np.allclose(mesh.uvs[turn], CORNERS_UV, atol=1e-6)]
         if not fits:
             return None
-        shift = fits[0]
-    a, b, _, d = np.roll(corners, -shift, axis=0)
+        ring = fits[0]
+    a, b, _, d = mesh.vertices[ring]
     if np.linalg.norm(np.cross(b - a, d - a)) < 1e-9 * size * size:
         return None
-    return {"shape": "rectangle", "corner": a.tolist(), "edge_u": (b - a).tolist(), "edge_v": (d - a).tolist()}
+    return {"shape": "rectangle", "corner": tidy(a), "edge_u": tidy(b - a), "edge_v": tidy(d - a)}
 
 
 def _ring(mesh: MeshData) -> list[int] | None:
@@ -135,6 +137,10 @@ def _ring(mesh: MeshData) -> list[int] | None:
             if (second[j], second[(j + 1) % 3]) == (q, p):
                 return [apex, p, second[(j + 2) % 3], q]
     return None
+
+
+def _turns(ring: list[int]) -> list[list[int]]:
+    return [ring[k:] + ring[:k] for k in range(4)]
 
 
 def _is_flat(mesh: MeshData, ring: list[int]) -> bool:

@@ -119,7 +119,7 @@ def _indices(shape: Entity, count: int, corners: int) -> Indices:
     if len(values) % corners:
         raise item.place.error(f"{shape.what}: indices hold {len(values)} numbers, not a multiple of {corners}")
     whole = values.astype(np.int64)
-    if np.any(whole != values) or len(values) and (whole.min() < 0 or whole.max() >= count):
+    if np.any(whole != values) or (len(values) and (whole.min() < 0 or whole.max() >= count)):
         raise item.place.error(f"{shape.what}: indices must be whole numbers from 0 to {count - 1}")
     return whole.reshape(-1, corners)
 

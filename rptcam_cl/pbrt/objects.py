@@ -67,17 +67,16 @@ class Objects:
         material = self._material(use)
         opacity = self._opacity(use)
         if material is None and lamp is None:
-            self.context.report.ignored(use.shape.place, f"{use.shape.what}: the boundary of a medium, without a surface")
+            self.context.report.ignored(
+                use.shape.place, f"{use.shape.what}: the boundary of a medium, without a surface"
+            )
             use.shape.parameters.used.update(use.shape.parameters.items)
             return
         if opacity.get("opacity") == 0 and lamp is None:
             self.context.report.ignored(use.shape.place, f"{use.shape.what}: wholly transparent")
             use.shape.parameters.used.update(use.shape.parameters.items)
             return
-        textured = lamp is None and "file" in json.dumps([material, opacity]) or "checker" in json.dumps(material)
-        two_sided = lamp is not None and lamp.parameters.boolean("twosided", False)
-        kind = "emissive" if lamp is not None else (material or {}).get("kind")
-        look = Look(textured and lamp is None, kind in ONE_SIDED and not two_sided)
+        look = _look_of_lamp(lamp) if lamp is not None else _look_of({**(material or {}), **opacity})
         piece = convert_shape(self.context, Placed(use, world, look, shared))
         if piece is None:
             return
@@ -133,8 +132,8 @@ class Objects:
         """Return a small mesh written out, a large one as a file beside the scene."""
         if len(mesh.faces) <= MOST_INLINE:
             return mesh.keys()
-        line = use.shape.place.line.rpartition(":")[2]
-        return {"file": self.context.files.add("meshes", f"{use.shape.kind}-{line}.ply", mesh.write_ply)}
+        name = f"{use.shape.kind}-{use.shape.place.line_number}.ply"
+        return {"file": self.context.files.add("meshes", name, mesh.write_ply)}
 
     def _wanted_name(self, use: ShapeUse, lamp: Entity | None) -> str:
         if lamp is not None:
@@ -162,3 +161,19 @@ class Objects:
             name = wanted if count == 1 and wanted != "mesh" else f"{wanted}-{count}"
             if name not in taken:
                 return name
+
+
+def _look_of_lamp(lamp: Entity) -> Look:
+    return Look(textured=False, oriented=not lamp.parameters.boolean("twosided", False))
+
+
+def _look_of(material: Keys) -> Look:
+    return Look(_is_textured(material), material["kind"] in ONE_SIDED)
+
+
+def _is_textured(value: Any) -> bool:
+    """Return whether some part of a material is a texture."""
+    if isinstance(value, dict):
+        is_texture = value.get("kind") in ("image", "checker") or "file" in value
+        return is_texture or any(_is_textured(item) for item in value.values())
+    return isinstance(value, list) and any(_is_textured(item) for item in value)

@@ -13,9 +13,9 @@ LINES_NAMED = 8
 
 @dataclass
 class Report:
-    """Messages in the order of their first line, each with all the lines that it concerns."""
+    """Messages in the order of files and lines, each with all the lines that it concerns."""
 
-    _lines: dict[str, dict[str, None]] = field(default_factory=dict)
+    _lines: dict[str, set[tuple[str, int]]] = field(default_factory=dict)
 
     def ignored(self, place: Place, what: str) -> None:
         """Note something that the scene of ours does not have."""
@@ -30,17 +30,15 @@ class Report:
         self._note(place, f"note: {what}")
 
     def _note(self, place: Place, message: str) -> None:
-        self._lines.setdefault(message, {}).setdefault(place.line)
+        self._lines.setdefault(message, set()).add((place.source.name, place.line_number))
 
     def __iter__(self) -> Iterator[str]:
-        for message, lines in self._lines.items():
-            first, *others = lines
-            more = ""
-            if others:
-                named = ", ".join(line.removeprefix(first.rpartition(":")[0] + ":") for line in others[:LINES_NAMED])
-                rest = len(others) - LINES_NAMED
-                more = f" (also on {named}{f' and {rest} more' if rest > 0 else ''})"
-            yield f"{first}: {message}{more}"
+        placed = sorted((sorted(places), message) for message, places in self._lines.items())
+        for ((file, line), *others), message in placed:
+            named = ", ".join(str(other) if name == file else f"{name}:{other}" for name, other in others[:LINES_NAMED])
+            rest = len(others) - LINES_NAMED
+            more = f" (also on {named}{f' and {rest} more' if rest > 0 else ''})" if others else ""
+            yield f"{file}:{line}: {message}{more}"
 
     def __len__(self) -> int:
         return len(self._lines)

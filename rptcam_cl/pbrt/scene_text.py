@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import numpy as np
 import yaml
 
 SECTIONS = (
@@ -12,6 +13,15 @@ SECTIONS = (
     "environment",
 )  # fmt: skip
 _Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+def plain(value: Any) -> Any:
+    """Return a copy without NumPy's numbers and arrays, no two parts of which are the same list."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    return plain(value.tolist()) if isinstance(value, np.ndarray | np.generic) else value
 
 
 def scene_text(scene: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:

@@ -13,7 +13,7 @@ from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.mesh import MeshData, rectangle_of
 from rptcam_cl.pbrt.mesh_shapes import bilinear_patches, control_mesh, triangle_mesh
 from rptcam_cl.pbrt.state import Entity, ShapeUse
-from rptcam_cl.pbrt.transforms import Matrix, is_similarity, mean_scale
+from rptcam_cl.pbrt.transforms import Matrix, is_similarity, mean_scale, tidy
 
 Keys = dict[str, Any]
 
@@ -97,7 +97,8 @@ def transform_keys(matrix: Matrix) -> Keys:
     """Return the key of a transform, nothing for the identity."""
     if np.array_equal(matrix, np.eye(4)):
         return {}
-    return {"transform": {"matrix": matrix[:3].tolist()}}
+    linear = tidy(matrix[:3, :3])
+    return {"transform": {"matrix": [[*axes, shift] for axes, shift in zip(linear, tidy(matrix[:3, 3]), strict=True)]}}
 
 
 def _sphere(context: Context, placed: Placed) -> Piece:
@@ -110,7 +111,7 @@ def _sphere(context: Context, placed: Placed) -> Piece:
     radius = parameters.number("radius", 1.0)
     if is_similarity(placed.world) and not placed.look.textured:
         scaled = radius * mean_scale(placed.world)
-        return Piece({"shape": "sphere", "center": placed.world[:3, 3].tolist(), "radius": scaled}, profile.area)
+        return Piece({"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area)
     world = placed.world @ np.diag([1.0, 1.0, -1.0, 1.0]) if placed.look.textured else placed.world
     return Piece({"shape": "sphere", "center": [0, 0, 0], "radius": radius, **transform_keys(world)}, profile.area)
 
@@ -163,7 +164,7 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
     if placed.shared:
         return Piece(transform_keys(placed.world), area, mesh)
     mesh = mesh.transformed(placed.world)
-    rectangle = rectangle_of(mesh, textured=placed.look.textured)
+    rectangle = rectangle_of(mesh, textured=placed.look.textured, oriented=placed.look.oriented)
     return Piece({}, area, mesh) if rectangle is None else Piece(rectangle, area)
 
 

@@ -53,9 +53,14 @@ class Place:
     offset: int
 
     @property
+    def line_number(self) -> int:
+        """Line, from 1."""
+        return self.source.line_and_column(self.offset)[0]
+
+    @property
     def line(self) -> str:
         """``FILE:LINE``."""
-        return f"{self.source.name}:{self.source.line_and_column(self.offset)[0]}"
+        return f"{self.source.name}:{self.line_number}"
 
     def error(self, problem: str) -> InputError:
         """Return the error of this place: ``FILE:LINE:COL: problem``."""

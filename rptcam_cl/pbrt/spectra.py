@@ -38,7 +38,7 @@ def _matching_functions() -> Array:
     for lobes in _LOBES:
         total = np.zeros_like(WAVELENGTHS_NM)
         for height, centre, below, above in lobes:
-            width = np.where(WAVELENGTHS_NM < centre, below, above)
+            width = np.where(centre > WAVELENGTHS_NM, below, above)
             total += height * np.exp(-0.5 * ((WAVELENGTHS_NM - centre) / width) ** 2)
         rows.append(total)
     return np.stack(rows)

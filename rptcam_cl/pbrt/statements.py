@@ -66,8 +66,9 @@ class Statement:
 
 @dataclass
 class _Open:
-    """A file that is being read."""
+    """A file that is being read, by its real path."""
 
+    path: Path
     tokens: Tokens
     imported: Place | None = None
 
@@ -78,7 +79,7 @@ def read_statements(path: Path) -> Iterator[Statement]:
     Names of files start at the folder of the scene file, as pbrt has it. An imported file stands between
     ``AttributeBegin`` and ``AttributeEnd``: its state does not reach beyond it.
     """
-    stack = [_Open(Tokens(read_source(path, str(path))))]
+    stack = [_Open(path.resolve(), Tokens(read_source(path, str(path))))]
     files = 1
     while stack:
         token = stack[-1].tokens.take()
@@ -96,25 +97,20 @@ def read_statements(path: Path) -> Iterator[Statement]:
         imported = statement.place if statement.directive == "Import" else None
         if imported is not None:
             yield Statement("AttributeBegin", statement.place)
-        stack.append(_Open(_included(statement, path.parent, stack), imported))
+        stack.append(_included(statement, path.parent, stack))
+        stack[-1].imported = imported
 
 
-def _included(statement: Statement, folder: Path, stack: list[_Open]) -> Tokens:
-    path = folder / statement.texts[0]
-    for level in stack:
-        if _same(level.tokens.source.path, path):
-            raise statement.place.error(f"{statement.texts[0]} includes itself, by way of {len(stack)} files")
+def _included(statement: Statement, folder: Path, stack: list[_Open]) -> _Open:
+    (name,) = statement.texts
+    path = folder / name
     try:
-        return Tokens(read_source(path, str(path)))
-    except InputError as problem:
+        real = path.resolve()
+        if any(level.path == real for level in stack):
+            raise InputError(f"{name} includes itself, by way of {len(stack)} files")
+        return _Open(real, Tokens(read_source(path, str(path))))
+    except (InputError, OSError, ValueError, RuntimeError) as problem:
         raise statement.place.error(f"{statement.directive}: {problem}") from None
-
-
-def _same(one: Path, other: Path) -> bool:
-    try:
-        return one.resolve() == other.resolve()
-    except (OSError, ValueError, RuntimeError):
-        return False
 
 
 def _statement(token: Token, tokens: Tokens) -> Statement:
@@ -147,7 +143,7 @@ def _numbers(tokens: Tokens, directive: Token, count: int) -> NDArray[np.float64
     """Take the numbers of a directive, with brackets or without."""
     listed = tokens.numbers_in_brackets()
     if listed is None:
-        values = []
+        values: list[float] = []
         while len(values) < count:
             token = tokens.take()
             if token is None:

@@ -7,14 +7,18 @@ once, when a picture is compared with another (see ``cameras.frame_of``).
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.pbrt.statements import Statement
 
 Matrix = NDArray[np.float64]
 SMALLEST = 1e-12
+
+# Decimal digits that coordinates keep: far more than float32 has, fewer than float64 leaves after an inverse.
+DIGITS = 13
 
 
 def step_matrix(statement: Statement) -> Matrix:
@@ -73,8 +77,10 @@ def _camera_from_world(statement: Statement) -> Matrix:
     eye, target, up = statement.numbers.reshape(3, 3)
     forward = target - eye
     right = np.cross(up, forward)
-    if np.linalg.norm(right) < SMALLEST * max(np.linalg.norm(up) * np.linalg.norm(forward), SMALLEST):
-        raise statement.place.error("LookAt: eye, target and up fix no view (eye and target differ, up is not along it)")
+    if np.linalg.norm(right) <= SMALLEST * float(np.linalg.norm(up)) * float(np.linalg.norm(forward)):
+        raise statement.place.error(
+            "LookAt: eye, target and up fix no view (allowed: eye off the target, up not along)"
+        )
     forward = forward / np.linalg.norm(forward)
     right = right / np.linalg.norm(right)
     world_from_camera = np.eye(4)
@@ -103,6 +109,16 @@ def is_similarity(matrix: Matrix) -> bool:
     """Return whether the linear part turns, reflects and scales evenly, and nothing else."""
     gram = matrix[:3, :3].T @ matrix[:3, :3]
     return bool(np.allclose(gram, gram[0, 0] * np.eye(3), rtol=0, atol=1e-5 * gram[0, 0]))
+
+
+def tidy(values: ArrayLike) -> list[Any]:
+    """Return an array as nested lists, rounded to `DIGITS` of its largest number: what inverses leave vanishes."""
+    array = np.asarray(values, np.float64)
+    largest = float(np.abs(array).max(initial=0))
+    if not 0 < largest < math.inf:
+        return list(array.tolist())
+    decimals = DIGITS - 1 - math.floor(math.log10(largest))
+    return list((np.round(array, decimals) + 0.0).tolist())  # + 0.0 makes no zero negative
 
 
 def mean_scale(matrix: Matrix) -> float:

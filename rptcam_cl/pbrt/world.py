@@ -78,7 +78,7 @@ class World:
         given = parameters or statement.with_parameters()
         for item in self.state.defaults.get(TARGETS.get(statement.directive, ""), ()):
             given.items.setdefault(item.name, item)
-        bound = {}
+        bound: dict[TextureKey, Entity] = {}
         for item in given.items.values():
             if item.kind == "texture":
                 for text in item.values:
@@ -105,7 +105,7 @@ class World:
             self.report.ignored(self.scene.options[name].place, f"{name}: a later one takes its place")
         self.scene.options[name] = self.entity(statement, statement.texts[0])
         if name == "Camera":
-            self.spaces["camera"] = np.linalg.inv(self.state.ctm)
+            self.spaces["camera"] = np.asarray(np.linalg.inv(self.state.ctm), np.float64)
         if name == "Film" and statement.texts[0] == "image":
             self.scene.version = 3
 

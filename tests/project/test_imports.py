@@ -28,6 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "cameras": GROUND | {"alias", "records", "scene", "optics"},
     "plan": GROUND | {"alias", "records", "scene", "optics", "geometry", "pictures", "cameras"},
     "lensview": FILES | {"optics"},
+    "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "device"},
 }
