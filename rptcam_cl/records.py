@@ -69,9 +69,25 @@ PRIMITIVE = Record(
         ("float4", "row_y"),
         ("float4", "row_z"),
         ("int", "material"),
-        ("int", "emitter"),  # index of the sampled emitter, or -1
+        ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
+        ("int", "instance"),  # of a mesh
+        ("int", "first_triangle"),
+    ),
+)
+
+INSTANCE = Record(
+    "Instance",
+    (
+        ("float4", "row_x"),  # rows of mesh_from_world
+        ("float4", "row_y"),
+        ("float4", "row_z"),
+        ("float4", "world_x"),  # rows of world_from_mesh
+        ("float4", "world_y"),
+        ("float4", "world_z"),
+        ("int", "root"),  # of its tree
+        ("int", "first_primitive"),
+        ("int", "primitives"),
         ("int", "reserved_0"),
-        ("int", "reserved_1"),
     ),
 )
 
@@ -122,8 +138,8 @@ EMITTER = Record(
         ("float", "pick"),  # probability of being picked
         ("float", "alias_keep"),
         ("int", "alias_other"),
+        ("int", "part"),  # triangle of the primitive, or -1
         ("int", "reserved_0"),
-        ("int", "reserved_1"),
     ),
 )
 
@@ -221,7 +237,7 @@ VIEW = Record(
     ),
 )
 
-RECORDS = (PRIMITIVE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
+RECORDS = (PRIMITIVE, INSTANCE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
 class Kind(IntEnum):
@@ -235,6 +251,7 @@ class Kind(IntEnum):
     BOX = 5
     CYLINDER = 6
     CONE = 7
+    MESH = 8
 
 
 class MaterialKind(IntEnum):
@@ -281,6 +298,7 @@ class EmitterKind(IntEnum):
     SPHERE = 2
     POINT = 3
     DIRECTIONAL = 4
+    TRIANGLE = 5
 
 
 class EnvironmentKind(IntEnum):
@@ -340,15 +358,20 @@ CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the 
 PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
+MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS
 
 
-def floats_per_slot(*, stream: bool, emitters: bool) -> int:
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool) -> int:
     """Return how many 4-byte numbers a slot holds.
 
-    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample.
+    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample and with
+    triangles where it has meshes.
     """
     if stream:
         return CAMERA_RAY_FLOATS
+    if meshes:
+        return len(STATE_FIELDS)
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
 
 
@@ -369,5 +392,5 @@ def device_declarations() -> str:
         _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)
     )
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
-    lines += [f"#define PATH_{name} {index}" for index, name in enumerate(PATH_FIELDS + LIGHT_FIELDS)]
+    lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
     return "\n".join(lines) + "\n"

@@ -14,7 +14,29 @@ typedef struct {
     const __global Emitter     *emitters;
     const __global Environment *environment;
     int                         emitter_count;
+#if HAS_MESH
+    const __global float       *nodes;         // of all trees, kernels/geometry/bvh.h
+    const __global float       *blocks;
+    const __global int4        *triangles;     // corners, and which primitive of its instance it belongs to
+    const __global float       *vertices;      // position, normal, texture coordinates
+    const __global Instance    *instances;
+    int                         mesh_root;
+#endif
 } Scene;
+
+#if HAS_MESH
+#define MESH_PARAMETERS ,                       \
+    const __global float       *nodes,          \
+    const __global float       *blocks,         \
+    const __global int4        *triangles,      \
+    const __global float       *vertices,       \
+    const __global Instance    *instances,      \
+    int                         mesh_root
+#define MESHES , nodes, blocks, triangles, vertices, instances, mesh_root
+#else
+#define MESH_PARAMETERS
+#define MESHES
+#endif
 
 #define SCENE_PARAMETERS                        \
     const __global Primitive   *primitives,     \
@@ -24,9 +46,11 @@ typedef struct {
     const __global uint        *texels,         \
     const __global Emitter     *emitters,       \
     const __global Environment *environment,    \
-    int                         emitter_count
+    int                         emitter_count   \
+    MESH_PARAMETERS
 
-#define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, emitter_count)
+#define SCENE \
+    scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, emitter_count MESHES)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -39,6 +63,14 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.emitters = emitters;
     s.environment = environment;
     s.emitter_count = emitter_count;
+#if HAS_MESH
+    s.nodes = nodes;
+    s.blocks = blocks;
+    s.triangles = triangles;
+    s.vertices = vertices;
+    s.instances = instances;
+    s.mesh_root = mesh_root;
+#endif
     return s;
 }
 

@@ -18,7 +18,7 @@ typedef ulong8  U;
 #define SIGN_BIT  ((I)((long)0x8000000000000000UL))
 #define INFINITE  0x7ff0000000000000L
 #define CRITICAL  1e-15
-#define CLOSE     4e-15
+#define LAST_STEP 1e-9
 #define SMALLEST  1e-300
 #define NEWTON_STEPS 24
 
@@ -79,15 +79,21 @@ typedef uint16  U;
 #define SIGN_BIT  ((I)((int)0x80000000))
 #define INFINITE  0x7f800000
 #define CRITICAL  1e-6f      // relative distance from the critical angle that float32 cannot resolve
-#define CLOSE     4e-7f      // of the distance scale: a Newton step of a few roundings
+#define LAST_STEP 1e-4f      // of the distance scale: after such a Newton step the error is less than rounding
 #define SMALLEST  1e-36f
-#define NEWTON_STEPS 12
+#define NEWTON_STEPS 24
 #endif
 
 #if DOUBLE
 #define LANE_INT  long
 #else
 #define LANE_INT  int
+#endif
+
+#ifdef CLANG_AVX2
+#define LOWEST_BIT(bits)  ((uint)__builtin_ctz(bits))      // OpenCL C 1.2 has clz alone
+#else
+#define LOWEST_BIT(bits)  (31u - clz((bits) & (0u - (bits))))
 #endif
 
 #if VW > 1
@@ -111,7 +117,7 @@ static int first_of(I values, I m)
 {
     uint bits = MASK_BITS(m);
     const LANE_INT *lane = (const LANE_INT *)&values;
-    return (int)lane[31u - clz(bits & (0u - bits))];
+    return (int)lane[LOWEST_BIT(bits)];
 }
 #else
 static int first_of(I values, I m) { return values; }

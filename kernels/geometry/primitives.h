@@ -7,18 +7,11 @@
 #ifndef PRIMITIVES_H
 #define PRIMITIVES_H
 #include "common/scene.h"
+#include "geometry/hit.h"
+#if HAS_MESH
+#include "geometry/mesh.h"
+#endif
 
-#define NEVER  3.0e38f   // farther than any hit, yet finite
-
-typedef struct {
-    F3 o, d;
-    I  self;        // the primitive it starts on, NO_PRIMITIVE, or PATH_ENDED
-} Ray;
-
-typedef struct {
-    F t;            // distance
-    I primitive;    // or NO_PRIMITIVE
-} Hit;
 
 // The smaller positive root of a t^2 - 2 b t + c = 0 (and the larger through *far); negative when there is none. Stable:
 // Haines, Guenther, Akenine-Moeller, Ray Tracing Gems ch. 7.
@@ -234,17 +227,27 @@ static Hit nearest_hit(Ray ray, Scene scene)
     Hit hit;
     hit.t = best;
     hit.primitive = index;
+    hit.part = (I)(NO_TRIANGLE);
+    hit.b1 = ZERO;
+    hit.b2 = ZERO;
+#if HAS_MESH
+    nearest_in_meshes(ray, ray.self != PATH_ENDED, scene, &hit);
+#endif
     return hit;
 }
 
-// Lanes whose ray meets anything but `target` before `reach`.
-static I any_hit(Ray ray, F reach, I target, Scene scene)
+// Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_part` alone). Lanes of
+// reach 0 do not matter.
+static I any_hit(Ray ray, F reach, I target, I target_part, Scene scene)
 {
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
     I blocked = FALSE;
     EACH_PRIMITIVE(ray,
         blocked |= (t > 0.0f) & (t < reach) & (target != i);)
+#if HAS_MESH
+    blocked |= blocked_by_meshes(ray, reach, target, target_part, (reach > 0.0f) & NOT(blocked), scene);
+#endif
     return blocked;
 }
 

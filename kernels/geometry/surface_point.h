@@ -2,8 +2,10 @@
 #ifndef SURFACE_POINT_H
 #define SURFACE_POINT_H
 #include "geometry/primitives.h"
-
-typedef struct { F3 p, n; F u, v; } SurfacePoint;
+#include "geometry/surface.h"
+#if HAS_MESH
+#include "geometry/triangle.h"
+#endif
 
 // Kinds stand in the order of KIND_…, so the first end above the index tells the kind.
 #define BELONGS_TO(KIND) (index < kind_end[KIND])
@@ -24,6 +26,9 @@ static SurfacePoint point_on_sphere(const __global Primitive *primitive, F3 p, i
     s.p = along(centre, s.n, (F)(primitive->row_x.w));
     s.u = ZERO;
     s.v = ZERO;
+#if HAS_TANGENT
+    s.tangent = scale(cross3(f3_of(primitive->row_z), s.n), (F)(primitive->row_y.w));
+#endif
 #if HAS_TEXTURE
     if (textured) {                                  // row_y, row_z: the x and z axes of the sphere; row_y.w: handedness
         F3 x = f3_of(primitive->row_y);
@@ -44,6 +49,20 @@ static F3 world_normal(const __global Primitive *q, F3 n)
                          q->row_x.y * n.x + q->row_y.y * n.y + q->row_z.y * n.z,
                          q->row_x.z * n.x + q->row_y.z * n.y + q->row_z.z * n.z));
 }
+#if HAS_TANGENT
+static F3 cross_rows(float4 a, float4 b)
+{
+    return f3((F)(a.y * b.z - a.z * b.y), (F)(a.z * b.x - a.x * b.z), (F)(a.x * b.y - a.y * b.x));
+}
+
+// The world's direction of an object's vector, of some length: columns of the adjugate of object_from_world.
+static F3 world_direction(const __global Primitive *q, F3 d)
+{
+    F3 x = cross_rows(q->row_y, q->row_z), y = cross_rows(q->row_z, q->row_x), z = cross_rows(q->row_x, q->row_y);
+    F3 w = f3(x.x * d.x + y.x * d.y + z.x * d.z, x.y * d.x + y.y * d.y + z.y * d.z, x.z * d.x + y.z * d.y + z.z * d.z);
+    return scale(w, with_sign(ONE, dot3(x, f3_of(q->row_x))));
+}
+#endif
 #endif
 
 #if HAS_RECTANGLE || HAS_DISK || HAS_PLANE
@@ -58,6 +77,9 @@ static SurfacePoint point_on_flat(const __global Primitive *primitive, F3 p)
     s.n = f3((F)(up.x * unit), (F)(up.y * unit), (F)(up.z * unit));
     s.u = o.x;
     s.v = o.y;
+#if HAS_TANGENT
+    s.tangent = world_direction(primitive, f3(ONE, ZERO, ZERO));
+#endif
     return s;
 }
 #endif
@@ -71,6 +93,9 @@ static SurfacePoint point_on_ellipsoid(const __global Primitive *primitive, F3 p
     s.n = world_normal(primitive, o);
     s.u = ZERO;
     s.v = ZERO;
+#if HAS_TANGENT
+    s.tangent = world_direction(primitive, f3(-o.y, o.x, ZERO));
+#endif
 #if HAS_TEXTURE
     if (textured) {
         s.u = turns_around(o.x, o.y);
@@ -100,6 +125,9 @@ static SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)
                                      (on_x | on_y) ? ZERO : with_sign(ONE, o.z)));
     s.u = 0.5f + 0.5f * (on_x ? o.y : o.x);
     s.v = 0.5f + 0.5f * ((on_x | on_y) ? o.z : o.y);
+#if HAS_TANGENT
+    s.tangent = world_direction(primitive, f3(on_x ? ZERO : ONE, on_x ? ONE : ZERO, ZERO));
+#endif
     return s;
 }
 #endif
@@ -114,6 +142,9 @@ static SurfacePoint point_on_round(const __global Primitive *primitive, F3 p, fl
     s.n = world_normal(primitive, f3(o.x, o.y, lean * (1.0f - o.z)));
     s.u = ZERO;
     s.v = o.z;
+#if HAS_TANGENT
+    s.tangent = world_direction(primitive, f3(-o.y, o.x, ZERO));
+#endif
 #if HAS_TEXTURE
     if (textured)
         s.u = turns_around(o.x, o.y);
@@ -122,8 +153,7 @@ static SurfacePoint point_on_round(const __global Primitive *primitive, F3 p, fl
 }
 #endif
 
-// `textured` says whether u and v are wanted (those of round shapes are dear).
-static SurfacePoint surface_point(int index, F3 p, int textured, Scene scene)
+static SurfacePoint point_on_primitive(int index, F3 p, int textured, Scene scene)
 {
     const __global Primitive *primitive = scene.primitives + index;
     const __global int *kind_end = scene.kind_end;
@@ -153,10 +183,22 @@ static SurfacePoint surface_point(int index, F3 p, int textured, Scene scene)
     SurfacePoint nowhere;
     nowhere.p = p;
     nowhere.n = f3(ZERO, ZERO, ONE);
+#if HAS_TANGENT
+    nowhere.tangent = f3(ONE, ZERO, ZERO);
+#endif
     nowhere.u = ZERO;
     nowhere.v = ZERO;
     return nowhere;
 #endif
+}
+
+// `textured` says whether u and v are wanted (those of round shapes are dear).
+static SurfacePoint surface_point(int index, F3 p, int textured, Scene scene)
+{
+    SurfacePoint s = point_on_primitive(index, p, textured, scene);
+    s.ng = s.n;
+    s.offset = ZERO;
+    return s;
 }
 
 #endif

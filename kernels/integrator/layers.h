@@ -71,6 +71,15 @@ static Uv texture_coordinates(Hit hit, I on, F3 p, Scene scene)
     Uv uv;
     uv.u = ZERO;
     uv.v = ZERO;
+#if HAS_MESH
+    I meshes = on & (hit.primitive >= scene.kind_end[KIND_MESH - 1]);
+    if (ANY(meshes)) {
+        SurfacePoint point = point_on_mesh(hit, meshes, scene);
+        uv.u = meshes ? point.u : uv.u;
+        uv.v = meshes ? point.v : uv.v;
+        on = on & NOT(meshes);
+    }
+#endif
     while (ANY(on)) {
         int index = first_of(hit.primitive, on);
         I mine = on & (hit.primitive == index);

@@ -37,7 +37,18 @@ typedef struct {
     F3  light;      // what arrives if nothing is in the way
     F   reach;      // distance to the emitter; 0: no light sample
     I   target;     // the emitter's primitive
+    I   target_part;    // and its triangle
 } ShadowRay;
+
+// Where a ray along `d` leaves a vertex: just off a mesh, on the side where it goes.
+static F3 departure(Vertex vertex, F3 d)
+{
+#if HAS_MESH
+    return along(vertex.p, vertex.ng, with_sign(vertex.offset, dot3(vertex.ng, d)));
+#else
+    return vertex.p;
+#endif
+}
 
 #if HAS_EMISSIVE
 // Emission of the primitive that was hit, weighted against light sampling (power heuristic, Veach 1997, ch. 9).
@@ -68,10 +79,12 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
     F mis = light.pdf > 0.0f ? light2 / (light2 + pdf * pdf) : ONE;
     ShadowRay shadow;
     shadow.light = scale(mul(through, light.radiance), mis);
-    shadow.ray.o = vertex.p;
+    shadow.ray.o = departure(vertex, light.direction);
     shadow.ray.d = light.direction;
     shadow.ray.self = hit.primitive;
+    shadow.ray.part = hit.part;
     shadow.target = light.primitive;
+    shadow.target_part = light.part;
     shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;
     return shadow;
 }
@@ -102,7 +115,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #if HAS_EMISSIVE
     I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
     if (ANY(lamp)) {
-        F cos_i = -dot3(vertex.n, path->ray.d);
+        F cos_i = -dot3(vertex.ng, path->ray.d);
         path->radiance = add(path->radiance, emission(*path, vertex, lamp, hit.t, cos_i, scene));
         on = on & NOT(lamp);
     }
@@ -125,8 +138,9 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         on = on & (u.d < survive);
         path->beta = scale(path->beta, ONE / MAX(survive, (F)(1e-20f)));
     }
-    path->ray.o = vertex.p;
+    path->ray.o = departure(vertex, next.direction);
     path->ray.d = next.direction;
+    path->ray.part = hit.part;
     path->ray.self = on ? hit.primitive : (I)(PATH_ENDED);
     path->pdf = next.pdf;
     path->edge += 1u;

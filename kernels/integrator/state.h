@@ -2,6 +2,7 @@
 #ifndef STATE_H
 #define STATE_H
 #include "common/records.h"
+#include "geometry/hit.h"
 
 #define FIELD(name)             (state + (size_t)PATH_##name * capacity)
 #define READ_F(name, slot)      LOAD_F(FIELD(name), slot)
@@ -9,6 +10,14 @@
 #define READ_F3(name, slot)     f3(READ_F(name##X, slot), READ_F(name##Y, slot), READ_F(name##Z, slot))
 #define WRITE_F(name, slot, v)  STORE_F(FIELD(name), slot, v)
 #define WRITE_I(name, slot, v)  STORE_F(FIELD(name), slot, AS_F(v))
+// Triangles are part of the state where there are meshes.
+#if HAS_MESH
+#define READ_PART(name, slot)      READ_I(name, slot)
+#define WRITE_PART(name, slot, v)  WRITE_I(name, slot, v)
+#else
+#define READ_PART(name, slot)      ((I)(NO_TRIANGLE))
+#define WRITE_PART(name, slot, v)
+#endif
 #define WRITE_F3(name, slot, v) \
     do { WRITE_F(name##X, slot, (v).x); WRITE_F(name##Y, slot, (v).y); WRITE_F(name##Z, slot, (v).z); } while (0)
 

@@ -10,7 +10,7 @@ typedef struct {
     F3 n;          // unit normal along the travel
     F  cosine;     // of incidence
     I  met;        // the ray meets the part of the surface about its vertex
-    I  settled;    // an iteration, where one was needed, has converged
+    I  settled;    // an iteration, where one was needed, has decided
 } LensHit;
 
 // Tangent-plane form with curvature c = 1/R; the normal (-c x, -c y, 1 - c z) of a sphere has unit length by construction.
@@ -87,12 +87,14 @@ static void profile(const __global Surface *surface, F s, F *z, F *slope)
 {
     real c = surface->curvature;
     F r = sqrt(1.0f - (1.0f + surface->conic) * c * c * s);
+    F q = c / (r * (1.0f + r));                         // one division for both
     F more, its_slope;
     polynomial(surface, s, &more, &its_slope);
-    *z = c * s / (1.0f + r) + more;
-    *slope = 0.5f * c / r + its_slope;
+    *z = s * (r * q) + more;
+    *slope = 0.5f * (q + r * q) + its_slope;
 }
 
+// A biconic or a toroid: z and its slopes.
 static void sag_and_slopes(const __global Surface *surface, F x, F y, F *z, F *zx, F *zy)
 {
     if (surface->kind == LENS_BICONIC) {
@@ -100,65 +102,112 @@ static void sag_and_slopes(const __global Surface *surface, F x, F y, F *z, F *z
         real qx = (1.0f + surface->conic_x) * cx * cx, qy = (1.0f + surface->conic) * cy * cy;
         F top = cx * x * x + cy * y * y;
         F r = sqrt(1.0f - qx * x * x - qy * y * y);
-        F under = 1.0f + r;
-        F shared = top / (r * under * under);
+        F q = 1.0f / (r * (1.0f + r));                  // one division for all
+        F inverse = r * q;                              // 1 / (1 + r)
+        F shared = top * q * inverse;
         F more, slope;
         polynomial(surface, x * x + y * y, &more, &slope);
-        *z = top / under + more;
-        *zx = 2.0f * cx * x / under + shared * qx * x + 2.0f * x * slope;
-        *zy = 2.0f * cy * y / under + shared * qy * y + 2.0f * y * slope;
-    } else if (surface->kind == LENS_TOROID) {
+        *z = top * inverse + more;
+        *zx = x * (2.0f * cx * inverse + shared * qx + 2.0f * slope);
+        *zy = y * (2.0f * cy * inverse + shared * qy + 2.0f * slope);
+    } else {
         real cx = surface->curvature_x;
         F arc, slope;
         profile(surface, y * y, &arc, &slope);
         F w = 1.0f - cx * arc;
         F r = sqrt(w * w - cx * cx * x * x);
-        *z = arc + cx * x * x / (w + r);
-        *zx = cx * x / r;
-        *zy = 2.0f * y * slope * w / r;
-    } else {
-        real wx = surface->weight_x, wy = surface->weight_y;
-        F slope;
-        profile(surface, wx * x * x + wy * y * y, z, &slope);
-        *zx = 2.0f * wx * x * slope;
-        *zy = 2.0f * wy * y * slope;
+        F q = 1.0f / (r * (w + r));                     // one division for all
+        F inverse = (w + r) * q;                        // 1 / r
+        *z = arc + cx * x * x * (r * q);
+        *zx = cx * x * inverse;
+        *zy = 2.0f * y * slope * w * inverse;
     }
 }
 
-// Newton's iteration along the ray from the base conic, or from the vertex plane where the sections differ. A step below
-// CLOSE of the distance scale ends it: a few roundings, more cannot be resolved.
+// Where Newton's iteration starts on the ray from the vertex plane: on the base conic, moved by the polynomial's value
+// there; on the vertex plane where the ray misses that.
+static F first_guess(const __global Surface *surface, F x, F y, F3 d)
+{
+    real c = surface->curvature, q = 1.0f + surface->conic, wx = surface->weight_x, wy = surface->weight_y;
+    F s = wx * x * x + wy * y * y;
+    F z, slope;
+    polynomial(surface, s, &z, &slope);
+    F f = c * (s + q * z * z) + 2.0f * z;
+    F g = d.z - c * (wx * d.x * x + wy * d.y * y - q * d.z * z);
+    F a = c * (wx * d.x * d.x + wy * d.y * d.y + q * d.z * d.z);
+    F discriminant = g * g - a * f;
+    F t = f / (g + root(discriminant));
+    return (discriminant >= 0.0f) & (1.0f - c * q * (t * d.z - z) > 0.0f) ? t : ZERO;
+}
+
+// Newton's step for a ray at a point, and on which side of the surface that lies, by its sign. With w = z - polynomial an asphere is the conic w = c (s + (1 + k) w^2) / 2, which
+// needs neither a root nor, but for the step itself, a division.
+static F newton_step(const __global Surface *surface, F x, F y, F z, F3 d, F *side)
+{
+    if (surface->kind != LENS_ASPHERE) {
+        F sag, zx, zy;
+        sag_and_slopes(surface, x, y, &sag, &zx, &zy);
+        *side = z - sag;
+        return *side / (d.z - zx * d.x - zy * d.y);
+    }
+    real half_c = 0.5f * surface->curvature, q = 1.0f + surface->conic;
+    real wx = surface->weight_x, wy = surface->weight_y;
+    F s = wx * x * x + wy * y * y;
+    F along_s = 2.0f * (wx * x * d.x + wy * y * d.y);
+    F more, slope;
+    polynomial(surface, s, &more, &slope);
+    F w = z - more;
+    F along_w = d.z - slope * along_s;
+    *side = w - half_c * (s + q * w * w);
+    return *side / (along_w - half_c * (along_s + 2.0f * q * w * along_w));
+}
+
+// A normal of any length; its z is negative on the far sheet of an asphere.
+static F3 normal_at(const __global Surface *surface, F x, F y, F z)
+{
+    if (surface->kind != LENS_ASPHERE) {
+        F sag, zx, zy;
+        sag_and_slopes(surface, x, y, &sag, &zx, &zy);
+        return f3(-zx, -zy, ONE);
+    }
+    real c = surface->curvature, q = 1.0f + surface->conic;
+    F more, slope;
+    polynomial(surface, surface->weight_x * x * x + surface->weight_y * y * y, &more, &slope);
+    F nz = 1.0f - c * q * (z - more);
+    F sideways = -(c + 2.0f * slope * nz);
+    return f3(surface->weight_x * x * sideways, surface->weight_y * y * sideways, nz);
+}
+
+// Newton's iteration along the ray from a first guess, or from the vertex plane where the sections differ. A step below
+// LAST_STEP of the distance scale ends it: what it leaves is as its square. A ray that strays to three clear radii, where
+// a polynomial means nothing, has missed, and so has one that does not settle and is never seen on the other side.
 static LensHit meet_general(const __global Surface *surface, F3 p, F3 d)
 {
     F t0 = -p.z / d.z;
     F x0 = p.x + t0 * d.x;
     F y0 = p.y + t0 * d.y;
-    F t = ZERO;
-    if (surface->kind == LENS_ASPHERE) {
-        LensHit base = meet_conic(surface, f3(x0, y0, ZERO), d);
-        t = base.met ? base.p.z / d.z : ZERO;
-    }
-    F reach = absolute(x0) + absolute(y0) + absolute(t);
-    I settled = FALSE;
-    for (int i = 0; i < NEWTON_STEPS && ANY(NOT(settled)); ++i) {
-        F z, zx, zy;
-        sag_and_slopes(surface, x0 + t * d.x, y0 + t * d.y, &z, &zx, &zy);
-        F change = (t * d.z - z) / (d.z - zx * d.x - zy * d.y);
-        settled |= absolute(change) <= CLOSE * (reach + absolute(t)) + SMALLEST;
+    F t = surface->kind == LENS_ASPHERE ? first_guess(surface, x0, y0, d) : ZERO;
+    F last_step = LAST_STEP * (absolute(x0) + absolute(y0) + absolute(t)) + SMALLEST;
+    F limit = 9.0f * surface->semi_diameter2;
+    I settled = FALSE, lost = FALSE, some = FALSE, all = TRUE;
+    for (int i = 0; i < NEWTON_STEPS && ANY(NOT(settled | lost)); ++i) {
+        F x = x0 + t * d.x;
+        F y = y0 + t * d.y;
+        F side;
+        F change = newton_step(surface, x, y, t * d.z, d, &side);
+        some |= side < 0.0f;
+        all &= side < 0.0f;
+        lost |= NOT(settled | (x * x + y * y <= limit));          // or nowhere, where it is not a number
         t -= change;
+        settled |= NOT(lost) & (absolute(change) <= last_step);
     }
     LensHit hit;
-    F z, zx, zy;
-    F x = x0 + t * d.x;
-    F y = y0 + t * d.y;
-    sag_and_slopes(surface, x, y, &z, &zx, &zy);
-    F inverse = ONE / sqrt(1.0f + zx * zx + zy * zy);
-    hit.p = f3(x, y, z);
-    hit.n = f3(-zx * inverse, -zy * inverse, inverse);
+    hit.p = f3(x0 + t * d.x, y0 + t * d.y, t * d.z);
+    F3 n = normal_at(surface, hit.p.x, hit.p.y, hit.p.z);
+    hit.n = scale(n, ONE / sqrt(dot3(n, n)));
     hit.cosine = dot3(hit.n, d);
-    I near = x * x + y * y <= 9.0f * surface->semi_diameter2;   // farther out the iteration follows other sheets
-    I reached = NOT(not_finite(t)) & NOT(not_finite(z)) & near;
-    hit.met = reached & settled & (hit.cosine > 0.0f);
-    hit.settled = settled | NOT(reached);
+    hit.met = settled & NOT(lost) & (hit.n.z > 0.0f) & (hit.cosine > 0.0f);
+    hit.settled = settled | lost | NOT(some) | all;
     return hit;
 }
 #endif

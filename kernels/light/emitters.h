@@ -4,6 +4,7 @@
 #ifndef EMITTERS_H
 #define EMITTERS_H
 #include "common/records.h"
+#include "geometry/hit.h"
 
 typedef struct {
     F3 direction;   // from the shading point, unit
@@ -11,6 +12,7 @@ typedef struct {
     F3 radiance;    // emitted radiance / density, cosine and BSDF left out; zero where the sample is void
     F  pdf;         // solid-angle density incl. the pick; 0 for point and directional lights, which no BSDF sample can meet
     I  primitive;   // the emitter's primitive or NO_PRIMITIVE
+    I  part;        // and its triangle
 } LightSample;
 
 #if ONE_EMITTER
@@ -67,6 +69,11 @@ static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F
     F3 a = gather_a(es, e);
     LightSample s;
     s.primitive = OF_EMITTER(I, primitive);
+#if EMITTER_TRIANGLES
+    s.part = OF_EMITTER(I, part);
+#else
+    s.part = (I)(NO_TRIANGLE);
+#endif
     s.radiance = f3(OF_EMITTER(F, radiance.x), OF_EMITTER(F, radiance.y), OF_EMITTER(F, radiance.z));
     F3 to = sub(a, p);
     F weight = ZERO;
@@ -87,6 +94,14 @@ static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F
     }
 #endif
     I flat = (kind == EMITTER_RECTANGLE) | (kind == EMITTER_DISK);
+#if EMITTER_TRIANGLES
+    I triangle = kind == EMITTER_TRIANGLE;      // by folding the square along its diagonal
+    I beyond = triangle & (x + y > 1.0f);
+    F folded_x = ONE - y;
+    y = beyond ? ONE - x : y;
+    x = beyond ? folded_x : x;
+    flat |= triangle;
+#endif
     to = select3(flat, add(to, add(scale(bu, x), scale(bv, y))), to);
 #endif
     F d2 = dot3(to, to);

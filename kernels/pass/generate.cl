@@ -46,6 +46,7 @@ __kernel void generate(const __global Camera  *camera,
     WRITE_F(WEIGHT, slot, weight);
     WRITE_F3(B, slot, f3(ONE, ONE, ONE));
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
+    WRITE_PART(PART, slot, (I)(NO_TRIANGLE));
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if HAS_EMITTERS
     WRITE_F(REACH, slot, ZERO);

@@ -13,7 +13,13 @@ __kernel void intersect(SCENE_PARAMETERS,
         return;
     ray.o = READ_F3(O, slot);
     ray.d = READ_F3(D, slot);
+    ray.part = READ_PART(PART, slot);
     Hit hit = nearest_hit(ray, SCENE);
     WRITE_I(HIT, slot, hit.primitive);
     WRITE_F(T, slot, hit.t);
+#if HAS_MESH
+    WRITE_I(HIT_PART, slot, hit.part);
+    WRITE_F(B1, slot, hit.b1);
+    WRITE_F(B2, slot, hit.b2);
+#endif
 }

@@ -29,6 +29,7 @@ __kernel void layers(SCENE_PARAMETERS,
         uint slot = first + k * wave.pixels;
         Ray ray;
         ray.self = (I)(NO_PRIMITIVE);
+        ray.part = (I)(NO_TRIANGLE);
 #if STREAM
         Eight record = load_eight(state, ((I)((int)slot) + LANES) * 8);
         F weight = record.f[3];

@@ -20,6 +20,7 @@ __kernel void shade(SCENE_PARAMETERS,
     path.pixel = lane.pixel;
     path.sample = lane.sample;
     path.edge = (U)(edge);
+    path.ray.part = READ_PART(PART, slot);
     path.ray.o = READ_F3(O, slot);
     path.ray.d = READ_F3(D, slot);
     path.beta = READ_F3(B, slot);
@@ -30,9 +31,15 @@ __kernel void shade(SCENE_PARAMETERS,
     Hit hit;
     hit.t = READ_F(T, slot);
     hit.primitive = READ_I(HIT, slot);
+    hit.part = READ_PART(HIT_PART, slot);
+#if HAS_MESH
+    hit.b1 = READ_F(B1, slot);
+    hit.b2 = READ_F(B2, slot);
+#endif
     ShadowRay shadow = shade_vertex(&path, hit, SCENE, rules_of(wave, limits));
     WRITE_F3(L, slot, path.radiance);
     WRITE_I(SELF, slot, path.ray.self);
+    WRITE_PART(PART, slot, path.ray.part);
     WRITE_F3(O, slot, path.ray.o);
     WRITE_F3(D, slot, path.ray.d);
     WRITE_F3(B, slot, path.beta);
@@ -42,6 +49,8 @@ __kernel void shade(SCENE_PARAMETERS,
     if (ANY(shadow.reach > 0.0f)) {
         WRITE_I(FROM, slot, shadow.ray.self);
         WRITE_I(TARGET, slot, shadow.target);
+        WRITE_PART(FROM_PART, slot, shadow.ray.part);
+        WRITE_PART(TARGET_PART, slot, shadow.target_part);
         WRITE_F3(S, slot, shadow.ray.o);
         WRITE_F3(W, slot, shadow.ray.d);
         WRITE_F3(C, slot, shadow.light);

@@ -13,9 +13,10 @@ __kernel void shadow(SCENE_PARAMETERS,
         return;
     Ray ray;
     ray.self = READ_I(FROM, slot);
+    ray.part = READ_PART(FROM_PART, slot);
     ray.o = READ_F3(S, slot);
     ray.d = READ_F3(W, slot);
-    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), SCENE);
+    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), READ_PART(TARGET_PART, slot), SCENE);
     I lit = wanted & NOT(blocked);
     WRITE_F(REACH, slot, ZERO);
     if (!ANY(lit))

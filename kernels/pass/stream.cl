@@ -25,6 +25,7 @@ __kernel void stream(SCENE_PARAMETERS,
     path.ray.o = f3(ZERO, ZERO, ZERO);
     path.ray.d = f3(ZERO, ZERO, ONE);
     path.ray.self = (I)(PATH_ENDED);
+    path.ray.part = (I)(NO_TRIANGLE);
     path.weight = ZERO;
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
@@ -53,6 +54,7 @@ __kernel void stream(SCENE_PARAMETERS,
             path.beta = select3(started, f3(ONE, ONE, ONE), path.beta);
             path.radiance = keep3(NOT(started), path.radiance);
             path.ray.self = started ? (I)(NO_PRIMITIVE) : path.ray.self;
+            path.ray.part = started ? (I)(NO_TRIANGLE) : path.ray.part;
             path.pdf = started ? ZERO : path.pdf;
             path.edge = started ? (U)(1u) : path.edge;
             running |= started;
@@ -63,7 +65,7 @@ __kernel void stream(SCENE_PARAMETERS,
 #if HAS_EMITTERS
         I wanted = shadow.reach > 0.0f;
         if (ANY(wanted)) {
-            I dark = any_hit(shadow.ray, shadow.reach, shadow.target, scene);
+            I dark = any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_part, scene);
             path.radiance = add(path.radiance, keep3(wanted & NOT(dark), shadow.light));
         }
 #endif

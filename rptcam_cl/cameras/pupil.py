@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Literal
 
 import numpy as np
@@ -14,7 +15,10 @@ from rptcam_cl.optics.probe import FilmProbe, cells, grid
 from rptcam_cl.optics.pupil_shape import DIRECTIONS, PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
 from rptcam_cl.records import PupilKind
 
+Array = NDArray[np.float64]
 Tier = Literal["auto", "rear", "thick", "bounds", "tight"]
+REMEMBERED = 64  # lens states whose tables are kept, of 30 to 150 kB each
+NOWHERE = (np.inf, -np.inf)  # low and high corner of a box that holds nothing
 CELLS = 16  # of the film across and down, for the boxes
 SPREAD = 0.05  # share of its size that a box is widened by, for what lies between the corners of its cell
 EDGE_SPREAD = 0.2  # the same where the pupil closes within the cell
@@ -57,6 +61,38 @@ def pupil_sampling(
     """
     if lens.stop is not None and lens.stop.stop_shape is not None:
         lens = lens.with_stop_shape(None)  # what holds the round stop holds every shape in it
+    return _remembered(_ByContent(lens), film_distance_mm, half_film_mm, wavelength_nm, tier)
+
+
+@dataclass(frozen=True)
+class _ByContent:
+    """A lens that equals every other one of the same name and surfaces."""
+
+    lens: Lens
+
+    def _content(self) -> tuple[object, ...]:
+        return self.lens.name, self.lens.surfaces, self.lens.stop_index, self.lens.object_medium
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _ByContent) and self._content() == other._content()
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered(
+    content: _ByContent, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, tier: Tier
+) -> PupilSampling:
+    """Return the sampling, ready for the next picture with the lens in the same state."""
+    sampling = _made(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier)
+    sampling.table.flags.writeable = False
+    return sampling
+
+
+def _made(
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, tier: Tier
+) -> PupilSampling:
     if tier == "rear":
         return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm)
     if tier == "thick":
@@ -111,8 +147,11 @@ def _needed_radius(
 ) -> float:
     """Return the radius [mm] of a circle, shifted with the film point, that holds every probed ray that passes."""
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    film = _film_points(half_film_mm, 11)
-    windows, found = pupil_boxes(probes, film, PROBES)
+    if lens.is_rotational:
+        film = np.stack([np.linspace(0.0, float(np.hypot(*half_film_mm)), 17), np.zeros(17)], axis=1)
+    else:
+        film = _film_points(half_film_mm, 11)
+    windows, found = pupil_boxes(probes, film, PROBES, radial=lens.is_rotational)
     film, windows = film[found], windows[found]
     points = grid(windows, 2 * PROBES[0], 2 * PROBES[1])
     passes = probes[-1].passes(film[:, None], points)
@@ -125,15 +164,12 @@ def _bounds(
     lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
 ) -> PupilSampling:
     """A box per film cell that holds the pupils of its corners, and a little more."""
-    film = _film_points(half_film_mm, CELLS + 1)
-    boxes, found = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm), film, PROBES)
-    low = np.where(found[:, None], boxes[:, ::2], np.inf).reshape(CELLS + 1, CELLS + 1, 2)
-    high = np.where(found[:, None], boxes[:, 1::2], -np.inf).reshape(CELLS + 1, CELLS + 1, 2)
+    low, high, found = _corner_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm), half_film_mm)
     corners = [(slice(i, i + CELLS), slice(j, j + CELLS)) for i in (0, 1) for j in (0, 1)]
     low = np.min([low[corner] for corner in corners], axis=0)
     high = np.max([high[corner] for corner in corners], axis=0)
     lit = np.isfinite(low[..., 0])
-    closed = ~np.all([found.reshape(CELLS + 1, CELLS + 1)[corner] for corner in corners], axis=0)
+    closed = ~np.all([found[corner] for corner in corners], axis=0)
     spread = np.where(closed, EDGE_SPREAD, SPREAD)[..., None] * np.where(lit[..., None], high - low, 0.0)
     low, high = low - spread, high + spread
     if not lit.any():
@@ -142,6 +178,30 @@ def _bounds(
     table = np.concatenate([np.where(lit[..., None], low, 0.0), size], axis=-1).astype(np.float32).ravel()
     per_mm = (CELLS / (2 * half_film_mm[0]), CELLS / (2 * half_film_mm[1]))
     return PupilSampling("bounds", PupilKind.BOXES, (*per_mm, CELLS, CELLS), table)
+
+
+def _corner_boxes(probes: list[FilmProbe], half_film_mm: tuple[float, float]) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return the low and high corners (n, n, 2) of boxes round the pupils at the corners of the film's cells, and where
+    it is open. Of a rotationally symmetric lens a quarter of the film is traced."""
+    count = CELLS + 1
+    film = _film_points(half_film_mm, count).reshape(count, count, 2)
+    symmetric = probes[-1].lens.is_rotational
+    part = film[CELLS // 2 :, CELLS // 2 :] if symmetric else film
+    boxes, found = pupil_boxes(probes, part.reshape(-1, 2), PROBES)
+    lit = found.reshape(part.shape[:2])
+    low, high = (np.where(lit[..., None], boxes[:, k::2].reshape(part.shape), none) for k, none in enumerate(NOWHERE))
+    if symmetric:
+        for axis in (0, 1):
+            low, high = _unfolded(low, high, axis)
+    return low, high, np.isfinite(low[..., 0])
+
+
+def _unfolded(low: Array, high: Array, axis: int) -> tuple[Array, Array]:
+    """Return boxes over half a film, of rows along y (axis 0) or columns along x, with their mirror images before."""
+    other_low, other_high = (np.flip(np.delete(values, 0, axis), axis).copy() for values in (low, high))
+    component = 1 - axis
+    other_low[..., component], other_high[..., component] = -other_high[..., component], -other_low[..., component]
+    return np.concatenate([other_low, low], axis=axis), np.concatenate([other_high, high], axis=axis)
 
 
 def _tight(shapes: PupilShapes) -> PupilSampling:

@@ -18,11 +18,15 @@ from rptcam_cl.resources import kernels_dir
 
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
 AVX512_FLAGS = {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}  # what Skylake-X has
+_GUARD = re.compile(r"^#ifndef (\w+)\n#define \1$", re.MULTILINE)
+_CONDITION = re.compile(r"^\s*#\s*(if|ifdef|ifndef|endif)\b")
 _INCLUDE = re.compile(r'^\s*#include\s+(?:"([^"]+)"|([A-Z_]+))\s*$')
 
 
 def expand(files: list[str], facts: Mapping[str, int | str]) -> str:
-    """Return the text of ``files`` (paths below ``kernels/``) with every include in place, each at most once.
+    """Return the text of ``files`` (paths below ``kernels/``) with every include in place.
+
+    A file is put in once, but again behind an ``#if`` that may have left it out; its guard sees to the rest.
 
     ``#include NAME`` in capitals takes the path from ``facts[NAME]``.
     """
@@ -38,12 +42,16 @@ def _expand(name: str, facts: Mapping[str, int | str], seen: set[str], lines: li
         return
     seen.add(name)
     lines.append(f'#line 1 "{name}"')
-    for number, line in enumerate((kernels_dir() / name).read_text(encoding="utf-8").splitlines(), start=1):
+    text = (kernels_dir() / name).read_text(encoding="utf-8")
+    depth = -1 if _GUARD.search(text) else 0
+    for number, line in enumerate(text.splitlines(), start=1):
         include = _INCLUDE.match(line)
         if include is None:
+            condition = _CONDITION.match(line)
+            depth += 0 if condition is None else -1 if condition[1] == "endif" else 1
             lines.append(line)
             continue
-        _expand(include[1] or str(facts[include[2]]), facts, seen, lines)
+        _expand(include[1] or str(facts[include[2]]), facts, seen if depth == 0 else set(seen), lines)
         lines.append(f'#line {number + 1} "{name}"')
 
 

@@ -28,7 +28,7 @@ def profile(lens: Lens, k: int, section: str) -> Array:
     zero = np.zeros_like(heights)
     x, y = (zero, heights) if section == "y" else (heights, zero)
     sag = surface.sag(x, y)
-    good = np.isfinite(sag) & surface.clears(x, y)
+    good = np.isfinite(sag) & surface.clears(x, y) & (surface.region is None or surface.region.holds(x, y))
     points = np.stack([x, y, sag])[:, good]
     if surface.pose:
         points, _ = surface.pose.outward(points, points)

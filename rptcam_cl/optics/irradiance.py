@@ -96,7 +96,10 @@ def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_
 def _integrate(probe: FilmProbe, film: Array, box: Array) -> float:
     centre = np.array([box[0] + box[1], box[2] + box[3]]) / 2
     reach = np.hypot(box[1] - box[0], box[3] - box[2]) / 2
-    angles = (np.arange(AZIMUTHS) + 0.5) * 2 * np.pi / AZIMUTHS
+    azimuths = AZIMUTHS
+    if not film.any() and probe.lens.is_rotational and (probe.lens.stop is None or probe.lens.stop.stop_shape is None):
+        centre, azimuths = film, 1  # all are alike
+    angles = (np.arange(azimuths) + 0.5) * 2 * np.pi / azimuths
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
     steps = np.linspace(0.0, reach, STEPS)
     hits = probe.passes(film, centre + rays[:, None] * steps[:, None])
@@ -111,7 +114,7 @@ def _integrate(probe: FilmProbe, film: Array, box: Array) -> float:
     at = centre + rays[ray][:, None] * s[..., None]
     square = np.sum((at - film) ** 2, axis=-1)
     inner = np.sum(weights * s * (probe.distance / (probe.distance**2 + square)) ** 2, axis=1) * ends / 2
-    return float(np.sum(sign * inner) * 2 * np.pi / AZIMUTHS)
+    return float(np.sum(sign * inner) * 2 * np.pi / azimuths)
 
 
 def _bisect(

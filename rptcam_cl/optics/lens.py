@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import chain, combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -111,22 +110,6 @@ class Lens:
         """Return the lens with further doubts noted."""
         return replace(self, warnings=(*self.warnings, *more))
 
-    def beside_half_lenses(self) -> tuple[Lens, ...]:
-        """Return the lenses that rays see which pass beside the half lenses in this one: those without their glass."""
-        partial = [bool(surface.region and not surface.region.blocks) for surface in self.surfaces]
-        runs = [range(*run) for run in _runs(partial)]
-        choices = [chosen for n in range(1, len(runs) + 1) for chosen in combinations(runs, n)]
-        return tuple(self._without(frozenset(chain.from_iterable(chosen))) for chosen in choices)
-
-    def _without(self, gone: frozenset[int]) -> Lens:
-        surfaces = list(self.surfaces)
-        for k in sorted(gone):
-            before = self.object_medium if k == 0 else surfaces[k - 1].glass
-            region = surfaces[k].region
-            assert region is not None
-            surfaces[k] = replace(surfaces[k], glass=before, region=replace(region, inverted=not region.inverted))
-        return replace(self, surfaces=tuple(surfaces))
-
     def with_stop_diameter(self, diameter_mm: float) -> Lens:
         """Return the lens with its stop closed to a diameter [mm]."""
         stop = self._need_stop()
@@ -172,9 +155,3 @@ class Lens:
                 f"{self.name}: has no stop to set; only its rims limit the light (mark one with stop: true)"
             )
         return self.stop
-
-
-def _runs(flags: list[bool]) -> list[tuple[int, int]]:
-    """Return the stretches (first, end) of true flags."""
-    edges = np.flatnonzero(np.diff([0, *(int(flag) for flag in flags), 0]))
-    return [(int(first), int(end)) for first, end in zip(edges[::2], edges[1::2], strict=True)]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.optics.trace import passing
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -67,8 +68,8 @@ class FilmProbe:
         directions = np.empty((*shape, 3))
         directions[..., :2] = rear - film
         directions[..., 2] = -self.distance
-        rays = self.lens.trace(origins.reshape(-1, 3), directions.reshape(-1, 3), self.wavelength_nm)
-        return rays.passed.reshape(shape)
+        rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
+        return passing(self.lens, *rays, self.wavelength_nm).reshape(shape)
 
 
 def _patch(surface: Surface) -> Array:

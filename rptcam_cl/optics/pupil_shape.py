@@ -30,9 +30,9 @@ FINER = 2  # directions traced per direction of the table
 SCAN = 14
 FARTHEST = 1.75  # in the frame of the box round the pupil
 BISECTIONS = 7
-RADIAL_NODES = 49
+RADIAL_NODES = 33
 FILM_NODES = 9  # along each side of the film, for a lens without rotational symmetry
-COARSE = (24, 24)
+COARSE = (16, 16)
 MARGIN = 0.003  # of the radius, beyond what was traced
 EDGE_NODES = 4  # nearest to the edge of the light, where the pupil closes faster than nodes follow
 EDGE_MARGIN = 0.25
@@ -124,20 +124,39 @@ def _stop_radius(lens: Lens) -> float:
     return lens.stop.semi_diameter
 
 
-def pupil_boxes(probes: list[FilmProbe], film: Array, shape: tuple[int, int] = COARSE) -> tuple[Array, Mask]:
-    """Return boxes (m, 4) round the pupil as seen from film points (m, 2), a cell wider, and where it is open."""
-    boxes = probes[-1].windows(film)
+def pupil_boxes(
+    probes: list[FilmProbe], film: Array, shape: tuple[int, int] = COARSE, *, radial: bool = False
+) -> tuple[Array, Mask]:
+    """Return boxes (m, 4) round the pupil as seen from film points (m, 2), a cell wider, and where it is open.
+
+    Film points along +x of a rotationally symmetric lens (`radial`) see pupils that are the same above as below, so
+    that half of each is enough.
+    """
+    if radial:
+        shape = (shape[0], shape[1] // 2)
+    boxes = _upper(probes[-1].windows(film), radial)
     found = np.ones(len(film), dtype=bool)
     for probe in (*probes, probes[-1]):
         boxes, hit = narrowed(probe, film, boxes, shape)
+        boxes = _upper(boxes, radial)
         found &= hit
     if not found.all():
-        near = _paraxial_boxes(probes[-1], film[~found])
+        near = _upper(_paraxial_boxes(probes[-1], film[~found]), radial)
         for _ in range(2):
             near, again = narrowed(probes[-1], film[~found], near, shape)
+            near = _upper(near, radial)
         boxes[~found] = near
         found[~found] = again
+    if radial:
+        boxes[:, 2] = -boxes[:, 3]
     return boxes, found
+
+
+def _upper(boxes: Array, radial: bool) -> Array:
+    """Return boxes without their lower halves."""
+    if radial:
+        boxes[:, 2] = 0.0
+    return boxes
 
 
 def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
@@ -157,7 +176,7 @@ def _lit_radius(probes: list[FilmProbe], film_radius: float) -> float:
     low, high = 0.0, film_radius
     for _ in range(2):
         radii = np.linspace(low, high, SCAN)
-        _, found = pupil_boxes(probes, np.stack([radii, np.zeros(SCAN)], axis=1))
+        _, found = pupil_boxes(probes, np.stack([radii, np.zeros(SCAN)], axis=1), radial=True)
         last = int(np.flatnonzero(found)[-1]) if found.any() else 0
         if last == SCAN - 1:
             return high
@@ -170,7 +189,7 @@ def _frames(probes: list[FilmProbe], nodes: Array) -> tuple[Array, Array]:
 
     A closed node next to open ones takes the mean of theirs, so that interpolation reaches the edge of the light.
     """
-    boxes, found = pupil_boxes(probes, nodes.reshape(-1, 2))
+    boxes, found = pupil_boxes(probes, nodes.reshape(-1, 2), radial=len(nodes) == 1)
     rows, columns = nodes.shape[:2]
     lit = found.reshape(rows, columns, 1)
     low, high = boxes[:, ::2].reshape(rows, columns, 2), boxes[:, 1::2].reshape(rows, columns, 2)
@@ -211,29 +230,29 @@ def _between(values: Array) -> Array:
 def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> Array:
     """Return how far the pupil reaches in its frame, shape (rows, columns, FINER * DIRECTIONS).
 
-    Along each direction the farthest passing of SCAN points is taken, then the edge behind it bisected; so an outline
-    that is not star-shaped from the centre is still held.
+    Along each direction SCAN points are tried from the outside inwards until one passes, then the edge behind it is
+    bisected; so an outline that is not star-shaped from the centre is still held.
     """
     shape = (*film.shape[:2], FINER * DIRECTIONS)
     mirrored = film.shape[0] == 1  # radial nodes: v and -v are alike
     count = shape[2] // 2 + 1 if mirrored else shape[2]
     angles = np.arange(count) * 2 * np.pi / shape[2]
     frame = axes[:, :, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points, origins = (np.broadcast_to(values[:, :, None, :], frame.shape) for values in (film, centres))
+    step = FARTHEST / SCAN
 
-    def passing(rho: Array) -> Mask:
-        return probe.passes(film[:, :, None, :], centres[:, :, None, :] + frame * rho[..., None])
+    def passing(rho: Array, of: Mask) -> Mask:
+        return probe.passes(points[of], origins[of] + frame[of] * rho[:, None])
 
     low = np.zeros((*shape[:2], count))
-    step = FARTHEST / SCAN
-    for k in range(1, SCAN + 1):
-        rho = np.full(low.shape, k * step)
-        low = np.where(passing(rho), rho, low)
-    high = low + step
-    lit = low > 0
+    for k in range(SCAN, 0, -1):
+        dark = low == 0.0
+        low[dark] = np.where(passing(np.full(int(dark.sum()), k * step), dark), k * step, 0.0)
+    high, lit = low + step, low > 0
     for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        inside = passing(middle)
-        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+        middle = (low[lit] + high[lit]) / 2
+        inside = passing(middle, lit)
+        low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
     reach = np.where(lit.any(axis=2, keepdims=True), high, 0.0)
     return np.concatenate([reach, reach[..., -2:0:-1]], axis=2) if mirrored else reach
 

@@ -25,7 +25,8 @@ class Region:
         Of a half plane: distance of its edge from the axis along that direction [mm].
     blocks : bool
         True: rays outside are clipped. False: there is nothing outside, and rays go straight on; so half a lens before
-        another one makes a split dioptre. Every surface of such a half lens carries the same region.
+        another one makes a split dioptre. Every surface of such a half lens carries the same region, and the medium
+        on its two sides is the same.
     inverted : bool
         Whether the clear area is what lies outside of the rectangle or half plane.
     """
@@ -44,3 +45,21 @@ class Region:
             angle = np.radians(self.normal_degrees)
             inside &= x * np.cos(angle) + y * np.sin(angle) >= self.edge
         return np.asarray(inside != self.inverted)
+
+
+def sides(region: Region | None, previous: Region | None, x: Array, y: Array, beside: Mask) -> tuple[Mask, Mask]:
+    """Return which rays pass beside the glass of a half lens, and which do not run into its cut face.
+
+    Parameters
+    ----------
+    region, previous
+        Of the surface at hand and of the one before it in the order of travel; equal ones are one half lens.
+    x, y
+        Where rays meet the surface.
+    beside
+        Which rays passed beside the surface before.
+    """
+    if region is None or region.blocks:
+        return np.zeros_like(beside), np.ones_like(beside)
+    out = ~region.holds(x, y)
+    return (beside, out == beside) if region == previous else (out, np.ones_like(beside))

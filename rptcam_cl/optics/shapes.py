@@ -18,7 +18,8 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 ITERATIONS = 24
-CLOSE = 4e-15  # of the distance scale, on which a Newton step may end
+LAST_STEP = 1e-9  # of the distance scale; a Newton step leaves an error like its square, less than rounding does
+WORTH_MOVING = 0.75  # share of rays still under way, below which they are moved together
 
 
 class Hits(NamedTuple):
@@ -80,46 +81,91 @@ def meet_conic(surface: Surface, points: Array, directions: Array) -> Hits:
 
 
 def meet_general(surface: Surface, points: Array, directions: Array) -> Hits:
-    """Return the hits with an asphere, biconic or toroid by Newton's iteration from its base conic or vertex plane."""
+    """Return the hits with an asphere, biconic or toroid, by Newton's iteration."""
     dx, dy, dz = directions
     x0, y0, to_plane = _on_vertex_plane(points, directions)
-    step = np.zeros_like(x0)
-    if surface.curvature_x is None:
-        base = meet_conic(surface, np.stack([x0, y0, np.zeros_like(x0)]), directions)
-        step = np.where(base.met & np.isfinite(base.distances), base.distances, 0.0)
-    step, settled = _iterate(surface, x0, y0, directions, step)
-    x, y = x0 + step * dx, y0 + step * dy
-    z, zx, zy = sag_and_slopes(surface, x, y)
-    length = np.sqrt(1.0 + zx * zx + zy * zy)
-    normal = np.stack([-zx, -zy, np.ones_like(zx)]) / length
+    start = _first_guess(surface, x0, y0, directions) if surface.curvature_x is None else np.zeros_like(x0)
+    step, settled, crossed = _iterate(surface, x0, y0, directions, start)
+    hit = np.stack([x0 + step * dx, y0 + step * dy, step * dz])
+    normal = _normal_at(surface, *hit)
+    normal /= np.sqrt(np.sum(normal * normal, axis=0))
     cosine = np.sum(normal * directions, axis=0)
-    reached = np.isfinite(step) & np.isfinite(z)
-    met = reached & settled & (cosine * dz > 0)
-    return Hits(np.stack([x, y, z]), to_plane + step, normal, cosine, met, reached & ~settled)
+    reached = np.isfinite(step)
+    met = reached & settled & (normal[2] > 0) & (cosine * dz > 0)
+    return Hits(hit, to_plane + step, normal, cosine, met, reached & ~settled & crossed)
 
 
-def _iterate(surface: Surface, x0: Array, y0: Array, directions: Array, start: Array) -> tuple[Array, Mask]:
-    """Return the step from the vertex plane to the surface, NaN where it is lost, and which steps have settled.
+def _first_guess(surface: Surface, x: Array, y: Array, directions: Array) -> Array:
+    """Return the step from the vertex plane to the base conic, moved by the polynomial's value there; 0 if none."""
+    dx, dy, dz = directions
+    (wx, wy), c, q = surface.axes(), surface.curvature, 1.0 + surface.conic
+    s = wx * x * x + wy * y * y
+    z, _ = _polynomial(surface, s)
+    f = c * (s + q * z * z) + 2.0 * z
+    g = dz - c * (wx * dx * x + wy * dy * y - q * dz * z)
+    a = c * (wx * dx * dx + wy * dy * dy + q * dz * dz)
+    discriminant = g * g - a * f
+    step = f / (g + np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), dz))
+    found = (discriminant >= 0) & (1.0 - c * q * (step * dz - z) > 0)
+    return np.where(found, step, 0.0)
 
-    A ray that strays to three clear radii is lost: there the polynomial of an asphere means nothing.
+
+def _iterate(surface: Surface, x0: Array, y0: Array, directions: Array, start: Array) -> tuple[Array, Mask, Mask]:
+    """Return the step from the vertex plane to the surface, NaN where lost, which settled, and which crossed it.
+
+    A ray that strays to three clear radii is lost: there the polynomial of an asphere means nothing. One that does not
+    settle and was never seen on the other side of the surface does not cross it either.
     """
-    step, settled = start.copy(), np.zeros(start.shape, dtype=bool)
-    reach = np.abs(x0) + np.abs(y0) + np.abs(start)
+    step, settled, crossed = start.copy(), np.zeros(start.shape, dtype=bool), np.zeros(start.shape, dtype=bool)
     limit = 9.0 * surface.semi_diameter**2
-    active = np.arange(len(start))
+    rows, t, d, first = np.arange(len(start)), start, directions, None
+    last_step, done = LAST_STEP * (np.abs(x0) + np.abs(y0) + np.abs(start)) + 1e-300, settled.copy()
     for _ in range(ITERATIONS):
-        (dx, dy, dz), t = directions[:, active], step[active]
-        x, y = x0[active] + t * dx, y0[active] + t * dy
-        z, zx, zy = sag_and_slopes(surface, x, y)
-        change = (t * dz - z) / (dz - zx * dx - zy * dy)
-        done = np.abs(change) <= CLOSE * (reach[active] + np.abs(t)) + 1e-300
-        good = np.isfinite(change) & (x * x + y * y <= limit)
-        step[active] = np.where(good, t - change, np.nan)
-        settled[active] = done & good
-        active = active[good & ~done]
-        if not len(active):
+        x, y = x0 + t * d[0], y0 + t * d[1]
+        change, side = _newton_step(surface, x, y, t * d[2], d)
+        first = side if first is None else first
+        crossed[rows] |= side * first < 0
+        good = done | (x * x + y * y <= limit)
+        t = np.where(good, t - change, np.nan)
+        done |= np.abs(change) <= last_step
+        done &= good
+        step[rows], settled[rows] = t, done
+        active = good & ~done
+        if not active.any():
             break
-    return step, settled
+        if np.count_nonzero(active) < WORTH_MOVING * len(rows):
+            kept = (rows, x0, y0, t, last_step, done, first)
+            rows, x0, y0, t, last_step, done, first = (values[active] for values in kept)
+            d = d[:, active]
+    return step, settled, crossed
+
+
+def _newton_step(surface: Surface, x: Array, y: Array, z: Array, d: Array) -> tuple[Array, Array]:
+    """Return Newton's step for rays at points, and on which side of the surface these lie, by its sign.
+
+    With w = z - polynomial an asphere is the conic w = c (s + (1 + k) w^2) / 2: no root, and one division.
+    """
+    if surface.curvature_x is not None:
+        sag, zx, zy = sag_and_slopes(surface, x, y)
+        return (z - sag) / (d[2] - zx * d[0] - zy * d[1]), z - sag
+    (wx, wy), half_c, q = surface.axes(), 0.5 * surface.curvature, 1.0 + surface.conic
+    s, along_s = wx * x * x + wy * y * y, 2.0 * (wx * x * d[0] + wy * y * d[1])
+    polynomial, slope = _polynomial(surface, s)
+    w, along_w = z - polynomial, d[2] - slope * along_s
+    side = w - half_c * (s + q * w * w)
+    return side / (along_w - half_c * (along_s + 2.0 * q * w * along_w)), side
+
+
+def _normal_at(surface: Surface, x: Array, y: Array, z: Array) -> Array:
+    """Return normals (3, n) of any length; z is negative on the far sheet of an asphere."""
+    if surface.curvature_x is not None:
+        _, zx, zy = sag_and_slopes(surface, x, y)
+        return np.stack([-zx, -zy, np.ones_like(zx)])
+    (wx, wy), c, q = surface.axes(), surface.curvature, 1.0 + surface.conic
+    polynomial, slope = _polynomial(surface, wx * x * x + wy * y * y)
+    nz = 1.0 - c * q * (z - polynomial)
+    sideways = -(c + 2.0 * slope * nz)
+    return np.stack([wx * x * sideways, wy * y * sideways, nz])
 
 
 def sag_and_slopes(surface: Surface, x: Array, y: Array) -> tuple[Array, Array, Array]:

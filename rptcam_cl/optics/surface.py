@@ -88,9 +88,9 @@ class Surface:
         return not (self.cylinder or self.curvature_x is not None or self.pose or self.region)
 
     def clears(self, x: Array, y: Array) -> NDArray[np.bool_]:
-        """Return which points of the vertex plane lie in the clear area."""
+        """Return which points of the vertex plane light is not blocked at."""
         inside = x * x + y * y <= self.semi_diameter * self.semi_diameter
-        if self.region:
+        if self.region and self.region.blocks:
             inside = inside & self.region.holds(x, y)
         if self.stop_shape:
             inside = inside & self.stop_shape.holds(x / self.semi_diameter, y / self.semi_diameter)

@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.placement import IN_PLACE
-from rptcam_cl.optics.shapes import meet
+from rptcam_cl.optics.region import Region, sides
+from rptcam_cl.optics.shapes import WORTH_MOVING, meet
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -61,12 +62,6 @@ class Rays:
         """Which rays came through."""
         return np.asarray(self.status == Status.ok)
 
-    def put(self, rows: NDArray[np.intp], other: Rays) -> None:
-        """Replace some rays by those of another trace that came through."""
-        good = other.passed
-        for mine, theirs in zip(self._arrays(), other._arrays(), strict=True):
-            mine[rows[good]] = theirs[good]
-
     def _arrays(self) -> tuple[NDArray[Any], ...]:
         return self.origins, self.directions, self.status, self.surface, self.optical_path
 
@@ -93,12 +88,52 @@ def trace(
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"rays need origins and directions of shape (n, 3) (got {points.shape})")
     wavelengths = np.asarray(wavelength_nm, dtype=np.float64)
-    rays = _trace(lens, points, vectors, wavelengths, start == "scene")
-    for other in lens.beside_half_lenses():
-        failed = np.flatnonzero(rays.status != Status.ok)
-        some = wavelengths if wavelengths.ndim == 0 else wavelengths[failed]
-        rays.put(failed, _trace(other, points[failed], vectors[failed], some, start == "scene"))
-    return rays
+    return _trace(lens, points, vectors, wavelengths, start == "scene")
+
+
+def passing(lens: Lens, origins: Array, directions: Array, wavelength_nm: float = WAVELENGTH_D) -> Mask:
+    """Return which rays (n, 3) from the film come through: those of `trace`, in about half of its time."""
+    indices = lens.indices(wavelength_nm)
+    passed = np.zeros(len(origins), dtype=bool)
+    with np.errstate(all="ignore"):
+        for low in range(0, len(origins), CHUNK):
+            rows = np.arange(low, min(low + CHUNK, len(origins)))
+            p, d = np.ascontiguousarray(origins[rows].T), np.ascontiguousarray(directions[rows].T)
+            d /= np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+            good, beside = np.ones(len(rows), dtype=bool), np.zeros(len(rows), dtype=bool)
+            for k in range(len(lens.surfaces) - 1, -1, -1):
+                ratio, previous = indices[k + 1] / indices[k], _region_of(lens, k + 1)
+                p, d, beside, through = _crossed(
+                    lens.surfaces[k], float(lens.vertices[k]), p, d, ratio, beside, previous
+                )
+                good &= through
+                if np.count_nonzero(good) < WORTH_MOVING * len(rows):
+                    rows, p, d, beside, good = rows[good], p[:, good], d[:, good], beside[good], good[good]
+            passed[rows] = good
+    return passed
+
+
+def _crossed(
+    surface: Surface, vertex: float, p: Array, d: Array, ratio: Array, beside: Mask, previous: Region | None
+) -> tuple[Array, Array, Mask, Mask]:
+    """Return rays (3, n) from the film on and behind a surface, which are beside a half lens, and which have passed."""
+    pose, shift = surface.pose, np.array([[0.0], [0.0], [vertex]])
+    points, d = pose.inward(p - shift, d) if pose else (p - shift, d)
+    hits = meet(surface, points, d)
+    good = hits.met & np.isfinite(hits.distances) & (d[2] < 0) & surface.clears(hits.points[0], hits.points[1])
+    beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
+    good &= apart
+    if ratio != 1.0:
+        bent, through = refract(d, hits.normals, hits.cosines, ratio)
+        d = np.where(beside, d, bent) if surface.region else bent
+        good &= through | beside
+    at, d = pose.outward(hits.points, d) if pose else (hits.points, d)
+    return at + shift, d, beside, good
+
+
+def _region_of(lens: Lens, k: int) -> Region | None:
+    """Return the region of a surface; None where there is no such surface."""
+    return lens.surfaces[k].region if 0 <= k < len(lens.surfaces) else None
 
 
 def _trace(lens: Lens, points: Array, vectors: Array, wavelengths: Array, forward: bool) -> Rays:
@@ -117,7 +152,8 @@ def _trace_part(lens: Lens, rays: Rays, part: slice, indices: Array, forward: bo
     """Trace some of the rays and write the results in their place."""
     beam = _Beam(rays, part, indices)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
-        beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), forward)
+        previous = _region_of(lens, k - 1 if forward else k + 1)
+        beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), forward, previous)
     beam.store(slice(None), Status.ok, -1)
 
 
@@ -132,6 +168,8 @@ class _Beam:
         self.d = d / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
         self.path = np.zeros(len(self.rows))
         self.indices = indices
+        self.beside = np.zeros(len(self.rows), dtype=bool)  # which pass beside the half lens at hand
+        self.outside_index = indices[0]  # there
 
     def store(self, mask: Mask | slice, status: Status, surface: int) -> None:
         """Write the state of some rays as their result."""
@@ -149,11 +187,12 @@ class _Beam:
         self.store(bad, status, surface)
         good = ~bad
         self.rows, self.p, self.d, self.path = self.rows[good], self.p[:, good], self.d[:, good], self.path[good]
+        self.beside = self.beside[good]
         if self.indices.ndim > 1:
-            self.indices = self.indices[:, good]
+            self.indices, self.outside_index = self.indices[:, good], self.outside_index[good]
         return tuple(array[..., good] for array in others)
 
-    def cross(self, surface: Surface, number: int, vertex: float, forward: bool) -> None:
+    def cross(self, surface: Surface, number: int, vertex: float, forward: bool, previous: Region | None) -> None:
         """Move every ray to a surface and refract it there."""
         pose = surface.pose or IN_PLACE
         shift = np.array([[0.0], [0.0], [vertex]])
@@ -167,14 +206,19 @@ class _Beam:
             met = met[~lost]
         at, length, normal, cosine, directions = self.drop(~met, Status.missed, number, *kept)
         before, after = (number, number + 1) if forward else (number + 1, number)
-        self.path = self.path + self.indices[before] * length
+        self.path = self.path + np.where(self.beside, self.outside_index, self.indices[before]) * length
         self.p = (pose.outward(at, at)[0] if surface.pose else at) + shift
-        outside = ~surface.clears(at[0], at[1])
-        normal, cosine, directions = self.drop(outside, Status.clipped, number, normal, cosine, directions)
+        opens = surface.region is not None and surface.region != previous
+        self.beside, apart = sides(surface.region, previous, at[0], at[1], self.beside)
+        clipped = ~(surface.clears(at[0], at[1]) & apart)
+        normal, cosine, directions = self.drop(clipped, Status.clipped, number, normal, cosine, directions)
+        if opens:
+            self.outside_index = self.indices[before]
         if np.array_equal(self.indices[before], self.indices[after]):
             return
         bent, through = refract(directions, normal, cosine, self.indices[before] / self.indices[after])
-        (bent,) = self.drop(~through, Status.total_internal_reflection, number, bent)
+        bent = np.where(self.beside, directions, bent)
+        (bent,) = self.drop(~(through | self.beside), Status.total_internal_reflection, number, bent)
         self.d = pose.matrix() @ bent if surface.pose else bent
 
 

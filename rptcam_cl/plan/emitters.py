@@ -5,13 +5,16 @@ Emissive boxes, cylinders, cones, ellipsoids and planes shine as well, but only 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.alias import alias_table
+from rptcam_cl.plan.meshes import corners_of_box
 from rptcam_cl.plan.primitives import Primitive, sphere_of, world_from_scene
+from rptcam_cl.plan.triangle_emitters import triangle_emitters
 from rptcam_cl.records import EMITTER, EmitterKind, Kind
 from rptcam_cl.scene.light import DirectionalLight, PointLight
 from rptcam_cl.scene.material import Emissive
@@ -63,15 +66,30 @@ def _surface_emitter(index: int, primitive: Primitive) -> tuple[np.void, float] 
     kind = _SAMPLED[primitive.kind]
     factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
     record["radiance"][:3] = material.radiance
-    record["primitive"] = index
+    record["primitive"], record["part"] = index, -1
     record["two_sided"] = material.two_sided
     return record, factor * _luminance(material.radiance) * (2 if material.two_sided else 1)
+
+
+def _mesh_emitters(
+    index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64]
+) -> tuple[NDArray[np.void], NDArray[np.float64]] | None:
+    """Return records and powers [W, luminance] of the triangles of an emissive mesh, or None when it does not shine."""
+    material, mesh = primitive.material, primitive.mesh
+    if mesh is None or not isinstance(material, Emissive) or _luminance(material.radiance) <= 0:
+        return None
+    records, areas = triangle_emitters(mesh, primitive.placement, eye)
+    records["radiance"][:, :3] = material.radiance
+    records["primitive"] = index
+    records["part"] = first_triangle + np.arange(len(records))
+    records["two_sided"] = material.two_sided
+    return records, np.pi * areas * _luminance(material.radiance) * (2 if material.two_sided else 1)
 
 
 def _light(light: PointLight | DirectionalLight, scene: Scene, reach: float) -> tuple[np.void, float]:
     """Return record and power of a light without a surface; ``reach`` is the radius of the scene [m]."""
     record = EMITTER.zeros(1)[0]
-    record["primitive"] = -1
+    record["primitive"], record["part"] = -1, -1
     if isinstance(light, PointLight):
         record["kind"] = EmitterKind.POINT
         record["a"][:3] = (world_from_scene(scene) @ (*light.position, 1.0))[:3]
@@ -83,26 +101,59 @@ def _light(light: PointLight | DirectionalLight, scene: Scene, reach: float) -> 
     return record, np.pi * reach**2 * _luminance(light.irradiance)
 
 
-def _scene_reach(primitives: list[Primitive]) -> float:
-    bounded = [primitive.placement for primitive in primitives if primitive.kind is not Kind.PLANE]
-    return max((float(np.linalg.norm(matrix[:3], ord=2)) for matrix in bounded), default=1.0)
+def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float:
+    """Return a radius about the eye that holds all bounded primitives [m]."""
+    reach = 0.0
+    for primitive in primitives:
+        if primitive.mesh is not None:
+            corners = corners_of_box(*primitive.mesh.bounds(), primitive.placement)
+            reach = max(reach, float(np.linalg.norm(corners - eye, axis=1).max()))
+        elif primitive.kind is not Kind.PLANE:
+            reach = max(reach, float(np.linalg.norm(primitive.placement[:3], ord=2)))
+    return reach or 1.0
 
 
-def pack_emitters(scene: Scene, primitives: list[Primitive]) -> Emitters:
-    """Return the emitters that light sampling chooses from, picked in proportion to their power."""
-    chosen: list[tuple[np.void, float]] = []
+def pack_emitters(scene: Scene, primitives: list[Primitive], first_triangles: Sequence[int]) -> Emitters:
+    """Return the emitters that light sampling chooses from, picked in proportion to their power.
+
+    Parameters
+    ----------
+    scene
+        The scene.
+    primitives
+        Its primitives, sorted by kind.
+    first_triangles
+        Of those that are meshes, in their order.
+    """
+    chosen: list[NDArray[np.void]] = []
+    powers: list[NDArray[np.float64]] = []
     of_primitive: dict[int, int] = {}
+    count = 0
+    eye = scene.metres_per_unit * np.array(scene.camera.eye)
+    first_mesh = len(primitives) - len(first_triangles)
     for index, primitive in enumerate(primitives):
-        if (found := _surface_emitter(index, primitive)) is not None:
-            of_primitive[index] = len(chosen)
-            chosen.append(found)
-    reach = _scene_reach(primitives)
-    chosen += [found for light in scene.lights if (found := _light(light, scene, reach))[1] > 0]
-    records = EMITTER.zeros(len(chosen))
+        if primitive.mesh is None:
+            single = _surface_emitter(index, primitive)
+            found = None if single is None else (np.array([single[0]], EMITTER.dtype), np.array([single[1]]))
+        else:
+            found = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye)
+        if found is not None:
+            of_primitive[index] = count
+            count += len(found[0])
+            chosen.append(found[0])
+            powers.append(found[1])
+    reach = _scene_reach(primitives, eye)
+    for light in scene.lights:
+        record, power = _light(light, scene, reach)
+        if power > 0:
+            chosen.append(np.array([record], EMITTER.dtype))
+            powers.append(np.array([power]))
+            count += 1
+    records = EMITTER.zeros(count)
     if chosen:
-        powers = np.array([power for _, power in chosen])
-        records[:] = np.array([record for record, _ in chosen], EMITTER.dtype)
-        records["pick"] = powers / powers.sum()
-        records["alias_keep"], records["alias_other"] = alias_table(powers)
-    kinds = frozenset(EmitterKind(int(record["kind"])) for record, _ in chosen)
-    return Emitters(records, of_primitive, kinds, len(chosen))
+        records[:] = np.concatenate(chosen)
+        weights = np.concatenate(powers)
+        records["pick"] = weights / weights.sum()
+        records["alias_keep"], records["alias_other"] = alias_table(weights)
+    kinds = frozenset(EmitterKind(kind) for kind in np.unique(records["kind"][:count]).tolist())
+    return Emitters(records, of_primitive, kinds, count)

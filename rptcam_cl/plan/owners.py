@@ -38,10 +38,10 @@ def owners_of(scene: Scene, primitives: Sequence[Primitive]) -> Owners:
     names = list(scene.materials)
     identifiers = {id(material): index for index, material in enumerate(scene.materials.values())}
     rows = np.zeros((max(len(primitives), 1), 2), np.int32)  # as OpenCL has no empty buffers
-    for index, item in enumerate(scene.objects):
-        if id(item.material) not in identifiers:
-            identifiers[id(item.material)] = len(names)
-            names.append(f"objects.{index}.material")
+    for primitive in sorted(primitives, key=lambda primitive: primitive.object):
+        if id(primitive.material) not in identifiers:
+            identifiers[id(primitive.material)] = len(names)
+            names.append(f"objects.{primitive.object}.material")
     for row, primitive in zip(rows, primitives, strict=False):
         row[:] = primitive.object, identifiers[id(primitive.material)]
     return Owners(rows, objects, tuple(names))

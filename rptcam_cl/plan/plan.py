@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.materials import material_kinds, pack_materials
 from rptcam_cl.plan.owners import Owners, owners_of
-from rptcam_cl.plan.primitives import pack_primitives, scene_primitives
+from rptcam_cl.plan.primitives import pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.textures import Textures, TextureTable
 from rptcam_cl.records import ENVIRONMENT, EmitterKind, EnvironmentKind, Kind, MaterialKind
 from rptcam_cl.scene.environment import GradientEnvironment
 from rptcam_cl.scene.scene import Scene
+
+FLAT_EMITTERS = {EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE}
 
 
 @dataclass(frozen=True)
@@ -31,6 +34,7 @@ class Plan:
     emitters: Emitters
     environment: NDArray[np.void]
     primitive_count: int
+    meshes: PackedMeshes | None
     owners: Owners
     eye_m: NDArray[np.float64]
 
@@ -50,13 +54,13 @@ def _pack_environment(scene: Scene) -> tuple[EnvironmentKind, NDArray[np.void]]:
 
 def make_plan(scene: Scene) -> Plan:
     """Return the plan of a scene."""
-    primitives = scene_primitives(scene)
+    primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
     material_records, material_index = pack_materials(materials, table)
     textures = table.pack()
-    emitters = pack_emitters(scene, primitives)
-    records, kind_end = pack_primitives(primitives, material_index, emitters.of_primitive)
+    emitters = pack_emitters(scene, primitives, meshes.first_triangles if meshes else ())
+    records, kind_end = pack_primitives(primitives, material_index, emitters.of_primitive, meshes)
     environment_kind, environment = _pack_environment(scene)
     kinds = {primitive.kind for primitive in primitives}
     shown = material_kinds(materials)
@@ -64,10 +68,13 @@ def make_plan(scene: Scene) -> Plan:
     facts |= {f"HAS_{kind.name}": int(kind in shown) for kind in MaterialKind}
     facts |= textures.facts
     facts |= {
-        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE})),
+        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_EMITTERS": int(emitters.count > 0),
         "ONE_EMITTER": int(emitters.count == 1),
-        "EMITTER_FLATS": int(bool(emitters.kinds & {EmitterKind.RECTANGLE, EmitterKind.DISK})),
+        "EMITTER_FLATS": int(bool(emitters.kinds & FLAT_EMITTERS)),
+        "EMITTER_TRIANGLES": int(EmitterKind.TRIANGLE in emitters.kinds),
+        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+        "HAS_TANGENT": 0,
         "EMITTER_DISKS": int(EmitterKind.DISK in emitters.kinds),
         "EMITTER_SPHERES": int(EmitterKind.SPHERE in emitters.kinds),
         "EMITTER_POINTS": int(EmitterKind.POINT in emitters.kinds),
@@ -84,6 +91,7 @@ def make_plan(scene: Scene) -> Plan:
         emitters=emitters,
         environment=environment,
         primitive_count=len(primitives),
+        meshes=meshes.packed if meshes else None,
         owners=owners_of(scene, primitives),
         eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
     )

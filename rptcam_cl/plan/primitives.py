@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.geometry import Mesh, mesh_parts
+from rptcam_cl.plan.meshes import MeshPlan, PlacedMesh, pack_meshes
 from rptcam_cl.records import PRIMITIVE, Kind
 from rptcam_cl.scene import shape as shapes
 from rptcam_cl.scene.material import Material
@@ -28,15 +29,18 @@ class Primitive:
     placement : (4, 4) array
         Maps the canonical shape of the kind (see ``kernels/geometry/primitives.h``) to the world [m], the eye at the
         origin.
+        A mesh's placement: the scene [m], from the mesh's frame.
     material : Material
     object : int
         Index of the object of the scene that it belongs to.
+    mesh : Mesh or None
     """
 
     kind: Kind
     placement: Matrix
     material: Material
     object: int
+    mesh: Mesh | None = None
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
@@ -110,7 +114,8 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
     found = []
     for index, item in enumerate(scene.objects):
         if isinstance(item, MeshObject):
-            raise InputError("objects of shape mesh cannot be rendered yet")
+            found += _mesh_primitives(scene, item, index)
+            continue
         for kind, canonical in _canonical(item):
             placement = world @ item.world_from_object @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
@@ -119,13 +124,31 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
     return sorted(found, key=lambda primitive: primitive.kind)
 
 
+def _mesh_primitives(scene: Scene, item: MeshObject, index: int) -> list[Primitive]:
+    scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
+    parts = mesh_parts(scene, item)
+    return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh) for part in parts]
+
+
 def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
     """Return centre and radius of a unit sphere under a similarity."""
     return placement[:3, 3], float(np.cbrt(abs(np.linalg.det(placement[:3, :3]))))
 
 
+def with_meshes(primitives: list[Primitive], scene: Scene) -> tuple[list[Primitive], MeshPlan | None]:
+    """Return the primitives with the meshes, which stand last, in the order that their pools ask for; and the pools."""
+    solid = [primitive for primitive in primitives if primitive.mesh is None]
+    meshes = [primitive for primitive in primitives if primitive.mesh is not None]
+    if not meshes:
+        return solid, None
+    placed = [PlacedMesh(primitive.mesh, primitive.placement) for primitive in meshes if primitive.mesh is not None]
+    eye = scene.metres_per_unit * np.array(scene.camera.eye)
+    plan = pack_meshes(placed, eye, len(solid))
+    return solid + [meshes[index] for index in plan.order], plan
+
+
 def pack_primitives(
-    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int]
+    primitives: list[Primitive], materials: dict[int, int], emitters: dict[int, int], meshes: MeshPlan | None
 ) -> tuple[NDArray[np.void], NDArray[np.int32]]:
     """Return the records and, per kind, the index after its last one.
 
@@ -137,6 +160,8 @@ def pack_primitives(
         Record index of each material, by ``id``.
     emitters
         Index of the sampled emitter, by index of the primitive.
+    meshes
+        Where those of the primitives that are meshes have their triangles.
     """
     records = PRIMITIVE.zeros(len(primitives))
     for index, primitive in enumerate(primitives):
@@ -146,11 +171,14 @@ def pack_primitives(
             records[index]["row_x"] = (*center, radius)
             records[index]["row_y"] = (*axes[:, 0], np.sign(np.linalg.det(axes)))
             records[index]["row_z"][:3] = axes[:, 2]
-        else:
+        elif primitive.kind is not Kind.MESH:
             inverse = np.linalg.inv(primitive.placement)
             for name, row in zip(("row_x", "row_y", "row_z"), inverse[:3], strict=True):
                 records[index][name] = row
         records[index]["material"] = materials[id(primitive.material)]
         records[index]["emitter"] = emitters.get(index, -1)
+    if meshes is not None:
+        records["instance"][-len(meshes.order) :] = meshes.instances
+        records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
     ends = [sum(primitive.kind <= kind for primitive in primitives) for kind in Kind]
     return records, np.array(ends, np.int32)

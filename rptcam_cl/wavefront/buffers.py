@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.acceleration.scene_trees import scene_trees
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 
@@ -17,6 +18,8 @@ class SceneBuffers:
     ----------
     scene : tuple
         Values of ``SCENE_PARAMETERS`` (``kernels/common/scene.h``), in its order.
+    mesh_facts : dict
+        Facts of the trees for the compilation; zero without meshes.
     camera : tuple
         The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
     """
@@ -33,6 +36,12 @@ class SceneBuffers:
             upload(plan.environment),
             np.int32(plan.emitters.count),
         )
+        self.mesh_facts = {"BVH_WIDTH": 0, "BVH_STACK": 0}
+        if plan.meshes is not None:
+            trees = scene_trees(plan.meshes, session)
+            self.mesh_facts = {"BVH_WIDTH": trees.width, "BVH_STACK": trees.stack}
+            arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
+            self.scene += (*(upload(array) for array in arrays), np.int32(trees.root))
         camera = plan.camera
         self.camera: tuple[Any, ...] = (
             upload(camera.record),

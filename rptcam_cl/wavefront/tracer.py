@@ -79,8 +79,8 @@ class Wavefront:
         self._enqueued, self._rays = 0, 0  # camera rays of the picture, since the last and up to the last `finish`
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
-        self._build(plan)
         self._allocate(plan)
+        self._build(plan)
         self._bind()
 
     def _size_wave(self, slots: int) -> None:
@@ -99,19 +99,24 @@ class Wavefront:
         declarations = device_declarations()
         passes = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
         trace = ["pass/stream.cl"] if self.organisation == "stream" else passes
-        self._trace = self.session.program(trace, plan.facts | {"VW": self._lanes["trace"]}, declarations)
+        self._trace = self.session.program(
+            trace, plan.facts | self._buffers.mesh_facts | {"VW": self._lanes["trace"]}, declarations
+        )
         camera_facts: dict[str, int | str] = {
             **plan.camera.facts,
             "CAMERA_FILE": plan.camera.kernel,
             "CAMERA_HAS_LENS": int(plan.camera.has_lens),
             "HAS_EMITTERS": plan.facts["HAS_EMITTERS"],
+            "HAS_MESH": plan.facts["HAS_MESH"],
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }
         self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
 
     def _allocate(self, plan: Plan) -> None:
-        floats = floats_per_slot(stream=self.organisation == "stream", emitters=self._emitters > 0)
+        floats = floats_per_slot(
+            stream=self.organisation == "stream", emitters=self._emitters > 0, meshes=plan.facts["HAS_MESH"] > 0
+        )
         state_bytes = 4 * floats * self.capacity
         planes = LayerPlanes(self.settings.layers)
         film_bytes = (BYTES_PER_PIXEL + planes.bytes_per_pixel) * self.layout.pixels

@@ -33,17 +33,30 @@ PATTERNS = {
 GRID = {"kind": "grid", "background": 0.9, "line": 0.1, "line_width": 0.25, "scale": [2, 2]}
 
 
+GLOW = {"kind": "emissive", "radiance": 1}
+TREES = {"BVH_WIDTH": 8, "BVH_STACK": 64}
+
+
+def sheet(side):
+    """A square of ``side`` by ``side`` pairs of triangles."""
+    step = [i / side for i in range(side + 1)]
+    corner = [i * (side + 1) + j for i in range(side) for j in range(side)]
+    faces = [f for k in corner for f in ([k, k + side + 1, k + side + 2], [k, k + side + 2, k + 1])]
+    return {"vertices": [[x, y, 0] for x in step for y in step], "faces": faces}
+
+
 def facts_of(mapping):
     return make_plan(load_scene(mapping, allow_folders=[Path(__file__).parents[2]])).facts
 
 
 def all_facts():
     """Facts of a scene that has one of everything."""
-    scene = still_life()
+    scene = still_life() | {"meshes": {"sheet": sheet(100)}}
+    meshes = [{"shape": "mesh", "mesh": "sheet", "material": GLOW}] * 2  # too large to be copied: instances
     patterns = PATTERNS | {"grid": GRID}
     materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()}
     shown = [PLANE | {"material": name} for name in PATTERNS]
-    return facts_of(scene | {"objects": scene["objects"] + RARE + shown, "materials": materials})
+    return facts_of(scene | {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials})
 
 
 def least_facts():
@@ -67,16 +80,21 @@ def without_warnings(session, files, facts):
 def test_scene_with_everything_turns_every_fact_on():
     # one emitter is not many, and what there is of the world is one kind
     off = {name for name, value in all_facts().items() if not value}
-    assert off == {"ONE_EMITTER"}
+    assert off == {"ONE_EMITTER", "HAS_TANGENT"}
 
 
 SCENE_PASSES = [name for name in PASSES if name not in ("pass/generate.cl", "pass/trace_rays.cl")]
 
 
+@pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shade.cl"])
+def test_meshes_compile_for_trees_of_four(session, file):
+    without_warnings(session, [file], all_facts() | {"BVH_WIDTH": 4, "BVH_STACK": 32, "VW": 1})
+
+
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], all_facts() | layer_facts(LAYER_NAMES) | {"VW": lanes})
+    without_warnings(session, [file], all_facts() | TREES | layer_facts(LAYER_NAMES) | {"VW": lanes})
 
 
 @pytest.mark.parametrize("lanes", [1, 8])

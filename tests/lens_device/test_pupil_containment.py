@@ -1,11 +1,13 @@
 """The tiers of pupil sampling: no ray that passes lies outside, and few that are drawn fail to pass."""
 
 import time
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
 import pytest
 
+from rptcam_cl.cameras import pupil
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.optics import Status, list_lenses, load_lens
 from rptcam_cl.optics.glass import WAVELENGTH_D
@@ -115,6 +117,11 @@ def passing_rays(lens, back, half):
     return np.concatenate([film[passes], landed[on_film]]), np.concatenate([points[passes], rear[on_film]])
 
 
+def forget():
+    """Make the next pupil table be computed anew."""
+    pupil._remembered.cache_clear()
+
+
 def sampling_of(lens, back, half, tier):
     sampling = pupil_sampling(lens, back, (half, half), WAVELENGTH_D, tier)
     if sampling.kind != PupilKind.OUTLINES:
@@ -180,12 +187,13 @@ def film_of(name):
 
 
 @pytest.mark.parametrize("name", list_lenses())
-def test_nine_of_ten_rays_pass_and_the_table_is_made_in_seconds(name):
+def test_nine_of_ten_rays_pass_and_the_table_is_made_in_a_second(name):
     lens, back, radius = film_of(name)
+    forget()
     began = time.process_time()
     sampling, x, y = sampling_of(lens, back, radius, "auto")
-    # Of processor time, as others may use the machine; 0.1 to 0.4 s but for the phone, whose pupil has to be sought.
-    assert time.process_time() - began < 3.0
+    # Of processor time, as others may use the machine; 0.02 to 0.4 s were measured.
+    assert time.process_time() - began < 1.0
     rng = generator("pass rate", name)
     turn, out = 2 * np.pi * rng.random(4000), radius * np.sqrt(rng.random(4000))
     film = np.stack([out * np.cos(turn), out * np.sin(turn)], axis=1)
@@ -194,6 +202,31 @@ def test_nine_of_ten_rays_pass_and_the_table_is_made_in_seconds(name):
     passes = FilmProbe(lens, back, WAVELENGTH_D).passes(film, points)
     assert not passes[~aimed].any()
     assert passes[aimed].mean() >= 0.90
+
+
+def test_a_lens_in_the_same_state_finds_its_table_again():
+    lens, again = load_lens("dgauss-50mm"), load_lens("dgauss-50mm")
+    first = pupil_sampling(lens, 37.0, (18.0, 12.0), WAVELENGTH_D, "tight")
+    assert pupil_sampling(again, 37.0, (18.0, 12.0), WAVELENGTH_D, "tight") is first
+    assert not first.table.flags.writeable
+
+
+OTHER_STATES = {
+    "focus": lambda lens: pupil_sampling(lens, 38.0, (18.0, 12.0), WAVELENGTH_D, "tight"),
+    "film": lambda lens: pupil_sampling(lens, 37.0, (18.0, 15.0), WAVELENGTH_D, "tight"),
+    "wavelength": lambda lens: pupil_sampling(lens, 37.0, (18.0, 12.0), 450.0, "tight"),
+    "tier": lambda lens: pupil_sampling(lens, 37.0, (18.0, 12.0), WAVELENGTH_D, "bounds"),
+    "stop": lambda lens: pupil_sampling(lens.with_stop_diameter(9.0), 37.0, (18.0, 12.0), WAVELENGTH_D, "tight"),
+}
+
+
+@pytest.mark.parametrize("change", OTHER_STATES)
+def test_another_state_of_a_lens_has_a_table_of_its_own(change):
+    lens = load_lens("achromat-100mm" if change == "wavelength" else "dgauss-50mm")
+    lens = replace(lens, stop_index=lens.stop_index or 0)
+    first = pupil_sampling(lens, 37.0, (18.0, 12.0), WAVELENGTH_D, "tight")
+    other = OTHER_STATES[change](lens)
+    assert other.table.shape != first.table.shape or np.any(other.table != first.table)
 
 
 def circle_scene(name, back, radius, tier):

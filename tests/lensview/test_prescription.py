@@ -80,7 +80,7 @@ def test_split_dioptre_zoom_and_focusing_group_read_back(tmp_path: Path) -> None
             "name": 'A "zoom": 1 # 2',
             "source": "line\nbreak",
             "object_medium": "water",
-            "surfaces": [PLAIN[0] | half, {"thickness": 3, "diameter": 12} | half, *PLAIN[1:]],
+            "surfaces": [PLAIN[0] | half, {"thickness": 3, "glass": "water", "diameter": 12} | half, *PLAIN[1:]],
             "configurations": [{"name": "wide", "gaps": {2: 2}}, {"name": "far", "gaps": {2: 1.1}, "stop_diameter": 7}],
             "focusing": {"surfaces": [0, 1], "travel": [-1, 1]},
         }

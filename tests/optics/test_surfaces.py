@@ -201,6 +201,31 @@ def test_a_split_dioptre_bends_one_half_and_leaves_the_other():
     np.testing.assert_allclose(back.directions, -ahead, atol=1e-15)
 
 
+def test_a_half_lens_ends_in_the_medium_in_which_it_began():
+    half = {"clear": {"half_plane_degrees": 90}, "outside": "pass"}
+    rows = [
+        {"radius": 100, "thickness": 2, "glass": {"index": 1.5}, "diameter": 30, **half},
+        {"thickness": 3, "glass": {"index": 1.6}, "diameter": 30, **half},
+        {"diameter": 25},
+    ]
+    with pytest.raises(InputError, match=r"surfaces\[1\]\.glass: must be the medium before the half lens"):
+        load_lens({"name": "cemented half", "surfaces": rows})
+
+
+def test_light_beside_a_half_lens_travels_in_the_medium_outside():
+    half = {"clear": {"half_plane_degrees": 90}, "outside": "pass"}
+    rows = [
+        {"thickness": 2, "glass": {"index": 1.5}, "diameter": 30, **half},
+        {"thickness": 3, "diameter": 30, **half},
+        {"diameter": 25},
+    ]
+    lens = load_lens({"name": "half plate", "surfaces": rows})
+    through, beside = lens.trace([[0, 5, -1], [0, -5, -1]], [0, 0, 1], start="scene").optical_path
+    assert (through, beside) == (pytest.approx(1 + 2 * 1.5 + 3), pytest.approx(6.0))
+    stopped = lens.trace([[0, -5, -1]], [[0, -2, 1]], start="scene")
+    assert (stopped.status[0], stopped.surface[0]) == (Status.clipped, 2)
+
+
 def test_a_port_with_water_in_front():
     port = load_lens(
         {

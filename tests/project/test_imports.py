@@ -30,7 +30,7 @@ ALLOWED: dict[str, set[str]] = {
     "lensview": FILES | {"optics"},
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
-    "wavefront": GROUND | {"records", "scene", "plan", "device"},
+    "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}

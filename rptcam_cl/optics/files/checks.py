@@ -29,6 +29,7 @@ def check_lens(lens: Lens, report: Report) -> Lens:
                 index, "thickness", f"must not be negative except beside the stop (got {surface.thickness:g} mm)"
             )
     _check_gaps(lens, report)
+    _check_half_lenses(lens, report)
     return replace(lens, warnings=(*lens.warnings, *_doubts(lens)))
 
 
@@ -63,6 +64,20 @@ def _check_gaps(lens: Lens, report: Report) -> None:
                 "thickness",
                 f"surfaces {index} and {index + 1} cross: they overlap by {-gap:.4g} mm at {height:g} mm from the axis",
             )
+
+
+def _check_half_lenses(lens: Lens, report: Report) -> None:
+    """Refuse a half lens whose outside is not one medium: what passes beside it would have to be bent somewhere."""
+    half = [surface.region if surface.region and not surface.region.blocks else None for surface in lens.surfaces]
+    media = [lens.object_medium, *(surface.glass for surface in lens.surfaces)]
+    first = 0
+    for index, region in enumerate(half):
+        if region is None:
+            continue
+        if index == 0 or half[index - 1] != region:
+            first = index
+        if (index == len(half) - 1 or half[index + 1] != region) and media[index + 1] != media[first]:
+            raise report(index, "glass", "must be the medium before the half lens, which ends with this surface")
 
 
 def crossed_rims(lens: Lens) -> tuple[str, ...]:

@@ -1,0 +1,176 @@
+// One ray against a tree of wide nodes: BVH_WIDTH boxes, and as many triangles of a leaf, at once in a vector. A node is
+// BVH_WIDTH columns of min x y z, max x y z and child: >= 0 another node, < 0 the block ~child; boxes of missing children
+// are inside out. A block is BVH_WIDTH columns of three corners and the triangle's index, all zero where there is none.
+//
+// Box test: Ize, «Robust BVH ray traversal», JCGT 2(2) 2013: the far side is moved out by the rounding of the distances,
+// so that no ray slips between two boxes. Triangle test: Woop, Benthin, Wald, «Watertight ray/triangle intersection», JCGT
+// 2(1) 2013: edge functions of shared edges agree to the last bit, which fused multiply-add would spoil.
+#ifndef BVH_H
+#define BVH_H
+#include "common/width.h"
+
+#if BVH_WIDTH == 8
+typedef float8 Row;
+typedef int8   RowMask;
+#define LOAD_ROW(p)     vload8(0, p)
+#define ROW_OF_INTS(v)  as_int8(v)
+#ifdef CLANG_AVX2
+#define ROW_BITS(m)     ((uint)__builtin_ia32_movmskps256(as_float8(m)))
+#else
+static uint row_bits(int8 m)
+{
+    int8 b = m & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
+    int4 c = b.lo | b.hi;
+    int2 e = c.lo | c.hi;
+    return (uint)(e.x | e.y);
+}
+#define ROW_BITS(m)     row_bits(m)
+#endif
+#else
+typedef float4 Row;
+typedef int4   RowMask;
+#define LOAD_ROW(p)     vload4(0, p)
+#define ROW_OF_INTS(v)  as_int4(v)
+static uint row_bits(int4 m)
+{
+    int4 b = m & (int4)(1, 2, 4, 8);
+    int2 e = b.lo | b.hi;
+    return (uint)(e.x | e.y);
+}
+#define ROW_BITS(m)     row_bits(m)
+#endif
+
+#define NODE_FLOATS   (7 * BVH_WIDTH)
+#define BLOCK_FLOATS  (10 * BVH_WIDTH)
+#define FAR_PAD       1.0000004f      // 1 + 2 gamma(3), rounded up
+#define SMALLEST_STEP 1e-18f          // of a direction, so that its inverse stays finite
+
+// A ray made ready: signed inverse direction, which side of a box is near, and the shear that turns it into the z axis.
+typedef struct {
+    float ox, oy, oz, ix, iy, iz;
+    uint  near_x, near_y, near_z, far_x, far_y, far_z;      // where a node's rows of near and far planes begin
+    uint  row_x, row_y, row_z;                              // the same of a block's rows; z: the direction's largest part
+    float px, py, pz;                                       // origin in that order
+    float sx, sy, sz;
+} BoxRay;
+
+typedef struct {
+    float t, b1, b2;        // distance and weights of the second and third corner
+    int   triangle;
+} TriangleHit;
+
+static float safe_inverse(float d)
+{
+    float a = fabs(d);
+    float s = a < SMALLEST_STEP ? SMALLEST_STEP : a;
+    return d < 0.0f ? -1.0f / s : 1.0f / s;
+}
+
+static BoxRay box_ray(float ox, float oy, float oz, float dx, float dy, float dz)
+{
+    BoxRay r;
+    r.ox = ox; r.oy = oy; r.oz = oz;
+    r.ix = safe_inverse(dx); r.iy = safe_inverse(dy); r.iz = safe_inverse(dz);
+    r.near_x = (dx < 0.0f ? 3u : 0u) * BVH_WIDTH; r.far_x = 3u * BVH_WIDTH - r.near_x;
+    r.near_y = (dy < 0.0f ? 4u : 1u) * BVH_WIDTH; r.far_y = 5u * BVH_WIDTH - r.near_y;
+    r.near_z = (dz < 0.0f ? 5u : 2u) * BVH_WIDTH; r.far_z = 7u * BVH_WIDTH - r.near_z;
+    float ax = fabs(dx), ay = fabs(dy), az = fabs(dz);
+    int z_leads = az >= ax && az >= ay;
+    int x_leads = !z_leads && ax >= ay;
+    r.row_z = (z_leads ? 2u : (x_leads ? 0u : 1u)) * BVH_WIDTH;
+    r.row_x = (z_leads ? 0u : (x_leads ? 1u : 2u)) * BVH_WIDTH;
+    r.row_y = (z_leads ? 1u : (x_leads ? 2u : 0u)) * BVH_WIDTH;
+    r.pz = z_leads ? oz : (x_leads ? ox : oy);
+    r.px = z_leads ? ox : (x_leads ? oy : oz);
+    r.py = z_leads ? oy : (x_leads ? oz : ox);
+    r.sz = 1.0f / (z_leads ? dz : (x_leads ? dx : dy));
+    r.sx = (z_leads ? dx : (x_leads ? dy : dz)) * r.sz;
+    r.sy = (z_leads ? dy : (x_leads ? dz : dx)) * r.sz;
+    return r;
+}
+
+// Bits of the triangles of a block that the ray meets before `reach`; distances and weights of all of them.
+static uint hit_triangles(const __global float *block, BoxRay r, float reach, Row *distance, Row *b1, Row *b2)
+{
+#pragma OPENCL FP_CONTRACT OFF
+    const __global float *x = block + r.row_x;
+    const __global float *y = block + r.row_y;
+    const __global float *z = block + r.row_z;
+    Row az = LOAD_ROW(z) - r.pz;
+    Row bz = LOAD_ROW(z + 3 * BVH_WIDTH) - r.pz;
+    Row cz = LOAD_ROW(z + 6 * BVH_WIDTH) - r.pz;
+    Row ax = LOAD_ROW(x) - r.px - r.sx * az;
+    Row ay = LOAD_ROW(y) - r.py - r.sy * az;
+    Row bx = LOAD_ROW(x + 3 * BVH_WIDTH) - r.px - r.sx * bz;
+    Row by = LOAD_ROW(y + 3 * BVH_WIDTH) - r.py - r.sy * bz;
+    Row cx = LOAD_ROW(x + 6 * BVH_WIDTH) - r.px - r.sx * cz;
+    Row cy = LOAD_ROW(y + 6 * BVH_WIDTH) - r.py - r.sy * cz;
+    Row u = cx * by - cy * bx;
+    Row v = ax * cy - ay * cx;
+    Row w = bx * ay - by * ax;
+    RowMask inside = ((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f));
+    if (ROW_BITS(inside) == 0u)
+        return 0u;
+    Row det = u + v + w;
+    Row inverse = 1.0f / det;
+    Row t = (u * az + v * bz + w * cz) * r.sz * inverse;
+    *distance = t;
+    *b1 = v * inverse;
+    *b2 = w * inverse;
+    return ROW_BITS(inside & (det != 0.0f) & (t > 0.0f) & (t < reach));
+}
+
+// Lowers `hit` to the nearest triangle of a block but `self`; whether there is one.
+static int hit_block(const __global float *block, BoxRay r, int self, TriangleHit *hit)
+{
+    Row t, b1, b2;
+    const __global int *index = (const __global int *)(block + 9 * BVH_WIDTH);
+    int found = 0;
+    for (uint bits = hit_triangles(block, r, hit->t, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
+        uint k = LOWEST_BIT(bits);
+        float tk = ((const float *)&t)[k];
+        if (tk < hit->t && index[k] != self) {
+            hit->t = tk;
+            hit->b1 = ((const float *)&b1)[k];
+            hit->b2 = ((const float *)&b2)[k];
+            hit->triangle = index[k];
+            found = 1;
+        }
+    }
+    return found;
+}
+
+// Whether a block holds a triangle before `reach` other than `self` and `target`.
+static int block_blocks(const __global float *block, BoxRay r, int self, int target, float reach)
+{
+    Row t, b1, b2;
+    const __global int *index = (const __global int *)(block + 9 * BVH_WIDTH);
+    for (uint bits = hit_triangles(block, r, reach, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
+        int triangle = index[LOWEST_BIT(bits)];
+        if (triangle != self && triangle != target)
+            return 1;
+    }
+    return 0;
+}
+
+// Bits of the children of a node that the ray meets before `reach`; where it enters them through *enter.
+static uint hit_boxes(const __global float *node, BoxRay r, float reach, Row *enter)
+{
+    Row x = (LOAD_ROW(node + r.near_x) - r.ox) * r.ix;
+    Row y = (LOAD_ROW(node + r.near_y) - r.oy) * r.iy;
+    Row z = (LOAD_ROW(node + r.near_z) - r.oz) * r.iz;
+    Row X = (LOAD_ROW(node + r.far_x) - r.ox) * r.ix;
+    Row Y = (LOAD_ROW(node + r.far_y) - r.oy) * r.iy;
+    Row Z = (LOAD_ROW(node + r.far_z) - r.oz) * r.iz;
+    Row first = x > y ? x : y;
+    first = first > z ? first : z;
+    first = first > 0.0f ? first : (Row)(0.0f);
+    Row last = X < Y ? X : Y;
+    last = last < Z ? last : Z;
+    last = last * FAR_PAD;
+    last = last < reach ? last : (Row)(reach);
+    *enter = first;
+    return ROW_BITS(first <= last);
+}
+
+#endif

@@ -1,0 +1,224 @@
+// Rays of a pack against the meshes of the scene, ray by ray: a tree over triangles serves one ray with whole vectors.
+// Without HAS_INSTANCES all triangles stand in the world and in one tree. With it the tree at mesh_root holds instances
+// (leaf ~index), each with a tree of its own in the frame of its mesh.
+#ifndef MESH_H
+#define MESH_H
+#include "common/scene.h"
+#include "geometry/bvh.h"
+#include "geometry/hit.h"
+
+#if VW == 1
+#define LANE_OF(T, v, k)        (v)
+#define SET_LANE(T, v, k, x)    ((v) = (x))
+#define LANE_BITS(m)            ((m) ? 1u : 0u)
+#else
+#define LANE_OF(T, v, k)        (((const T *)&(v))[k])
+#define SET_LANE(T, v, k, x)    (((T *)&(v))[k] = (x))
+#define LANE_BITS(m)            MASK_BITS(m)
+#endif
+
+typedef struct {
+    float3 o, d;
+    int    self, part;      // primitive and triangle that do not count
+} OneRay;
+
+static OneRay one_ray(Ray ray, uint k)
+{
+    OneRay r;
+    r.o = (float3)(LANE_OF(float, ray.o.x, k), LANE_OF(float, ray.o.y, k), LANE_OF(float, ray.o.z, k));
+    r.d = (float3)(LANE_OF(float, ray.d.x, k), LANE_OF(float, ray.d.y, k), LANE_OF(float, ray.d.z, k));
+    r.self = LANE_OF(int, ray.self, k);
+    r.part = LANE_OF(int, ray.part, k);
+    return r;
+}
+
+static BoxRay in_world(OneRay r) { return box_ray(r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z); }
+
+#if HAS_INSTANCES
+static BoxRay in_mesh(const __global Instance *instance, OneRay r)
+{
+    float4 x = instance->row_x, y = instance->row_y, z = instance->row_z;
+    return box_ray(x.x * r.o.x + x.y * r.o.y + x.z * r.o.z + x.w, y.x * r.o.x + y.y * r.o.y + y.z * r.o.z + y.w,
+                   z.x * r.o.x + z.y * r.o.y + z.z * r.o.z + z.w, x.x * r.d.x + x.y * r.d.y + x.z * r.d.z,
+                   y.x * r.d.x + y.y * r.d.y + y.z * r.d.z, z.x * r.d.x + z.y * r.d.y + z.z * r.d.z);
+}
+
+// The triangle of an instance that does not count for a ray.
+static int self_within(const __global Instance *instance, int self, int part)
+{
+    int slot = self - instance->first_primitive;
+    return slot >= 0 && slot < instance->primitives ? part : NO_TRIANGLE;
+}
+#endif
+
+// The nearest triangle before hit->t; its instance is returned.
+static int nearest_triangle(OneRay ray, Scene scene, TriangleHit *hit)
+{
+    int   todo[BVH_STACK];
+    float enter[BVH_STACK];
+    int depth = 0;
+    int node = scene.mesh_root;
+    int found = 0;
+    BoxRay r = in_world(ray);
+    int self = ray.part;
+#if HAS_INSTANCES
+    BoxRay outside = r;
+    int within = -1;            // instance whose tree is being walked
+    int floor_of = 0;           // depth of the stack below it
+#endif
+    for (;;) {
+        if (node >= 0) {
+            const __global float *n = scene.nodes + (size_t)node * NODE_FLOATS;
+            const __global int *child = (const __global int *)(n + 6 * BVH_WIDTH);
+            Row first;
+            uint bits = hit_boxes(n, r, hit->t, &first);
+            if (bits != 0u) {
+                // The nearest child is next, the others wait in order of distance.
+                const float *t = (const float *)&first;
+                uint k = LOWEST_BIT(bits);
+                bits &= bits - 1u;
+                node = child[k];
+                if (bits == 0u)
+                    continue;
+                float nearest = t[k];
+                int base = depth;
+                while (bits != 0u) {
+                    k = LOWEST_BIT(bits);
+                    bits &= bits - 1u;
+                    float tk = t[k];
+                    int ck = child[k];
+                    if (tk < nearest) {
+                        float further = nearest; nearest = tk; tk = further;
+                        int other = node; node = ck; ck = other;
+                    }
+                    int place = depth;
+                    while (place > base && enter[place - 1] < tk) {
+                        enter[place] = enter[place - 1];
+                        todo[place] = todo[place - 1];
+                        --place;
+                    }
+                    enter[place] = tk;
+                    todo[place] = ck;
+                    ++depth;
+                }
+                continue;
+            }
+        }
+#if HAS_INSTANCES
+        else if (within < 0) {
+            within = ~node;
+            const __global Instance *instance = scene.instances + within;
+            floor_of = depth;
+            node = instance->root;
+            self = self_within(instance, ray.self, ray.part);
+            r = in_mesh(instance, ray);
+            continue;
+        } else if (hit_block(scene.blocks + (size_t)(~node) * BLOCK_FLOATS, r, self, hit))
+            found = within;
+#else
+        else
+            hit_block(scene.blocks + (size_t)(~node) * BLOCK_FLOATS, r, self, hit);
+#endif
+        do {
+#if HAS_INSTANCES
+            if (within >= 0 && depth == floor_of) {
+                within = -1;
+                r = outside;
+            }
+#endif
+            if (depth == 0)
+                return found;
+            --depth;
+        } while (enter[depth] >= hit->t);
+        node = todo[depth];
+    }
+}
+
+// Whether a ray meets a triangle before `reach`. `target_part` of the primitive `target` does not count either.
+static int meets_triangle(OneRay ray, float reach, int target, int target_part, Scene scene)
+{
+    int todo[BVH_STACK];
+    int depth = 0;
+    int node = scene.mesh_root;
+    BoxRay r = in_world(ray);
+    int self = ray.part;
+    int other = target_part;
+#if HAS_INSTANCES
+    BoxRay outside = r;
+    int within = -1;
+    int floor_of = 0;
+#endif
+    for (;;) {
+        if (node >= 0) {
+            const __global float *n = scene.nodes + (size_t)node * NODE_FLOATS;
+            const __global int *child = (const __global int *)(n + 6 * BVH_WIDTH);
+            Row first;
+            uint bits = hit_boxes(n, r, reach, &first);
+            while (bits != 0u) {
+                uint k = LOWEST_BIT(bits);
+                bits &= bits - 1u;
+                todo[depth++] = child[k];
+            }
+        }
+#if HAS_INSTANCES
+        else if (within < 0) {
+            within = ~node;
+            const __global Instance *instance = scene.instances + within;
+            floor_of = depth;
+            node = instance->root;
+            self = self_within(instance, ray.self, ray.part);
+            other = self_within(instance, target, target_part);
+            r = in_mesh(instance, ray);
+            continue;
+        }
+#endif
+        else if (block_blocks(scene.blocks + (size_t)(~node) * BLOCK_FLOATS, r, self, other, reach))
+            return 1;
+#if HAS_INSTANCES
+        if (within >= 0 && depth == floor_of) {
+            within = -1;
+            r = outside;
+        }
+#endif
+        if (depth == 0)
+            return 0;
+        node = todo[--depth];
+    }
+}
+
+// Lowers the hits of the lanes `on` to the nearest triangles.
+static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
+{
+    for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
+        uint k = LOWEST_BIT(rest);
+        TriangleHit best;
+        best.t = LANE_OF(float, hit->t, k);
+        best.triangle = NO_TRIANGLE;
+        best.b1 = 0.0f;
+        best.b2 = 0.0f;
+        int instance = nearest_triangle(one_ray(ray, k), scene, &best);
+        if (best.triangle >= 0) {
+            SET_LANE(float, hit->t, k, best.t);
+            SET_LANE(int, hit->primitive, k,
+                     scene.instances[instance].first_primitive + scene.triangles[best.triangle].w);
+            SET_LANE(int, hit->part, k, best.triangle);
+            SET_LANE(float, hit->b1, k, best.b1);
+            SET_LANE(float, hit->b2, k, best.b2);
+        }
+    }
+}
+
+// Lanes of `on` whose ray meets a triangle before `reach`.
+static I blocked_by_meshes(Ray ray, F reach, I target, I target_part, I on, Scene scene)
+{
+    I blocked = FALSE;
+    for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
+        uint k = LOWEST_BIT(rest);
+        if (meets_triangle(one_ray(ray, k), LANE_OF(float, reach, k), LANE_OF(int, target, k),
+                           LANE_OF(int, target_part, k), scene))
+            SET_LANE(int, blocked, k, -1);
+    }
+    return blocked;
+}
+
+#endif
