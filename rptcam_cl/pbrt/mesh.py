@@ -127,7 +127,7 @@ def rectangle_of(mesh: MeshData, *, textured: bool, oriented: bool) -> dict[str,
 
 
 def _ring(mesh: MeshData) -> list[int] | None:
-    """Return the four corners of two triangles that share an edge, in the order of the first."""
+    """Return the four corners of two triangles that share an edge, from the first corner on, in its order."""
     if len(mesh.faces) != 2 or len(set(mesh.faces.reshape(-1).tolist())) != 4:
         return None
     first, second = mesh.faces.tolist()
@@ -135,7 +135,9 @@ def _ring(mesh: MeshData) -> list[int] | None:
         apex, p, q = first[k], first[(k + 1) % 3], first[(k + 2) % 3]
         for j in range(3):
             if (second[j], second[(j + 1) % 3]) == (q, p):
-                return [apex, p, second[(j + 2) % 3], q]
+                ring = [apex, p, second[(j + 2) % 3], q]
+                start = ring.index(first[0])
+                return ring[start:] + ring[:start]
     return None
 
 

@@ -29,7 +29,7 @@ def step_matrix(statement: Statement) -> Matrix:
         case "Translate":
             result[:3, 3] = numbers
         case "Scale":
-            if np.abs(numbers).min() < SMALLEST:
+            if not numbers.all():
                 raise statement.place.error("Scale by 0 flattens space (allowed: factors other than 0)")
             result[:3, :3] = np.diag(numbers)
         case "Rotate":

@@ -46,7 +46,6 @@ def corners_of(done: Any, index: int = 0) -> np.ndarray:
     (part,) = item.loaded.contents.parts
     local = part.mesh.positions.astype(float) + part.mesh.origin
     matrix = item.world_from_object @ part.placement
-    matrix = matrix @ pbrt.translate(*-part.mesh.origin) if np.any(part.placement[:3, 3]) else matrix
     return np.asarray(local @ matrix[:3, :3].T + matrix[:3, 3])
 
 
