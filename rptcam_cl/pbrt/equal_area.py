@@ -1,4 +1,4 @@
-"""The equal-area map between the sphere and a square, as pbrt-v4 stores pictures of the sky.
+"""The equal-area map between the sphere and a square, in which pbrt-v4 stores pictures of the sky.
 
 P. Clarberg, "Fast equal-area mapping of the (hemi)sphere using SIMD", Journal of Graphics Tools 13 (3), 2008: the upper
 half sphere fills the diamond in the middle of the square, the lower one its corners.
@@ -11,26 +11,60 @@ from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
+# Samples across and down each pixel of a picture in longitude and latitude.
+SAMPLES = 4
+TALLEST = 4096  # rows; twice as many columns are half of the pixels that a picture may have
 
-def square_of_direction(directions: ArrayLike) -> Array:
-    """Return the points (…, 2) in [0, 1]^2 of unit directions (…, 3), +z being the middle of the square."""
-    x, y, z = np.moveaxis(np.asarray(directions, np.float64), -1, 0)
-    radius = np.sqrt(np.clip(1 - np.abs(z), 0, 1))
-    turn = np.arctan2(np.abs(y), np.abs(x)) * (2 / np.pi)  # of a quarter
-    v = radius * turn
+
+def square_of_angles(z: ArrayLike, longitude: ArrayLike) -> tuple[Array, Array]:
+    """Return the coordinates, 0 to 1 from the left and from the top, of directions.
+
+    Parameters
+    ----------
+    z
+        Cosine of the angle from the pole +z, which is the middle of the square.
+    longitude
+        Angle from +x over +y [rad].
+    """
+    height = np.asarray(z, np.float64)
+    x, y = np.cos(longitude), np.sin(longitude)
+    radius = np.sqrt(np.clip(1 - np.abs(height), 0, 1))
+    v = radius * (np.arctan2(np.abs(y), np.abs(x)) * (2 / np.pi))
     u = radius - v
-    below = z < 0
+    below = height < 0
     u, v = np.where(below, 1 - v, u), np.where(below, 1 - u, v)
-    return np.stack([np.copysign(u, x) + 1, np.copysign(v, y) + 1], axis=-1) / 2
+    return (np.copysign(u, x) + 1) / 2, (np.copysign(v, y) + 1) / 2
 
 
-def direction_of_square(points: ArrayLike) -> Array:
-    """Return the unit directions (…, 3) of points (…, 2) in [0, 1]^2."""
-    u, v = np.moveaxis(2 * np.asarray(points, np.float64) - 1, -1, 0)
-    a, b = np.abs(u), np.abs(v)
-    above = 1 - (a + b)  # positive inside the diamond
-    radius = 1 - np.abs(above)
-    turn = np.where(radius > 0, (b - a) / np.where(radius > 0, radius, 1) + 1, 1) * (np.pi / 4)
-    z = np.copysign(1 - radius**2, above)
-    ring = radius * np.sqrt(np.clip(2 - radius**2, 0, None))
-    return np.stack([np.copysign(np.cos(turn), u) * ring, np.copysign(np.sin(turn), v) * ring, z], axis=-1)
+def heights(size: int) -> Array:
+    """Return z of the directions of the pixels' centres of a square picture, (size, size)."""
+    a = np.abs(2 * (np.arange(size) + 0.5) / size - 1)
+    above = 1 - (a[:, None] + a[None, :])
+    return np.asarray(np.copysign(1 - (1 - np.abs(above)) ** 2, above))
+
+
+def in_longitude_and_latitude(square: NDArray[np.float32], *, clockwise: bool) -> NDArray[np.float32]:
+    """Return a square picture of the sphere as one in longitude and latitude, twice as wide as high.
+
+    Each pixel is the mean of `SAMPLES` x `SAMPLES` pixels that lie under it, spread evenly in longitude and latitude.
+
+    Parameters
+    ----------
+    square : (n, n, 3) array
+    clockwise
+        Whether longitude falls from the left edge to the right one; it is 180 degrees in the middle either way.
+    """
+    size = len(square)
+    rows = min(size, TALLEST)
+    longitude = (np.arange(2 * rows * SAMPLES) + 0.5) / (2 * rows * SAMPLES) * (2 * np.pi)
+    if clockwise:
+        longitude = longitude[::-1]
+    found = np.empty((rows, 2 * rows, 3), np.float32)
+    for row in range(rows):
+        latitude = np.pi * (row + (np.arange(SAMPLES) + 0.5) / SAMPLES) / rows
+        u, v = square_of_angles(np.cos(latitude)[:, None], longitude[None, :])
+        column = np.minimum((u * size).astype(np.intp), size - 1)
+        line = np.minimum((v * size).astype(np.intp), size - 1)
+        samples = square[line, column].reshape(SAMPLES, 2 * rows, SAMPLES, 3)
+        found[row] = samples.mean(axis=(0, 2), dtype=np.float64)
+    return found

@@ -76,15 +76,28 @@ def _point(context: Context, entity: Entity, frame: Frame) -> Keys:
 
 
 def _spot(context: Context, entity: Entity, frame: Frame) -> Keys:
-    context.report.approximated(entity.place, f"{entity.what}: a point light without its cone")
+    """Return a spot light; its edge is the smooth step of pbrt-v4, where pbrt-v3 has a fourth power."""
     parameters = entity.parameters
-    outer = math.radians(parameters.number("coneangle", 30.0))
-    inner = outer - math.radians(parameters.number("conedeltaangle", 5.0))
-    parameters.skip("to")
-    position = apply(_world(entity, frame), parameters.vector("from", (0, 0, 0))[None])[0]
-    solid_angle = 2 * math.pi * ((1 - math.cos(inner)) + (math.cos(inner) - math.cos(outer)) / 2)
-    intensity = _intensity(context, entity, frame, solid_angle)
-    return {"kind": "point", "position": tidy(position), "intensity": intensity}
+    outer, delta = parameters.number("coneangle", 30.0), parameters.number("conedeltaangle", 5.0)
+    if not 0 < outer <= 180 or delta < 0:
+        raise entity.place.error(f"{entity.what}: coneangle must lie between 0 and 180, conedeltaangle not below 0")
+    if context.scene.version == 3:
+        context.report.approximated(entity.place, f"{entity.what}: the edge of its cone as a smooth step")
+    inner = min(max(outer - delta, 0.0), outer * (1 - 1e-6))  # ours needs an edge
+    start, stop = math.cos(math.radians(inner)), math.cos(math.radians(outer))
+    world = _world(entity, frame)
+    origin = parameters.vector("from", (0, 0, 0))
+    direction = world[:3, :3] @ (parameters.vector("to", (0, 0, 1)) - origin)
+    if not np.linalg.norm(direction) > 0:
+        raise entity.place.error(f'{entity.what}: "from" and "to" are the same point')
+    return {
+        "kind": "spot",
+        "position": tidy(apply(world, origin[None])[0]),
+        "direction": tidy(direction),
+        "intensity": _intensity(context, entity, frame, 2 * math.pi * ((1 - start) + (start - stop) / 2)),
+        "outer_degrees": outer,
+        "inner_degrees": inner,
+    }
 
 
 def _distant(context: Context, entity: Entity, frame: Frame) -> Keys:

@@ -44,7 +44,9 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: ArrayLike) -> Array:
     return np.linalg.inv(world_from_camera)
 
 
-def raster_of(camera_from_world: Array, points: ArrayLike, fov: float, size: tuple[int, int], window: Any = None) -> Array:
+def raster_of(
+    camera_from_world: Array, points: ArrayLike, fov: float, size: tuple[int, int], window: Any = None
+) -> Array:
     """Pixel coordinates (x right, y down) of world points: fov spans the shorter side of the film."""
     width, height = size
     aspect = width / height

@@ -38,7 +38,9 @@ def seen_at(scene: Scene) -> np.ndarray:
     across, down = half_tangents(camera.fov_degrees, camera.fov_axis, scene.film)
     width, height = scene.film.resolution
     left, _, top, _ = scene.film.crop or (0, 1, 0, 1)
-    return np.stack([(x / -z / across + 1) / 2 * width - left * width, (1 - y / -z / down) / 2 * height - top * height], 1)
+    return np.stack(
+        [(x / -z / across + 1) / 2 * width - left * width, (1 - y / -z / down) / 2 * height - top * height], 1
+    )
 
 
 TRANSFORMS = {
@@ -193,7 +195,7 @@ BAD = {
 
 @pytest.mark.parametrize("camera", BAD)
 def test_bad_cameras_are_told(convert: Convert, camera: str) -> None:
-    with pytest.raises(InputError, match="in.pbrt:2:") as problem:
+    with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
         convert("", head("", camera))
     assert BAD[camera] in str(problem.value)
 

@@ -168,7 +168,9 @@ def test_large_meshes_go_to_a_file_beside_the_scene(convert: Convert) -> None:
     assert done.objects[0]["file"] == "out_meshes/trianglemesh-2.ply"
     mesh = mesh_of(done)
     got = np.sort((mesh.positions + mesh.origin)[mesh.faces].reshape(-1, 9).round(3), axis=0)
-    np.testing.assert_allclose(got, np.sort((points + [1, 2, 3])[faces].reshape(-1, 9).round(3), axis=0), atol=2e-3)
+    np.testing.assert_allclose(
+        got, np.sort(np.add(points, [1, 2, 3])[faces].reshape(-1, 9).round(3), axis=0), atol=2e-3
+    )
     np.testing.assert_allclose(mesh.uvs, (mesh.positions + mesh.origin - [1, 2, 3])[:, :2], atol=1e-5)
 
 
@@ -233,6 +235,6 @@ BAD = {
 
 @pytest.mark.parametrize("text", BAD)
 def test_bad_shapes_are_told(convert: Convert, text: str) -> None:
-    with pytest.raises(InputError, match="in.pbrt:2:") as problem:
+    with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
         convert(text, HEAD)
     assert BAD[text] in str(problem.value)

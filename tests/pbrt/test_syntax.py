@@ -151,7 +151,7 @@ STATE = {
 def test_bad_order_is_told(tmp_path: Path, text: str) -> None:
     path = tmp_path / "in.pbrt"
     path.write_text(text)
-    with pytest.raises(InputError, match="in.pbrt:1:") as problem:
+    with pytest.raises(InputError, match=r"in\.pbrt:1:") as problem:
         read_world(path, Report())
     assert STATE[text] in str(problem.value)
 
