@@ -237,12 +237,12 @@ def test_sky_of_a_left_handed_scene_is_referenced(convert: Convert, tmp_path: Pa
 
 def test_illuminance_of_a_sky_is_that_on_the_ground(convert: Convert, tmp_path: Path) -> None:
     """The mean over upward directions of radiance times the cosine to +z, the sky's own pole, is E / (2 pi)."""
-    write_exr(tmp_path / "sky.exr", sky_of_pbrt("filename", 32))
+    write_exr(tmp_path / "sky.exr", sky_of_pbrt("filename", 128))
     done = convert('LightSource "infinite" "string filename" "sky.exr" "float illuminance" 10', LEFT)
     with OpenEXR.File(str(tmp_path / done.keys["environment"]["file"])) as file:
         pixels = file.channels()["RGB"].pixels @ (0.2126, 0.7152, 0.0722)
-    theta = np.pi * (np.arange(32) + 0.5) / 32
-    weights = np.clip(np.cos(theta), 0, None) * np.sin(theta) * (np.pi / 32) ** 2
+    theta = np.pi * (np.arange(128) + 0.5) / 128
+    weights = np.clip(np.cos(theta), 0, None) * np.sin(theta) * (np.pi / 128) ** 2
     assert (pixels * weights[:, None]).sum() == pytest.approx(10, rel=5e-3)
 
 

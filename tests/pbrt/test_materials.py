@@ -226,7 +226,7 @@ def test_a_texture_is_the_one_that_had_the_name_then(convert: Convert) -> None:
 
 COLOURS = {
     '"rgb reflectance" [.1 .2 .3]': [0.1, 0.2, 0.3],
-    '"xyz reflectance" [.475235 .5 .544415]': [0.5, 0.5, 0.5],  # half of the white D65
+    '"xyz reflectance" [.475228 .5 .544529]': [0.5, 0.5, 0.5],  # half of the white D65
     '"spectrum reflectance" [400 .25 700 .25]': [0.25] * 3,
     '"spectrum reflectance" "a.spd"': [0.75] * 3,
     '"spectrum reflectance" [ 0.3 ]': [0.3] * 3,
