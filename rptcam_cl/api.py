@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl import optics
 from rptcam_cl._version import __version__
+from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
-from rptcam_cl.imaging import Image
+from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import Scene, change_scene, load_scene
@@ -18,6 +20,9 @@ from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
 __all__ = ["Image", "Progress", "Scene", "choose_device", "devices", "load_lens", "load_scene", "render"]
+
+# What the statistics repeat of the metadata, for programs that measure in pictures.
+GEOMETRY = ("world_from_camera", "intrinsics", "resolution", "window", "film_size_mm", "near_m")
 
 
 def devices() -> list[dict[str, Any]]:
@@ -45,6 +50,7 @@ def render(
     size: tuple[int, int] | None = None,
     crop: tuple[float, float, float, float] | None = None,
     layers: Sequence[str] | None = None,
+    denoise: bool = False,
     device: str | Session | None = None,
     wave_size: int | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
@@ -64,6 +70,8 @@ def render(
         Replace the scene's seed, resolution [pixels] and crop [fractions x0, x1, y0, y1].
     layers
         Auxiliary layers to record, in place of the scene's: ``["depth", "normal"]``; see docs/layers.md.
+    denoise
+        Whether to remove the noise that is left, which makes the picture biased; needs the extra ``denoise``.
     device
         As ``--device`` on the command line, or a session to reuse; see `choose_device`.
     wave_size
@@ -82,6 +90,10 @@ def render(
     """
     begun = time.perf_counter()
     scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers)
+    wanted = scene.render.layers
+    if denoise:
+        check_denoiser()
+        scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*wanted, *GUIDES)))})
     session = device if isinstance(device, Session) else open_session(device)
     plan = make_plan(scene)
     started = time.perf_counter()
@@ -104,9 +116,11 @@ def render(
         "render": rendering.seconds,
         "total": time.perf_counter() - begun,
     }
-    stats = _stats(rendering, wavefront, plan, session.info, times)
     metadata = _metadata(scene, rendering, plan, session.info)
-    return Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
+    stats = _stats(rendering, wavefront, plan, session.info, times)
+    stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
+    image = Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
+    return replace(image.denoised(), layers={name: image[name] for name in wanted}) if denoise else image
 
 
 def _adjusted(
@@ -145,6 +159,12 @@ def _stats(
     return stats
 
 
+def _window(scene: Scene) -> list[int]:
+    """Return the part of the film that is rendered: x, y, width and height [pixels]."""
+    layout = FilmLayout.of(scene.film)
+    return [layout.x, layout.y, layout.width, layout.height]
+
+
 def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo) -> dict[str, Any]:
     return {
         "software": f"rptcam_cl {__version__}",
@@ -155,4 +175,8 @@ def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo
         "device": device.name,
         "exposure": scene.exposure,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
+        **camera_geometry(scene),
+        "window": _window(scene),
+        **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
+        **({"material_names": plan.owners.materials} if "material_id" in rendering.layers else {}),
     }

@@ -14,6 +14,8 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.kinds import EmitterKind, EnvironmentKind, TexelFormat, TextureKind, Wrap
+
 _MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
 _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
     "float": ("<f4", ()),
@@ -119,18 +121,22 @@ TEXTURE = Record(
         ("int", "width"),
         ("int", "height"),
         ("int", "format"),
-        ("int", "wrap"),
         ("int", "nearest"),
+        ("int", "wrap_u"),
+        ("int", "wrap_v"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
     ),
 )
 
 EMITTER = Record(
     "Emitter",
     (
-        ("float4", "a"),  # corner, centre or position; w: area, or radius of a sphere
-        ("float4", "u"),  # edge, or axis of a disk
+        ("float4", "a"),  # corner, centre or position; w: area, radius of a sphere, squared sine of a sun's radius
+        ("float4", "u"),  # edge, or axis of a disk or profile; w: cone of a spot, see kernels/light/point.h
         ("float4", "v"),
-        ("float4", "normal"),  # or the direction towards a directional light
+        ("float4", "normal"),  # or the direction towards a light at infinity, or of the axis of a spot or profile
         ("float4", "radiance"),  # radiance, intensity or irradiance
         ("int", "kind"),
         ("int", "primitive"),
@@ -139,11 +145,28 @@ EMITTER = Record(
         ("float", "alias_keep"),
         ("int", "alias_other"),
         ("int", "part"),  # triangle of the primitive, or -1
-        ("int", "reserved_0"),
+        ("int", "texture"),  # index of the picture of a profile's intensities
     ),
 )
 
-ENVIRONMENT = Record("Environment", (("float4", "bottom"), ("float4", "top"), ("float4", "up")))
+ENVIRONMENT = Record(
+    "Environment",
+    (
+        ("float4", "bottom"),  # radiance from below or from everywhere
+        ("float4", "top"),
+        ("float4", "up"),
+        ("float4", "right"),  # of a picture's middle
+        ("float4", "forward"),
+        ("int", "texture"),  # index of the picture
+        ("int", "rows"),  # cells that light sampling tells apart
+        ("int", "columns"),
+        ("float", "pick"),  # probability that light sampling picks the environment
+        ("int", "first_sun"),  # suns are emitters first_sun to first_sun + suns - 1
+        ("int", "suns"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+    ),
+)
 
 EVEN_TERMS = 12
 ODD_TERMS = 12
@@ -262,51 +285,6 @@ class MaterialKind(IntEnum):
     CONDUCTOR = 2
     DIELECTRIC = 3
     EMISSIVE = 4
-
-
-class TextureKind(IntEnum):
-    """Kinds of texture."""
-
-    CHECKER = 0
-    GRID = 1
-    GRADIENT = 2
-    NOISE = 3
-    IMAGE = 4
-
-
-class TexelFormat(IntEnum):
-    """How the texels of an image are stored."""
-
-    SRGB = 0  # one word: red, green, blue of 8 bits from the low byte on
-    LINEAR = 1  # the same, not encoded
-    HALF = 2  # two words: red and green, blue as halves
-
-
-class Wrap(IntEnum):
-    """What continues an image beyond its edges."""
-
-    REPEAT = 0
-    CLAMP = 1
-    MIRROR = 2
-
-
-class EmitterKind(IntEnum):
-    """Kinds of emitter that light sampling can choose."""
-
-    RECTANGLE = 0
-    DISK = 1
-    SPHERE = 2
-    POINT = 3
-    DIRECTIONAL = 4
-    TRIANGLE = 5
-
-
-class EnvironmentKind(IntEnum):
-    """What surrounds the scene."""
-
-    NONE = 0
-    CONSTANT = 1
-    GRADIENT = 2
 
 
 class RayStatus(IntEnum):

@@ -1,7 +1,7 @@
 // Boxes of primitives while a BVH is built: two float4 each, the lower corner with the primitive's index in the bits of w,
 // then the upper corner. Centroids are doubled (lower + upper). Areas are halved and taken of extents times `scale`, a
 // power of two that brings the whole scene near size 1, so that no product overflows and scaling by 2^k changes nothing.
-// Facts: LEAF_SIZE, the primitives of a leaf block; BINS, the bins of an axis.
+// Leaf blocks hold 2^leaf_bits primitives. Facts: BINS, the bins of an axis.
 #ifndef BOXES_H
 #define BOXES_H
 
@@ -41,7 +41,7 @@ static float half_area(Box box, float scale)
     return e.x * e.y + e.y * e.z + e.z * e.x + 1e-12f * (e.x + e.y + e.z);
 }
 
-static float blocks_of(int count) { return (float)((count + LEAF_SIZE - 1) / LEAF_SIZE); }
+static int blocks_of(int count, int leaf_bits) { return (count + (1 << leaf_bits) - 1) >> leaf_bits; }
 
 static float component(float4 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 

@@ -5,6 +5,11 @@
 #define SPLITS_H
 #include "build/boxes.h"
 
+static float cost_of(Box part, int count, int leaf_bits, float shrink)
+{
+    return count > 0 ? half_area(part, shrink) * (float)blocks_of(count, leaf_bits) : INFINITY;
+}
+
 static void swap_boxes(__global float4 *boxes, int i, int j)
 {
     float4 lower = boxes[2 * i], upper = boxes[2 * i + 1];
@@ -15,10 +20,9 @@ static void swap_boxes(__global float4 *boxes, int i, int j)
 }
 
 // Halves made of whole blocks, in the order that is: for primitives whose centroids coincide.
-static int halves(int begin, int end)
+static int halves(int begin, int end, int leaf_bits)
 {
-    int blocks = (end - begin + LEAF_SIZE - 1) / LEAF_SIZE;
-    return begin + (blocks + 1) / 2 * LEAF_SIZE;
+    return begin + ((blocks_of(end - begin, leaf_bits) + 1) / 2 << leaf_bits);
 }
 
 static float doubled_centroid(__global const float4 *boxes, int i, int axis)
@@ -27,11 +31,11 @@ static float doubled_centroid(__global const float4 *boxes, int i, int axis)
 }
 
 // The object median along the longest axis of the centroids: halves again, after a selection (Hoare 1961).
-static int median_split(__global float4 *boxes, int begin, int end, Box span)
+static int median_split(__global float4 *boxes, int begin, int end, int leaf_bits, Box span)
 {
     float4 extent = span.upper - span.lower;
     int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;
-    int middle = halves(begin, end), first = begin, last = end - 1;
+    int middle = halves(begin, end, leaf_bits), first = begin, last = end - 1;
     while (first < last) {
         float pivot = doubled_centroid(boxes, first + (last - first) / 2, axis);
         int i = first, j = last;
@@ -54,7 +58,7 @@ static int median_split(__global float4 *boxes, int begin, int end, Box span)
 }
 
 // The best of the planes between bins along all axes (Wald 2007).
-static int binned_split(__global float4 *boxes, int begin, int end, Box span, float shrink)
+static int binned_split(__global float4 *boxes, int begin, int end, int leaf_bits, Box span, float shrink)
 {
     float4 origin = span.lower;
     float4 scale = (float4)(bin_scale(span.lower.x, span.upper.x),
@@ -88,14 +92,14 @@ static int binned_split(__global float4 *boxes, int begin, int end, Box span, fl
         for (int bin = BINS - 1; bin > 0; --bin) {
             part = joined(part, box[axis * BINS + bin]);
             count += number[axis * BINS + bin];
-            right_cost[bin] = count > 0 ? half_area(part, shrink) * blocks_of(count) : INFINITY;
+            right_cost[bin] = cost_of(part, count, leaf_bits, shrink);
         }
         part = empty_box();
         count = 0;
         for (int bin = 1; bin < BINS; ++bin) {
             part = joined(part, box[axis * BINS + bin - 1]);
             count += number[axis * BINS + bin - 1];
-            float cost = count > 0 ? half_area(part, shrink) * blocks_of(count) + right_cost[bin] : INFINITY;
+            float cost = cost_of(part, count, leaf_bits, shrink) + right_cost[bin];
             if (cost < best) {
                 best = cost;
                 best_axis = axis;
@@ -117,7 +121,7 @@ static int binned_split(__global float4 *boxes, int begin, int end, Box span, fl
 }
 
 // The best of all splits of at most SWEEP primitives in the order of their centroids along each axis.
-static int sweep_split(__global float4 *boxes, int begin, int end, float shrink)
+static int sweep_split(__global float4 *boxes, int begin, int end, int leaf_bits, float shrink)
 {
     int count = end - begin, best_axis = 0, best_left = 0;
     Box box[SWEEP];
@@ -140,12 +144,12 @@ static int sweep_split(__global float4 *boxes, int begin, int end, float shrink)
         Box part = empty_box();
         for (int i = count - 1; i > 0; --i) {
             part = joined(part, box[order[axis][i]]);
-            right_cost[i] = half_area(part, shrink) * blocks_of(count - i);
+            right_cost[i] = cost_of(part, count - i, leaf_bits, shrink);
         }
         part = empty_box();
         for (int i = 1; i < count; ++i) {
             part = joined(part, box[order[axis][i - 1]]);
-            float cost = half_area(part, shrink) * blocks_of(i) + right_cost[i];
+            float cost = cost_of(part, i, leaf_bits, shrink) + right_cost[i];
             if (cost < best) {
                 best = cost;
                 best_axis = axis;

@@ -3,7 +3,7 @@
 #ifndef FILM_POINT_H
 #define FILM_POINT_H
 #include "common/records.h"
-#include "common/rng.h"
+#include "common/sampler.h"
 
 static F film_x(Lane lane, F jitter, const __global Camera *camera)
 {

@@ -13,6 +13,7 @@ typedef struct {
     const __global uint        *texels;
     const __global Emitter     *emitters;
     const __global Environment *environment;
+    const __global float       *distribution;  // how light sampling picks directions of the environment
     int                         emitter_count;
 #if HAS_MESH
     const __global float       *nodes;         // of all trees, kernels/geometry/bvh.h
@@ -46,11 +47,12 @@ typedef struct {
     const __global uint        *texels,         \
     const __global Emitter     *emitters,       \
     const __global Environment *environment,    \
+    const __global float       *distribution,   \
     int                         emitter_count   \
     MESH_PARAMETERS
 
-#define SCENE \
-    scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, emitter_count MESHES)
+#define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, distribution, \
+                       emitter_count MESHES)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -62,6 +64,7 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.texels = texels;
     s.emitters = emitters;
     s.environment = environment;
+    s.distribution = distribution;
     s.emitter_count = emitter_count;
 #if HAS_MESH
     s.nodes = nodes;

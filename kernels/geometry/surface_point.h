@@ -1,6 +1,7 @@
 // Where a ray hit a given primitive: position (re-projected onto it), outward unit normal and texture coordinates.
 #ifndef SURFACE_POINT_H
 #define SURFACE_POINT_H
+#include "common/angles.h"
 #include "geometry/primitives.h"
 #include "geometry/surface.h"
 #if HAS_MESH
@@ -9,13 +10,6 @@
 
 // Kinds stand in the order of KIND_…, so the first end above the index tells the kind.
 #define BELONGS_TO(KIND) (index < kind_end[KIND])
-
-#if HAS_TEXTURE && (HAS_SPHERE || HAS_ELLIPSOID || HAS_CYLINDER || HAS_CONE)
-static F turns_around(F x, F y) { F a = atan2(y, x) * (0.5f * INV_PI_F); return a < 0.0f ? a + 1.0f : a; }
-#endif
-#if HAS_TEXTURE && (HAS_SPHERE || HAS_ELLIPSOID)
-static F share_upwards(F z)     { return acos(MAX(MIN(-z, ONE), -ONE)) * INV_PI_F; }
-#endif
 
 #if HAS_SPHERE
 static SurfacePoint point_on_sphere(const __global Primitive *primitive, F3 p, int textured)
@@ -33,8 +27,10 @@ static SurfacePoint point_on_sphere(const __global Primitive *primitive, F3 p, i
     if (textured) {                                  // row_y, row_z: the x and z axes of the sphere; row_y.w: handedness
         F3 x = f3_of(primitive->row_y);
         F3 z = f3_of(primitive->row_z);
-        s.u = turns_around(dot3(x, s.n), dot3(cross3(z, x), s.n) * primitive->row_y.w);
-        s.v = share_upwards(dot3(z, s.n));
+        F east = dot3(x, s.n);
+        F north = dot3(cross3(z, x), s.n) * primitive->row_y.w;
+        s.u = turns_around(east, north);
+        s.v = share_upwards(dot3(z, s.n), sqrt(east * east + north * north));
     }
 #endif
     return s;
@@ -99,7 +95,7 @@ static SurfacePoint point_on_ellipsoid(const __global Primitive *primitive, F3 p
 #if HAS_TEXTURE
     if (textured) {
         s.u = turns_around(o.x, o.y);
-        s.v = share_upwards(o.z);
+        s.v = share_upwards(o.z, sqrt(o.x * o.x + o.y * o.y));
     }
 #endif
     return s;

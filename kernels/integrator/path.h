@@ -1,9 +1,9 @@
 // A path under way and what happens at one of its vertices. The passes of a wave and the stream share this code.
 #ifndef PATH_H
 #define PATH_H
-#include "common/rng.h"
+#include "common/sampler.h"
 #include "material/scatter.h"
-#include "light/environment.h"
+#include "light/infinity.h"
 #if HAS_EMITTERS
 #include "light/emitters.h"
 #endif
@@ -51,7 +51,7 @@ static F3 departure(Vertex vertex, F3 d)
 }
 
 #if HAS_EMISSIVE
-// Emission of the primitive that was hit, weighted against light sampling (power heuristic, Veach 1997, ch. 9).
+// Emission of the primitive that was hit, weighted against light sampling.
 static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, Scene scene)
 {
     I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
@@ -60,8 +60,7 @@ static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, Scene scene)
     I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
     if (ANY(rival)) {
         F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), path.ray.o, t, absolute(cos_i));
-        F own2 = path.pdf * path.pdf;
-        weight = rival ? own2 / (own2 + other * other) : weight;
+        weight = rival ? against_lights(path.pdf, other) : weight;
     }
 #endif
     return keep3(shines, scale(mul(path.beta, vertex.color), weight));
@@ -72,7 +71,7 @@ static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, Scene scene)
 static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene scene, Rules rules)
 {
     F4 u = random4(path.pixel, path.sample, 2u * path.edge + 1u, rules.seed);
-    LightSample light = sample_emitter(scene.emitters, scene.emitter_count, vertex.p, u.a, u.b, u.c);
+    LightSample light = sample_emitter(scene, vertex.p, u.a, u.b, u.c);
     F pdf;
     F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
     F light2 = light.pdf * light.pdf;
@@ -97,11 +96,11 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     ShadowRay shadow;
     shadow.reach = ZERO;
     I living = path->ray.self != PATH_ENDED;
-#if ENVIRONMENT
+#if ENVIRONMENT || EMITTER_SUNS
     I escaped = living & (hit.primitive == NO_PRIMITIVE);
     if (ANY(escaped))
         path->radiance = add(path->radiance,
-                             keep3(escaped, mul(path->beta, environment_radiance(path->ray.d, scene.environment))));
+                             keep3(escaped, mul(path->beta, light_from_infinity(path->ray.d, path->pdf, scene))));
 #endif
     I on = living & (hit.primitive >= 0);
 #if !HAS_EMISSIVE

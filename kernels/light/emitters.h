@@ -1,10 +1,13 @@
 // Next-event estimation: one emitter per vertex, picked by power from an alias table, one direction towards it.
 // Rectangles, parallelograms and disks are sampled by area, spheres by the cone that they subtend (stable for small
-// angles: 1 - cos is never formed by subtraction), points and directional lights exactly.
+// angles: 1 - cos is never formed by subtraction) and suns likewise, points and directional lights exactly, a picture of the
+// environment by its brightness.
 #ifndef EMITTERS_H
 #define EMITTERS_H
-#include "common/records.h"
+#include "common/scene.h"
 #include "geometry/hit.h"
+#include "light/environment.h"
+#include "light/point.h"
 
 typedef struct {
     F3 direction;   // from the shading point, unit
@@ -56,12 +59,13 @@ static F emitter_pdf(const __global Emitter *es, I e, F3 o, F t, F cos_there)
     return pdf;
 }
 
-static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F pick_u, F u, F v)
+static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 {
+    const __global Emitter *es = scene.emitters;
 #if ONE_EMITTER
     I e = FALSE;
 #else
-    I e = pick_emitter(es, count, pick_u);
+    I e = pick_emitter(es, scene.emitter_count, pick_u);
 #endif
     I kind = OF_EMITTER(I, kind);
     F pick = OF_EMITTER(F, pick);
@@ -116,10 +120,15 @@ static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F
     s.pdf = faces ? pick * d2 / (extent * cos_there) : s.pdf;
     weight = faces ? ONE / s.pdf : weight;
 #endif
-#if EMITTER_SPHERES
-    I sphere = kind == EMITTER_SPHERE;
-    if (ANY(sphere)) {
+#if EMITTER_SPHERES || EMITTER_SUNS
+    I round = (kind == EMITTER_SPHERE) | (kind == EMITTER_SUN);
+    if (ANY(round)) {
         F sin2_max = extent * extent / d2;
+#if EMITTER_SUNS
+        I sun = kind == EMITTER_SUN;
+        sin2_max = sun ? extent : sin2_max;
+        s.direction = select3(sun, gather_normal(es, e), s.direction);
+#endif
         F versine = u * sin2_max / (1.0f + root(1.0f - sin2_max));      // 1 - cos of the sampled angle
         F sin2 = versine * (2.0f - versine);
         F sn, cs;
@@ -129,10 +138,14 @@ static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F
         frame(s.direction, &tx, &ty);
         F3 w = from_frame(tx, ty, s.direction, f3(sine * cs, sine * sn, 1.0f - versine));
         F near = distance * (1.0f - versine) - root(extent * extent - d2 * sin2);
-        I outside = sphere & (sin2_max < 1.0f);
+        I outside = round & (sin2_max < 1.0f);
         F density = pick * (1.0f + root(1.0f - sin2_max)) / (2.0f * PI_F * sin2_max);
-        s.direction = select3(sphere, w, s.direction);
-        s.reach = sphere ? near : s.reach;
+        s.direction = select3(round, w, s.direction);
+        s.reach = round ? near : s.reach;
+#if EMITTER_SUNS
+        s.reach = sun ? (F)(NEVER) : s.reach;
+        outside |= sun;
+#endif
         s.pdf = outside ? density : s.pdf;
         weight = outside ? ONE / density : weight;
     }
@@ -141,11 +154,34 @@ static LightSample sample_emitter(const __global Emitter *es, int count, F3 p, F
     I point = kind == EMITTER_POINT;
     weight = point ? ONE / (d2 * pick) : weight;
 #endif
+#if EMITTER_SPOTS
+    I spot = kind == EMITTER_SPOT;
+    if (ANY(spot))
+        weight = spot ? spot_share(es, e, s.direction) / (d2 * pick) : weight;
+#endif
+#if EMITTER_PROFILES
+    I measured = kind == EMITTER_PROFILE;
+    if (ANY(measured))
+        weight = measured ? profile_intensity(scene, e, measured, s.direction) / (d2 * pick) : weight;
+#endif
 #if EMITTER_DIRECTIONS
-    I sun = kind == EMITTER_DIRECTIONAL;
-    s.direction = select3(sun, gather_normal(es, e), s.direction);
-    s.reach = sun ? (F)(NEVER) : s.reach;
-    weight = sun ? ONE / pick : weight;
+    I parallel = kind == EMITTER_DIRECTIONAL;
+    s.direction = select3(parallel, gather_normal(es, e), s.direction);
+    s.reach = parallel ? (F)(NEVER) : s.reach;
+    weight = parallel ? ONE / pick : weight;
+#endif
+#if ENVIRONMENT_SAMPLED
+    I sky = kind == EMITTER_ENVIRONMENT;
+    if (ANY(sky)) {
+        F3 arriving;
+        F density;
+        F3 w = environment_sample(u, v, scene, &arriving, &density);
+        s.direction = select3(sky, w, s.direction);
+        s.reach = sky ? (F)(NEVER) : s.reach;
+        s.radiance = select3(sky, arriving, s.radiance);
+        s.pdf = sky ? pick * density : s.pdf;
+        weight = (sky & (density > 0.0f)) ? ONE / s.pdf : weight;
+    }
 #endif
     s.radiance = scale(s.radiance, weight);
     return s;

@@ -6,6 +6,7 @@
 #define IMAGE_H
 #include "common/scene.h"
 
+#if HAS_IMAGE || EMITTER_PROFILES || ENVIRONMENT == ENVIRONMENT_IMAGE
 // Linear value of sRGB codes 0 to 1 (IEC 61966-2-1): a fit through 1 to the 256 codes, relative error below 4e-5.
 static F srgb_decoded(F c)
 {
@@ -80,10 +81,10 @@ static F3 image_bilinear(const __global Texture *t, const __global uint *texels,
 {
     I column, row;
     F right, above;
-    between(x, t->width, t->wrap, &column, &right);
-    between(y, t->height, t->wrap, &row, &above);
+    between(x, t->width, t->wrap_u, &column, &right);
+    between(y, t->height, t->wrap_v, &row, &above);
     I next = row + 1;
-    next = next < t->height ? next : (t->wrap == WRAP_REPEAT ? FALSE : row);
+    next = next < t->height ? next : (t->wrap_v == WRAP_REPEAT ? FALSE : row);
     F3 a, b, c, d;
     texel_pair(texels, t->format, row * (t->width + 1) + column, &a, &b);
     texel_pair(texels, t->format, next * (t->width + 1) + column, &c, &d);
@@ -94,9 +95,10 @@ static F3 image_bilinear(const __global Texture *t, const __global uint *texels,
 static F3 image_at(const __global Texture *t, const __global uint *all_texels, F x, F y)
 {
     const __global uint *texels = all_texels + t->first;
-    F wx = wrapped(x, t->wrap);
-    F wy = wrapped(y, t->wrap);
+    F wx = wrapped(x, t->wrap_u);
+    F wy = wrapped(y, t->wrap_v);
     return t->nearest ? image_nearest(t, texels, wx, wy) : image_bilinear(t, texels, wx, wy);
 }
+#endif
 
 #endif

@@ -4,6 +4,7 @@
 #define NOISE_H
 #include "common/math.h"
 
+#if HAS_NOISE
 // 32 well-mixed bits of a lattice point: the integer hash of Jarzynski and Olano, JCGT 9(3) 2020, in two dimensions (pcg2d).
 static U lattice_hash(U x, U y, uint seed)
 {
@@ -61,5 +62,6 @@ static F octaves_of_noise(F x, F y, int octaves, float gain, uint seed)
     }
     return sum / sqrt(squares);
 }
+#endif
 
 #endif

@@ -2,12 +2,8 @@
 #ifndef TEXTURE_H
 #define TEXTURE_H
 #include "common/scene.h"
-#if HAS_IMAGE
 #include "material/image.h"
-#endif
-#if HAS_NOISE
 #include "material/noise.h"
-#endif
 
 #if HAS_TEXTURE
 // How far from colour a to colour b a pattern is at a point.

@@ -9,6 +9,7 @@ from rptcam_cl.acceleration.binary_tree import binary_tree
 from rptcam_cl.acceleration.builder import Builder
 from rptcam_cl.acceleration.bvh import EMPTY, Bvh
 from rptcam_cl.acceleration.large_nodes import Nodes, split_large_nodes
+from rptcam_cl.acceleration.reinsertion import reinserted
 from rptcam_cl.acceleration.wide_tree import max_binary_depth, widen
 from rptcam_cl.device import Session
 
@@ -33,7 +34,7 @@ def build_bvh(
     width
         Children of a node: 2, 4, 8 or 16.
     leaf_size
-        Most primitives of a leaf block, up to 64; a leaf is one block.
+        Most primitives of a leaf block, a power of two up to 64; a leaf is one block.
     session
         The device that builds.
 
@@ -42,14 +43,15 @@ def build_bvh(
     ValueError
         When a box is not finite, is turned inside out or reaches beyond 1e37.
     """
-    if width not in (2, 4, 8, 16) or not 1 <= leaf_size <= 64:
-        raise ValueError(f"width {width}, leaf_size {leaf_size}: expected a width of 2, 4, 8 or 16 and 1 to 64")
+    if width not in (2, 4, 8, 16) or leaf_size not in (1, 2, 4, 8, 16, 32, 64):
+        raise ValueError(f"width {width}, leaf_size {leaf_size}: expected powers of two, 2 to 16 and 1 to 64")
     lower, upper = np.ascontiguousarray(lower, np.float32), np.ascontiguousarray(upper, np.float32)
     _check(lower, upper)
     if len(lower) == 0:
         return _nothing(width, leaf_size)
-    blocks, bounds, depths = _sort_into_leaves(lower, upper, leaf_size, max_binary_depth(width), session)
-    return widen(binary_tree(depths, bounds), blocks, width)
+    max_depth = max_binary_depth(width)
+    blocks, bounds, depths = _sort_into_leaves(lower, upper, leaf_size, max_depth, session)
+    return widen(reinserted(binary_tree(depths, bounds), max_depth, session), blocks, width)
 
 
 def _check(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:

@@ -7,14 +7,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.device import Session
+from rptcam_cl.device import Program, Session
 
 BINS = 16  # per axis
 SWEEP = 32  # nodes of at most so many primitives are split exactly
 SMALL = {"cpu": 4096, "gpu": 1024}  # primitives that one work item takes on: what a core's cache holds; many for a GPU
 GROUP = {"cpu": 1, "gpu": 32}  # work items per group: each has kilobytes of its own
-KERNELS = ("gather", "histogram", "partition", "subtree", "leaves")
+KERNELS = ("gather", "histogram", "partition", "subtree", "leaves", "search", "reinsert")
 FILES = [f"build/{name}.cl" for name in KERNELS]
+MOST_VISITS = 512  # nodes that the search for one node's better place looks at; in a mesh it needs some ten
+FACTS = {"BINS": BINS, "SWEEP": SWEEP, "DEEPEST": 127, "MOST_VISITS": MOST_VISITS}
+
+
+def build_program(session: Session) -> Program:
+    """Return the program of all kernels that build: a single one, whatever the tree, as compiling takes its time."""
+    return session.program(FILES, FACTS, "")
 
 
 class Builder:
@@ -27,7 +34,7 @@ class Builder:
     lower, upper
         Corners of the boxes (n, 3), float32.
     leaf_size
-        Primitives of a leaf block.
+        Primitives of a leaf block, a power of two.
     max_depth
         Depth that no leaf may exceed.
     """
@@ -43,11 +50,10 @@ class Builder:
         self.leaf_size = leaf_size
         self.max_depth = max_depth
         self._session = session
-        facts = {"LEAF_SIZE": leaf_size, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": max_depth}
-        self._program = session.program(FILES, facts, "")
+        self._program = build_program(session)
         self._small = SMALL[session.info.type]
         self._count = len(lower)
-        self._shrink = np.float32(power_of_two_over(lower, upper))
+        self._shrink = np.float32(scale_of(np.concatenate([lower.min(axis=0), upper.max(axis=0)])))
         self._boxes = session.allocate(32 * self._count)
         self._spare: Any = None
         corners = session.upload(lower), session.upload(upper)
@@ -97,7 +103,8 @@ class Builder:
         memory = self._session.allocate(self._count)
         self._session.write(memory, marks)
         given = self._session.upload(ranges)
-        self._run_heavy("subtree", len(ranges), self._boxes, memory, given, self._shrink)
+        limits = np.int32(self.leaf_size.bit_length() - 1), np.int32(self.max_depth)
+        self._run_heavy("subtree", len(ranges), self._boxes, memory, given, self._shrink, *limits)
         return self._session.read(memory, np.uint8, self._count)
 
     def leaves(self, starts: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
@@ -105,14 +112,15 @@ class Builder:
         count = len(starts) - 1
         blocks = self._session.allocate(4 * self.leaf_size * count)
         bounds = self._session.allocate(32 * count)
-        self._run("leaves", count, 64, self._boxes, self._session.upload(starts), blocks, bounds)
+        size = np.int32(self.leaf_size)
+        self._run("leaves", count, 64, self._boxes, self._session.upload(starts), blocks, bounds, size)
         corners = self._session.read(bounds, np.float32, 8 * count).reshape(-1, 2, 4)[:, :, :3]
         primitives = self._session.read(blocks, np.int32, self.leaf_size * count)
         return primitives.reshape(-1, self.leaf_size), corners.reshape(-1, 6)
 
 
-def power_of_two_over(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> float:
-    """Return the power of two that scales the scene's longest edge into [0.5, 1), within float32."""
-    longest = max(float(upper[:, axis].max()) - float(lower[:, axis].min()) for axis in range(3))
+def scale_of(bounds: NDArray[np.float32]) -> float:
+    """Return the power of two that brings a box's longest edge into [0.5, 1), as near as float32 allows."""
+    longest = float((bounds[3:].astype(np.float64) - bounds[:3]).max())
     exponent = int(np.frexp(longest)[1]) if longest > 0.0 else 0
     return float(np.ldexp(1.0, min(max(-exponent, -126), 126)))

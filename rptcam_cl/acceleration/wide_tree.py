@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.acceleration.binary_tree import BinaryTree
+from rptcam_cl.acceleration.builder import scale_of
 from rptcam_cl.acceleration.bvh import EMPTY, Bvh
 
 MAX_STACK = 128  # entries that a traversal may need
@@ -18,63 +21,103 @@ def max_levels(width: int) -> int:
 
 def max_binary_depth(width: int) -> int:
     """Return a depth of binary trees that wide nodes can always be made of within `max_levels` levels."""
-    return max_levels(width) * int(np.log2(width))
+    return max_levels(width) * (width.bit_length() - 1)
 
 
 def widen(tree: BinaryTree, blocks: NDArray[np.int32], width: int) -> Bvh:
-    """Return the wide tree: each node opens its child of largest area until it has ``width`` (Wald 2008).
+    """Return the wide tree whose nodes have the least area in sum.
 
-    Where a part of the tree is so deep that this might not end in time, the deepest child is opened instead: that does
-    away with log2(width) levels at once.
+    Where a part of the tree is so deep that this might not end in time, nodes open their deepest children instead: that
+    does away with log2(width) levels at once.
     """
-    leaves = len(blocks)
-    opens = int(np.log2(width))
-    slots_of_levels, left = [], max_levels(width)
-    nodes = np.array([tree.root])
-    while len(nodes):
-        in_haste = -(-tree.height[nodes].astype(np.int64) // opens) >= left
-        slots = _open(tree, nodes, width, in_haste)
-        slots_of_levels.append(slots)
-        nodes = slots[slots >= leaves]
-        left -= 1
-    return _lay_out(tree, np.concatenate(slots_of_levels), blocks)
+    costs = _costs(tree, width)
+    levels = []
+    nodes = np.array([tree.root], np.int32)
+    for left in range(max_levels(width), 0, -1):
+        in_haste = -(-tree.height[nodes].astype(np.int64) // (width.bit_length() - 1)) >= left
+        slots = np.full((len(nodes), width), -1, np.int32)
+        slots[~in_haste] = _cheapest(tree, costs, nodes[~in_haste], width)
+        slots[in_haste] = _flattest(tree, nodes[in_haste], width)
+        levels.append(slots)
+        nodes = slots[slots >= tree.leaves]
+        if len(nodes) == 0:
+            break
+    return _lay_out(tree, np.concatenate(levels), blocks)
 
 
-def _open(tree: BinaryTree, nodes: NDArray[np.int64], width: int, in_haste: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """Return what stands in the places of each node: nodes of the binary tree, or -1."""
-    leaves = len(tree.children) + 1
-    slots = np.full((len(nodes), width), -1)
-    worth = np.full((len(nodes), width), -1.0)  # of opening the slot; below 0: cannot be opened
-    rows = np.arange(len(nodes))
+def _costs(tree: BinaryTree, width: int) -> NDArray[np.float32]:
+    """Return the least area of wide nodes below each node (nodes, width): if it may take 1, 2 ... width slots.
 
-    def put(column: NDArray[np.int64] | int, at: NDArray[np.int64], what: NDArray[np.int64]) -> None:
-        slots[at, column] = what
-        height = tree.height[what].astype(np.float64)
-        area = np.maximum(_areas(tree.bounds[what]), 1e-300) * (1.0 + 1e-9 * height)  # of equal ones, the deepest
-        worth[at, column] = np.where(what < leaves, -1.0, np.where(in_haste[at], height, area))
+    In one slot the node is a wide node of its own; in several its children share them (Ylitie 2017, section 3.1).
+    """
+    costs = np.zeros((len(tree.bounds), width), np.float32)
+    areas = _areas(tree)
+    order = np.argsort(tree.height, kind="stable")
+    ends = np.cumsum(np.bincount(tree.height))
+    for begin, end in pairwise(ends):
+        nodes = order[begin:end]
+        left, right = (costs[child] for child in tree.children[nodes - tree.leaves].T)
+        shared = np.full((len(nodes), width), np.inf, np.float32)
+        for slots in range(2, width + 1):
+            shared[:, slots - 1] = _sharings(left, right, slots).min(axis=0)
+        alone = areas[nodes] + shared[:, -1]
+        costs[nodes] = np.minimum(shared, alone[:, None])
+    return costs
 
-    put(0, rows, nodes)
+
+def _sharings(left: NDArray[np.float32], right: NDArray[np.float32], slots: int) -> NDArray[np.float32]:
+    """Return the costs of two children that share slots, by what the left one has: 1 ... slots - 1."""
+    return np.stack([left[:, k] + right[:, slots - 2 - k] for k in range(slots - 1)])
+
+
+def _areas(tree: BinaryTree) -> NDArray[np.float32]:
+    """Return half areas, of the scene scaled near size 1; never quite 0, so that fewer nodes are always better."""
+    extent = (tree.bounds[:, 3:].astype(np.float64) - tree.bounds[:, :3]) * scale_of(tree.bounds[tree.root])
+    areas: NDArray[np.float64] = (extent * np.roll(extent, 1, axis=1) + 1e-12 * extent).sum(axis=1) + 1e-24
+    return areas.astype(np.float32)
+
+
+def _cheapest(tree: BinaryTree, costs: NDArray[np.float32], nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
+    """Return what stands in the slots of wide nodes of least cost: nodes of the binary tree, or -1."""
+    slots, granted = np.full((len(nodes), width), -1, np.int32), np.zeros((len(nodes), width), np.int64)
+    slots[:, 0], granted[:, 0] = nodes, np.where(nodes >= tree.leaves, width, 1)
     for filled in range(1, width):
-        best = worth.argmax(axis=1)
-        at = np.flatnonzero(worth[rows, best] >= 0.0)
-        pair = tree.children[slots[at, best[at]] - leaves].astype(np.int64)
-        put(best[at], at, pair[:, 0])
-        put(filled, at, pair[:, 1])
+        # The node itself, then any that is granted several slots and worth them, gives way to its children.
+        known = np.maximum(slots, 0)
+        opens = (granted > 1) & ((costs[known, granted - 1] < costs[known, 0]) | (filled == 1))
+        row = np.flatnonzero(opens.any(axis=1))
+        column = opens[row].argmax(axis=1)
+        pair = tree.children[slots[row, column] - tree.leaves]
+        total = granted[row, column]
+        share = np.zeros(len(row), np.int64)
+        for number in range(2, width + 1):
+            which = total == number
+            left, right = (costs[pair[which, side]] for side in (0, 1))
+            share[which] = _sharings(left, right, number).argmin(axis=0) + 1
+        slots[row, column], slots[row, filled] = pair.T
+        granted[row, column], granted[row, filled] = share, total - share
     return slots
 
 
-def _areas(bounds: NDArray[np.float32]) -> NDArray[np.float64]:
-    extent = bounds[:, 3:].astype(np.float64) - bounds[:, :3]
-    areas: NDArray[np.float64] = (extent * np.roll(extent, 1, axis=1)).sum(axis=1)
-    return areas
+def _flattest(tree: BinaryTree, nodes: NDArray[np.int32], width: int) -> NDArray[np.int32]:
+    """Return what stands in the slots of wide nodes that opened their deepest child each time."""
+    slots = np.full((len(nodes), width), -1, np.int32)
+    slots[:, 0] = nodes
+    rows = np.arange(len(nodes))
+    for filled in range(1, width):
+        height = np.where(slots >= 0, tree.height[slots], 0)
+        deepest = height.argmax(axis=1)
+        row = rows[height[rows, deepest] > 0]
+        column = deepest[row]
+        slots[row, column], slots[row, filled] = tree.children[slots[row, column] - tree.leaves].T
+    return slots
 
 
-def _lay_out(tree: BinaryTree, slots: NDArray[np.int64], blocks: NDArray[np.int32]) -> Bvh:
-    leaves = len(blocks)
-    inner, leaf = slots >= leaves, (slots >= 0) & (slots < leaves)
+def _lay_out(tree: BinaryTree, slots: NDArray[np.int32], blocks: NDArray[np.int32]) -> Bvh:
+    inner, leaf = slots >= tree.leaves, (slots >= 0) & (slots < tree.leaves)
     children = np.full(slots.shape, EMPTY, np.int32)
     children[inner] = np.arange(1, int(inner.sum()) + 1)  # the very order in which the levels were made
-    children[leaf] = ~slots[leaf].astype(np.int32)
+    children[leaf] = ~slots[leaf]
     bounds = np.empty((len(slots), slots.shape[1], 6), np.float32)
     bounds[..., :3], bounds[..., 3:] = np.inf, -np.inf
     bounds[slots >= 0] = tree.bounds[slots[slots >= 0]]

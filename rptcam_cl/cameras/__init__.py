@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_lens
+from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.scene.scene import Scene
 
@@ -22,4 +23,4 @@ def camera_model(scene: Scene) -> CameraModel:
     return _MODELS[scene.camera.kind](scene)
 
 
-__all__ = ["CameraModel", "camera_model"]
+__all__ = ["CameraModel", "camera_geometry", "camera_model"]

@@ -57,6 +57,7 @@ class LensSetting:
             "film_distance_mm": self.film_distance_mm,
             "focus_distance_m": None if self.focus_distance_mm is None else self.focus_distance_mm * 1e-3,
             "focus_method": focus.method if sought else None,
+            "focus_field": None if focus.field is None else list(focus.field),
             "focused_by": ("whole lens" if self.lens.focusing is None else "group") if sought else None,
             "wavelength_nm": self.camera.wavelength_nm,
         }
@@ -82,15 +83,28 @@ def lens_setting(scene: Scene) -> LensSetting:
         return LensSetting(lens, focus.film_distance_mm, _sharp_at(lens, focus.film_distance_mm, camera), camera)
     if focus.front_distance_m is not None:
         front_mm = focus.front_distance_m * 1e3
-        lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm)
+        lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm, _film_point(scene, camera))
         return LensSetting(lens, back_mm, front_mm + lens.length + back_mm, camera)
     if focus.point is not None:
         distance_mm = camera.ahead(focus.point) * scene.metres_per_unit * 1e3
     else:
         assert focus.distance_m is not None
         distance_mm = focus.distance_m * 1e3
-    lens, back_mm = focused(lens, distance_mm, "film", focus.method, camera.wavelength_nm)
+    lens, back_mm = focused(lens, distance_mm, "film", focus.method, camera.wavelength_nm, _film_point(scene, camera))
     return LensSetting(lens, back_mm, distance_mm, camera)
+
+
+def _film_point(scene: Scene, camera: LensCamera) -> tuple[float, float] | None:
+    """Return where on the film the picture is to be sharpest [mm]; None for the axis.
+
+    A lens inverts: right and up in an upright picture are left and down on the film.
+    """
+    if camera.focus.field is None:
+        return None
+    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+    right, down = camera.focus.field
+    sense = -1.0 if camera.flip else 1.0
+    return sense * (right - 0.5) * width_mm, sense * (0.5 - down) * height_mm
 
 
 def _stopped_down(scene: Scene, camera: LensCamera) -> Lens:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
 from rptcam_cl.scene.camera import PinholeCamera
 from rptcam_cl.scene.scene import Scene
@@ -12,6 +13,10 @@ def build(scene: Scene) -> CameraModel:
     camera = scene.camera
     assert isinstance(camera, PinholeCamera)
     record = camera_record(camera, scene.film)
-    record["a"][0, :3] = (*half_tangents(camera.fov_degrees, camera.fov_axis, scene.film), camera.near_m)
+    across, down = half_tangents(camera.fov_degrees, camera.fov_axis, scene.film)
+    record["a"][0, :3] = (across, down, camera.near_m)
+    projection = intrinsics(scene.film, (0.5 / across, 0.5 / down), flip=camera.flip)
     view = CameraView(starts_ahead=True)
-    return CameraModel("camera/pinhole.h", record, facts={}, metadata={"camera": "pinhole"}, view=view)
+    return CameraModel(
+        "camera/pinhole.h", record, facts={}, metadata={"camera": "pinhole", "intrinsics": projection}, view=view
+    )

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.blur import traced_blur
+from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lens_records import lens_records
-from rptcam_cl.cameras.lens_setting import lens_setting
-from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
+from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
+from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.pupil import pupil_sampling
+from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.irradiance import on_axis_irradiance
@@ -45,19 +49,6 @@ def build(scene: Scene) -> CameraModel:
     record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
     traced = lens_records(lens, camera.wavelength_nm, "film", back_mm)
-    columns, rows = scene.film.resolution
-    view = entrance_pupil_view(
-        lens.first_order(camera.wavelength_nm),
-        float(record["b"][0, 1]),
-        lambda: traced_blur(
-            lens,
-            back_mm,
-            setting.focus_distance_mm,
-            half_film_mm,
-            (columns / width_mm, rows / height_mm),
-            camera.wavelength_nm,
-        ),
-    )
     return CameraModel(
         "camera/realistic.h",
         record,
@@ -66,9 +57,40 @@ def build(scene: Scene) -> CameraModel:
         surfaces=traced.surfaces,
         stop=traced.stop.astype(np.float32),
         has_lens=True,
-        metadata={"camera": "realistic", **setting.metadata, "on_axis_irradiance": on_axis} | pupil.metadata,
-        view=view,
+        metadata={"camera": "realistic", **setting.metadata, "on_axis_irradiance": on_axis}
+        | pupil.metadata
+        | _projection(scene, camera, setting),
+        view=_view(scene, setting),
     )
+
+
+def _view(scene: Scene, setting: LensSetting) -> CameraView:
+    """Return what layers need to know; a stop that is not round counts as its circle."""
+    lens, wavelength_nm = setting.lens, setting.camera.wavelength_nm
+    size_mm = [side * 1e3 for side in scene.film.size_m()]
+    columns, rows = scene.film.resolution
+    return entrance_pupil_view(
+        lens.first_order(wavelength_nm),
+        -(setting.film_distance_mm + lens.length) * 1e-3,
+        lambda: traced_blur(
+            lens,
+            setting.film_distance_mm,
+            setting.focus_distance_mm,
+            (size_mm[0] / 2, size_mm[1] / 2),
+            (columns / size_mm[0], rows / size_mm[1]),
+            wavelength_nm,
+        ),
+    )
+
+
+def _projection(scene: Scene, camera: RealisticCamera, setting: LensSetting) -> dict[str, Any]:
+    """Return the intrinsics of the lens to first order, nothing where a thick lens cannot stand for it."""
+    try:
+        thick = thick_lens(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
+    except InputError:
+        return {}
+    per_tangent = thick.film_per_tangent(*scene.film.size_m())
+    return {"intrinsics": intrinsics(scene.film, per_tangent, flip=camera.flip, distortion="traced lens")}
 
 
 def _shaped(scene: Scene, camera: RealisticCamera, lens: Lens) -> Lens:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rptcam_cl.cameras.blur import Blur, perfect_blur
+from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lens_setting import lens_setting
 from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
 from rptcam_cl.errors import InputError
@@ -46,6 +47,11 @@ class ThickLens:
     def pupil_solid_angle(self) -> float:
         """Area of the exit pupil over the square of its distance from the film."""
         return math.pi * self.film_slope[1] ** 2
+
+    def film_per_tangent(self, width_m: float, height_m: float) -> tuple[float, float]:
+        """Return how many widths and heights of a film the image moves per unit of the tangent in the scene."""
+        per_mm = 1e-3 / abs(self.slope[0])
+        return per_mm / width_m, per_mm / height_m
 
     @property
     def axial_cone(self) -> float:
@@ -114,7 +120,8 @@ def build(scene: Scene) -> CameraModel:
     first_vertex_m = -(setting.film_distance_mm + setting.lens.length) * 1e-3
     record["b"][0] = (1e-3, first_vertex_m, *thick.film_slope)
     record["pupil"][0] = (*thick.height, *thick.slope)
-    metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis}
+    projection = intrinsics(scene.film, thick.film_per_tangent(width_m, height_m), flip=camera.flip)
+    metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
     view = entrance_pupil_view(
         setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene.film, first_vertex_m)
     )

@@ -6,6 +6,7 @@ import math
 
 from rptcam_cl.cameras.aperture import aperture_parts
 from rptcam_cl.cameras.blur import perfect_blur
+from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
 from rptcam_cl.scene.camera import ThinLensCamera
 from rptcam_cl.scene.film import Film
@@ -47,6 +48,7 @@ def build(scene: Scene) -> CameraModel:
         "focal_length_mm": focal_length * 1e3,
         "f_number": focal_length / (2 * radius) if radius else math.inf,
         "focus_distance_m": camera.focus_distance_m,
+        "intrinsics": intrinsics(scene.film, (0.5 / across, 0.5 / down), flip=camera.flip),
     }
     pixels_per_tangent = math.sqrt(scene.film.resolution[0] / across * scene.film.resolution[1] / down) / 2
     view = CameraView(

@@ -67,6 +67,12 @@ def _command(commands: Commands, name: str, text: str, waves: tuple[float, ...])
         help="move the film to the least spot on the axis (default: paraxial focus)",
     )
     parser.add_argument(
+        "--best-focus-field",
+        type=float,
+        metavar="DEG",
+        help="move the film to the least spot of this field, at the first wavelength",
+    )
+    parser.add_argument(
         "--rays", type=count, metavar="N", default=64, help="rays across the beam each way (default: %(default)s)"
     )
     return parser
@@ -75,8 +81,12 @@ def _command(commands: Commands, name: str, text: str, waves: tuple[float, ...])
 def _state(arguments: argparse.Namespace) -> "Setting":
     from rptcam_cl.lensview.spots import at_best_focus
 
-    state = lens_in_use(arguments)
-    return at_best_focus(state, arguments.wavelengths) if arguments.best_focus else state
+    state, degrees = lens_in_use(arguments), arguments.best_focus_field
+    if degrees is not None and not abs(degrees) < 89:
+        raise InputError(f"--best-focus-field: got {degrees:g}; allowed between -89 and 89 degrees")
+    if degrees is None and not arguments.best_focus:
+        return state
+    return at_best_focus(state, arguments.wavelengths, degrees or 0.0)
 
 
 def _document(state: "Setting", **parts: Any) -> str:

@@ -43,6 +43,9 @@ def add_to(commands: Commands) -> None:
         help="record these auxiliary layers in .exr and .npz outputs, as depth,normal; all for every one",
     )  # fmt: skip
     parser.add_argument(
+        "--denoise", action="store_true", help="remove the noise that is left (biased); needs rptcam_cl[denoise]"
+    )
+    parser.add_argument(
         "--device", metavar="SPEC",
         help="an index as 0:0, a part of a name, cpu, gpu or auto (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto)",
     )  # fmt: skip
@@ -140,6 +143,7 @@ def _run(arguments: argparse.Namespace) -> int:
             size=arguments.size,
             crop=arguments.crop,
             layers=_layers(arguments),
+            denoise=arguments.denoise,
             device=arguments.device,
             on_progress=show,
             should_stop=stop.is_set,

@@ -1,9 +1,11 @@
 """A rendered picture with the account of how it came about."""
 
+from __future__ import annotations
+
 import io
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +13,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.imaging import writers
+from rptcam_cl.imaging.denoise import GUIDES, denoised
 from rptcam_cl.imaging.layers import Layer, checked_layers
 
 
@@ -65,6 +68,19 @@ class Image:
             The file cannot be written.
         """
         writers.write(path, self.pixels, self.metadata, self.ev, self.layers)
+
+    def denoised(self) -> Image:
+        """Return the image with its noise removed, guided by its layers ``albedo`` and ``normal``; see docs/layers.md.
+
+        Raises
+        ------
+        InputError
+            A layer is missing, or the denoiser is.
+        """
+        if missing := [name for name in GUIDES if name not in self.layers]:
+            raise InputError(f"denoising needs the layers {' and '.join(GUIDES)} (missing: {', '.join(missing)})")
+        pixels, how = denoised(self.pixels, self["albedo"], self["normal"])
+        return replace(self, pixels=pixels, metadata={**self.metadata, "denoised": how})
 
     def __getitem__(self, name: str) -> Layer:
         try:

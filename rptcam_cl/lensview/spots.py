@@ -64,10 +64,10 @@ def film_spots(
     return spots
 
 
-def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float]) -> Setting:
-    """Return the setting with its film where the axial spot of all wavelengths together is least."""
+def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degrees: float = 0.0) -> Setting:
+    """Return the setting with its film where the spot of a field is least: on the axis of all wavelengths together."""
     _ = setting.film
-    distance = best_film_distance(setting.lens, setting.object_distance_mm, "front", wavelengths_nm)
+    distance = best_film_distance(setting.lens, setting.object_distance_mm, "front", wavelengths_nm, field_degrees)
     return replace(setting, film_distance_mm=distance)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.focus import MEASURED_FROM, film_distance
 from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
 from rptcam_cl.optics.spot import Beam, spot
 
 if TYPE_CHECKING:
@@ -19,6 +21,12 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 ZONES = 48
+ACROSS = 128  # rays that span an oblique beam each way
+AIMS = (48, 48)  # rays that seek where a film point looks
+ROUNDS = 60
+AIMED = 4  # rounds after which the direction of the object point stays
+SETTLED = 1e-11  # of the film distance, between two rounds
+SETTLED_AT_A_POINT = 1e-6  # the same where the rays that pass are counted, not integrated
 
 
 def best_film_distance(
@@ -47,13 +55,75 @@ def best_film_distance(
     if measured_from == "front" or np.isinf(object_distance_mm):
         return _best(lens, object_distance_mm, wavelengths_nm, field_degrees, paraxial)
     back = paraxial
-    for _ in range(60):
+    for _ in range(ROUNDS):
         front = object_distance_mm - lens.length - back
         new = _best(lens, front, wavelengths_nm, field_degrees, back)
-        if abs(new - back) <= 1e-11 * abs(back):
+        if abs(new - back) <= SETTLED * abs(back):
             return new
         back = new
     return back
+
+
+def best_film_distance_at(
+    lens: Lens,
+    film_point_mm: tuple[float, float],
+    object_distance_mm: float,
+    measured_from: str = "film",
+    wavelength_nm: float = WAVELENGTH_D,
+) -> float:
+    """Return the distance from the last vertex to the film with the least rms spot at a point of the film [mm].
+
+    Parameters
+    ----------
+    lens : Lens
+        At its working aperture.
+    film_point_mm : (x, y)
+        In the frame of the lens, about which the image of an object point lies.
+    object_distance_mm, measured_from
+        As in `focus.film_distance`.
+    wavelength_nm : float
+
+    Raises
+    ------
+    InputError
+        When no light arrives there, or the search does not end.
+    """
+    back = film_distance(lens, object_distance_mm, measured_from, wavelength_nm)
+    beam = Beam()
+    for number in range(ROUNDS):
+        front = object_distance_mm if measured_from == "front" else object_distance_mm - lens.length - back
+        beam = replace(beam, object_distance_mm=front)
+        if number < AIMED:
+            beam = _beam_to(lens, film_point_mm, back, front, wavelength_nm)
+        shift = spot(lens, back, beam, wavelength_nm, ACROSS).best_shift
+        back += shift
+        if abs(shift) <= SETTLED_AT_A_POINT * abs(back):
+            return back
+    x, y = film_point_mm
+    raise InputError(f"{lens.name}: finds no least spot at the film point ({x:g}, {y:g}) mm")
+
+
+def _beam_to(
+    lens: Lens, film_point_mm: tuple[float, float], back_mm: float, front_mm: float, wavelength_nm: float
+) -> Beam:
+    """Return the light of the object point that the mean ray from a film point meets."""
+    probe, film = FilmProbe(lens, back_mm, wavelength_nm), np.array([film_point_mm], dtype=np.float64)
+    boxes, found = narrowed(probe, film, probe.windows(film), AIMS)
+    if not found[0]:
+        x, y = film_point_mm
+        raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
+    points = grid(boxes, *AIMS)[0]
+    rear = np.column_stack([points, np.full(len(points), lens.length)])
+    start = np.array([*film_point_mm, lens.length + back_mm])
+    rays = lens.trace(np.broadcast_to(start, rear.shape), rear - start, wavelength_nm)
+    origins, directions = rays.origins[rays.passed], rays.directions[rays.passed]
+    if np.isinf(front_mm):
+        slope = np.mean(directions[:, :2] / directions[:, 2:], axis=0)
+    else:
+        step = (-front_mm - origins[:, 2:]) / directions[:, 2:]
+        slope = -np.mean(origins[:, :2] + step * directions[:, :2], axis=0) / front_mm
+    angle, azimuth = np.degrees([np.arctan(np.hypot(*slope)), np.arctan2(slope[1], slope[0])])
+    return Beam(float(angle), front_mm, float(azimuth))
 
 
 def _best(lens: Lens, front_mm: float, wavelengths_nm: Sequence[float], field_degrees: float, start: float) -> float:

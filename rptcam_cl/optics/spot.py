@@ -1,6 +1,7 @@
 """Spots, chief rays and distortion of beams from points in the scene, traced exactly.
 
-Beams lie in the y-z plane. The rays of a beam are spread evenly over the plane of the first vertex.
+Beams lie in the y-z plane unless they say otherwise. The rays of a beam are spread evenly over the plane of the first
+vertex.
 """
 
 from __future__ import annotations
@@ -32,19 +33,22 @@ class Beam:
         Angle from the axis, seen from the first vertex; the light travels towards +y for a positive angle.
     object_distance_mm : float
         From the object plane to the first vertex; infinite for a parallel beam.
+    azimuth_degrees : float
+        Direction from the axis towards which the light of a positive angle travels, from +x towards +y.
     """
 
     field_degrees: float = 0.0
     object_distance_mm: float = np.inf
+    azimuth_degrees: float = 90.0
 
     def rays(self, points: Array) -> tuple[Array, Array]:
         """Return origins and directions (n, 3) of the rays through points (n, 2) of the plane of the first vertex."""
         origins = np.column_stack([points, np.zeros(len(points))])
-        slope = np.tan(np.radians(self.field_degrees))
+        slope, turn = np.tan(np.radians(self.field_degrees)), np.radians(90.0 - self.azimuth_degrees)
+        along = np.array([slope * np.sin(turn), slope * np.cos(turn), 1.0])
         if np.isinf(self.object_distance_mm):
-            along = np.array([0.0, slope, 1.0])
             return origins, np.broadcast_to(along / np.linalg.norm(along), origins.shape)
-        source = np.array([0.0, -slope * self.object_distance_mm, -self.object_distance_mm])
+        source = -along * self.object_distance_mm
         return np.broadcast_to(source, origins.shape), origins - source
 
 

@@ -1,4 +1,4 @@
-"""What light sampling can choose: emissive rectangles, disks and spheres, point and directional lights.
+"""What light sampling can choose: emissive rectangles, disks and spheres, lights, and a picture of the environment.
 
 Emissive boxes, cylinders, cones, ellipsoids and planes shine as well, but only BSDF sampling finds them.
 """
@@ -12,15 +12,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.alias import alias_table
+from rptcam_cl.kinds import EmitterKind, EnvironmentKind
+from rptcam_cl.plan.colour import luminance
+from rptcam_cl.plan.environment import Surroundings
+from rptcam_cl.plan.lights import light_emitter
 from rptcam_cl.plan.meshes import corners_of_box
-from rptcam_cl.plan.primitives import Primitive, sphere_of, world_from_scene
+from rptcam_cl.plan.primitives import Primitive, sphere_of
+from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.plan.triangle_emitters import triangle_emitters
-from rptcam_cl.records import EMITTER, EmitterKind, Kind
-from rptcam_cl.scene.light import DirectionalLight, PointLight
+from rptcam_cl.records import EMITTER, Kind
 from rptcam_cl.scene.material import Emissive
 from rptcam_cl.scene.scene import Scene
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # Rec. 709
+Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
@@ -32,9 +36,24 @@ class Emitters:
     kinds: frozenset[EmitterKind]
     count: int
 
-
-def _luminance(color: object) -> float:
-    return float(LUMINANCE @ np.asarray(color, dtype=np.float64))
+    @property
+    def facts(self) -> dict[str, int]:
+        """Which kinds of emitter the kernels must know."""
+        flats = {EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE}
+        return {
+            "HAS_EMITTERS": int(self.count > 0),
+            "ONE_EMITTER": int(self.count == 1),
+            "EMITTER_FLATS": int(bool(self.kinds & flats)),
+            "EMITTER_TRIANGLES": int(EmitterKind.TRIANGLE in self.kinds),
+            "EMITTER_DISKS": int(EmitterKind.DISK in self.kinds),
+            "EMITTER_SPHERES": int(EmitterKind.SPHERE in self.kinds),
+            "EMITTER_POINTS": int(EmitterKind.POINT in self.kinds),
+            "EMITTER_SPOTS": int(EmitterKind.SPOT in self.kinds),
+            "EMITTER_PROFILES": int(EmitterKind.PROFILE in self.kinds),
+            "EMITTER_DIRECTIONS": int(EmitterKind.DIRECTIONAL in self.kinds),
+            "EMITTER_SUNS": int(EmitterKind.SUN in self.kinds),
+            "ENVIRONMENT_SAMPLED": int(EmitterKind.ENVIRONMENT in self.kinds),
+        }
 
 
 def _flat(kind: EmitterKind, primitive: Primitive, record: np.void) -> float:
@@ -60,45 +79,28 @@ _SAMPLED = {Kind.RECTANGLE: EmitterKind.RECTANGLE, Kind.DISK: EmitterKind.DISK, 
 def _surface_emitter(index: int, primitive: Primitive) -> tuple[np.void, float] | None:
     """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
     material = primitive.material
-    if not isinstance(material, Emissive) or primitive.kind not in _SAMPLED or _luminance(material.radiance) <= 0:
+    if not isinstance(material, Emissive) or primitive.kind not in _SAMPLED or luminance(material.radiance) <= 0:
         return None
-    record = EMITTER.zeros(1)[0]
+    record: np.void = EMITTER.zeros(1)[0]
     kind = _SAMPLED[primitive.kind]
     factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
     record["radiance"][:3] = material.radiance
     record["primitive"], record["part"] = index, -1
     record["two_sided"] = material.two_sided
-    return record, factor * _luminance(material.radiance) * (2 if material.two_sided else 1)
+    return record, factor * luminance(material.radiance) * (2 if material.two_sided else 1)
 
 
-def _mesh_emitters(
-    index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64]
-) -> tuple[NDArray[np.void], NDArray[np.float64]] | None:
+def _mesh_emitters(index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64]) -> Found | None:
     """Return records and powers [W, luminance] of the triangles of an emissive mesh, or None when it does not shine."""
     material, mesh = primitive.material, primitive.mesh
-    if mesh is None or not isinstance(material, Emissive) or _luminance(material.radiance) <= 0:
+    if mesh is None or not isinstance(material, Emissive) or luminance(material.radiance) <= 0:
         return None
     records, areas = triangle_emitters(mesh, primitive.placement, eye)
     records["radiance"][:, :3] = material.radiance
     records["primitive"] = index
     records["part"] = first_triangle + np.arange(len(records))
     records["two_sided"] = material.two_sided
-    return records, np.pi * areas * _luminance(material.radiance) * (2 if material.two_sided else 1)
-
-
-def _light(light: PointLight | DirectionalLight, scene: Scene, reach: float) -> tuple[np.void, float]:
-    """Return record and power of a light without a surface; ``reach`` is the radius of the scene [m]."""
-    record = EMITTER.zeros(1)[0]
-    record["primitive"], record["part"] = -1, -1
-    if isinstance(light, PointLight):
-        record["kind"] = EmitterKind.POINT
-        record["a"][:3] = (world_from_scene(scene) @ (*light.position, 1.0))[:3]
-        record["radiance"][:3] = light.intensity
-        return record, 4 * np.pi * _luminance(light.intensity)
-    record["kind"] = EmitterKind.DIRECTIONAL
-    record["normal"][:3] = -np.asarray(light.direction) / np.linalg.norm(light.direction)
-    record["radiance"][:3] = light.irradiance
-    return record, np.pi * reach**2 * _luminance(light.irradiance)
+    return records, np.pi * areas * luminance(material.radiance) * (2 if material.two_sided else 1)
 
 
 def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float:
@@ -113,8 +115,16 @@ def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float
     return reach or 1.0
 
 
-def pack_emitters(scene: Scene, primitives: list[Primitive], first_triangles: Sequence[int]) -> Emitters:
-    """Return the emitters that light sampling chooses from, picked in proportion to their power.
+def pack_emitters(
+    scene: Scene,
+    primitives: list[Primitive],
+    first_triangles: Sequence[int],
+    textures: TextureTable,
+    surroundings: Surroundings,
+) -> Emitters:
+    """Return the emitters that light sampling chooses from, picked in proportion to their power; suns come last.
+
+    Writes into the record of the surroundings which emitters are suns and how often the environment is picked.
 
     Parameters
     ----------
@@ -124,12 +134,40 @@ def pack_emitters(scene: Scene, primitives: list[Primitive], first_triangles: Se
         Its primitives, sorted by kind.
     first_triangles
         Of those that are meshes, in their order.
+    textures
+        Takes the pictures of measured luminaires.
+    surroundings
+        The environment.
     """
-    chosen: list[NDArray[np.void]] = []
-    powers: list[NDArray[np.float64]] = []
+    eye = scene.metres_per_unit * np.array(scene.camera.eye)
+    chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye)
+    reach = _scene_reach(primitives, eye)
+    lights = [light_emitter(light, scene, textures, reach) for light in scene.lights]
+    if surroundings.kind is EnvironmentKind.IMAGE:
+        lights.append(_environment(surroundings.flux * np.pi * reach**2))
+    lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
+    chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
+    suns = sum(int(record["kind"]) == EmitterKind.SUN for record, _ in lights)
+    count = sum(len(records) for records, _ in chosen)
+    surroundings.record["first_sun"], surroundings.record["suns"] = count - suns, suns
+    records = EMITTER.zeros(count)
+    if chosen:
+        records[:] = np.concatenate([part for part, _ in chosen])
+        powers = np.concatenate([power for _, power in chosen])
+        records["pick"] = powers / powers.sum()
+        records["alias_keep"], records["alias_other"] = alias_table(powers)
+        surroundings.record["pick"] = records["pick"][records["kind"] == EmitterKind.ENVIRONMENT].sum()
+    kinds = frozenset(EmitterKind(kind) for kind in np.unique(records["kind"][:count]).tolist())
+    return Emitters(records, of_primitive, kinds, count)
+
+
+def _surface_emitters(
+    primitives: list[Primitive], first_triangles: Sequence[int], eye: NDArray[np.float64]
+) -> tuple[list[Found], dict[int, int]]:
+    """Return records and powers of what shines, primitive by primitive, and the first emitter of each of them."""
+    chosen: list[Found] = []
     of_primitive: dict[int, int] = {}
     count = 0
-    eye = scene.metres_per_unit * np.array(scene.camera.eye)
     first_mesh = len(primitives) - len(first_triangles)
     for index, primitive in enumerate(primitives):
         if primitive.mesh is None:
@@ -140,20 +178,11 @@ def pack_emitters(scene: Scene, primitives: list[Primitive], first_triangles: Se
         if found is not None:
             of_primitive[index] = count
             count += len(found[0])
-            chosen.append(found[0])
-            powers.append(found[1])
-    reach = _scene_reach(primitives, eye)
-    for light in scene.lights:
-        record, power = _light(light, scene, reach)
-        if power > 0:
-            chosen.append(np.array([record], EMITTER.dtype))
-            powers.append(np.array([power]))
-            count += 1
-    records = EMITTER.zeros(count)
-    if chosen:
-        records[:] = np.concatenate(chosen)
-        weights = np.concatenate(powers)
-        records["pick"] = weights / weights.sum()
-        records["alias_keep"], records["alias_other"] = alias_table(weights)
-    kinds = frozenset(EmitterKind(kind) for kind in np.unique(records["kind"][:count]).tolist())
-    return Emitters(records, of_primitive, kinds, count)
+            chosen.append(found)
+    return chosen, of_primitive
+
+
+def _environment(power: float) -> tuple[np.void, float]:
+    record: np.void = EMITTER.zeros(1)[0]
+    record["kind"], record["primitive"], record["part"] = EmitterKind.ENVIRONMENT, -1, -1
+    return record, power

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.kinds import TexelFormat
 from rptcam_cl.pictures import Picture
-from rptcam_cl.records import TexelFormat
 
 Texels = NDArray[np.uint8] | NDArray[np.float32]
 _LARGEST_EXPONENT = 15  # halves reach 2^16
@@ -49,7 +49,12 @@ def linear_mean(texels: Texels, form: TexelFormat) -> NDArray[np.float64]:
     """Return the mean linear colour of texels."""
     if form is TexelFormat.HALF:
         return np.asarray(texels.reshape(-1, 3).mean(axis=0, dtype=np.float64))
-    codes = np.arange(256, dtype=np.float32) / np.float32(255)
-    linear = srgb_decoded(codes) if form is TexelFormat.SRGB else codes
+    linear = linear_codes(form).astype(np.float64)
     counts = [np.bincount(texels[..., index].ravel(), minlength=256) for index in range(3)]
-    return np.array([count @ linear.astype(np.float64) / count.sum() for count in counts])
+    return np.array([count @ linear / count.sum() for count in counts])
+
+
+def linear_codes(form: TexelFormat) -> NDArray[np.float32]:
+    """Return the linear values of the 256 codes of a byte."""
+    codes = np.arange(256, dtype=np.float32) / np.float32(255)
+    return srgb_decoded(codes) if form is TexelFormat.SRGB else codes

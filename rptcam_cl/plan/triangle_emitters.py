@@ -6,7 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.geometry import Mesh
-from rptcam_cl.records import EMITTER, EmitterKind
+from rptcam_cl.kinds import EmitterKind
+from rptcam_cl.records import EMITTER
 
 
 def triangle_emitters(

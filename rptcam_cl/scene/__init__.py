@@ -20,9 +20,9 @@ from rptcam_cl.scene.camera import (
     ThinLensCamera,
 )
 from rptcam_cl.scene.change import change_scene
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment
+from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.light import DirectionalLight, Light, PointLight
+from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Conductor, Dielectric, Emissive, Material, Matte, Mirror
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
@@ -57,6 +57,7 @@ __all__ = [
     "Grid",
     "HeartAperture",
     "ImageAperture",
+    "ImageEnvironment",
     "ImageTexture",
     "LensCamera",
     "Light",
@@ -74,6 +75,7 @@ __all__ = [
     "Plane",
     "PointLight",
     "PolygonAperture",
+    "ProfileLight",
     "RealisticCamera",
     "Rectangle",
     "Reflectance",
@@ -82,7 +84,9 @@ __all__ = [
     "Scene",
     "SceneObject",
     "Sphere",
+    "SpotLight",
     "StarAperture",
+    "SunLight",
     "Texture",
     "ThickLensCamera",
     "ThinLensCamera",

@@ -6,12 +6,12 @@ from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.aperture import Aperture, CircularAperture
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.lens_reference import LensReference
-from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Position
+from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Fraction, Position, list_of
 from rptcam_cl.scene.refusal import refuse
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
@@ -160,6 +160,10 @@ class Focus(SceneModel):
     method: Literal["thick", "spot"] = "thick"
     """How the film distance of an object plane is found: first-order optics, or the least spot of traced rays."""
 
+    field: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
+    """With method `spot`: where in the picture the spot is least, as fractions from its left and top edges; on the
+    axis by default."""
+
     @model_validator(mode="after")
     def _check_method(self) -> Self:
         if self.method != "thick" and self.film_distance_mm is not None:
@@ -168,6 +172,13 @@ class Focus(SceneModel):
                 got=self.method,
                 allowed="distance_m, front_distance_m or point beside it",
                 path=("method",),
+            )
+        if self.field is not None and self.method != "spot":
+            raise refuse(
+                "says where the spot is least",
+                got=list(self.field),
+                allowed="method: spot beside it",
+                path=("field",),
             )
         return self
 

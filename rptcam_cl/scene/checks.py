@@ -9,11 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.camera import Camera
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment
+from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.light import Light, PointLight
+from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.material import Emissive
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
 from rptcam_cl.scene.shape import Object, Plane
@@ -70,12 +70,31 @@ def scene_warnings(
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
     shown = (material for item in objects for material in item.shown_materials())
     colours = [material.radiance for material in shown if isinstance(material, Emissive)]
-    colours += [light.intensity if isinstance(light, PointLight) else light.irradiance for light in lights]
-    if isinstance(environment, ConstantEnvironment):
-        colours.append(environment.radiance)
-    elif environment is not None:
-        colours += [environment.bottom, environment.top]
-    return any(max(colour) > 0 for colour in colours)
+    return any(max(colour) > 0 for colour in [*colours, *_light_colours(lights), *_environment_colours(environment)])
+
+
+def _light_colours(lights: Sequence[Light]) -> list[Colour]:
+    colours = []
+    for light in lights:
+        match light:
+            case PointLight() | SpotLight():
+                colours.append(light.intensity)
+            case DirectionalLight() | SunLight():
+                colours.append(light.irradiance)
+            case ProfileLight():
+                colours.append((light.gain, light.gain, light.gain))
+    return colours
+
+
+def _environment_colours(environment: Environment | None) -> list[Colour]:
+    match environment:
+        case ConstantEnvironment():
+            return [environment.radiance]
+        case GradientEnvironment():
+            return [environment.bottom, environment.top]
+        case ImageEnvironment():
+            return [(environment.gain, environment.gain, environment.gain)]
+    return []
 
 
 def _extent_warnings(objects: Sequence[Object]) -> list[str]:

@@ -7,7 +7,10 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import Direction, Radiance
+from rptcam_cl.scene.file_reference import FileReference
+from rptcam_cl.scene.quantities import Direction, Gain, Radiance, Turn
+
+WITH_UP = ("gradient", "image")  # kinds whose `up` is the camera's by default
 
 
 class ConstantEnvironment(SceneModel):
@@ -36,4 +39,27 @@ class GradientEnvironment(SceneModel):
     """Direction that counts as above; any length. In a scene the default is the `up` of the camera."""
 
 
-Environment = Annotated[ConstantEnvironment | GradientEnvironment, Field(discriminator="kind")]
+class ImageEnvironment(FileReference):
+    """A picture of the whole sphere in longitude and latitude, 360 degrees across and 180 degrees down."""
+
+    kind: Literal["image"]
+    """Kind of environment."""
+
+    color_space: Literal["auto", "srgb", "linear"] = "auto"
+    """How colours are stored; auto: sRGB for pictures of 8 and 16 bits, linear for OpenEXR and Radiance HDR."""
+
+    gain: Gain = 1.0
+    """Radiance of the picture's 1 [W/(m² sr) per channel]."""
+
+    up: Direction = (0.0, 1.0, 0.0)
+    """Direction of the top row; any length. In a scene the default is the `up` of the camera."""
+
+    rotation_degrees: Turn = 0.0
+    """Turn of the surroundings about `up`, counter-clockwise seen from above [degrees]."""
+
+
+Environment = Annotated[
+    ConstantEnvironment | GradientEnvironment | ImageEnvironment,
+    Field(discriminator="kind"),
+]
+"""What surrounds a scene."""

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import Direction, Position, Radiance
+from rptcam_cl.scene.file_reference import FileReference
+from rptcam_cl.scene.quantities import NUMBER, Direction, Gain, Position, Radiance, Turn
+from rptcam_cl.scene.refusal import refuse
 
 
 class PointLight(SceneModel):
@@ -23,6 +25,66 @@ class PointLight(SceneModel):
     """Radiant intensity [W/sr per channel]; a colour."""
 
 
+class SpotLight(SceneModel):
+    """A lamp without size that shines into a cone: full up to `inner_degrees`, fading to nothing at `outer_degrees`."""
+
+    kind: Literal["spot"]
+    """Kind of light."""
+
+    position: Position
+    """Where it is [scene units]."""
+
+    direction: Direction
+    """Direction of the axis of the cone; any length."""
+
+    intensity: Radiance
+    """Radiant intensity along the axis [W/sr per channel]; a colour."""
+
+    outer_degrees: Annotated[float, Field(gt=0, le=180), NUMBER]
+    """Angle from the axis beyond which it is dark [degrees]."""
+
+    inner_degrees: Annotated[float, Field(ge=0, le=180), NUMBER] | None = None
+    """Angle from the axis within which it is full [degrees]; less than `outer_degrees`, by default 0.8 of it."""
+
+    @model_validator(mode="after")
+    def _check_angles(self) -> Self:
+        if self.inner_degrees is not None and self.inner_degrees >= self.outer_degrees:
+            raise refuse(
+                "is not less than outer_degrees",
+                got=self.inner_degrees,
+                allowed=f"less than {self.outer_degrees:g}",
+                path=("inner_degrees",),
+            )
+        return self
+
+    @property
+    def inner(self) -> float:
+        """Angle from the axis within which it is full [degrees]."""
+        return 0.8 * self.outer_degrees if self.inner_degrees is None else self.inner_degrees
+
+
+class ProfileLight(FileReference):
+    """A lamp without size that shines as a luminaire was measured: an IES file (IESNA LM-63) of type C."""
+
+    kind: Literal["ies"]
+    """Kind of light."""
+
+    position: Position
+    """Where it is [scene units]."""
+
+    direction: Direction = (0.0, -1.0, 0.0)
+    """Direction of the file's vertical angle 0; any length. In a scene the default is against the camera's `up`."""
+
+    rotation_degrees: Turn = 0.0
+    """Turn about `direction`, counter-clockwise seen along it [degrees]."""
+
+    gain: Gain = Field(default=1.0)
+    """Factor on the intensities of the file."""
+
+    color: Radiance = (1.0, 1.0, 1.0)
+    """Colour of the light; made to have luminance 1."""
+
+
 class DirectionalLight(SceneModel):
     """A lamp infinitely far away, such as the sun without its disk."""
 
@@ -36,4 +98,20 @@ class DirectionalLight(SceneModel):
     """Irradiance on a surface that faces the light [W/m² per channel]; a colour."""
 
 
-Light = Annotated[PointLight | DirectionalLight, Field(discriminator="kind")]
+class SunLight(SceneModel):
+    """A round lamp infinitely far away; the camera sees its disk."""
+
+    kind: Literal["sun"]
+    """Kind of light."""
+
+    direction: Direction
+    """Direction in which the light of its middle travels; any length."""
+
+    irradiance: Radiance
+    """Irradiance on a surface that faces its middle [W/m² per channel]; a colour."""
+
+    diameter_degrees: Annotated[float, Field(ge=0.01, le=180), NUMBER] = 0.53
+    """Angle across the disk [degrees]; its radiance is the same all over."""
+
+
+Light = Annotated[PointLight | DirectionalLight | SpotLight | ProfileLight | SunLight, Field(discriminator="kind")]

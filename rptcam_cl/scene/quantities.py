@@ -140,6 +140,8 @@ TextureNumber = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
 TexturePair = Annotated[tuple[TextureNumber, TextureNumber], BeforeValidator(list_of(2, "a pair [u, v]"))]
 Coordinate = Annotated[float, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE), NUMBER]
 Length = Annotated[float, Field(ge=SMALLEST_LENGTH, le=LARGEST_COORDINATE), NUMBER]
+Turn = Annotated[float, Field(ge=-360, le=360), NUMBER]
+Gain = Annotated[float, Field(ge=0, le=1e12), NUMBER]
 Fraction = Annotated[float, Field(ge=0, le=1), NUMBER]
 
 Position = Annotated[

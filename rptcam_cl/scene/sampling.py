@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field
 
@@ -29,6 +29,9 @@ class RenderSettings(SceneModel):
 
     roulette_depth: Annotated[int, Field(ge=0, le=MAX_DEPTH), WHOLE_NUMBER] = 4
     """Edge from which on Russian roulette may end a path; 0 means never."""
+
+    sampler: Literal["lattice", "independent"] = "lattice"
+    """How the samples of a pixel are spread: on a lattice, which lowers the noise, or each by itself."""
 
     layers: Layers = ()
     """Auxiliary layers to record beside the picture, as depth and normal."""

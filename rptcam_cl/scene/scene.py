@@ -15,7 +15,7 @@ from rptcam_cl.scene.aperture import ImageAperture
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
 from rptcam_cl.scene.checks import check_extent, scene_warnings
-from rptcam_cl.scene.environment import Environment
+from rptcam_cl.scene.environment import WITH_UP, Environment
 from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
 from rptcam_cl.scene.film import Film
@@ -81,9 +81,17 @@ class Scene(SceneModel):
     @field_validator("environment", mode="before")
     @classmethod
     def _default_up(cls, environment: Any, info: ValidationInfo) -> Any:
-        if isinstance(environment, dict) and environment.get("kind") == "gradient" and "camera" in info.data:
-            return {"up": info.data["camera"].up} | environment
-        return environment
+        has_up = isinstance(environment, dict) and environment.get("kind") in WITH_UP
+        return {"up": info.data["camera"].up} | environment if has_up and "camera" in info.data else environment
+
+    @field_validator("lights", mode="before")
+    @classmethod
+    def _default_down(cls, lights: Any, info: ValidationInfo) -> Any:
+        if not isinstance(lights, (list, tuple)) or "camera" not in info.data:
+            return lights
+        down = tuple(-x for x in info.data["camera"].up)
+        hung = [isinstance(light, dict) and light.get("kind") == "ies" for light in lights]
+        return [{"direction": down} | light if hangs else light for light, hangs in zip(lights, hung, strict=True)]
 
     @model_validator(mode="after")
     def _check_whole(self) -> Self:

@@ -21,7 +21,7 @@ def _disk_reach(normal: NDArray[np.float64], radius: float) -> NDArray[np.float6
 
 
 class Sphere(SceneObject):
-    """A sphere; u runs once round its z axis, v from the highest point (+z) to the lowest."""
+    """A sphere; u runs once round its z axis, v from the lowest point (-z) to the highest."""
 
     shape: Literal["sphere"]
     """Kind of shape."""

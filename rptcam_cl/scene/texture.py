@@ -8,11 +8,9 @@ from pydantic import Discriminator, Field, Tag
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, TexturePair
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, Gain, TexturePair, Turn
 
 CONSTANT = "constant colour"
-
-Turn = Annotated[float, Field(ge=-360, le=360), NUMBER]
 
 
 class Pattern(SceneModel):
@@ -113,7 +111,7 @@ class ImageTexture(FileReference, Pattern):
     channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
     """Which channels are read; a single one gives a grey, a is the alpha channel."""
 
-    gain: Annotated[float, Field(ge=0, le=1e12), NUMBER] = 1.0
+    gain: Gain = 1.0
     """Factor on the linear values."""
 
 

@@ -33,7 +33,8 @@ class SceneBuffers:
             upload(plan.textures.records),
             upload(plan.textures.texels),
             upload(plan.emitters.records),
-            upload(plan.environment),
+            upload(plan.surroundings.record),
+            upload(plan.surroundings.distribution),
             np.int32(plan.emitters.count),
         )
         self.mesh_facts = {"BVH_WIDTH": 0, "BVH_STACK": 0}

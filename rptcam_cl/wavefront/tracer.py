@@ -79,6 +79,8 @@ class Wavefront:
         self._enqueued, self._rays = 0, 0  # camera rays of the picture, since the last and up to the last `finish`
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
+        lanes = session.lanes
+        self._lanes = {"trace": lanes, "camera": lanes * 2 if plan.camera.has_lens and lanes > 1 else lanes}
         self._allocate(plan)
         self._build(plan)
         self._bind()
@@ -94,8 +96,6 @@ class Wavefront:
         return self._wave_pixels * self._wave_samples
 
     def _build(self, plan: Plan) -> None:
-        lanes = self.session.lanes
-        self._lanes = {"trace": lanes, "camera": lanes * 2 if plan.camera.has_lens and lanes > 1 else lanes}
         declarations = device_declarations()
         passes = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
         trace = ["pass/stream.cl"] if self.organisation == "stream" else passes
@@ -107,6 +107,7 @@ class Wavefront:
             "CAMERA_FILE": plan.camera.kernel,
             "CAMERA_HAS_LENS": int(plan.camera.has_lens),
             "HAS_EMITTERS": plan.facts["HAS_EMITTERS"],
+            "SAMPLER_LATTICE": plan.facts["SAMPLER_LATTICE"],
             "HAS_MESH": plan.facts["HAS_MESH"],
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],

@@ -36,13 +36,13 @@ def knot(rows=120, columns=20):
 
 
 def hall():
-    """A finely made ball in a hall of few, large walls."""
+    """A finely made ball in a hall of large walls."""
 
     def ball(u, v):
         theta, phi = np.pi * u, 2 * np.pi * v
         return np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)
 
-    walls = [grid_surface(2, 2, lambda u, v, k=k: np.roll([40 * u, 40 * v, 0 * u + k], k)) for k in range(3)]
+    walls = [grid_surface(6, 6, lambda u, v, k=k: np.roll([40 * u, 40 * v, 0 * u + k], k)) for k in range(3)]
     return np.concatenate([grid_surface(30, 40, ball) + np.float32(7), *walls])
 
 

@@ -20,15 +20,15 @@ def log_scales(count):
 SETS = {
     "one": points([1.0], 2, 3),
     "two": points([1.0, 4], 2, 3),
-    "all in one place": points(np.ones(5000), 1, 1),
-    "on a line": points(np.arange(5000) / 7, 0, 0),
+    "all in one place": points(np.ones(2000), 1, 1),
+    "on a line": points(np.arange(2000) / 7, 0, 0),
     "on a slanted line": points(np.arange(999) / 7, np.arange(999) / 5, np.arange(999) / 3),
     "in a plane": points(np.arange(6400) % 80, np.arange(6400) // 80, 0),
     "huge": points(1e37 * np.cos(np.arange(999)), 1e37 * np.sin(np.arange(999)), 1e37),
     "tiny": points(1e-30 * np.cos(np.arange(999)), 1e-30 * np.sin(np.arange(999)), 0),
     "denormal": points(1e-43 * (np.arange(999) % 30), 0, 0),
     "far off": points(1e6 + np.arange(999) / 16, -1e6, 1e6),
-    "crowded": log_scales(9000),
+    "crowded": log_scales(5000),
 }
 
 
@@ -61,7 +61,8 @@ def test_million_boxes_in_one_place_fill_their_blocks_in_a_flat_tree(session):
     lower = np.ones((1_000_000, 3), np.float32)
     figures = quality(build_bvh(lower, lower + np.float32(1), session=session))
     assert figures.fill == 1.0
-    assert figures.depth == 6  # 125 000 blocks, eight children a node
+    assert figures.nodes < 1.1 * 125_000 / 7  # eight children each
+    assert figures.depth <= 10
 
 
 @pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf, 2e37, -2e37])
@@ -79,10 +80,10 @@ def test_box_turned_inside_out_is_refused(session):
         build_bvh(lower, upper, session=session)
 
 
-@pytest.mark.parametrize(("width", "leaf_size"), [(3, 8), (8, 0), (8, 65), (1, 1)])
+@pytest.mark.parametrize(("width", "leaf_size"), [(3, 8), (8, 0), (8, 3), (8, 128), (1, 1)])
 def test_impossible_layout_is_refused(session, width, leaf_size):
     lower = np.zeros((10, 3), np.float32)
-    with pytest.raises(ValueError, match="expected a width of"):
+    with pytest.raises(ValueError, match="expected powers of two"):
         build_bvh(lower, lower, width=width, leaf_size=leaf_size, session=session)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pyopencl as cl
 import pytest
 
-from rptcam_cl.acceleration.builder import BINS, FILES, SWEEP
+from rptcam_cl.acceleration.builder import FACTS, FILES
 from rptcam_cl.device.program import BUILD_OPTIONS, assemble, pocl_library_arch
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
@@ -110,7 +110,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
     lens = int(camera == "realistic")
     for rest in (0, 1):
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
-        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest}
+        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest, "SAMPLER_LATTICE": rest}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 
@@ -121,7 +121,7 @@ def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
 
 @pytest.mark.parametrize("file", FILES)
 def test_kernel_that_builds_trees_compiles_alone_without_a_warning(session, file):
-    without_warnings(session, [file], {"LEAF_SIZE": 8, "BINS": BINS, "SWEEP": SWEEP, "MAX_DEPTH": 54})
+    without_warnings(session, [file], FACTS)
 
 
 @pytest.mark.parametrize("path", sorted(kernels_dir().rglob("*.cl")), ids=lambda path: path.stem)

@@ -10,8 +10,7 @@ import yaml
 
 from rptcam_cl.cli import build_parser, main
 from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.files.glasses import LAWS
-from rptcam_cl.optics.files.native import SURFACE_KEYS, TOP_KEYS
+from rptcam_cl.optics.files.keys import CLEAR, CONFIGURATION, GLASS, LENS, SHAPE, SURFACE, Key
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +52,9 @@ def test_pictures_are_there(text: str, checkout: Path) -> None:
         assert (checkout / "docs" / link).is_file(), link
 
 
-@pytest.mark.parametrize("keys", [TOP_KEYS, SURFACE_KEYS, LAWS])
-def test_every_key_is_documented(text: str, keys: tuple[str, ...]) -> None:
-    missing = [key for key in keys if not re.search(rf"`{key}`|[{{`]{key}:", text)]
+@pytest.mark.parametrize("keys", [LENS, SURFACE, GLASS, SHAPE, CLEAR, CONFIGURATION])
+def test_every_key_is_documented(text: str, keys: dict[str, Key]) -> None:
+    missing = [key for key in keys if not re.search(rf"`{key}`|[{{`, ]{key}:", text)]
     assert missing == []
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.best_focus import best_film_distance
+from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.spot import Beam, chief_ray, distortion, spot
 from tests.optics.truth import NAMES, truth, truth_lens
 
@@ -114,6 +114,43 @@ def test_best_focus_off_the_axis_lies_nearer_for_an_undercorrected_lens():
     on_axis = best_film_distance(lens, np.inf)
     off_axis = best_film_distance(lens, np.inf, field_degrees=15)
     assert off_axis < on_axis - 1.0
+
+
+@pytest.mark.parametrize("measured_from", ["film", "front"])
+def test_best_focus_at_the_centre_of_the_film_is_that_on_the_axis(measured_from):
+    lens = load_lens("dgauss-50mm").with_stop_diameter(8.0)
+    expected = best_film_distance(lens, 2000.0, measured_from)
+    # rays counted against rays integrated
+    assert best_film_distance_at(lens, (0.0, 0.0), 2000.0, measured_from) == pytest.approx(expected, abs=2e-3)
+
+
+def test_best_focus_at_a_film_point_makes_its_spot_least_there():
+    lens, point, distance = load_lens("biconvex-stop"), (6.0, -5.0), 3000.0
+    back = best_film_distance_at(lens, point, distance, "front")
+    assert back < best_film_distance(lens, distance, "front") - 0.7  # its field is curved
+    field = np.degrees(np.arctan(np.hypot(*point) / back))
+    beams = [Beam(field + turn, distance, float(np.degrees(np.arctan2(point[1], point[0])))) for turn in (-1.5, 0, 1.5)]
+    beam = min(beams, key=lambda beam: np.hypot(*np.subtract(spot(lens, back, beam).centroid, point)))
+    assert np.hypot(*np.subtract(spot(lens, back, beam).centroid, point)) < 0.5
+    sizes = [spot(lens, back + shift, beam).rms for shift in (-0.2, 0.0, 0.2)]
+    assert sizes[1] < min(sizes[0], sizes[2])
+
+
+def test_best_focus_knows_the_directions_of_a_lens_that_is_not_round():
+    rows = [
+        {"radius": 50, "thickness": 4, "glass": {"index": 1.5}, "diameter": 20, "tilt_degrees": [4, 0]},
+        {"radius": -50, "thickness": 5, "diameter": 20, "tilt_degrees": [4, 0]},
+        {"stop": True, "diameter": 6},
+    ]
+    lens = load_lens({"name": "tilted", "surfaces": rows})
+    up, down, right, left = (best_film_distance_at(lens, point, np.inf) for point in ((0, 5), (0, -5), (5, 0), (-5, 0)))
+    assert abs(up - down) > 0.1
+    assert right == pytest.approx(left, abs=1e-3)
+
+
+def test_best_focus_where_no_light_arrives_is_refused():
+    with pytest.raises(InputError, match=r"no light reaches the film point \(0, 90\) mm"):
+        best_film_distance_at(load_lens("telephoto-250mm"), (0.0, 90.0), np.inf)
 
 
 def test_a_beam_that_does_not_come_through_is_an_error():

@@ -47,6 +47,14 @@ def test_ways_to_aim_at_the_pupil_are_compared(checkout: Path, tmp_path: Path) -
     assert "tight" in printed
 
 
+@pytest.mark.slow
+def test_samplers_are_compared_on_every_scene(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "samplers", "--seeds", "3")
+    assert "soft shadow" in printed
+    assert len(results) == 10
+    assert all(variance > 0 for found in results for variance, _ in found["by_spp"].values())
+
+
 def test_start_is_measured_cold_and_warm(checkout: Path, tmp_path: Path) -> None:
     _, results = quick(checkout, tmp_path, "startup")
     assert results["cold"][0]["compile"] > results["warm"][0]["compile"] > 0

@@ -10,6 +10,7 @@ import rptcam_cl
 from rptcam_cl.cameras.lens_setting import lens_setting
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.best_focus import best_film_distance_at
 from rptcam_cl.optics.focus import nearest_object_distance
 from rptcam_cl.optics.spot import Beam, spot
 from rptcam_cl.resources import lenses_dir
@@ -99,6 +100,27 @@ def test_ways_to_say_what_is_in_focus_agree(kind, method, lens):
     third = state_of(camera_of(kind, lens, {"front_distance_m": front, "method": method}))
     assert third.film_distance_mm == pytest.approx(one.film_distance_mm, rel=1e-7)
     assert third.focus_distance_mm == pytest.approx(5000, rel=1e-9)
+
+
+@pytest.mark.parametrize("flip", [True, False])
+def test_spot_is_least_where_the_picture_says(flip):
+    tilted = [
+        {"radius": 50, "thickness": 4, "glass": {"index": 1.5}, "diameter": 20, "tilt_degrees": [4, 3]},
+        {"radius": -50, "thickness": 5, "diameter": 20, "tilt_degrees": [4, 3]},
+        {"stop": True, "diameter": 6},
+    ]
+    lens = load_lens({"name": "tilted", "surfaces": tilted})
+    focus = {"front_distance_m": 4.0, "method": "spot", "field": [0.8, 0.1]}
+    camera = camera_of("realistic", {"name": "tilted", "surfaces": tilted}, focus, flip=flip)
+    state = state_of(camera)
+    width, height = (side * 1e3 for side in rptcam_cl.load_scene(scene_of([], camera)).film.size_m())
+    # right and high in an upright picture is left and low on the film
+    sense = -1 if flip else 1
+    there = best_film_distance_at(lens, (sense * 0.3 * width, sense * 0.4 * height), 4000.0, "front")
+    mirrored = best_film_distance_at(lens, (-sense * 0.3 * width, -sense * 0.4 * height), 4000.0, "front")
+    assert state.film_distance_mm == pytest.approx(there, rel=1e-9)
+    assert abs(state.film_distance_mm - mirrored) > 0.1
+    assert state.metadata["focus_field"] == [0.8, 0.1]
 
 
 @pytest.mark.parametrize("kind", KINDS)

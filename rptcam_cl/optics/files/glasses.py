@@ -7,12 +7,10 @@ from pathlib import Path
 
 from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
 from rptcam_cl.optics.files.fields import Fields, problem
+from rptcam_cl.optics.files.keys import GLASS, HIGHEST_INDEX, LAWS, LINEAR_ABBE, LOWEST_INDEX, SELLMEIER
 from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, Medium, PowerSeries, Sellmeier
 from rptcam_cl.optics.glass_table import GLASSES
 from rptcam_cl.strict_yaml import Document, KeyPath
-
-LAWS = ("index", "nd", "linear_abbe", "sellmeier", "cauchy", "schott", "catalogue", "refractiveindex")
-LOWEST_INDEX, HIGHEST_INDEX = 0.5, 5.0
 
 
 def read_glass(document: Document, path: KeyPath) -> Medium:
@@ -24,7 +22,7 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
         return _named(document, path, value)
     if isinstance(value, int | float) and not isinstance(value, bool):
         raise problem(document, path, "expected a name or a mapping such as {index: 1.5}", value)
-    fields = Fields(document, path, (*LAWS, "vd", "range_nm", "name"))
+    fields = Fields(document, path, GLASS)
     given = [law for law in LAWS if law in fields]
     if len(given) != 1:
         raise fields.fail(None, f"needs exactly one of {', '.join(LAWS)} (has {', '.join(given) or 'none'})")
@@ -60,14 +58,14 @@ def _abbe(fields: Fields) -> Medium:
 
 
 def _linear(fields: Fields) -> Medium:
-    inner = Fields(fields.document, (*fields.path, "linear_abbe"), ("n", "v"))
+    inner = Fields(fields.document, (*fields.path, "linear_abbe"), LINEAR_ABBE)
     n = _checked(inner, "n", inner.number("n"))
     v = inner.positive("v")
     return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
 
 def _sellmeier(fields: Fields) -> Medium:
-    inner = Fields(fields.document, (*fields.path, "sellmeier"), ("b", "c", "c0"))
+    inner = Fields(fields.document, (*fields.path, "sellmeier"), SELLMEIER)
     b, c = inner.numbers("b"), inner.numbers("c")
     if len(b) != len(c):
         raise inner.fail("c", f"b and c need as many numbers as each other ({len(b)} and {len(c)})")

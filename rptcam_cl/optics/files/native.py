@@ -12,7 +12,8 @@ import numpy as np
 from rptcam_cl.optics.files.checks import check_lens
 from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.files.glasses import read_glass
-from rptcam_cl.optics.files.shapes import SHAPE_KEYS, read_pose, read_shape
+from rptcam_cl.optics.files.keys import GROUP, LENS, LONGEST_MM, SHORTEST_MM, SURFACE, UNITS_MM
+from rptcam_cl.optics.files.shapes import read_pose, read_shape
 from rptcam_cl.optics.files.variable import read_configurations, read_focusing
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.lens import Lens
@@ -20,11 +21,6 @@ from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.variable import configured
 from rptcam_cl.strict_yaml import Document
-
-UNITS_MM = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "in": 25.4, "km": 1e6}
-SHORTEST_MM, LONGEST_MM = 1e-9, 1e15  # beyond these, squares and reciprocals leave the range of numbers
-TOP_KEYS = ("name", "source", "published", "unit", "object_medium", "surfaces", "groups", "configurations", "focusing")
-SURFACE_KEYS = ("radius", "thickness", "glass", "diameter", "stop", *SHAPE_KEYS)
 
 
 def document_of(mapping: Mapping[str, Any]) -> Document:
@@ -46,7 +42,7 @@ def read_native(document: Document) -> Lens:
     """Return the lens of a document in our own form."""
     if not isinstance(document.data, dict):
         raise problem(document, (), "expected a mapping with name and surfaces", document.data)
-    top = Fields(document, (), TOP_KEYS)
+    top = Fields(document, (), LENS)
     scale = _unit(top)
     rows = top.get("surfaces")
     if not isinstance(rows, list) or not rows:
@@ -84,7 +80,7 @@ def _unit(top: Fields) -> float:
 
 
 def _surface(document: Document, index: int, last: bool, scale: float) -> Surface:
-    fields = Fields(document, ("surfaces", index), SURFACE_KEYS)
+    fields = Fields(document, ("surfaces", index), SURFACE)
     radius = fields.number("radius", math.inf, infinite=True)
     if radius == 0:
         raise fields.fail("radius", "must not be 0: leave it out for a plane, and mark the stop with stop: true")
@@ -112,7 +108,7 @@ def _grouped(document: Document, top: Fields, surfaces: tuple[Surface, ...], sca
     if not isinstance(groups, list):
         raise top.fail("groups", "expected a list such as [{surfaces: [0, 3], tilt_degrees: [1, 0]}]")
     for number in range(len(groups)):
-        fields = Fields(document, ("groups", number), ("surfaces", "decentre", "tilt_degrees"))
+        fields = Fields(document, ("groups", number), GROUP)
         span = fields.numbers("surfaces")
         if len(span) != 2 or any(part % 1 for part in span) or not 0 <= span[0] <= span[1] < len(surfaces):
             raise fields.fail("surfaces", f"expected [first, last], two numbers from 0 to {len(surfaces) - 1}")

@@ -7,24 +7,10 @@ from typing import Any
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
+from rptcam_cl.optics.files.keys import CLEAR, HIGHEST_POWER, SHAPE
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopShape, blades, heart, polygon, star
-
-SHAPE_KEYS = (
-    "shape",
-    "conic",
-    "aspheric",
-    "cylinder",
-    "radius_x",
-    "conic_x",
-    "form",
-    "decentre",
-    "tilt_degrees",
-    "clear",
-    "outside",
-)
-HIGHEST_POWER = 40
 
 
 def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
@@ -79,11 +65,7 @@ def _stop_shape(fields: Fields) -> StopShape | None:
     try:
         if fields.get("shape") == "heart":
             return heart()
-        inner = Fields(
-            fields.document,
-            (*fields.path, "shape"),
-            ("blades", "star", "polygon", "rotation_degrees", "curvature", "inner"),
-        )
+        inner = Fields(fields.document, (*fields.path, "shape"), SHAPE)
         kinds = [kind for kind in ("blades", "star", "polygon") if kind in inner]
         if len(kinds) != 1:
             raise fields.fail("shape", "allowed: heart, {blades: n}, {star: n} or {polygon: [[x, y], ...]}")
@@ -135,7 +117,7 @@ def _region(fields: Fields, scale: float) -> Region | None:
         if "outside" in fields:
             raise fields.fail("outside", "needs a clear region beside it")
         return None
-    inner = Fields(fields.document, (*fields.path, "clear"), ("rectangle", "half_plane_degrees", "edge"))
+    inner = Fields(fields.document, (*fields.path, "clear"), CLEAR)
     width, height = math.inf, math.inf
     if "rectangle" in inner:
         size = inner.numbers("rectangle")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
+from rptcam_cl.optics.files.keys import CONFIGURATION, FOCUSING
 from rptcam_cl.optics.variable import Configuration, FocusingGroup
 from rptcam_cl.strict_yaml import Document
 
@@ -21,7 +22,7 @@ def read_configurations(document: Document, top: Fields, count: int, scale: floa
 
 
 def _configuration(document: Document, index: int, count: int, scale: float) -> Configuration:
-    fields = Fields(document, ("configurations", index), ("name", "gaps", "stop_diameter"))
+    fields = Fields(document, ("configurations", index), CONFIGURATION)
     gaps = fields.get("gaps")
     if not isinstance(gaps, dict) or not gaps:
         raise fields.fail(
@@ -45,7 +46,7 @@ def read_focusing(document: Document, top: Fields, count: int, scale: float) -> 
     """Return the focusing group: {surfaces: [first, last], travel: [least, greatest]}."""
     if "focusing" not in top:
         return None
-    fields = Fields(document, ("focusing",), ("surfaces", "travel"))
+    fields = Fields(document, ("focusing",), FOCUSING)
     span, travel = fields.numbers("surfaces"), fields.numbers("travel")
     if len(span) != 2 or any(part % 1 for part in span) or not 0 <= span[0] <= span[1] < count:
         raise fields.fail("surfaces", f"expected [first, last], two numbers from 0 to {count - 1}")

@@ -1,5 +1,5 @@
 // Writes four random numbers per counter.
-#include "common/rng.h"
+#include "common/sampler.h"
 
 __kernel void probe_random(const __global uint *pixels,
                            const __global uint *samples,

@@ -1,0 +1,46 @@
+// How lamps without size shine in directions: spots that fade at the edge of their cone, and measured luminaires.
+#ifndef POINT_H
+#define POINT_H
+#include "common/angles.h"
+#include "common/scene.h"
+#include "material/image.h"
+
+#if ONE_EMITTER
+#define OF_LAMP(member) ((F)(es->member))
+#else
+#define OF_LAMP(member) GATHER(F, es, e, .member)
+#endif
+
+#if EMITTER_SPOTS
+// Share of the intensity on the axis towards a point that sees the lamp in direction `to`: a smooth step in the cosine. u.w is
+// 1 - cos of the cone, v.w what its fading part takes of it, inverted.
+static F spot_share(const __global Emitter *es, I e, F3 to)
+{
+    F3 off = f3(to.x + OF_LAMP(normal.x), to.y + OF_LAMP(normal.y), to.z + OF_LAMP(normal.z));
+    F x = (OF_LAMP(u.w) - 0.5f * dot3(off, off)) * OF_LAMP(v.w);
+    x = MIN(MAX(x, ZERO), ONE);
+    return x * x * (3.0f - 2.0f * x);
+}
+#endif
+
+#if EMITTER_PROFILES
+// Intensity of measured lamps: a picture over the turns about the axis and the angle from it. Lanes are taken lamp by lamp.
+static F profile_intensity(Scene scene, I e, I mine, F3 to)
+{
+    F value = ZERO;
+    while (ANY(mine)) {
+        int index = first_of(e, mine);
+        I now = mine & (e == index);
+        const __global Emitter *lamp = scene.emitters + index;
+        F x = -dot3(to, f3_of(lamp->u));
+        F y = -dot3(to, f3_of(lamp->v));
+        F angle = share_upwards(dot3(to, f3_of(lamp->normal)), sqrt(x * x + y * y));
+        const __global Texture *t = scene.textures + lamp->texture;
+        value = now ? image_at(t, scene.texels, turns_around(x, y), angle).x * t->a.x : value;
+        mine = mine & NOT(now);
+    }
+    return value;
+}
+#endif
+
+#endif

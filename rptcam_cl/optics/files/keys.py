@@ -1,0 +1,154 @@
+"""Every key of our lens form, declared once: what may stand in a file, what it means, and its JSON schema.
+
+The readers take their allowed keys from here, and so does `lens_json_schema`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+UNITS_MM = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "in": 25.4, "km": 1e6}
+HIGHEST_POWER = 40
+LOWEST_INDEX, HIGHEST_INDEX = 0.5, 5.0
+SHORTEST_MM, LONGEST_MM = 1e-9, 1e15  # beyond these, squares and reciprocals leave the range of numbers
+
+
+@dataclass(frozen=True)
+class Key:
+    """A key: its meaning in one line, and the JSON schema of its value."""
+
+    text: str
+    schema: Mapping[str, Any]
+
+
+def _numbers(least: int, most: int | None = None) -> dict[str, Any]:
+    return {"type": "array", "items": NUMBER, "minItems": least} | ({} if most is None else {"maxItems": most})
+
+
+NUMBER = {"type": "number"}
+POSITIVE = {"type": "number", "exclusiveMinimum": 0}
+TEXT = {"type": "string"}
+INDEX = {"type": "number", "minimum": LOWEST_INDEX, "maximum": HIGHEST_INDEX}
+SPAN = {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 2, "maxItems": 2}
+GLASS_VALUE = {"$ref": "#/$defs/Glass"}
+BY_NUMBER = r"^[0-9]+$"  # a mapping whose keys are whole numbers
+
+LINEAR_ABBE = {
+    "n": Key("Index at 589.3 nm.", INDEX),
+    "v": Key("Abbe number.", POSITIVE),
+}
+
+SELLMEIER = {
+    "b": Key("Strengths.", _numbers(1)),
+    "c": Key("Squared wavelengths of resonance [um^2], as many as b.", _numbers(1)),
+    "c0": Key("A constant added to 1; 0 by default.", NUMBER),
+}
+
+
+def mapping(keys: Mapping[str, Key], required: tuple[str, ...] = (), **more: Any) -> dict[str, Any]:
+    """Return the schema of a mapping with these keys and no others."""
+    properties = {name: {"description": key.text, **key.schema} for name, key in keys.items()}
+    entry: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
+    return entry | ({"required": list(required)} if required else {}) | more
+
+
+LAWS = {
+    "index": Key("The same index at every wavelength.", INDEX),
+    "nd": Key("Index at 587.56 nm, with vd: a two-term Cauchy law through both.", INDEX),
+    "linear_abbe": Key("Index linear in wavelength, after the rptcam paper.", mapping(LINEAR_ABBE, ("n", "v"))),
+    "sellmeier": Key("n^2 = 1 + c0 + sum of b L^2 / (L^2 - c), L in um.", mapping(SELLMEIER, ("b", "c"))),
+    "cauchy": Key("n = a + b / L^2 + c / L^4 + ..., L in um.", _numbers(1)),
+    "schott": Key("n^2 = a0 + a1 L^2 + a2 / L^2 + ... + a5 / L^8, L in um.", _numbers(6, 6)),
+    "catalogue": Key("A Zemax catalogue (.agf) beside the lens file; name picks the glass.", TEXT),
+    "refractiveindex": Key("A file of refractiveindex.info beside the lens file.", TEXT),
+}
+
+GLASS = LAWS | {
+    "vd": Key("Abbe number, beside nd.", POSITIVE),
+    "range_nm": Key("Shortest and longest wavelength at which the law holds [nm].", _numbers(2, 2)),
+    "name": Key("Label; of a catalogue the glass.", TEXT),
+}
+
+SHAPE = {
+    "blades": Key("Number of blades.", {"type": "integer", "minimum": 3}),
+    "star": Key("Number of points of a star.", {"type": "integer", "minimum": 2}),
+    "polygon": Key("Corners [x, y] in units of the stop's radius.", {"type": "array", "items": _numbers(2, 2)}),
+    "rotation_degrees": Key("Turn of the blades or the star.", NUMBER),
+    "curvature": Key("Of the blades: 0 straight to 1 round.", {"type": "number", "minimum": 0, "maximum": 1}),
+    "inner": Key("Of a star: its inner over its outer radius.", POSITIVE),
+}
+
+CLEAR = {
+    "rectangle": Key("Width and height [unit].", {"type": "array", "items": POSITIVE, "minItems": 2, "maxItems": 2}),
+    "half_plane_degrees": Key("Direction from the axis into the half plane, from +x towards +y.", NUMBER),
+    "edge": Key("Distance of the half plane's edge from the axis [unit]; 0 by default.", NUMBER),
+}
+
+POSE = {
+    "decentre": Key("[x, y] or [x, y, z] by which the vertex is moved [unit].", _numbers(2, 3)),
+    "tilt_degrees": Key("Turns about x, then y, then z, right handed.", _numbers(2, 3)),
+}
+
+SHAPED = {
+    "shape": Key(
+        "Shape of the stop: heart, or one of blades, star and polygon.",
+        {"oneOf": [{"const": "heart"}, *(mapping(SHAPE, (kind,)) for kind in ("blades", "star", "polygon"))]},
+    ),
+    "conic": Key("k: 0 sphere, -1 paraboloid, below -1 hyperboloid.", NUMBER),
+    "aspheric": Key(
+        f"Powers of r from 1 to {HIGHEST_POWER} and their coefficients [unit^(1 - power)].",
+        {"type": "object", "patternProperties": {BY_NUMBER: NUMBER}, "additionalProperties": False},
+    ),
+    "cylinder": Key("The only axis along which the surface curves.", {"enum": ["x", "y"]}),
+    "radius_x": Key("Radius in the x-z section where it differs [unit].", NUMBER),
+    "conic_x": Key("k in the x-z section of a biconic.", NUMBER),
+    "form": Key("What a surface with radius_x is; biconic by default.", {"enum": ["biconic", "toroid"]}),
+    **POSE,
+    "clear": Key("Part of the surface that light may cross.", mapping(CLEAR)),
+    "outside": Key("Beyond clear: block, or pass where there is no glass.", {"enum": ["block", "pass"]}),
+}
+
+SURFACE = {
+    "radius": Key("Of curvature [unit], positive when the centre lies on the film side; a plane by default.", NUMBER),
+    "thickness": Key("To the next vertex [unit]; required but on the last surface.", NUMBER),
+    "glass": Key("What fills the space behind the surface; air by default.", GLASS_VALUE),
+    "diameter": Key("Full clear diameter [unit].", POSITIVE),
+    "stop": Key("Whether this is the aperture stop; at most one is.", {"type": "boolean"}),
+    **SHAPED,
+}
+
+GROUP = {"surfaces": Key("First and last surface, counted from 0.", SPAN), **POSE}
+
+CONFIGURATION = {
+    "name": Key("What the position is called.", TEXT),
+    "gaps": Key(
+        "Thickness [unit] behind surfaces, by their number; every position gives the same ones.",
+        {"type": "object", "patternProperties": {BY_NUMBER: {"type": "number", "minimum": 0}},
+         "additionalProperties": False, "minProperties": 1},
+    ),
+    "stop_diameter": Key("Diameter of the stop in this position, where it differs [unit].", POSITIVE),
+}  # fmt: skip
+
+FOCUSING = {
+    "surfaces": Key("First and last surface of the group that moves, counted from 0.", SPAN),
+    "travel": Key("Least and greatest shift towards the film [unit].", _numbers(2, 2)),
+}
+
+LENS = {
+    "name": Key("What the lens is called.", TEXT),
+    "source": Key("Where its numbers come from.", TEXT),
+    "published": Key("What the source claims, such as focal_length_mm and f_number.", {"type": "object"}),
+    "unit": Key("Of all lengths; mm by default.", {"enum": list(UNITS_MM)}),
+    "object_medium": Key("Glass in front of the lens; air by default.", GLASS_VALUE),
+    "surfaces": Key(
+        "The surfaces, scene side first.", {"type": "array", "items": {"$ref": "#/$defs/Surface"}, "minItems": 1}
+    ),
+    "groups": Key(
+        "Surfaces moved and turned together, about the vertex of the first.",
+        {"type": "array", "items": mapping(GROUP, ("surfaces",), anyOf=[{"required": [key]} for key in POSE])},
+    ),
+    "configurations": Key("Positions of a zoom lens.", {"type": "array", "items": mapping(CONFIGURATION, ("gaps",))}),
+    "focusing": Key("A group that moves to focus.", mapping(FOCUSING, ("surfaces", "travel"))),
+}

@@ -1,0 +1,29 @@
+"""The JSON schema of lens files, for editors, from the declarations that the readers check by."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from rptcam_cl.optics.files.keys import GLASS, LAWS, LENS, SURFACE, mapping
+
+
+def lens_json_schema() -> dict[str, Any]:
+    """Return the JSON schema of a lens file in our own form (draft 2020-12)."""
+    one_law = [{"required": [law]} for law in LAWS]
+    glass = mapping(GLASS, oneOf=one_law, dependentRequired={"nd": ["vd"], "vd": ["nd"], "catalogue": ["name"]})
+    needs = {"outside": ["clear"], "form": ["radius_x"], "conic_x": ["radius_x"], "shape": ["stop"]}
+    surface = mapping(SURFACE, ("diameter",), dependentRequired=needs)
+    surface["not"] = {"required": ["cylinder", "radius_x"]}
+    return {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "title": "Lens",
+        "description": "A lens: its surfaces from the scene to the film.",
+        **mapping(LENS, ("surfaces",)),
+        "$defs": {"Glass": {"oneOf": [{"type": "string"}, glass]}, "Surface": surface},
+    }
+
+
+def lens_json_schema_text() -> str:
+    """Return the JSON schema as the text of `docs/lens.schema.json`."""
+    return json.dumps(lens_json_schema(), indent=1, ensure_ascii=False) + "\n"

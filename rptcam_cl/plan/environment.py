@@ -1,0 +1,151 @@
+"""What surrounds the scene, as a record; of a picture also how light sampling picks its bright parts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.alias import alias_table
+from rptcam_cl.kinds import EnvironmentKind, TexelFormat
+from rptcam_cl.plan.colour import LUMINANCE
+from rptcam_cl.plan.picture_table import Colours
+from rptcam_cl.plan.texels import linear_codes
+from rptcam_cl.plan.textures import TextureTable
+from rptcam_cl.records import ENVIRONMENT
+from rptcam_cl.scene.environment import ConstantEnvironment, GradientEnvironment, ImageEnvironment
+from rptcam_cl.scene.scene import Scene
+
+Array = NDArray[np.float64]
+MOST_CELLS = (1024, 2048)  # rows and columns that light sampling tells apart: 24 MB of tables
+
+
+@dataclass(frozen=True)
+class Surroundings:
+    """The environment for the kernels.
+
+    Attributes
+    ----------
+    kind : EnvironmentKind
+    record : array of one Environment
+    distribution : array of float32
+        Tables of `sampling_tables`; one zero where there are none.
+    flux : float
+        Integral of the radiance over all directions of what light sampling knows [W/m², luminance]; else 0.
+    """
+
+    kind: EnvironmentKind
+    record: NDArray[np.void]
+    distribution: NDArray[np.float32]
+    flux: float
+
+
+def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
+    """Return the environment of a scene; add its picture to the textures."""
+    record = ENVIRONMENT.zeros(1)
+    nothing = np.zeros(1, np.float32)
+    match scene.environment:
+        case GradientEnvironment() as gradient:
+            record["bottom"][0, :3], record["top"][0, :3] = gradient.bottom, gradient.top
+            record["up"][0, :3] = np.asarray(gradient.up) / np.linalg.norm(gradient.up)
+            return Surroundings(EnvironmentKind.GRADIENT, record, nothing, 0.0)
+        case ConstantEnvironment() as constant:
+            record["bottom"][0, :3] = constant.radiance
+            return Surroundings(EnvironmentKind.CONSTANT, record, nothing, 0.0)
+        case ImageEnvironment() as image:
+            colours = textures.pictures.colours(image, "rgb", image.color_space)
+            record["texture"] = textures.add_sphere(colours, image.gain)
+            return _of_picture(record, brightness_of(colours), image)
+    return Surroundings(EnvironmentKind.NONE, record, nothing, 0.0)
+
+
+def _of_picture(record: NDArray[np.void], brightness: Array, image: ImageEnvironment) -> Surroundings:
+    record["right"][0, :3], record["up"][0, :3], record["forward"][0, :3] = axes(image.up, image.rotation_degrees)
+    shares = cell_shares(brightness)
+    if shares.sum() <= 0 or image.gain <= 0:
+        return Surroundings(EnvironmentKind.NONE, record, np.zeros(1, np.float32), 0.0)
+    record["rows"], record["columns"] = shares.shape
+    flux = image.gain * float(shares.sum())
+    return Surroundings(EnvironmentKind.IMAGE, record, sampling_tables(shares), flux)
+
+
+def axes(up: tuple[float, float, float], rotation_degrees: float) -> Array:
+    """Return the directions right, up and forward of a picture of the sphere, as rows.
+
+    The turn that takes +y to ``up`` the short way takes +x to right and -z to forward: with +y up the picture is what
+    an environment camera sees that looks along -z. Then all turns about ``up``, counter-clockwise seen from above.
+    """
+    y = np.asarray(up, dtype=np.float64)
+    y = y / np.linalg.norm(y)
+    if y[1] < -1 + 1e-12:
+        turn = np.diag([1.0, -1.0, -1.0])
+    else:
+        cross = np.array([[0.0, y[0], 0.0], [-y[0], 0.0, -y[2]], [0.0, y[2], 0.0]])
+        turn = np.eye(3) + cross + cross @ cross / (1 + y[1])
+    angle = np.deg2rad(rotation_degrees)
+    right, forward = turn[:, 0], -turn[:, 2]
+    turned_right = np.cos(angle) * right + np.sin(angle) * forward
+    turned_forward = np.cos(angle) * forward - np.sin(angle) * right
+    return np.stack([turned_right, y, turned_forward])
+
+
+def cell_shares(brightness: Array) -> Array:
+    """Return the integral of brightness over the solid angle of each cell that sampling tells apart.
+
+    Parameters
+    ----------
+    brightness
+        Of the texels of a picture of the sphere, shape (height, width), the top row first.
+
+    Returns
+    -------
+    array
+        Rows from the bottom. Between the centres of texels the picture is bilinear, so that a texel gives an eighth of
+        its brightness to each neighbour's cell, along rows and along columns.
+    """
+    height, width = brightness.shape
+    sides = np.roll(brightness, 1, axis=1) + np.roll(brightness, -1, axis=1)
+    across = 0.75 * brightness + 0.125 * sides
+    above, below = np.vstack([across[:1], across[:-1]]), np.vstack([across[1:], across[-1:]])
+    smooth = (0.75 * across + 0.125 * (above + below))[::-1]
+    bands = -np.diff(np.cos(np.linspace(0, np.pi, height + 1))) * (2 * np.pi / width)
+    rows, columns = min(height, MOST_CELLS[0]), min(width, MOST_CELLS[1])
+    return _gathered(_gathered(smooth * bands[:, None], rows, 0), columns, 1)
+
+
+def _gathered(values: Array, count: int, axis: int) -> Array:
+    """Return the sums of values over ``count`` equal parts of an axis; a value that straddles parts is split."""
+    length = values.shape[axis]
+    if count == length:
+        return values
+    sums = np.concatenate([np.zeros_like(np.take(values, [0], axis)), np.cumsum(values, axis=axis)], axis=axis)
+    edges = np.linspace(0, length, count + 1)
+    before = np.minimum(edges.astype(np.int64), length - 1)
+    part = np.expand_dims(edges - before, 1 - axis)
+    low, high = np.take(sums, before, axis), np.take(sums, before + 1, axis)
+    return np.diff(low + part * (high - low), axis=axis)
+
+
+def sampling_tables(shares: Array) -> NDArray[np.float32]:
+    """Return what ``kernels/light/environment.h`` reads.
+
+    One after the other: of rows, then of the cells of each row, what the alias method keeps and the other index; then
+    the density of each cell per solid angle, times the sine of the angle from the poles.
+    """
+    rows, columns = shares.shape
+    by_row = shares.sum(axis=1)
+    even = np.ones(columns)
+    tables = [np.stack(alias_table(by_row), axis=1).ravel()]
+    tables += [np.stack(alias_table(row if row.sum() > 0 else even), axis=1).ravel() for row in shares]
+    density = shares / shares.sum() * (rows * columns / (2 * np.pi**2))
+    return np.concatenate([*tables, density.ravel()]).astype(np.float32)
+
+
+def brightness_of(colours: Colours) -> Array:
+    """Return the luminance of every texel of a picture, shape (height, width)."""
+    weights = LUMINANCE.astype(np.float32)
+    if colours.form is TexelFormat.HALF:
+        return np.asarray(colours.texels @ weights, dtype=np.float64)
+    codes = linear_codes(colours.form)
+    return np.asarray(sum(codes[colours.texels[..., index]] * weights[index] for index in range(3)), dtype=np.float64)

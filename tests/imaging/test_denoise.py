@@ -1,0 +1,51 @@
+import sys
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.errors import InputError
+from rptcam_cl.imaging import Image
+
+BALL = {"shape": "sphere", "center": [0, 1, 0], "radius": 1}
+FLOOR = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 1, 0]}
+SCENE = {
+    "film": {"resolution": [64, 48]},
+    "camera": {"kind": "pinhole", "eye": [0, 1, 5], "target": [0, 0.8, 0], "fov_degrees": 40},
+    "objects": [
+        BALL | {"material": {"kind": "matte", "reflectance": [0.6, 0.3, 0.1]}},
+        FLOOR | {"material": {"kind": "matte", "reflectance": 0.5}},
+    ],
+    "environment": {"kind": "gradient", "bottom": 0.1, "top": [0.5, 0.8, 2.0]},
+}
+
+
+@pytest.fixture
+def missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyoidn", None)
+
+
+def test_missing_denoiser_is_said_before_rendering(missing: None) -> None:
+    with pytest.raises(
+        InputError, match=r"denoising needs the package pyoidn \(pip install \"rptcam_cl\[denoise\]\"\)"
+    ):
+        rptcam_cl.render(SCENE, denoise=True)
+
+
+def test_image_without_its_guides_cannot_be_denoised() -> None:
+    with pytest.raises(InputError, match=r"needs the layers albedo and normal \(missing: albedo, normal\)"):
+        Image(np.zeros((4, 4, 3), np.float32)).denoised()
+
+
+def test_denoised_picture_is_nearer_to_the_truth_and_says_so() -> None:
+    pytest.importorskip("pyoidn")
+    truth = np.asarray(rptcam_cl.render(SCENE, spp=1024, seed=1))
+    noisy = rptcam_cl.render(SCENE, spp=8, seed=2, layers=["depth"])
+    clean = rptcam_cl.render(SCENE, spp=8, seed=2, layers=["depth"], denoise=True)
+    before, after = (np.mean((np.asarray(image) - truth) ** 2) for image in (noisy, clean))
+    assert after < 0.5 * before
+    assert list(clean.layers) == ["depth"]  # what guides the denoiser is not kept unasked
+    assert "biased" in clean.metadata["denoised"]
+    assert "denoised" not in noisy.metadata
+    again = rptcam_cl.render(SCENE, spp=8, seed=2, layers=["albedo", "normal"]).denoised()
+    np.testing.assert_allclose(np.asarray(again), np.asarray(clean), rtol=1e-4, atol=1e-5)

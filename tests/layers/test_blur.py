@@ -1,0 +1,90 @@
+"""The circle of confusion against the blur of a small lamp that is rendered, and against closed forms."""
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+
+WIDTH_MM, COLUMNS, ROWS = 36.0, 720, 480
+FILM = {"resolution": [COLUMNS, ROWS], "width_mm": WIDTH_MM}
+FORWARD = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+GLASS = {"lens": "dgauss-50mm", "f_number": 2.8, "focus": {"distance_m": 2.0}}
+CAMERAS = {
+    "thin_lens": {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 2.8, "focus_distance_m": 2.0},
+    "thick_lens": {"kind": "thick_lens"} | GLASS,
+    "double_gauss": {"kind": "realistic"} | GLASS,
+}
+CENTRE, CORNER = (0.5, 0.5), (0.85, 0.25)  # places in the picture, as fractions from the left and the top
+SHARE = 0.06  # of the picture that is rendered, each way
+LAMP_PIXELS = 3.0  # its diameter
+
+
+def window(place):
+    x, y = place
+    return {"crop": [x - SHARE, x + SHARE, y - SHARE * 1.5, y + SHARE * 1.5]}
+
+
+def small_lamp(camera, depth, place):
+    """A lamp seen about the middle of a place of the picture, as a mapping."""
+    tangents = (place[0] - 0.5) * WIDTH_MM / 51.3, (0.5 - place[1]) * WIDTH_MM * ROWS / COLUMNS / 51.3
+    centre = [tangents[0] * depth, tangents[1] * depth, -depth]
+    radius = LAMP_PIXELS / 2 * WIDTH_MM / COLUMNS / 51.3 * depth
+    lamp = {"shape": "sphere", "center": centre, "radius": radius, "material": {"kind": "emissive", "radiance": 1e3}}
+    return {"camera": camera | FORWARD, "film": FILM | window(place), "objects": [lamp], "render": {"max_depth": 1}}
+
+
+def measured(camera, depth, place):
+    """Diameter [pixels] of the disk whose light spreads like that of a point, and the pixel in its middle."""
+    light = np.asarray(rptcam_cl.render(small_lamp(camera, depth, place), spp=256))[..., 0].astype(np.float64)
+    assert max(light[0].max(), light[-1].max(), light[:, 0].max(), light[:, -1].max()) == 0  # all of it is there
+    rows, columns = np.indices(light.shape) + 0.5
+    total = light.sum()
+    row, column = (light * rows).sum() / total, (light * columns).sum() / total
+    spread = (light * ((rows - row) ** 2 + (columns - column) ** 2)).sum() / total - 2 / 12  # less that of the pixels
+    return np.sqrt(8 * spread - LAMP_PIXELS**2), (int(row), int(column))
+
+
+def of_panel(camera, depth, place):
+    """Layer of a panel that faces the camera."""
+    panel = {
+        "shape": "plane",
+        "point": [0, 0, -depth],
+        "normal": [0, 0, 1],
+        "material": {"kind": "matte", "reflectance": 0},
+    }
+    scene = {"camera": camera | FORWARD, "film": FILM | window(place), "objects": [panel]}
+    return rptcam_cl.render(scene, spp=8, layers=["coc"])["coc"]
+
+
+@pytest.mark.parametrize("place", [CENTRE, CORNER], ids=["centre", "corner"])
+@pytest.mark.parametrize("depth", [0.8, 6.0])
+@pytest.mark.parametrize("camera", CAMERAS.values(), ids=CAMERAS)
+def test_circle_of_confusion_is_the_blur_of_a_point_within_5_percent(camera, depth, place):
+    diameter, middle = measured(camera, depth, place)
+    told = of_panel(camera, depth, place)[middle]
+    assert diameter > 5
+    assert abs(told / diameter - 1) < 0.05  # about twice the noise of the measurement
+
+
+def test_thin_lens_blurs_by_the_closed_form():
+    depth = 5.0
+    focal, stop = 0.05, 0.05 / 2.8
+    image_distance = 1 / (1 / focal - 1 / 2.0)
+    expected = stop * image_distance * abs(1 / 2.0 - 1 / depth) * COLUMNS / (WIDTH_MM * 1e-3)
+    np.testing.assert_allclose(of_panel(CAMERAS["thin_lens"], depth, CENTRE), expected, rtol=2e-6)
+    assert of_panel(CAMERAS["thin_lens"], 2.0, CENTRE).max() < 1e-4
+
+
+def test_sky_is_blurred_as_what_is_infinitely_far():
+    focal, stop = 0.05, 0.05 / 2.8
+    image_distance = 1 / (1 / focal - 1 / 2.0)
+    empty = {"camera": CAMERAS["thin_lens"] | FORWARD, "film": FILM | window(CENTRE)}
+    coc = rptcam_cl.render(empty, spp=2, layers=["coc"])["coc"]
+    np.testing.assert_allclose(coc, stop * image_distance / 2.0 * COLUMNS / (WIDTH_MM * 1e-3), rtol=2e-6)
+
+
+def test_traced_lens_stopped_down_blurs_like_its_cardinal_points():
+    stopped = {name: CAMERAS[name] | {"f_number": 16} for name in ("thick_lens", "double_gauss")}
+    thick, traced = (of_panel(camera, 0.6, CENTRE) for camera in stopped.values())
+    middle = traced.shape[0] // 2, traced.shape[1] // 2
+    assert traced[middle] == pytest.approx(thick[middle], rel=0.03)
