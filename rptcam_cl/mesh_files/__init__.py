@@ -3,7 +3,7 @@
 from rptcam_cl.mesh_files.clean import Dropped
 from rptcam_cl.mesh_files.contents import Draft, MeshContents, PlacedMesh, finished
 from rptcam_cl.mesh_files.faces import Polygons, as_triangles
-from rptcam_cl.mesh_files.looks import Look
+from rptcam_cl.mesh_files.looks import Look, Painting
 from rptcam_cl.mesh_files.mesh import Mesh, NormalsMode, Surface
 from rptcam_cl.mesh_files.read import READERS, read_mesh_file
 
@@ -15,6 +15,7 @@ __all__ = [
     "Mesh",
     "MeshContents",
     "NormalsMode",
+    "Painting",
     "PlacedMesh",
     "Polygons",
     "Surface",

@@ -162,9 +162,12 @@ def _check_finite(rows: NDArray[Any], kept: NDArray[np.intp] | None, what: str) 
 
 
 def _frozen(rows: NDArray[Any] | None) -> Any:
-    """Return a read-only array."""
+    """Return a read-only array that does not keep the data of a whole file alive."""
     if rows is not None:
-        rows = np.ascontiguousarray(rows)
+        base = rows
+        while isinstance(base.base, np.ndarray):
+            base = base.base
+        rows = rows.copy() if base.base is not None or base.nbytes > rows.nbytes else np.ascontiguousarray(rows)
         rows.setflags(write=False)
     return rows
 

@@ -13,6 +13,7 @@ from rptcam_cl.scene.environment import ConstantEnvironment, Environment, Gradie
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
@@ -63,6 +64,7 @@ def scene_warnings(
     if abs(aspect - 1) > SQUARE_TOLERANCE:
         found.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
     found += _extent_warnings(objects)
+    found += _mesh_warnings(objects)
     found += _inside_warnings(camera, objects)
     return tuple(found)
 
@@ -115,6 +117,12 @@ def _extent_warnings(objects: Sequence[Object]) -> list[str]:
 
 def _label(item: PlacedObject, size: float) -> str:
     return f"object '{item.name}'" if item.name else f"an object of size {size:.3g}"
+
+
+def _mesh_warnings(objects: Sequence[Object]) -> list[str]:
+    """Return what was left out of the meshes, said once for each."""
+    loaded = [item.loaded.contents for item in objects if isinstance(item, MeshObject)]
+    return list(dict.fromkeys(note for contents in loaded for note in contents.notes))
 
 
 def _inside_warnings(camera: Camera, objects: Sequence[Object]) -> list[str]:

@@ -83,11 +83,11 @@ def _written_out(source: MeshSource) -> MeshContents:
     normals = source.given_normals()
     surface = Surface(
         positions,
-        as_triangles(positions, source.faces.groups, "the mesh"),
+        as_triangles(positions, source.faces.groups, "the mesh: face"),
         None if normals is None else normals.rows,
         None if source.uvs is None else source.uvs.rows,
     )
-    return finished(Draft([surface], [], []), "the mesh")
+    return finished(Draft([surface]), "the mesh")
 
 
 def _materials(item: MeshObject, contents: MeshContents) -> tuple[Material, ...]:

@@ -173,10 +173,10 @@ class Scene(SceneModel):
                 "objects": {"__all__": left_out},
             },
         )  # fmt: skip
-        for item, described in zip(self.objects, content["objects"], strict=True):
+        for item, plain in zip(self.objects, content["objects"], strict=True):
             if isinstance(item, MeshObject):
                 self.load_mesh(item)
-                described |= item.described()
+                plain |= item.described(self._folders)
         if isinstance(source := self.lens_source(), Path):
             content["camera"]["lens"] = digest(source)
         if isinstance(getattr(self.camera, "aperture", None), ImageAperture):

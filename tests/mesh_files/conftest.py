@@ -1,0 +1,22 @@
+"""Mesh files that a test writes and reads back."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from rptcam_cl.mesh_files import MeshContents, read_mesh_file
+
+Read = Callable[..., MeshContents]
+
+
+@pytest.fixture
+def read(tmp_path: Path) -> Read:
+    """Write a mesh file, by its name and content, and return what it holds; further files lie beside it."""
+
+    def read_content(name: str, content: str | bytes) -> MeshContents:
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return read_mesh_file(path, lambda reference: tmp_path / reference)
+
+    return read_content
