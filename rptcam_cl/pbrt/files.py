@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -33,6 +32,7 @@ class FileStore:
     report: Report
     _pending: dict[str, Callable[[Path], None]] = field(default_factory=dict)
     _copied: dict[Path, str] = field(default_factory=dict)
+    _referenced: set[str] = field(default_factory=set)
 
     def reference(self, path: Path, place: Place) -> str:
         """Return the name under which the scene of ours reads a file.
@@ -46,7 +46,13 @@ class FileStore:
         home = self.folder.resolve()
         packed = real.suffix.lower() == ".gz"
         if real.is_relative_to(home) and not packed:
-            return real.relative_to(home).as_posix()
+            name = real.relative_to(home).as_posix()
+            if name in self._pending:
+                raise place.error(
+                    f"lies where a new file goes (got {name}; allowed: another name or folder for the scene)"
+                )
+            self._referenced.add(name)
+            return name
         if real not in self._copied:
             name = self.new_name("files", real.name.removesuffix(".gz") if packed else real.name)
             self._copied[real] = name
@@ -60,7 +66,8 @@ class FileStore:
         stem, dot, suffix = re.sub(r"[^\w.-]+", "-", name).rpartition(".")
         wanted = f"{self.stem}_{kind}/{stem or suffix}{dot}{suffix if stem else ''}".rstrip(".")
         count = 1
-        while wanted.lower() in {taken.lower() for taken in self._pending}:
+        taken = {name.lower() for name in (*self._pending, *self._referenced)}
+        while wanted.lower() in taken:
             count += 1
             wanted = f"{self.stem}_{kind}/{stem}-{count}{dot}{suffix}"
         return wanted
@@ -98,8 +105,3 @@ def _copy(source: Path, target: Path) -> None:
         target.write_bytes(read_limited(source, str(source), LARGEST_COPY))
     except MemoryError:
         raise InputError(f"{source}: is too large to be copied") from None
-
-
-def short_digest(content: bytes) -> str:
-    """Return eight hexadecimal digits that stand for a content."""
-    return hashlib.sha256(content).hexdigest()[:8]

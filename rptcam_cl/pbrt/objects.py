@@ -14,6 +14,7 @@ from rptcam_cl.pbrt.frame import Frame
 from rptcam_cl.pbrt.lights import lamp_radiance
 from rptcam_cl.pbrt.materials import convert_material
 from rptcam_cl.pbrt.materials_v3 import opacity_keys
+from rptcam_cl.pbrt.merging import MOST_VALUES, count_values, form_of, joined
 from rptcam_cl.pbrt.mesh import MeshData
 from rptcam_cl.pbrt.shapes import MOST_INLINE, Look, Piece, Placed, convert_shape
 from rptcam_cl.pbrt.state import Entity, Instance, ShapeUse
@@ -39,9 +40,17 @@ class Objects:
     _converted: dict[int, tuple[Entity | None, Keys | None]] = field(default_factory=dict)
     _shared: dict[int, tuple[ShapeUse, str]] = field(default_factory=dict)
     _counts: Counter[str] = field(default_factory=Counter)
+    _loose: dict[int, tuple[ShapeUse, MeshData]] = field(default_factory=dict)
 
     def keys(self) -> Keys:
         """Return the sections of the scene."""
+        sizes = {index: count_values(mesh.keys()) if len(mesh.faces) <= MOST_INLINE else 2
+                 for index, (_, mesh) in self._loose.items()}  # fmt: skip
+        if count_values(self.items) + sum(sizes.values()) > MOST_VALUES:
+            self._merge()
+        for index, (use, mesh) in self._loose.items():
+            self.items[index] = {"shape": "mesh", **self._mesh_keys(use, mesh), **self.items[index]}
+        self.items = [item for item in self.items if item]
         sections = {"materials": self.materials, "meshes": self.meshes, "objects": self.items}
         return {name: section for name, section in sections.items() if section}
 
@@ -85,6 +94,8 @@ class Objects:
         else:
             material = self._with_opacity(use, material or {}, opacity)
         name = self._name(material, self._wanted_name(use, lamp))
+        if piece.mesh is not None and not shared:
+            self._loose[len(self.items)] = use, piece.mesh
         self.items.append({**self._shape_keys(use, piece, shared), "material": name})
 
     def _material(self, use: ShapeUse) -> Keys | None:
@@ -121,12 +132,31 @@ class Objects:
         if piece.mesh is None:
             return piece.keys
         if not shared:
-            return {"shape": "mesh", **self._mesh_keys(use, piece.mesh), **piece.keys}
+            return piece.keys
         if id(use) not in self._shared:
             name = self._unique("mesh")
             self._shared[id(use)] = use, name
             self.meshes[name] = self._mesh_keys(use, piece.mesh)
         return {"shape": "mesh", "mesh": self._shared[id(use)][1], **piece.keys}
+
+    def _merge(self) -> None:
+        """Put the meshes of each material together that stand in one place only."""
+        groups: dict[tuple[object, ...], list[int]] = {}
+        for index, (_, mesh) in self._loose.items():
+            if "transform" not in self.items[index]:
+                groups.setdefault((self.items[index]["material"], *form_of(mesh)), []).append(index)
+        for (material, *_), (first, *others) in groups.items():
+            if not others:
+                continue
+            use, _ = self._loose[first]
+            self._loose[first] = use, joined(self._loose[index][1] for index in (first, *others))
+            for index in others:
+                del self._loose[index]
+                self.items[index] = {}
+            self.context.report.noted(
+                use.shape.place,
+                f"{1 + len(others)} meshes of {material} became one: a scene file holds no more objects",
+            )
 
     def _mesh_keys(self, use: ShapeUse, mesh: MeshData) -> Keys:
         """Return a small mesh written out, a large one as a file beside the scene."""

@@ -12,6 +12,7 @@ from rptcam_cl.pbrt import revolved
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.mesh import MeshData, rectangle_of
 from rptcam_cl.pbrt.mesh_shapes import bilinear_patches, control_mesh, triangle_mesh
+from rptcam_cl.pbrt.ply_shapes import facing_mesh, ply_name
 from rptcam_cl.pbrt.state import Entity, ShapeUse
 from rptcam_cl.pbrt.transforms import Matrix, is_similarity, mean_scale, tidy
 
@@ -169,12 +170,14 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
 
 
 def _ply(context: Context, placed: Placed) -> Piece:
-    shape = placed.shape
-    name = shape.parameters.text("filename", "")
-    if not name:
-        raise shape.place.error(f'{shape.what} needs a parameter "string filename"')
-    place = shape.parameters.items["filename"].place
-    file = context.files.reference(context.find(name, place), place)
-    if placed.use.reverse and placed.look.oriented:
-        context.report.ignored(place, f"{shape.what}: ReverseOrientation; the front is that of the file")
-    return Piece({"shape": "mesh", "file": file, **transform_keys(placed.world)}, 0.0)
+    """Return a mesh file by its name, or a copy of it where pbrt has its front on the other side."""
+    name, place = ply_name(placed.use)
+    keys = transform_keys(placed.world)
+    area = 0.0
+    if placed.look.oriented or placed.use.lamp is not None:
+        mesh, changed = facing_mesh(context, placed.use)
+        area = float(mesh.transformed(placed.shape.world_from_object).areas().mean())
+        if changed and placed.look.oriented:
+            context.report.noted(place, f"{name}: written anew with its front where pbrt has it")
+            return Piece(keys, area, mesh)
+    return Piece({"shape": "mesh", "file": context.files.reference(context.find(name, place), place), **keys}, area)

@@ -174,6 +174,23 @@ def test_large_meshes_go_to_a_file_beside_the_scene(convert: Convert) -> None:
     np.testing.assert_allclose(mesh.uvs, (mesh.positions + mesh.origin - [1, 2, 3])[:, :2], atol=1e-5)
 
 
+def test_meshes_of_a_material_become_one_where_a_scene_file_holds_no_more(convert: Convert) -> None:
+    rng = np.random.default_rng(4)
+    text, expected = "", {"diffuse": [], "mirror": []}
+    for index in range(2400):
+        kind = "mirror" if index % 3 else "diffuse"
+        points = rng.random((3, 3)).round(4)
+        expected[kind].append(points.mean(axis=0))
+        text += f'Material "{kind}" Shape "trianglemesh" "point3 P" [{" ".join(map(str, points.reshape(-1)))}]\n'
+    done = convert(text + 'Shape "sphere"', HEAD)
+    assert [item["material"] for item in done.objects] == ["diffuse", "mirror", "mirror"]
+    assert done.says("in.pbrt:2: note: 800 meshes of diffuse became one")
+    for index, kind in enumerate(expected):
+        mesh = mesh_of(done, index)
+        middles = mesh.positions[mesh.faces].mean(axis=1) + mesh.origin
+        np.testing.assert_allclose(np.sort(middles, axis=0), np.sort(expected[kind], axis=0), atol=1e-6)
+
+
 PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
     "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
@@ -194,10 +211,56 @@ def test_ply_files_elsewhere_are_copied(convert: Convert, tmp_path: Any) -> None
     assert done.says("in.pbrt:2: note: far.ply: copied")
 
 
+def test_new_files_never_take_the_place_of_files_of_the_scene(convert: Convert, tmp_path: Any) -> None:
+    (tmp_path.parent / "same.ply").write_text(PLY)
+    names = ["out_files/same.ply", "../same.ply"]
+    texts = [f'Shape "plymesh" "string filename" "{name}"\n' for name in names]
+    done = convert("".join(texts), HEAD, **{"out_files/same.ply": PLY + "\n"})
+    assert [item["file"] for item in done.objects] == ["out_files/same.ply", "out_files/same-2.ply"]
+    with pytest.raises(InputError, match="where a new file goes"):
+        convert("".join(reversed(texts)), HEAD)
+
+
 def test_packed_ply_files_are_unpacked(convert: Convert) -> None:
     files = {"a.ply.gz": gzip.compress(PLY.encode())}
     done = convert('Shape "plymesh" "string filename" "a.ply.gz"', HEAD, **files)
     assert done.objects[0]["file"] == "out_files/a.ply"
+
+
+GLASS = 'Material "dielectric"\n'
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize(
+    ("text", "normal", "front"),
+    [("", None, 1), ("ReverseOrientation ", None, -1), ("", 1, 1), ("", -1, -1), ("ReverseOrientation ", -1, 1)],
+)
+def test_glass_of_ply_files_faces_as_in_pbrt(
+    convert: Convert, text: str, normal: int | None, front: int, packed: bool
+) -> None:
+    content = PLY
+    if normal is not None:
+        names = "".join(f"property float {name}\n" for name in ("nx", "ny", "nz"))
+        content = content.replace("element face", names + "element face")
+        for row in ("0 0 0", "1 0 0", "0 1 0"):
+            content = content.replace(f"\n{row}\n", f"\n{row} 0 0 {normal}\n")
+    name = "a.ply.gz" if packed else "a.ply"
+    files = {name: gzip.compress(content.encode()) if packed else content}
+    done = convert(f'{text}{GLASS}Translate 0 0 2 Shape "plymesh" "string filename" "{name}"', HEAD, **files)
+    mesh = mesh_of(done)
+    a, b, c = mesh.positions[mesh.faces[0]]
+    assert np.sign(np.cross(b - a, c - a)[2]) == front
+    assert done.scene.objects[0].world_from_object[2, 3] == 2
+    changed = bool(text) or normal == -1
+    assert done.says("written anew with its front where pbrt has it") == changed
+    if not packed and not changed:
+        assert done.objects[0]["file"] == "a.ply"
+
+
+def test_power_of_a_lamp_in_a_ply_file_is_that_of_each_triangle(convert: Convert) -> None:
+    text = 'AreaLightSource "diffuse" "float power" 60 Scale 2 2 2 Shape "plymesh" "string filename" "a.ply"'
+    done = convert(text, HEAD, **{"a.ply": PLY})
+    np.testing.assert_allclose(done.material()["radiance"], 60 / (math.pi * 2))
 
 
 def test_shapes_that_ours_lacks_are_reported(convert: Convert) -> None:
@@ -228,6 +291,7 @@ BAD = {
     'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "point2 uv" [0 0]': "uv has 1 entries, P has 3",
     'Shape "plymesh"': 'needs a parameter "string filename"',
     'Shape "plymesh" "string filename" "no.ply"': "no such file",
+    GLASS + 'Shape "plymesh" "string filename" "bad.ply"': "in.pbrt:3:17: ",
     'ObjectInstance "x"': 'no object is named "x"',
     'Scale 1e-200 1e-200 1e200 Shape "sphere"': "cannot be inverted",
 }
@@ -235,6 +299,6 @@ BAD = {
 
 @pytest.mark.parametrize("text", BAD)
 def test_bad_shapes_are_told(convert: Convert, text: str) -> None:
-    with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
-        convert(text, HEAD)
+    with pytest.raises(InputError, match=r"in\.pbrt:[23]:") as problem:
+        convert(text, HEAD, **{"bad.ply": "no mesh"})
     assert BAD[text] in str(problem.value)
