@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.alias import alias_table
 from rptcam_cl.kinds import EnvironmentKind, TexelFormat
 from rptcam_cl.plan.colour import LUMINANCE
+from rptcam_cl.plan.curves import curves
 from rptcam_cl.plan.picture_table import Colours
 from rptcam_cl.plan.sky import bake_sky
 from rptcam_cl.plan.texels import linear_codes
@@ -164,16 +164,14 @@ def _gathered(values: Array, count: int, axis: int) -> Array:
 def sampling_tables(shares: Array) -> NDArray[np.float32]:
     """Return what ``kernels/light/environment.h`` reads.
 
-    One after the other: of rows, then of the cells of each row, what the alias method keeps and the other index; then
-    the density of each cell per solid angle, times the sine of the angle from the poles.
+    One after the other: the curve of the rows, those of the cells of each row, and the density of each cell per solid
+    angle, times the sine of the angle from the poles.
     """
     rows, columns = shares.shape
-    by_row = shares.sum(axis=1)
-    even = np.ones(columns)
-    tables = [np.stack(alias_table(by_row), axis=1).ravel()]
-    tables += [np.stack(alias_table(row if row.sum() > 0 else even), axis=1).ravel() for row in shares]
-    density = shares / shares.sum() * (rows * columns / (2 * np.pi**2))
-    return np.concatenate([*tables, density.ravel()]).astype(np.float32)
+    over_rows, row_chance = curves(shares.sum(axis=1)[None])
+    over_columns, column_chance = curves(shares)
+    density = row_chance[0, :, None] * column_chance * (rows * columns / (2 * np.pi**2))
+    return np.concatenate([over_rows.ravel(), over_columns.ravel(), density.ravel()]).astype(np.float32)
 
 
 def brightness_of(colours: Colours) -> Array:

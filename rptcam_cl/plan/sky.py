@@ -35,7 +35,8 @@ _ZENITH = {
 # Absorption of ozone [1/cm] every 10 nm from 450 nm (Chappuis band), as the paper tabulates it.
 _OZONE = (
     0.003, 0.006, 0.009, 0.014, 0.021, 0.030, 0.040, 0.048, 0.063, 0.075, 0.085, 0.103, 0.120, 0.120, 0.115, 0.125,
-    0.120, 0.105, 0.090, 0.079, 0.067, 0.057, 0.048, 0.036, 0.028, 0.023, 0.018, 0.014, 0.011, 0.010, 0.009, 0.007, 0.004,
+    0.120, 0.105, 0.090, 0.079, 0.067, 0.057, 0.048, 0.036, 0.028, 0.023, 0.018, 0.014, 0.011, 0.010, 0.009, 0.007,
+    0.004,
 )  # fmt: skip
 _OZONE_CM = 0.35
 # CIE 1931 observer: amplitude, middle and widths below and above [nm] (Wyman, Sloan, Shirley, JCGT 2(2) 2013).

@@ -50,7 +50,7 @@ def test_sky_is_brightest_about_the_sun_and_above_the_horizon_only() -> None:
 
 
 def test_sun_is_as_bright_as_it_was_measured() -> None:
-    # direct normal illuminance of a high sun in clear air: 90 to 110 klx; at 20 degrees above the horizon about two thirds
+    # direct normal illuminance of a high sun in clear air: 90 to 110 klx; at 20 degrees two thirds of it
     high, low = (sun_irradiance(math.radians(90 - e), 2.0) @ LUMINANCE * LUMENS_PER_WATT for e in (90, 20))
     assert 90_000 < high < 110_000
     assert 0.5 < low / high < 0.7
