@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
+import tempfile
+from functools import lru_cache
 from pathlib import Path
 
 from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.strict_yaml import read_yaml
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.film import FilmLayout
+from tests.support.mesh_scene import write_meshes
 
 REFERENCE = Path(__file__).resolve().parents[1] / "tests" / "data" / "reference"
-FULL_SIZE = {"A": (640, 360), "A_thin": (640, 360), "A_lens": (640, 360), "B": (512, 512)}
+FULL_SIZE = {"A": (640, 360), "A_thin": (640, 360), "A_lens": (640, 360), "B": (512, 512), "C": (640, 360)}
 MEANING = {
     "A": "three spheres on a checker, pinhole",
     "A_thin": "the same, thin lens",
     "A_lens": "the same, double Gauss of eleven surfaces",
     "B": "Cornell box, pinhole",
+    "C": "two meshes of 303,104 triangles, pinhole",
 }
+
+
+@lru_cache(maxsize=1)
+def _mesh_folder() -> Path:
+    folder = Path(tempfile.gettempdir()) / "rptcam_cl-benchmark-meshes"
+    folder.mkdir(exist_ok=True)
+    return write_meshes(folder)
 
 
 def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **render: int) -> Scene:
@@ -26,7 +38,7 @@ def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **ren
     Parameters
     ----------
     name
-        A, A_thin, A_lens or B.
+        A, A_thin, A_lens, B or C, whose meshes are made by formula in a temporary folder.
     shrink
         Divides width and height of the full size.
     roulette
@@ -35,7 +47,9 @@ def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **ren
         Other settings of the scene's ``render``.
     """
     width, height = FULL_SIZE[name]
-    scene = load_scene(REFERENCE / f"{name}.yaml")
+    scene = load_scene(
+        read_yaml(REFERENCE / f"{name}.yaml").data, base_dir=_mesh_folder() if name == "C" else REFERENCE
+    )
     defaults = type(scene.render)()
     settings = {"roulette_depth": defaults.roulette_depth if roulette else 0, **render}
     return change_scene(scene, film={"resolution": (width // shrink, height // shrink)}, render=settings)

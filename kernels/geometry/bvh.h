@@ -43,7 +43,6 @@ static uint row_bits(int4 m)
 #define NODE_FLOATS   (7 * BVH_WIDTH)
 #define BLOCK_FLOATS  (10 * BVH_WIDTH)
 #define FAR_PAD       1.0000004f      // 1 + 2 gamma(3), rounded up
-#define SMALLEST_STEP 1e-18f          // of a direction, so that its inverse stays finite
 
 // A ray made ready: signed inverse direction, which side of a box is near, and the shear that turns it into the z axis.
 typedef struct {
@@ -59,18 +58,15 @@ typedef struct {
     int   triangle;
 } TriangleHit;
 
-static float safe_inverse(float d)
-{
-    float a = fabs(d);
-    float s = a < SMALLEST_STEP ? SMALLEST_STEP : a;
-    return d < 0.0f ? -1.0f / s : 1.0f / s;
-}
+// Infinite for a ray along the planes of a slab. Where it lies in such a plane its distance is 0 * infinity, not a number,
+// and the comparisons of hit_boxes leave that slab out: both boxes beside the plane are met.
+static float inverse_of(float d) { return d < 0.0f ? -1.0f / fabs(d) : 1.0f / fabs(d); }
 
 static BoxRay box_ray(float ox, float oy, float oz, float dx, float dy, float dz)
 {
     BoxRay r;
     r.ox = ox; r.oy = oy; r.oz = oz;
-    r.ix = safe_inverse(dx); r.iy = safe_inverse(dy); r.iz = safe_inverse(dz);
+    r.ix = inverse_of(dx); r.iy = inverse_of(dy); r.iz = inverse_of(dz);
     r.near_x = (dx < 0.0f ? 3u : 0u) * BVH_WIDTH; r.far_x = 3u * BVH_WIDTH - r.near_x;
     r.near_y = (dy < 0.0f ? 4u : 1u) * BVH_WIDTH; r.far_y = 5u * BVH_WIDTH - r.near_y;
     r.near_z = (dz < 0.0f ? 5u : 2u) * BVH_WIDTH; r.far_z = 7u * BVH_WIDTH - r.near_z;

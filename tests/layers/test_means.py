@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.device import open_session
+from rptcam_cl.device import Session, choose_device, open_session
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene
@@ -110,6 +110,16 @@ def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
     for other in found[1:]:
         for name in LAYER_NAMES:
             np.testing.assert_array_equal(found[0][name], other[name], err_msg=name)
+
+
+@pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
+def test_one_lane_per_work_item_gives_the_same_layers(camera, monkeypatch):
+    eight = rptcam_cl.render(world(camera), spp=3, layers=LAYER_NAMES)
+    monkeypatch.setattr(Session, "lanes", 1)
+    one = rptcam_cl.render(world(camera), spp=3, layers=LAYER_NAMES, device=Session(choose_device(None)))
+    for name in LAYER_NAMES:
+        alike = np.isclose(one[name], eight[name], rtol=1e-5, atol=1e-5, equal_nan=True)
+        assert alike.mean() > 0.995, name  # rounding decides at the rims of lens and objects
 
 
 def test_layers_are_made_of_the_first_samples_alone():

@@ -6,12 +6,15 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.scene import load_scene
+from rptcam_cl.strict_yaml import read_yaml
 from tests.render.pictures import batches
+from tests.support.mesh_scene import write_meshes
 from tests.support.statistics import ALPHA, Sampled, assert_equivalent, overall, sidak, tiles, welch
 
 FOLDER = Path(__file__).parents[1] / "data" / "reference"
 BATCHES = 4
-SPP = {"A": 32, "A_thin": 32, "A_lens": 48, "B": 50}  # x 4 x 64 pixels: at least 8192 samples a tile
+SPP = {"A": 32, "A_thin": 32, "A_lens": 48, "B": 50, "C": 48}  # x 4 x 64 pixels: at least 8192 samples a tile
 
 
 def reference(name: str) -> tuple[Sampled, Sampled]:
@@ -36,9 +39,12 @@ def reference(name: str) -> tuple[Sampled, Sampled]:
 
 
 @pytest.fixture(scope="module", params=SPP)
-def pair(request):
+def pair(request, tmp_path_factory):
     name = request.param
-    ours = batches(FOLDER / f"{name}.yaml", f"reference {name}", BATCHES, spp=SPP[name])
+    scene = FOLDER / f"{name}.yaml"
+    if name == "C":  # its meshes are made by formula
+        scene = load_scene(read_yaml(scene).data, base_dir=write_meshes(tmp_path_factory.mktemp("meshes")))
+    ours = batches(scene, f"reference {name}", BATCHES, spp=SPP[name])
     return name, ours, *reference(name)
 
 

@@ -1,0 +1,104 @@
+"""Rays against the meshes of a scene, by the kernels that render."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.acceleration.scene_trees import scene_trees
+from rptcam_cl.device import Session
+from rptcam_cl.plan import make_plan
+from rptcam_cl.records import device_declarations
+from rptcam_cl.scene import load_scene
+from rptcam_cl.wavefront.buffers import SceneBuffers
+
+FOLDER = Path(__file__).parent / "kernels"
+MATTE = {"kind": "matte", "reflectance": 0.5}
+GROUP = 16
+
+
+@dataclass(frozen=True)
+class Hits:
+    """What rays met: NaN-free arrays of one entry per ray."""
+
+    t: NDArray[np.float32]
+    primitive: NDArray[np.int32]
+    part: NDArray[np.int32]
+    weights: NDArray[np.float32]
+    point: NDArray[np.float32]
+    normal: NDArray[np.float32]
+    offset: NDArray[np.float32]
+    blocked: NDArray[np.bool_]
+
+
+def mesh_object(points: Any, faces: Any, **keys: Any) -> dict[str, Any]:
+    """Return the mapping of a mesh that is written out."""
+    return {
+        "shape": "mesh",
+        "vertices": np.asarray(points, np.float64).tolist(),
+        "faces": np.asarray(faces).tolist(),
+        "material": MATTE,
+    } | keys
+
+
+class MeshScene:
+    """Objects on a device, the eye at the origin."""
+
+    def __init__(self, session: Session, objects: list[dict[str, Any]], **keys: Any) -> None:
+        camera = {"kind": "pinhole", "eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0], "fov_degrees": 40}
+        self.plan = make_plan(load_scene({"camera": camera, "objects": objects, **keys}))
+        self.session = session
+        self.buffers = SceneBuffers(session, self.plan)
+        assert self.plan.meshes is not None
+        self.trees = scene_trees(self.plan.meshes, session)
+
+    def _run(self, name: str, items: int, lanes: int, *arguments: Any) -> None:
+        facts = self.plan.facts | self.buffers.mesh_facts | {"VW": lanes}
+        program = self.session.program([str(FOLDER / f"{name}.cl")], facts, device_declarations())
+        self.session.bind(program, name, *self.buffers.scene, *arguments).enqueue(items, GROUP)
+        self.session.finish()
+
+    def trace(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> Hits:
+        """Return what the rays (n, 3) meet."""
+        n = len(o)
+        count = -(-n // (GROUP * 8)) * GROUP * 8
+        rays = np.zeros((9, count), np.float32)
+        rays[:3, :n], rays[3:6, :n] = np.asarray(o).T, np.asarray(d).T
+        rays[3, n:] = 1
+        rays[6:8] = np.int32(-1).view(np.float32)
+        if self_part is not None:
+            rays[6:8, :n] = np.asarray(self_part, np.int32).view(np.float32)
+        rays[8, :n] = reach
+        out, dark = self.session.allocate(48 * count), self.session.allocate(4 * count)
+        held = self.session.upload(rays)
+        self._run("probe_hits", count // lanes, lanes, held, out, dark, np.uint32(count))
+        rows = self.session.read(out, np.float32, 12 * count).reshape(12, count)[:, :n]
+        blocked = self.session.read(dark, np.int32, count)[:n] != 0
+        return Hits(
+            rows[0], rows[1].view(np.int32), rows[2].view(np.int32), rows[3:5].T, rows[5:8].T, rows[8:11].T, rows[11],
+            blocked,
+        )  # fmt: skip
+
+    def brute(self, o: Any, d: Any) -> tuple[NDArray[np.float32], NDArray[np.int32]]:
+        """Return distance and triangle of the nearest hits, without the tree."""
+        count = len(o)
+        rays = np.zeros((9, count), np.float32)
+        rays[:3], rays[3:6] = np.asarray(o).T, np.asarray(d).T
+        out = self.session.allocate(8 * count)
+        held = self.session.upload(rays)
+        self._run("probe_brute", count, 1, held, out, np.uint32(len(self.trees.blocks)), np.uint32(count))
+        rows = self.session.read(out, np.float32, 2 * count).reshape(2, count)
+        return rows[0], rows[1].view(np.int32)
+
+    def departures(self, o: Any, d: Any, onward: Any) -> NDArray[np.int32]:
+        """Return 1 where a ray that leaves the point met goes on to meet something, 0 where not, -1 without a point."""
+        count = len(o)
+        rays = np.concatenate([np.asarray(rows, np.float32).T for rows in (o, d, onward)])
+        out = self.session.allocate(4 * count)
+        held = self.session.upload(np.ascontiguousarray(rays))
+        self._run("probe_departure", count // 8, 8, held, out, np.uint32(count))
+        return self.session.read(out, np.int32, count)

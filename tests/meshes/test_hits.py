@@ -1,0 +1,135 @@
+"""Meshes are watertight, never hit themselves, and the tree finds what testing every triangle finds."""
+
+import numpy as np
+import pytest
+
+import rptcam_cl.plan.meshes
+from tests.meshes.probe import MATTE, MeshScene, mesh_object
+from tests.meshes.shapes import directions, globe
+
+
+def rng_of(name: str) -> np.random.Generator:
+    return np.random.default_rng(list(name.encode()))
+
+
+@pytest.mark.parametrize("place", [(0, 0, 0), (1000, -2000, 500), (148376, 1234, -223423)])
+def test_no_ray_leaks_through_edges_or_vertices(session, place):
+    points, faces = globe(100, 100)
+    rng = rng_of(f"leaks {place}")
+    scene = MeshScene(session, [mesh_object(points * 2 + place, faces)])
+    stored = scene.trees.vertices[:, :3].astype(np.float64)  # where the device has them
+    corners = stored[scene.plan.meshes.triangles[:, :3]]
+    n = 200_000
+    inside = np.asarray(place) + 0.9 * directions(rng, n) * rng.random((n, 1))
+    chosen = corners[rng.integers(len(corners), size=n)]
+    edge = np.where(rng.random(n) < 2 / 3, rng.random(n), 0.0)[:, None]  # a third at a vertex
+    origin = inside.astype(np.float32)
+    d = chosen[:, 0] * (1 - edge) + chosen[:, 1] * edge - origin
+    d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
+    hits = scene.trace(origin, d)
+    assert (hits.primitive == 0).all()
+    assert scene.trace(origin, d).blocked.all()
+
+
+def rays_of(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
+    d = directions(rng, n)
+    o = 3 * directions(rng, n)
+    if kind == "random":
+        return o, (rng.uniform(-1, 1, (n, 3)) - o)
+    if kind == "axis":  # along an axis, in the planes of the grid that tree boxes share, with zeros of both signs
+        o = np.round(rng.uniform(-1.5, 1.5, (n, 3)) * 8) / 8
+        d = np.zeros((n, 3))
+        axis = rng.integers(3, size=n)
+        d[np.arange(n), axis] = rng.choice([-1.0, 1.0], n)
+        o[np.arange(n), axis] = -3 * d[np.arange(n), axis]
+        return o, np.where(rng.random((n, 3)) < 0.5, d, d + 0.0 * -1.0)
+    # nearly along z, the rest so small that its inverse is not finite, or zero of either sign
+    o = np.concatenate([rng.uniform(-1, 1, (n, 2)), np.full((n, 1), 3.0)], axis=1)
+    return o, np.concatenate(
+        [rng.choice([1e-42, -1e-42, 0.0, -0.0, 1e-30, 1e-3], (n, 2)), np.full((n, 1), -1.0)], axis=1
+    )
+
+
+@pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
+@pytest.mark.parametrize("shape", ["globe", "flat grid"])
+def test_tree_finds_what_every_triangle_finds(session, shape, kind):
+    rng = rng_of(f"{shape} {kind}")
+    if shape == "globe":
+        points, faces = globe(24, 32)
+    else:
+        x, y = np.meshgrid(np.arange(-8, 9) / 8, np.arange(-8, 9) / 8, indexing="ij")
+        points = np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3)
+        k = (np.arange(16)[:, None] * 17 + np.arange(16)).ravel()
+        faces = np.concatenate([np.stack([k, k + 17, k + 18], 1), np.stack([k, k + 18, k + 1], 1)])
+    scene = MeshScene(session, [mesh_object(points, faces)])
+    o, d = (rows.astype(np.float32) for rows in rays_of(kind, rng, 16384))
+    t, triangle = scene.brute(o, d)
+    for lanes in (1, 8):
+        hits = scene.trace(o, d, lanes=lanes)
+        found = hits.primitive >= 0
+        assert (found == (triangle >= 0)).all()
+        assert (hits.t[found].view(np.uint32) == t[found].view(np.uint32)).all()
+        assert (hits.blocked == found).all()
+    assert found.mean() > 0.1
+
+
+def test_rays_that_leave_a_convex_mesh_do_not_meet_it_again(session):
+    points, faces = globe(12, 16)
+    rng = rng_of("departures")
+    for _ in range(12):
+        size = 10.0 ** rng.uniform(-5, 5)
+        place = directions(rng, 1)[0] * size * 10.0 ** rng.uniform(0, 2.5)
+        scene = MeshScene(session, [mesh_object(points * size + place, faces)])
+        n = 16384
+        o = place + size * 2 * directions(rng, n)
+        d = place + size * rng.uniform(-0.6, 0.6, (n, 3)) - o
+        d /= np.linalg.norm(d, axis=1, keepdims=True)
+        again = scene.departures(o, d, directions(rng, n))
+        assert (again == -1).mean() < 0.02
+        assert (again == 1).sum() == 0
+
+
+def test_offset_is_small_beside_the_distance(session):
+    """A shadow begins where its object does: the step off the surface is a few roundings."""
+    points, faces = globe(12, 16)
+    scene = MeshScene(session, [mesh_object(points - np.array([0, 0, 10]), faces)])
+    d = np.tile([[0, 0, -1.0]], (128, 1))
+    hits = scene.trace(np.random.default_rng(1).uniform(-0.3, 0.3, (128, 3)) * [1, 1, 0], d)
+    assert (hits.offset > 0).all()
+    assert (hits.offset < 1e-5).all()
+
+
+@pytest.mark.parametrize("turn", [[], [{"scale": [-1, 1, 1]}]], ids=["as it is", "mirrored"])
+def test_instances_are_met_where_copies_are(session, monkeypatch, turn):
+    points, faces = globe(20, 20)
+    rng = rng_of("instances")
+    placed = [
+        [*turn, {"scale": [1, 2, 0.5]}, {"rotate": {"axis": [1, 2, 3], "degrees": 40}}, {"translate": [3, 1, -9]}],
+        [*turn, {"translate": [-2, 0, -6]}],
+        [*turn, {"scale": 0.25}, {"translate": [0.5, -1, -4]}],
+    ]
+    meshes = {"globe": {"vertices": points.tolist(), "faces": faces.tolist()}}
+    objects = [{"shape": "mesh", "mesh": "globe", "material": MATTE, "transform": steps} for steps in placed]
+    n = 32768
+    o = rng.uniform(-1, 1, (n, 3)) + np.array([0, 0, 4])
+    d = np.concatenate([rng.uniform(-3, 3, (n // 2, 3)) - np.array([0, 0, 8]) - o[: n // 2], directions(rng, n // 2)])
+    d /= np.linalg.norm(d, axis=1, keepdims=True)
+    copies = MeshScene(session, objects, meshes=meshes)
+    monkeypatch.setattr(rptcam_cl.plan.meshes, "MOST_COPIED", 0)
+    shared = MeshScene(session, objects, meshes=meshes)
+    assert copies.plan.facts["HAS_INSTANCES"] == 0
+    assert shared.plan.facts["HAS_INSTANCES"] == 1
+    assert len(shared.plan.meshes.triangles) == len(faces) == len(copies.plan.meshes.triangles) / 3
+    a, b = copies.trace(o, d), shared.trace(o, d)
+    both = (a.primitive >= 0) & (b.primitive >= 0)
+    assert ((a.primitive >= 0) != (b.primitive >= 0)).sum() <= 8  # grazing the outline
+    assert both.sum() > 3000
+    same = both & (a.primitive == b.primitive) & (a.part % len(faces) == b.part)
+    assert same.sum() >= both.sum() - 40  # on edges either triangle is right
+    assert np.abs(a.t[same] / b.t[same] - 1).max() < 2e-6
+    apart = a.point[same] - b.point[same]
+    assert np.abs((apart * a.normal[same]).sum(axis=1)).max() < 4e-6
+    assert np.abs(apart).max() < 1e-4  # along the surface, where rays graze it
+    facing = (a.normal[same] * b.normal[same]).sum(axis=1)
+    assert facing.min() > 1 - 1e-5
+    assert ((b.normal[same] * d[same]).sum(axis=1) < 0).all()  # outwards, mirrored or not
