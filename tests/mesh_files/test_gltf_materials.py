@@ -67,19 +67,19 @@ def test_numbers_carry_over(read: Read) -> None:
 
 def test_alpha_counts_only_where_the_mode_says_so(read: Read) -> None:
     surface = {"baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": 0}}
-    opaque, blend = (
-        look_of(read, {"pbrMetallicRoughness": surface, "alphaMode": mode}) for mode in ("OPAQUE", "BLEND")
-    )
+    opaque = look_of(read, {"pbrMetallicRoughness": surface})
+    blend = look_of(read, {"pbrMetallicRoughness": surface, "alphaMode": "BLEND"})
     assert (opaque.opacity, opaque.opacity_painting, opaque.opacity_cutoff) == (1, None, None)
     assert (blend.opacity, blend.opacity_painting, blend.opacity_cutoff) == (0.5, blend.base_painting, None)
 
 
 def test_pictures_inside_the_file(read: Read) -> None:
     reference = {"index": 0}
+    sampler = {"wrapS": 33071, "wrapT": 33071, "magFilter": 9728}
     look = look_of(read, {
         "pbrMetallicRoughness": {"baseColorTexture": reference, "metallicRoughnessTexture": reference},
         "normalTexture": {"index": 0, "scale": 0.5}, "emissiveTexture": reference, "emissiveFactor": [1, 1, 1],
-    }, samplers=[{"wrapS": 33071, "wrapT": 33071, "magFilter": 9728}], textures=[{"source": 0, "sampler": 0}])  # fmt: skip
+    }, samplers=[sampler], textures=[{"source": 0, "sampler": 0}])  # fmt: skip
     painting = look.base_painting
     assert painting is not None
     assert (painting.source, painting.name, painting.wrap, painting.nearest) == (PIXEL, "dots", "clamp", True)
