@@ -21,12 +21,15 @@ class Context:
         Of the pbrt scene file, where its names of files start.
     files : FileStore
         Files of the scene of ours.
+    known : dict
+        Textures by ``id`` that were converted before: one may be a part of many, and they of many more.
     """
 
     scene: PbrtScene
     report: Report
     folder: Path
     files: FileStore = field(repr=False)
+    known: dict[int, object] = field(default_factory=dict, repr=False)
 
     def find(self, name: str, place: Place) -> Path:
         """Return the path of a file that the pbrt scene names.

@@ -96,10 +96,13 @@ def _named(context: Context, entity: Entity, item: Parameter, kind: str, depth: 
         raise item.place.error(f'no {kind} texture is named "{name}"{hint}')
     if depth > DEEPEST:
         raise item.place.error(f"textures refer to each other more than {DEEPEST} deep")
-    return convert_texture(context, texture, depth + 1)
+    found = context.known.get(id(texture))
+    if not isinstance(found, Shade):
+        found = context.known[id(texture)] = _converted(context, texture, depth + 1)
+    return found
 
 
-def convert_texture(context: Context, texture: Entity, depth: int = 0) -> Shade:
+def _converted(context: Context, texture: Entity, depth: int) -> Shade:
     """Return a texture as one of ours."""
     match texture.kind:
         case "constant":

@@ -252,7 +252,13 @@ def _texture(world: World, statement: Statement) -> None:
     world.textures[kinds[kind], name] = world.entity(statement, form)
 
 
+def _check_world(world: World, statement: Statement) -> None:
+    if not world.in_world:
+        raise statement.place.error(f"{statement.directive} belongs after WorldBegin")
+
+
 def _light(world: World, statement: Statement) -> None:
+    _check_world(world, statement)
     world.scene.lights.append(world.entity(statement, statement.texts[0]))
 
 
@@ -261,6 +267,7 @@ def _area_light(world: World, statement: Statement) -> None:
 
 
 def _shape(world: World, statement: Statement) -> None:
+    _check_world(world, statement)
     state = world.state
     use = ShapeUse(world.entity(statement, statement.texts[0]), state.material, state.lamp, state.reverse)
     if world.current_object is None:

@@ -224,6 +224,23 @@ def test_a_texture_is_the_one_that_had_the_name_then(convert: Convert) -> None:
     assert [done.material(index)["reflectance"][0] for index in (0, 1)] == [0.25, 0.75]
 
 
+def test_textures_of_textures_are_looked_at_once(convert: Convert) -> None:
+    """Each is the product of the one before with itself: 2^30 products, unless each is kept."""
+    text = 'Texture "t0" "spectrum" "constant" "rgb value" [1 1 1]\n'
+    for index in range(30):
+        factors = f'"texture tex1" "t{index}" "texture tex2" "t{index}"'
+        text += f'Texture "t{index + 1}" "spectrum" "scale" {factors}\n'
+    done = convert(text + f'Material "diffuse" "texture reflectance" "t30"{BALL}', HEAD)
+    assert done.material()["reflectance"] == [1, 1, 1]
+
+
+def test_textures_are_followed_so_far_only(convert: Convert) -> None:
+    text = 'Texture "t0" "spectrum" "constant"\n'
+    text += "".join(f'Texture "t{index + 1}" "spectrum" "scale" "texture tex1" "t{index}"\n' for index in range(40))
+    with pytest.raises(InputError, match="refer to each other more than 32 deep"):
+        convert(text + f'Material "diffuse" "texture reflectance" "t40"{BALL}', HEAD)
+
+
 COLOURS = {
     '"rgb reflectance" [.1 .2 .3]': [0.1, 0.2, 0.3],
     '"xyz reflectance" [.475228 .5 .544529]': [0.5, 0.5, 0.5],  # half of the white D65

@@ -11,6 +11,7 @@ from rptcam_cl.errors import InputError, RptcamError
 from rptcam_cl.pbrt import convert_scene
 from rptcam_cl.pbrt.report import Report
 from rptcam_cl.pbrt.source import Place, Source
+from rptcam_cl.scene import load_scene
 from tests.pbrt.conftest import HEAD
 
 Convert = Callable[..., Any]
@@ -142,3 +143,12 @@ def test_spoilt_scenes_are_converted_or_refused_in_one_line(tmp_path: Path) -> N
         except RptcamError as problem:  # a file that is not there, say
             assert "\n" not in str(problem)
     assert min(outcomes.values()) > 20
+
+
+def test_the_example_is_converted_without_a_word(checkout: Path, tmp_path: Path) -> None:
+    done = convert_scene(checkout / "examples" / "still_life.pbrt", tmp_path / "still_life.yaml")
+    assert list(done.report) == []
+    done.write(tmp_path / "still_life.yaml")
+    scene = load_scene(tmp_path / "still_life.yaml")
+    assert len(scene.objects) == 9
+    assert scene.warnings == ()

@@ -132,6 +132,8 @@ STATE = {
     "WorldBegin WorldBegin": "a second WorldBegin",
     "WorldEnd": "WorldEnd without WorldBegin",
     'WorldBegin Camera "perspective"': "Camera belongs before WorldBegin",
+    'Shape "sphere"': "Shape belongs after WorldBegin",
+    'LightSource "point"': "LightSource belongs after WorldBegin",
     'CoordSysTransform "x"': 'no coordinate system is named "x" (named are: none yet)',
     'ObjectBegin "a" ObjectBegin "b"': "ObjectBegin inside another object",
     'ObjectBegin "a" ObjectInstance "b"': "ObjectInstance inside an object",
