@@ -12,7 +12,7 @@ from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.media import index_of, metal_keys
 from rptcam_cl.pbrt.roughness import alpha_keys, alphas
 from rptcam_cl.pbrt.state import Entity, MaterialName
-from rptcam_cl.pbrt.surfaces import Keys, conductor, has_effect, matte
+from rptcam_cl.pbrt.surfaces import Keys, conductor, dielectric, has_effect, matte
 from rptcam_cl.pbrt.textures import PICTURES, number_shade, shade, value
 
 # Mixed deeper than materials are on purpose.
@@ -94,8 +94,7 @@ def _coated_conductor(context: Context, material: Entity) -> Keys:
 
 
 def _dielectric(context: Context, material: Entity) -> Keys:
-    rough = alpha_keys(alphas(context, material, 0.0))
-    return {"kind": "dielectric", "index": index_of(context, material), **rough}
+    return dielectric(index_of(context, material), alphas(context, material, 0.0))
 
 
 def _thin_dielectric(context: Context, material: Entity) -> Keys:
@@ -166,5 +165,8 @@ def _mix(context: Context, material: Entity, depth: int) -> Keys | None:
             material.place, f"{material.what}: the one of its materials that is a plain surface"
         )
         return next((part for part in parts if part is not None and part["kind"] != "mix"), first or second)
+    parts = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
+    if parts != [first, second]:
+        context.report.ignored(material.place, f"{material.what}: the opacity of its materials")
     factor: Any = amount.texture if amount.texture is not None else float(np.clip(amount.colour.mean(), 0, 1))
-    return {"kind": "mix", "materials": [first, second], "factor": factor}
+    return {"kind": "mix", "materials": parts, "factor": factor}

@@ -53,7 +53,7 @@ class Shade:
                 if name in texture:
                     texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
             if texture["kind"] == "image":
-                texture["gain"] = texture.get("gain", 1.0) * float(factor.mean())
+                texture["gain"] = max(texture.get("gain", 1.0) * float(factor.mean()), 0.0)
         return Shade(np.clip(self.colour * factor, 0, 1), texture)
 
 
@@ -171,7 +171,7 @@ def _image(context: Context, texture: Entity) -> Shade:
         context.report.approximated(place, f'{texture.what}: wrap "{wrap}" as clamp')
         found["wrap"] = "clamp"
     found |= _encoding(context, texture)
-    if (gain := parameters.number("scale", 1.0)) != 1:
+    if (gain := max(parameters.number("scale", 1.0), 0.0)) != 1:
         found["gain"] = gain
     return Shade(np.full(3, GREY * gain), found | _mapping(context, texture))
 

@@ -78,8 +78,11 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
     '"uber" "rgb Kd" [0 0 0] "rgb Ks" [0 0 0] "rgb Kt" [1 1 1]': ({"kind": "dielectric", "index": 1.5}, ""),
     '"uber" "rgb Ks" [0 0 0] "float opacity" .5': (
         {"kind": "matte", "reflectance": [0.25] * 3, "opacity": 0.5}, ""),
-    '"uber" "rgb Ks" [0 0 0] "rgb Kr" [.1 .1 .1]': (
-        {"kind": "matte", "reflectance": [0.25] * 3}, "without its weaker parts Kr"),
+    '"uber" "rgb Ks" [0 0 0] "rgb Kr" [1 1 1] "float eta" 1.8': (
+        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.8}, ""),
+    '"uber" "rgb Ks" [0 0 0] "rgb Kt" [.5 .5 .5] "float opacity" .9': (
+        {"kind": "mix", "factor": 0.5, "opacity": 0.9,
+         "materials": [{"kind": "matte", "reflectance": [0.5] * 3}, {"kind": "dielectric", "index": 1.5}]}, "0.5 of it clear glass"),
     '"translucent" "rgb Ks" [0 0 0]': ({"kind": "matte", "reflectance": [0.125] * 3}, "shines through is left out"),
     '"disney" "rgb color" [.2 .3 .4] "float metallic" 1 "float roughness" .3 "float sheen" .2': (
         {"kind": "principled", "base_color": [0.2, 0.3, 0.4], "metallic": 1.0, "roughness": 0.3, "anisotropy": 0.0,
