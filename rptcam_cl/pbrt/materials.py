@@ -10,10 +10,11 @@ import numpy as np
 from rptcam_cl.pbrt import materials_v3 as v3
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.media import index_of, metal_keys
+from rptcam_cl.pbrt.pictures import is_readable, picture_name
 from rptcam_cl.pbrt.roughness import alpha_keys, alphas
 from rptcam_cl.pbrt.state import Entity, MaterialName
 from rptcam_cl.pbrt.surfaces import Keys, conductor, dielectric, has_effect, matte
-from rptcam_cl.pbrt.textures import PICTURES, number_shade, shade, value
+from rptcam_cl.pbrt.textures import number_shade, shade, value
 
 # Mixed deeper than materials are on purpose.
 DEEPEST = 8
@@ -47,8 +48,8 @@ def _note_bumps(context: Context, material: Entity, found: Keys) -> None:
         return
     place = parameters.items["normalmap"].place
     path = context.find(name, place)
-    if path.suffix.lower() in PICTURES and found["kind"] not in ("mirror", "thin_glass", "mix"):
-        found["normal_map"] = {"file": context.files.reference(path, place)}
+    if is_readable(path) and found["kind"] not in ("mirror", "thin_glass", "mix"):
+        found["normal_map"] = {"file": picture_name(context, path, place)}
     else:
         context.report.ignored(place, f"{material.what}: the normal map {name}")
 
