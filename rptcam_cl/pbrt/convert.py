@@ -89,7 +89,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
         film.parameters.skip("diagonal")
     scene: dict[str, Any] = {"film": camera_keys.film, "camera": camera_keys.camera, **camera_keys.scene}
     scene["render"] = render_keys(context)
-    if abs(frame.metres_per_unit - 1) > 1e-9:
+    if frame.metres_per_unit != 1:
         scene["metres_per_unit"] = frame.metres_per_unit
     if ev := exposure_ev(context, film, camera):
         scene["picture"] = {"ev": ev}
