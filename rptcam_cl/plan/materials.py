@@ -180,5 +180,5 @@ def pack_materials(materials: Sequence[Material], textures: TextureTable) -> Mat
         for name in _TEXTURES:
             records[name] = -1
     records["textured"] = np.any([records[name] >= 0 for name in _TEXTURES], axis=0)
-    records["textured"] |= (records["kind"] == MaterialKind.MIX)
+    records["textured"] |= records["kind"] == MaterialKind.MIX
     return Materials(records, index, _facts(records))

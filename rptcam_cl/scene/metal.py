@@ -44,9 +44,10 @@ class Conductor(RoughMaterial, BumpyMaterial):
     reflectance: Reflectance | None = None
     """Share of light that a microfacet reflects: a colour of channels 0 to 1, or a texture."""
 
-    metal: Annotated[
-        Annotated[Metal, Tag("name")] | Annotated[OpticalConstants, Tag(WRITTEN_OUT)], Discriminator(_form)
-    ] | None = None
+    metal: (
+        Annotated[Annotated[Metal, Tag("name")] | Annotated[OpticalConstants, Tag(WRITTEN_OUT)], Discriminator(_form)]
+        | None
+    ) = None
     """What it is made of: a name, or its optical constants {n, k}."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
@@ -57,6 +58,7 @@ class Conductor(RoughMaterial, BumpyMaterial):
     @model_validator(mode="after")
     def _check_rough(self) -> Self:
         if self.alphas is None:
-            raise refuse("must be more than 0", allowed="above 0 to 1; for a smooth surface take a mirror",
-                         path=("roughness",))
+            raise refuse(
+                "must be more than 0", allowed="above 0 to 1; for a smooth surface take a mirror", path=("roughness",)
+            )
         return self

@@ -32,6 +32,11 @@ PATTERNS = {
     "noise": {"kind": "noise", "low": 0.1, "high": 0.9},
     "image": {"kind": "image", "file": str(Path(__file__).parents[2] / "docs" / "images" / "first_light.png")},
 }
+LIGHTS = [
+    {"kind": "spot", "position": [0, 0, 3], "direction": [0, 0, -1], "intensity": 1, "outer_degrees": 30},
+    {"kind": "ies", "position": [0, 0, 3], "file": str(Path(__file__).parents[1] / "data" / "luminaire.ies")},
+    {"kind": "sun", "direction": [0, 0, -1], "irradiance": 1},
+]
 GRID = {"kind": "grid", "background": 0.9, "line": 0.1, "line_width": 0.25, "scale": [2, 2]}
 
 IMAGE = PATTERNS["image"]
@@ -72,7 +77,8 @@ def all_facts():
     patterns = PATTERNS | {"grid": GRID}
     materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()} | EVERY_MATERIAL
     shown = [PLANE | {"material": name} for name in (*PATTERNS, *EVERY_MATERIAL)]
-    return facts_of(scene | {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials})
+    scene |= {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials}
+    return facts_of(scene | {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"]})
 
 
 def least_facts():
