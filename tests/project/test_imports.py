@@ -31,6 +31,7 @@ ALLOWED: dict[str, set[str]] = {
     "plan": GROUND | {"alias", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"},
     "lensview": FILES | {"optics"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
+    "saving": GROUND | {"imaging", "scene", "wavefront"},
     "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
