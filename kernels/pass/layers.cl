@@ -23,8 +23,11 @@ __kernel void layers(SCENE_PARAMETERS,
     F3 right = f3_of(camera->right);
     F3 up = f3_of(camera->up);
     F3 back = f3_of(camera->back);
+#if HAS_MIX || LAYER_COC >= 0
+    Lane lane = lane_of(first, wave, tiles);
+#endif
 #if LAYER_COC >= 0
-    BlurHere here = blur_here(lane_of(first, wave, tiles), camera, blur, view);
+    BlurHere here = blur_here(lane, camera, blur, view);
 #endif
     for (uint k = 0; k < wave.samples; ++k) {
         uint slot = first + k * wave.pixels;
@@ -49,7 +52,12 @@ __kernel void layers(SCENE_PARAMETERS,
         I on = passed & (hit.primitive >= 0);
         F seen = on ? weight : ZERO;
         hit.t = on ? hit.t : ZERO;
-        Vertex vertex = vertex_of(ray, hit, on, scene);
+#if HAS_MIX
+        F choice = random4(lane.pixel, (U)(wave.first_sample + k), (U)(2u), wave.seed).c;   // that of the path
+#else
+        F choice = ZERO;
+#endif
+        Vertex vertex = vertex_of(ray, hit, on, choice, scene);
         F depth = -dot3(vertex.p, back);
         add_weighted(&sums, SUM_OF_PASSED, passed ? weight : ZERO, ONE);
         add_weighted(&sums, SUM_OF_HITS, seen, ONE);

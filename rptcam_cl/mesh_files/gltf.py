@@ -34,7 +34,7 @@ def read_gltf(path: Path, find: Find) -> Draft:
     """
     document, binary = read_container(path)
     _check_version(document, path)
-    data = Data(document, binary, find)
+    data = Data(document, binary, path.parent, find)
     materials = Materials(document, data)
     meshes = document.parts("meshes")
     surfaces: list[Surface] = []

@@ -78,11 +78,14 @@ def read_obj(path: Path, find: Find) -> Draft:
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
     looks: dict[str, Look] = {}
+    notes: list[str] = []
     for number, name in reader.libraries:
         try:
-            looks |= read_mtl(find(Path(name)), find)
+            library = find(Path(name))
         except InputError as problem:
-            raise InputError(f"{path}:{number}: mtllib {name}: {problem}") from None
+            notes.append(f"{path}:{number}: mtllib {name} is left out: {problem}")
+        else:
+            looks |= read_mtl(library)
     positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
     surfaces: list[Surface] = []
     used: list[Look] = []
@@ -92,7 +95,7 @@ def read_obj(path: Path, find: Find) -> Draft:
             place = len(used)
             used.append(_look(looks, name_, path))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
-    return Draft(surfaces, used)
+    return Draft(surfaces, used, notes=notes)
 
 
 def _look(looks: dict[str, Look], name: str | None, path: Path) -> Look:

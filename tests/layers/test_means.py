@@ -90,6 +90,20 @@ def test_albedo_is_the_colour_where_the_ray_met_the_surface():
     assert (image["albedo"][~near & ~far] == 0).all()
 
 
+def test_albedo_of_a_mix_is_that_of_the_material_that_the_path_took():
+    glows = {"kind": "principled", "base_color": 0, "emission": [0, 0, 1]}
+    mix = {"kind": "mix", "factor": 0.25, "materials": [{"kind": "matte", "reflectance": [1, 0, 0]}, glows]}
+    image = rptcam_cl.render(
+        two_panels("pinhole", mix, mix) | {"render": {"max_depth": 1}}, spp=8, layers=["albedo", "coverage"]
+    )
+    shining = np.asarray(image)[..., 2].astype(np.float64)
+    seen = image["coverage"] > 0
+    assert 0.2 < (shining[seen] / image["coverage"][seen]).mean() < 0.3
+    np.testing.assert_allclose(
+        (image["albedo"][..., 0] * image["coverage"])[seen], (image["coverage"] - shining)[seen], atol=1e-6
+    )
+
+
 def test_picture_is_the_same_with_layers_and_without():
     plain, layered = (rptcam_cl.render(world("double_gauss"), spp=4, layers=names) for names in ([], LAYER_NAMES))
     np.testing.assert_array_equal(np.asarray(plain), np.asarray(layered))

@@ -73,13 +73,19 @@ def test_each_material_is_a_part(read: Read, tmp_path: Path) -> None:
     assert len(parts["lamp"].mesh.positions) == 3
 
 
+def test_missing_library_is_noted(read: Read) -> None:
+    # What finds files refuses this one; the mesh is there all the same, without a look.
+    contents = read("a.obj", f"mtllib missing.mtl\n{SQUARE}f 1 2 3\n")
+    assert contents.parts[0].look is None
+    assert "a.obj:1: mtllib missing.mtl is left out: no such file" in contents.notes[0]
+
+
 def test_material_carries_over(read: Read, tmp_path: Path) -> None:
-    (tmp_path / "wood grain.png").write_bytes(b"")
     (tmp_path / "a.mtl").write_text(
         "# made by hand\nnewmtl w\nillum 2\nKd 0.5\nKs 0.04 0.04 0.04\nNs 98\nNi 1.4\nTr 0.25\n"
         "map_Kd -s 2 3 1 -o 0.5 -clamp on wood grain.png\nnorm -bm 0.5 wood grain.png\nPm 0.5\n"
     )
-    look = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}f 1 2 3\n").parts[0].look
+    look = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].look
     assert look is not None and look.base_painting is not None and look.normals is not None
     assert look.base_painting.source == tmp_path / "wood grain.png"
     assert (look.base_painting.scale, look.base_painting.offset, look.base_painting.wrap) == ((2, 3), (0.5, 0), "clamp")
