@@ -65,10 +65,11 @@ class Saver:
         return SavedState(int(found.facts["done"]), found.arrays)
 
     def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
+        saved, wanted = ("not given" if value in (None, []) else value for value in (saved, wanted))
         what = {
             "version": f"it was saved by version {saved}, and this is {wanted}",
             "scene": "it is of another scene, or one that has changed since",
-        }.get(name, f"its {name} is {saved or 'not given'}, and this render's {wanted or 'not given'}")
+        }.get(name, f"its {name} is {saved}, and this render's {wanted}")
         return StateError(f"{self.path}: does not continue this render: {what} (remove it, or render without --resume)")
 
     @property

@@ -73,7 +73,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         The file cannot be read, is something else, damaged, or of a later version.
     """
     try:
-        size = os.stat(path).st_size
+        size = Path(path).stat().st_size
         with Path(path).open("rb") as stream:
             start = stream.read(_START.size)
             length = _header_length(path, start)

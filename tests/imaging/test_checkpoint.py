@@ -48,7 +48,7 @@ def test_every_flipped_bit_is_noticed(path):
 @pytest.mark.parametrize("keep", [0, 5, 16, 40, -1, -32])
 def test_truncated_file_is_refused(path, keep):
     path.write_bytes(path.read_bytes()[:keep])
-    with pytest.raises(StateError, match="damaged|is not a saved render"):
+    with pytest.raises(StateError, match=r"damaged|is not a saved render"):
         read_checkpoint(path)
 
 
@@ -93,7 +93,7 @@ def test_pickle_is_not_executed(path):
 
 
 def test_file_that_cannot_be_read_or_written_is_named(tmp_path):
-    with pytest.raises(StateError, match="none.rpck: cannot be read"):
+    with pytest.raises(StateError, match=r"none\.rpck: cannot be read"):
         read_checkpoint(tmp_path / "none.rpck")
     with pytest.raises(StateError, match="cannot be read"):
         read_checkpoint(tmp_path)

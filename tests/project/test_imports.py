@@ -32,8 +32,8 @@ ALLOWED: dict[str, set[str]] = {
     "lensview": FILES | {"optics"},
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
-    "saving": GROUND | {"imaging", "scene", "wavefront"},
     "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
+    "saving": GROUND | {"imaging", "scene", "wavefront"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}

@@ -76,7 +76,9 @@ def test_another_process_goes_on_to_the_same_bits(tmp_path):
     rptcam_cl.render(scene("pinhole"), size=SIZE, spp=5, checkpoint=state, resume=True)
     program = (
         "import rptcam_cl; from tests.render import test_resume as t;"
-        f"print(t.bits(rptcam_cl.render(t.scene('pinhole'), size=t.SIZE, spp=12, checkpoint={str(state)!r}, resume=True)))"
+        "image = rptcam_cl.render("
+        f"t.scene('pinhole'), size=t.SIZE, spp=12, checkpoint={str(state)!r}, resume=True);"
+        "print(t.bits(image))"
     )
     root = Path(__file__).resolve().parents[2]
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False, cwd=root)

@@ -81,9 +81,9 @@ def test_interrupt_while_rendering_saves_the_picture_so_far(
     assert stats["seconds"]["render"] < 30
     assert np.isfinite(np.load("a.npy")).all()
     more = str(stats["spp"] + 3)
-    run = rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "b.json", "--spp", more, "--resume")
+    run = rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "b.json", "--spp", more, "--resume", "--quiet")
     assert (run.code, json.loads(Path("b.json").read_text("utf-8"))["resumed_from"]) == (0, stats["spp"])
-    run = rptcam("render", "scene.yaml", "-o", "b.npy", "--spp", more)
+    run = rptcam("render", "scene.yaml", "-o", "b.npy", "--spp", more, "--quiet")
     assert run.code == 0
     np.testing.assert_array_equal(np.load("a.npy"), np.load("b.npy"))
     assert not Path("b.rpck").exists()

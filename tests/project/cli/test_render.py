@@ -20,7 +20,8 @@ def names(folder: Path) -> list[str]:
 
 
 def test_options_reach_the_renderer(scene: Path, renderer: Any, rptcam: Command) -> None:
-    words = "--noise 0.02 --resume --spp 9 --time 2.5 --seed 18446744073709551615 --size 640x360 --crop 0,0.5,0.25,1 --device cpu --quiet"
+    words = "--noise 0.02 --resume --spp 9 --time 2.5 --seed 18446744073709551615 --size 640x360 --device cpu --quiet"
+    words += " --crop 0,0.5,0.25,1"
     run = rptcam("render", "scene.yaml", "-o", "a.npy", *words.split(), "--set", "camera.fov_degrees=50")
     assert (run.code, run.out, run.err) == (0, "", "")
     (asked,) = renderer.asked
@@ -102,7 +103,7 @@ def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rp
         (["-o", "a.png", "--crop", "0,nan,0,1"], 2, "--crop: got"),
         (["-o", "a.png", "--ssp", "4"], 2, "unknown argument --ssp; did you mean --spp"),
         (["-o", "a.png", "--sp", "4"], 2, "unknown argument --sp"),
-        (["-o", "a.png", "--resume"], 2, "unknown argument --resume"),
+        (["-o", "a.png", "--resum"], 2, "unknown argument --resum; did you mean --resume"),
         (["-o", "a.png", "second.yaml"], 2, r"unknown argument second\.yaml"),
         (["-o", "a.png", "--set", "camera.fov_degreees=50"], 2, "did you mean"),
         (["-o", "a.png", "--set", "camera.fov_degrees"], 2, "camera.fov_degrees"),
