@@ -182,10 +182,10 @@ EMITTER = Record(
         ("int", "primitive"),
         ("int", "two_sided"),
         ("float", "pick"),  # probability of being picked
-        ("float", "alias_keep"),
-        ("int", "alias_other"),
         ("int", "part"),  # triangle of the primitive, or -1
         ("int", "texture"),  # index of the picture of a profile's intensities
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
     ),
 )
 

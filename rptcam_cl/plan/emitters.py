@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.alias import alias_table
 from rptcam_cl.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.plan.colour import luminance
+from rptcam_cl.plan.curves import curves
 from rptcam_cl.plan.environment import Surroundings
-from rptcam_cl.plan.lights import light_emitter
+from rptcam_cl.plan.lights import light_emitter, sun_emitter
 from rptcam_cl.plan.meshes import corners_of_box
 from rptcam_cl.plan.primitives import Primitive, sphere_of
 from rptcam_cl.plan.textures import TextureTable
@@ -31,12 +31,13 @@ Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Emitters:
-    """Records with their alias table, the sampled emitter of each primitive, and the kinds there are."""
+    """Records, the sampled emitter of each primitive, the kinds there are, and the curve that picks by power."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
     kinds: frozenset[EmitterKind]
     count: int
+    curve: NDArray[np.float32]
 
     @property
     def facts(self) -> dict[str, int]:
@@ -157,20 +158,22 @@ def pack_emitters(
     lights = [light_emitter(light, scene, textures, reach) for light in scene.lights]
     if surroundings.kind is EnvironmentKind.IMAGE:
         lights.append(_environment(surroundings.flux * np.pi * reach**2))
+    if surroundings.sun is not None:
+        lights.append(sun_emitter(surroundings.sun, reach))
     lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     suns = sum(int(record["kind"]) == EmitterKind.SUN for record, _ in lights)
     count = sum(len(records) for records, _ in chosen)
     surroundings.record["first_sun"], surroundings.record["suns"] = count - suns, suns
-    records = EMITTER.zeros(count)
+    records, curve = EMITTER.zeros(count), np.zeros(1, np.float32)
     if chosen:
         records[:] = np.concatenate([part for part, _ in chosen])
         powers = np.concatenate([power for _, power in chosen])
-        records["pick"] = powers / powers.sum()
-        records["alias_keep"], records["alias_other"] = alias_table(powers)
+        curve, chance = curves(powers[None])
+        records["pick"] = chance[0]
         surroundings.record["pick"] = records["pick"][records["kind"] == EmitterKind.ENVIRONMENT].sum()
     kinds = frozenset(EmitterKind(kind) for kind in np.unique(records["kind"][:count]).tolist())
-    return Emitters(records, of_primitive, kinds, count)
+    return Emitters(records, of_primitive, kinds, count, curve.ravel())
 
 
 def _surface_emitters(

@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.camera import Camera
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
+from rptcam_cl.scene.environment import (
+    ConstantEnvironment,
+    Environment,
+    GradientEnvironment,
+    ImageEnvironment,
+    SkyEnvironment,
+)
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.material import Emissive
@@ -97,7 +103,7 @@ def _environment_colours(environment: Environment | None) -> list[Colour]:
             return [environment.radiance]
         case GradientEnvironment():
             return [environment.bottom, environment.top]
-        case ImageEnvironment():
+        case ImageEnvironment() | SkyEnvironment():
             return [(environment.gain, environment.gain, environment.gain)]
     return []
 
