@@ -17,6 +17,7 @@ OPTIONS = {
     "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-colorspace": 1,
 }  # fmt: skip
 UP_TO = {"-o", "-s", "-t"}  # these take one to three numbers
+PHYSICAL = {"pr", "pm", "map_pr", "map_pm"}
 GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
 
 Lines = dict[str, tuple[int, list[str]]]
@@ -63,15 +64,17 @@ class _Material:
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
             base_painting=self._painting("map_kd"),
-            matte=(model < 2 or max(gloss) == 0) and not {"pr", "pm"} & self._lines.keys(),
-            metallic=min(1.0, max(0.0, self._number("pm", 0.0))),
+            matte=(model < 2 or max(gloss) == 0) and not PHYSICAL & self._lines.keys(),
+            metallic=min(1.0, max(0.0, self._number("pm", float("map_pm" in self._lines)))),
             metallic_painting=self._painting("map_pm"),
-            roughness=min(1.0, max(0.0, self._number("pr", (2 / (exponent + 2)) ** 0.25))),
+            roughness=min(
+                1.0, max(0.0, self._number("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25))
+            ),
             roughness_painting=self._painting("map_pr"),
             opacity=self._opacity(),
             opacity_painting=self._painting("map_d"),
             normals=self._painting("norm") or self._painting("map_norm"),
-            emission=self._colour("ke", (0.0, 0.0, 0.0), most=math.inf),
+            emission=self._colour("ke", (1.0,) * 3 if "map_ke" in self._lines else (0.0,) * 3, most=math.inf),
             emission_painting=self._painting("map_ke"),
             both_sides=True,
             index=self._number("ni", 1.5),

@@ -8,8 +8,10 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError, StateError
 
@@ -36,7 +38,11 @@ class Source:
 
     @cached_property
     def _line_starts(self) -> list[int]:
-        ends = np.flatnonzero(np.frombuffer(self.text.encode("utf-32-le"), np.uint32) == ord("\n"))
+        if self.text.isascii():
+            characters: NDArray[Any] = np.frombuffer(self.text.encode("ascii"), np.uint8)
+        else:
+            characters = np.frombuffer(self.text.encode("utf-32-le"), np.uint32)
+        ends = np.flatnonzero(characters == ord("\n"))
         return [0, *(ends + 1).tolist()]
 
     def line_and_column(self, offset: int) -> tuple[int, int]:

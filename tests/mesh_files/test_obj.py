@@ -93,6 +93,13 @@ def test_material_carries_over(read: Read, tmp_path: Path) -> None:
     assert look.roughness**4 == pytest.approx(2 / 100)  # alpha² = 2 / (Ns + 2)
 
 
+def test_factor_of_a_map_without_a_value_is_1(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl w\nmap_Pr r.png\nmap_Pm m.png\nmap_Ke e.png\n")
+    look = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].look
+    assert look is not None
+    assert (look.roughness, look.metallic, look.emission, look.matte) == (1, 1, (1, 1, 1), False)
+
+
 def test_illumination_model_of_glass_is_glass(read: Read, tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl g\nillum 7\nKd 0 0 0\nKs 1 1 1\nNi 1.33\nd 0.1\n")
     look = read("a.obj", f"mtllib a.mtl\nusemtl g\n{SQUARE}f 1 2 3\n").parts[0].look

@@ -132,6 +132,12 @@ def test_rectangles_begin_where_the_texture_does(convert: Convert, start: int) -
     assert item["corner"] == [[0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]][start]
 
 
+def test_a_textured_rectangle_may_be_seen_in_the_mirror(convert: Convert) -> None:
+    mirrored = HEAD.replace("Scale -1 1 1 ", "")
+    (item,) = convert(CHECKER + f'Shape "trianglemesh" {QUAD} {QUAD_UV}', mirrored).objects
+    assert (item["corner"], item["edge_u"], item["edge_v"]) == ([0, 0, 0], [-2, 0, 0], [0, 3, 0])
+
+
 def test_bilinear_patch_that_is_flat_is_a_rectangle(convert: Convert) -> None:
     text = 'Shape "bilinearmesh" "point3 P" [0 0 0  2 0 0  0 3 0  2 3 0]'
     (item,) = convert(CHECKER + text, HEAD).objects

@@ -187,6 +187,11 @@ def test_long_lists_are_read_fast(tmp_path: Path) -> None:
     np.testing.assert_array_equal(statement.with_parameters().numbers("P", "point3"), numbers)
 
 
+def test_places_count_characters_not_bytes(read: Reader) -> None:
+    with pytest.raises(InputError, match=r"a\.pbrt:2:26: expected a directive"):
+        read('# été\nCoordinateSystem "öäü é" Shap')
+
+
 def test_an_old_text_file_in_latin_1_is_read(read: Reader) -> None:
     assert [item.directive for item in read(b"# \xe9t\xe9\nIdentity")] == ["Identity"]
 
