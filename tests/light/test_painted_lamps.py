@@ -43,7 +43,7 @@ def irradiance(points, normals, areas, colours):
 
 
 def flat(corner, x, y, place):
-    """Return the irradiance from corner + a x + b y for all pairs (a, b) of ``place``, each with its share of the area."""
+    """Return the irradiance from corner + a x + b y for all (a, b) of ``place``, each with its share of the area."""
     a, b, share = place
     points = np.asarray(corner) + a[:, None] * np.asarray(x) + b[:, None] * np.asarray(y)
     normal = np.cross(x, y)
