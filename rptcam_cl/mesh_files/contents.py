@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,10 +42,20 @@ class PlacedMesh:
 
 @dataclass(frozen=True, eq=False)
 class MeshContents:
-    """Everything that a mesh file holds, and how many triangles of it could not be used."""
+    """Everything that a mesh file holds.
+
+    Attributes
+    ----------
+    parts : tuple of PlacedMesh
+    dropped : Dropped
+        How many triangles could not be used.
+    notes : tuple of str
+        What of the file is left out, triangles included.
+    """
 
     parts: tuple[PlacedMesh, ...]
     dropped: Dropped = NOTHING_DROPPED
+    notes: tuple[str, ...] = ()
 
     def with_normals(self, mode: NormalsMode) -> MeshContents:
         """Return the contents with the normals that a mode asks for; parts that shared a mesh still do."""
@@ -58,7 +69,15 @@ class MeshContents:
         return self._with_meshes({mesh: known.setdefault(mesh.content_hash, mesh) for mesh in meshes})
 
     def _with_meshes(self, changed: dict[Mesh, Mesh]) -> MeshContents:
-        return MeshContents(tuple(replace(part, mesh=changed[part.mesh]) for part in self.parts), self.dropped)
+        return replace(self, parts=tuple(replace(part, mesh=changed[part.mesh]) for part in self.parts))
+
+
+class Node(NamedTuple):
+    """A surface at its place in the file."""
+
+    surface: int
+    placement: NDArray[np.float64]
+    name: str | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,13 +89,16 @@ class Draft:
     surfaces : list of Surface
     looks : list of Look
         What `Surface.material` counts.
-    nodes : list of (int, (4, 4) array, str or None)
-        Surface, placement and name of each part; one for each surface at its own coordinates when empty.
+    nodes : list of Node
+        Where the surfaces are; each at its own coordinates when empty.
+    notes : list of str
+        What of the file is left out.
     """
 
     surfaces: list[Surface]
-    looks: list[Look]
-    nodes: list[tuple[int, NDArray[np.float64], str | None]]
+    looks: list[Look] = field(default_factory=list)
+    nodes: list[Node] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
 
 
 def finished(draft: Draft, place: str) -> MeshContents:
@@ -87,22 +109,25 @@ def finished(draft: Draft, place: str) -> MeshContents:
     InputError
         When no triangle is left.
     """
-    nodes = draft.nodes or [(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
+    nodes = draft.nodes or [Node(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
     dropped = NOTHING_DROPPED
     meshes: dict[int, Mesh | None] = {}
     for index in dict.fromkeys(index for index, _, _ in nodes):
         meshes[index], lost = make_mesh(draft.surfaces[index], place)
         dropped = dropped.plus(lost)
     parts = [
-        PlacedMesh(mesh, placement, _look(draft, index), name)
+        PlacedMesh(mesh, placement, _look(draft, index, mesh), name)
         for index, placement, name in nodes
         if (mesh := meshes[index]) is not None
     ]
     if not parts:
         raise InputError(f"{place}: has no triangle that can be shown (dropped: {dropped})")
-    return MeshContents(tuple(parts), dropped)
+    notes = [*draft.notes, f"{place}: triangles dropped: {dropped}"] if any(dropped) else draft.notes
+    return MeshContents(tuple(parts), dropped, tuple(notes))
 
 
-def _look(draft: Draft, surface: int) -> Look | None:
+def _look(draft: Draft, surface: int, mesh: Mesh) -> Look | None:
     material = draft.surfaces[surface].material
-    return None if material is None else draft.looks[material]
+    if material is None:
+        return None
+    return draft.looks[material] if mesh.uvs is not None else draft.looks[material].without_paintings()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -52,6 +53,10 @@ class Mesh:
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the lowest and highest corner."""
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         return self.origin + self.positions.min(axis=0), self.origin + self.positions.max(axis=0)
 
     def with_normals(self, mode: NormalsMode) -> Mesh:
@@ -162,9 +167,12 @@ def _check_finite(rows: NDArray[Any], kept: NDArray[np.intp] | None, what: str) 
 
 
 def _frozen(rows: NDArray[Any] | None) -> Any:
-    """Return a read-only array."""
+    """Return a read-only array that does not keep the data of a whole file alive."""
     if rows is not None:
-        rows = np.ascontiguousarray(rows)
+        base = rows
+        while isinstance(base.base, np.ndarray):
+            base = base.base
+        rows = rows.copy() if base.base is not None or base.nbytes > rows.nbytes else np.ascontiguousarray(rows)
         rows.setflags(write=False)
     return rows
 

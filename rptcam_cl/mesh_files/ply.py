@@ -75,12 +75,12 @@ def _surface(vertex: Rows, face: Rows, path: Path) -> Surface:
     if not sum(len(corners) for _, corners in polygons):
         raise InputError(f"{path}: has no faces")
     for group in polygons:
-        check_corners(group, len(positions), str(path))
+        check_corners(group, len(positions), f"{path}: face")
     if uvs is None and CORNER_UVS in face.lists and (corner_uvs := _corner_uvs(polygons, face)) is not None:
         vertices, uvs, polygons = weld(polygons, corner_uvs)
         positions = positions[vertices]
         normals = None if normals is None else normals[vertices]
-    return Surface(positions, as_triangles(positions, polygons, str(path)), normals, uvs)
+    return Surface(positions, as_triangles(positions, polygons, f"{path}: face"), normals, uvs)
 
 
 def _columns(rows: Rows, names: tuple[str, ...]) -> Columns | None:

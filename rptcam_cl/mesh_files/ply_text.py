@@ -91,9 +91,9 @@ def _taken_apart(element: Element, numbers: NDArray[np.float64], count: int, fir
         if item.length is None:
             values[item.name] = numbers[places]
         else:
-            entries = _whole(numbers) if item.type.kind in "iu" else numbers
-            groups = grouped(numbers[places].astype(np.int64), places + 1, entries)
-            lists[item.name] = [(rows + first, group) for rows, group in groups]
+            whole = item.type.kind in "iu"
+            groups = grouped(numbers[places].astype(np.int64), places + 1, numbers)
+            lists[item.name] = [(rows + first, _whole(group) if whole else group) for rows, group in groups]
     return Rows(values, lists)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,27 +15,43 @@ MOST_CORNERS = 1000
 Corners = NDArray[Any]
 
 
-def triangulate(positions: NDArray[Any], polygons: NDArray[Any], face: str) -> Corners:
+class Polygons(NamedTuple):
+    """Polygons of one size.
+
+    Attributes
+    ----------
+    number : (m,) int
+        Their places among all faces of the file.
+    corners : (m, k) int
+        Vertex of each corner.
+    """
+
+    number: NDArray[Any]
+    corners: NDArray[Any]
+
+
+def triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corners:
     """Return the triangles of polygons that have equally many corners, as places 0 to k - 1 in their polygon.
 
     Parameters
     ----------
     positions : (n, 3) array
-    polygons : (m, k) array of int
-        Indices into the positions, inside their range; k is at least 3.
+    polygons : Polygons
+        Their corners are indices into the positions, inside their range; they have 3 or more.
     face : str
-        What an error calls the polygons.
+        What an error calls a polygon, before its number.
 
     Returns
     -------
     triangles : (m, k - 2, 3) array
     """
-    count, size = polygons.shape
+    numbers, corners = polygons
+    count, size = corners.shape
     fan = np.stack([np.zeros(size - 2, np.int64), np.arange(1, size - 1), np.arange(2, size)], axis=1)
     triangles = np.broadcast_to(fan, (count, size - 2, 3))
     if size == 3:
         return triangles
-    bent = np.flatnonzero(~_fan_fits(positions, polygons))
+    bent = np.flatnonzero(~_fan_fits(positions, corners))
     if not len(bent):
         return triangles
     triangles = triangles.copy()
@@ -44,10 +60,11 @@ def triangulate(positions: NDArray[Any], polygons: NDArray[Any], face: str) -> C
         return triangles
     if size > MOST_CORNERS:
         raise InputError(
-            f"{face} has {size} corners and is not convex (allowed: convex ones, or up to {MOST_CORNERS} corners)"
+            f"{face} {numbers[bent[0]]} has {size} corners and is not convex (allowed: a convex one, or up to "
+            f"{MOST_CORNERS} corners)"
         )
     for index in bent:
-        triangles[index] = _ears(np.asarray(positions[polygons[index]], np.float64))
+        triangles[index] = _ears(np.asarray(positions[corners[index]], np.float64))
     return triangles
 
 

@@ -7,16 +7,19 @@ from pathlib import Path
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files.contents import Draft, MeshContents, finished
+from rptcam_cl.mesh_files.find import Find
+from rptcam_cl.mesh_files.gltf import read_gltf
+from rptcam_cl.mesh_files.obj import read_obj
 from rptcam_cl.mesh_files.ply import read_ply
+from rptcam_cl.mesh_files.stl import read_stl
 
-Find = Callable[[Path], Path]
-
-
-def _ply(path: Path, find: Find) -> Draft:
-    return Draft([read_ply(path)], [], [])
-
-
-READERS: dict[str, Callable[[Path, Find], Draft]] = {".ply": _ply}
+READERS: dict[str, Callable[[Path, Find], Draft]] = {
+    ".ply": lambda path, _: Draft([read_ply(path)]),
+    ".obj": read_obj,
+    ".gltf": read_gltf,
+    ".glb": read_gltf,
+    ".stl": lambda path, _: Draft([read_stl(path)]),
+}
 
 
 def read_mesh_file(path: Path, find: Find) -> MeshContents:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -39,20 +40,36 @@ def weld(
 
 def different_rows(columns: list[NDArray[Any]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Return the first place of each different row, in the order of the first places, and each row's number in it."""
-    order = np.lexsort(columns)
-    new = np.ones(len(order), bool)
-    new[1:] = False
-    for column in columns:
+    keys = _one_column(columns)
+    order = np.lexsort(keys)
+    new = np.zeros(len(order), bool)
+    new[:1] = True
+    for column in keys:
         ordered = column[order]
         new[1:] |= ordered[1:] != ordered[:-1]
     group = np.cumsum(new) - 1
-    first = np.minimum.reduceat(order, np.flatnonzero(new)) if len(order) else order
+    first = order[new]  # the sort is stable
     ranked = np.argsort(first)
     number = np.empty(len(first), np.intp)
     number[ranked] = np.arange(len(first))
     vertices = np.empty(len(order), np.intp)
     vertices[order] = number[group]
     return first[ranked], vertices
+
+
+def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Return columns of whole numbers from -1 on as one that tells the same rows apart, where 63 bits hold it."""
+    if any(column.dtype.kind != "i" for column in columns) or not len(columns[0]):
+        return columns
+    spans = [int(column.max()) + 2 for column in columns]
+    if math.prod(spans) >= 2**63:
+        return columns
+    key = np.zeros(len(columns[0]), np.int64)
+    for column, span in zip(columns, spans, strict=True):
+        key *= span
+        key += column
+        key += 1
+    return [key]
 
 
 def _with_corners(polygons: list[Polygons], vertices: NDArray[np.intp]) -> list[Polygons]:

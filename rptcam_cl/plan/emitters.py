@@ -11,17 +11,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.alias import alias_table
 from rptcam_cl.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.plan.colour import luminance
+from rptcam_cl.plan.curves import curves
 from rptcam_cl.plan.environment import Surroundings
-from rptcam_cl.plan.lights import light_emitter
+from rptcam_cl.plan.lights import light_emitter, sun_emitter
 from rptcam_cl.plan.meshes import corners_of_box
 from rptcam_cl.plan.primitives import Primitive, sphere_of
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.plan.triangle_emitters import triangle_emitters
 from rptcam_cl.records import EMITTER, Kind
-from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.material import Emissive, Material
+from rptcam_cl.scene.principled import Principled
+from rptcam_cl.scene.quantities import Colour
 from rptcam_cl.scene.scene import Scene
 
 Found = tuple[NDArray[np.void], NDArray[np.float64]]
@@ -29,12 +31,13 @@ Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Emitters:
-    """Records with their alias table, the sampled emitter of each primitive, and the kinds there are."""
+    """Records, the sampled emitter of each primitive, the kinds there are, and the curve that picks by power."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
     kinds: frozenset[EmitterKind]
     count: int
+    curve: NDArray[np.float32]
 
     @property
     def facts(self) -> dict[str, int]:
@@ -78,29 +81,39 @@ _SAMPLED = {Kind.RECTANGLE: EmitterKind.RECTANGLE, Kind.DISK: EmitterKind.DISK, 
 
 def _surface_emitter(index: int, primitive: Primitive) -> tuple[np.void, float] | None:
     """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
-    material = primitive.material
-    if not isinstance(material, Emissive) or primitive.kind not in _SAMPLED or luminance(material.radiance) <= 0:
+    radiance, two_sided = _emitted(primitive.material)
+    if primitive.kind not in _SAMPLED or luminance(radiance) <= 0:
         return None
     record: np.void = EMITTER.zeros(1)[0]
     kind = _SAMPLED[primitive.kind]
     factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
-    record["radiance"][:3] = material.radiance
+    record["radiance"][:3] = radiance
     record["primitive"], record["part"] = index, -1
-    record["two_sided"] = material.two_sided
-    return record, factor * luminance(material.radiance) * (2 if material.two_sided else 1)
+    record["two_sided"] = two_sided
+    return record, factor * luminance(radiance) * (2 if two_sided else 1)
+
+
+def _emitted(material: Material) -> tuple[Colour, bool]:
+    """Return the radiance of a material that shines evenly, else black, and whether its back shines, too."""
+    if isinstance(material, Emissive):
+        return material.radiance, material.two_sided
+    if isinstance(material, Principled) and isinstance(material.emission, tuple):
+        return material.emission, False
+    return (0.0, 0.0, 0.0), False
 
 
 def _mesh_emitters(index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64]) -> Found | None:
     """Return records and powers [W, luminance] of the triangles of an emissive mesh, or None when it does not shine."""
-    material, mesh = primitive.material, primitive.mesh
-    if mesh is None or not isinstance(material, Emissive) or luminance(material.radiance) <= 0:
+    mesh = primitive.mesh
+    radiance, two_sided = _emitted(primitive.material)
+    if mesh is None or luminance(radiance) <= 0:
         return None
     records, areas = triangle_emitters(mesh, primitive.placement, eye)
-    records["radiance"][:, :3] = material.radiance
+    records["radiance"][:, :3] = radiance
     records["primitive"] = index
     records["part"] = first_triangle + np.arange(len(records))
-    records["two_sided"] = material.two_sided
-    return records, np.pi * areas * luminance(material.radiance) * (2 if material.two_sided else 1)
+    records["two_sided"] = two_sided
+    return records, np.pi * areas * luminance(radiance) * (2 if two_sided else 1)
 
 
 def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float:
@@ -145,20 +158,22 @@ def pack_emitters(
     lights = [light_emitter(light, scene, textures, reach) for light in scene.lights]
     if surroundings.kind is EnvironmentKind.IMAGE:
         lights.append(_environment(surroundings.flux * np.pi * reach**2))
+    if surroundings.sun is not None:
+        lights.append(sun_emitter(surroundings.sun, reach))
     lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     suns = sum(int(record["kind"]) == EmitterKind.SUN for record, _ in lights)
     count = sum(len(records) for records, _ in chosen)
     surroundings.record["first_sun"], surroundings.record["suns"] = count - suns, suns
-    records = EMITTER.zeros(count)
+    records, curve = EMITTER.zeros(count), np.zeros(1, np.float32)
     if chosen:
         records[:] = np.concatenate([part for part, _ in chosen])
         powers = np.concatenate([power for _, power in chosen])
-        records["pick"] = powers / powers.sum()
-        records["alias_keep"], records["alias_other"] = alias_table(powers)
+        curve, chance = curves(powers[None])
+        records["pick"] = chance[0]
         surroundings.record["pick"] = records["pick"][records["kind"] == EmitterKind.ENVIRONMENT].sum()
     kinds = frozenset(EmitterKind(kind) for kind in np.unique(records["kind"][:count]).tolist())
-    return Emitters(records, of_primitive, kinds, count)
+    return Emitters(records, of_primitive, kinds, count, curve.ravel())
 
 
 def _surface_emitters(

@@ -9,10 +9,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.camera import Camera
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
+from rptcam_cl.scene.environment import (
+    ConstantEnvironment,
+    Environment,
+    GradientEnvironment,
+    ImageEnvironment,
+    SkyEnvironment,
+)
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.mesh_shape import MeshObject
+from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
@@ -63,13 +71,16 @@ def scene_warnings(
     if abs(aspect - 1) > SQUARE_TOLERANCE:
         found.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
     found += _extent_warnings(objects)
+    found += _mesh_warnings(objects)
     found += _inside_warnings(camera, objects)
     return tuple(found)
 
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
-    shown = (material for item in objects for material in item.shown_materials())
+    shown = [material for item in objects for material in item.shown_materials()]
     colours = [material.radiance for material in shown if isinstance(material, Emissive)]
+    glowing = [material.emission for material in shown if isinstance(material, Principled)]
+    colours += [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
     return any(max(colour) > 0 for colour in [*colours, *_light_colours(lights), *_environment_colours(environment)])
 
 
@@ -92,7 +103,7 @@ def _environment_colours(environment: Environment | None) -> list[Colour]:
             return [environment.radiance]
         case GradientEnvironment():
             return [environment.bottom, environment.top]
-        case ImageEnvironment():
+        case ImageEnvironment() | SkyEnvironment():
             return [(environment.gain, environment.gain, environment.gain)]
     return []
 
@@ -115,6 +126,12 @@ def _extent_warnings(objects: Sequence[Object]) -> list[str]:
 
 def _label(item: PlacedObject, size: float) -> str:
     return f"object '{item.name}'" if item.name else f"an object of size {size:.3g}"
+
+
+def _mesh_warnings(objects: Sequence[Object]) -> list[str]:
+    """Return what was left out of the meshes, said once for each."""
+    loaded = [item.loaded.contents for item in objects if isinstance(item, MeshObject)]
+    return list(dict.fromkeys(note for contents in loaded for note in contents.notes))
 
 
 def _inside_warnings(camera: Camera, objects: Sequence[Object]) -> list[str]:

@@ -48,6 +48,17 @@ class FileReference(SceneModel):
         return hashlib.sha256(source).hexdigest() if isinstance(source, bytes) else digest(source)
 
 
+def described(value: SceneModel, folders: Folders) -> dict[str, Any]:
+    """Return a part of a scene as plain data in which files stand by their content."""
+    content = value.model_dump(mode="json")
+    for path, reference in file_references(value):
+        part: Any = content
+        for step in path:
+            part = part[step]
+        part["file"] = reference.content_digest(folders)
+    return content
+
+
 def file_references(
     value: Any, path: tuple[str | int, ...] = ()
 ) -> Iterator[tuple[tuple[str | int, ...], FileReference]]:

@@ -11,6 +11,8 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 from rptcam_cl.mesh_files import MeshContents, NormalsMode
 from rptcam_cl.mesh_files.winding import winding_number
 from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.file_reference import described
+from rptcam_cl.scene.files import Folders
 from rptcam_cl.scene.material import Material
 from rptcam_cl.scene.mesh_rows import FaceRows, Normals, Pairs, Points, Vectors
 from rptcam_cl.scene.refusal import refuse
@@ -136,11 +138,15 @@ class MeshObject(MeshSource, PlacedObject):
             turns += winding_number(part.mesh.positions, part.mesh.faces, local)
         return turns > 0.5
 
-    def described(self) -> dict[str, Any]:
-        """Return what the object shows as plain data: the content of its parts, their placements and materials."""
+    def described(self, folders: Folders) -> dict[str, Any]:
+        """Return the parts as plain data: the content of their meshes, their placements and materials of the file."""
         loaded = self.loaded
         parts = [
-            {"mesh": part.mesh.content_hash, "placement": part.placement.tolist(), "material": material.model_dump()}
+            {
+                "mesh": part.mesh.content_hash,
+                "placement": part.placement.tolist(),
+                "material": described(material, folders) if self.material is None else None,
+            }
             for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
         ]
-        return {"parts": parts, "material": None}
+        return {"parts": parts}

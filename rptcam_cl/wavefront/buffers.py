@@ -34,7 +34,7 @@ class SceneBuffers:
             upload(plan.textures.texels),
             upload(plan.emitters.records),
             upload(plan.surroundings.record),
-            upload(plan.surroundings.distribution),
+            upload(np.concatenate([plan.emitters.curve, plan.surroundings.distribution])),
             np.int32(plan.emitters.count),
         )
         self.mesh_facts: dict[str, int] = {}
@@ -43,6 +43,7 @@ class SceneBuffers:
             self.mesh_facts = trees.facts
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             self.scene += (*(upload(array) for array in arrays), np.int32(trees.root))
+        self.filter = upload(plan.camera_filter.table)
         camera = plan.camera
         self.camera: tuple[Any, ...] = (
             upload(camera.record),

@@ -181,10 +181,54 @@ def test_zemax_coordinate_breaks(tmp_path):
     poses = [surface.pose for surface in lens.surfaces]
     assert poses[0] is None and poses[1] is None
     assert poses[2].offset == pytest.approx((0.5, 0, 0))
-    assert poses[2].matrix()[:, 2] == pytest.approx([0, np.sin(np.radians(10)), np.cos(np.radians(10))])
+    assert poses[2].matrix()[:, 2] == pytest.approx([0, -np.sin(np.radians(10)), np.cos(np.radians(10))])
     # The third surface stands 3 mm along the tilted axis, and the last one 2 mm farther, no longer tilted.
-    assert poses[3].offset == pytest.approx((0.5, 3 * np.sin(np.radians(10)), 3 * np.cos(np.radians(10)) - 3))
+    assert poses[3].offset == pytest.approx((0.5, -3 * np.sin(np.radians(10)), 3 * np.cos(np.radians(10)) - 3))
     assert poses[4].matrix() == pytest.approx(np.eye(3))
+
+
+def zemax_prism(parameters):
+    lines = "".join(f"  PARM {number} {value}\n" for number, value in parameters.items())
+    return (
+        "VERS 1\nMODE SEQ\nUNIT MM\nSURF 0\n  DISZ INFINITY\n"
+        "SURF 1\n  STOP\n  TYPE STANDARD\n  CURV 0\n  DISZ 4\n  GLAS ___BLANK 1 0 1.5 1e9 0 0 0 0 0 0\n  DIAM 9\n"
+        f"SURF 2\n  TYPE COORDBRK\n{lines}  DISZ 0\n"
+        "SURF 3\n  TYPE STANDARD\n  CURV 0\n  DISZ 5\n  DIAM 9\nSURF 4\n  DISZ 0\n  DIAM 5\n"
+    )
+
+
+def codev_prism(tilt):
+    return f"LEN\nDIM M\nSO 0 1e10\nS 0 4 500640\n  STO\n  CIR 9\nS 0 5 AIR\n  {tilt}\n  CIR 9\nSI 0 0\n"
+
+
+def deviation(lens):
+    """Degrees by which a ray on the axis is turned towards +x and +y."""
+    out = lens.trace([[0, 0, -1]], [[0, 0, 1]], start="scene").directions[0]
+    return np.degrees(np.arcsin(out[:2]))
+
+
+# By Snell's law a face tilted by 10 degrees turns a ray in glass of index 1.5 by asin(1.5 sin 10) - 10 = 5.098 degrees
+# towards the thick end. A right-handed turn about x tips +z towards -y and moves the upper end of the face away: the
+# prism is thickest above. One about y tips +z towards +x: the prism is thickest at -x.
+BENT = float(np.degrees(np.arcsin(1.5 * np.sin(np.radians(10)))) - 10)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [({3: 10}, (0, BENT)), ({3: -10}, (0, -BENT)), ({4: 10}, (-BENT, 0)), ({5: 90, 3: 10}, (0, BENT)),
+     ({6: 1, 5: 90, 3: 10}, (-BENT, 0))],
+)  # fmt: skip
+def test_zemax_tilts_turn_right_handed(tmp_path, parameters, expected):
+    lens = load_text(tmp_path, zemax_prism(parameters), "prism.zmx")
+    assert deviation(lens) == pytest.approx(expected, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "expected"), [("ADE 10", (0, -BENT)), ("BDE 10", (BENT, 0)), ("ADE 10; CDE 90", (0, -BENT))]
+)
+def test_codev_tilts_about_x_and_y_turn_left_handed(tmp_path, tilt, expected):
+    lens = load_text(tmp_path, codev_prism(tilt), "prism.seq")
+    assert deviation(lens) == pytest.approx(expected, abs=1e-4)
 
 
 def test_what_zemax_files_cannot_give_is_named(tmp_path):

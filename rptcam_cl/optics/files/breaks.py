@@ -10,10 +10,14 @@ from rptcam_cl.optics.placement import rotation_matrix
 class Frame:
     """The local frame that decentres, tilts and thicknesses carry along.
 
-    Tilts follow CODE V's and Zemax's sign: about x and y left handed, about z right handed.
+    Parameters
+    ----------
+    senses
+        Of positive tilts about x, y and z: 1 right handed, -1 left handed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, senses: tuple[float, float, float]) -> None:
+        self.senses = senses
         self.place = np.zeros(3)
         self.turn = np.eye(3)
         self.nominal = 0.0
@@ -28,12 +32,21 @@ class Frame:
         self.place = self.place + self.turn @ np.array([0.0, 0.0, thickness])
         self.nominal += thickness
 
-    def bend(self, decentre: tuple[float, float, float], tilt_degrees: tuple[float, float, float]) -> None:
-        """Decentre, then tilt about x, the new y and the new z."""
-        self.place = self.place + self.turn @ np.array(decentre)
-        about_x, about_y, about_z = tilt_degrees
-        for angles in ((-about_x, 0.0, 0.0), (0.0, -about_y, 0.0), (0.0, 0.0, about_z)):
-            self.turn = self.turn @ rotation_matrix(angles)
+    def bend(
+        self,
+        decentre: tuple[float, float, float],
+        tilt_degrees: tuple[float, float, float],
+        tilt_first: bool = False,
+    ) -> None:
+        """Decentre, then tilt about x, the new y and the new z; or tilt about z, y and x, and then decentre."""
+        x, y, z = (sense * angle for sense, angle in zip(self.senses, tilt_degrees, strict=True))
+        turns = [rotation_matrix(angles) for angles in ((x, 0.0, 0.0), (0.0, y, 0.0), (0.0, 0.0, z))]
+        if not tilt_first:
+            self.place = self.place + self.turn @ np.array(decentre)
+        for turn in reversed(turns) if tilt_first else turns:
+            self.turn = self.turn @ turn
+        if tilt_first:
+            self.place = self.place + self.turn @ np.array(decentre)
 
     def keys(self) -> dict[str, list[float]]:
         """Return the decentre and tilt keys of a surface that stands here; empty on the axis."""

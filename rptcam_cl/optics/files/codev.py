@@ -12,6 +12,8 @@ from rptcam_cl.optics.lens import Lens
 
 UNITS = {"M": "mm", "C": "cm", "I": "in"}
 POWERS = dict(zip("ABCDEFGHJ", range(4, 22, 2), strict=True))
+# ADE and BDE turn left handed, CDE right handed: the convention of optical design, as ray-optics has it (misc_math.py).
+SENSES = (-1.0, -1.0, 1.0)
 TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
 QUIET_WORDS = """
 LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB YOB XIM CCY THC CCX KC AC BC CC DC PIM DER DAR SPH ASP CON
@@ -38,7 +40,7 @@ def read_codev(text: str, path: str) -> Lens:
     """Return the lens of a CODE V sequence."""
     table = Table(path)
     surfaces = _parse(text, table)
-    frame = Frame()
+    frame = Frame(SENSES)
     for place, surface in enumerate(surfaces):
         if surface.bend:
             frame.bend(_three(surface.bend, TILTS[:3]), _three(surface.bend, TILTS[3:]))

@@ -12,6 +12,7 @@ from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
 TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "COORDBRK")
+SENSES = (1.0, 1.0, 1.0)  # tilts turn right handed: OpticStudio help, «Tilt/Decenter»
 PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
 QUIET_WORDS = """
 VERS MODE PFIL LANG ENVD GFAC GCAT RAIM PUSH SDMA ROPD PICB XFLN FWGN VDXN VDYN VCXN VCYN VANN WAVM WAVN WAVL
@@ -37,13 +38,13 @@ def read_zemax(text: str, path: str) -> Lens:
     surfaces = _parse(text, table)
     if len(surfaces) < 3:
         raise InputError(f"{path}: a lens needs surfaces between object and image")
-    frame = Frame()
+    frame = Frame(SENSES)
     body = surfaces[1:-1]
     for place, surface in enumerate(body):
         last = place == len(body) - 1
         thickness = surface.values.get("DISZ", 0.0)
         if surface.kind == "COORDBRK":
-            _break(frame, surface, table)
+            _break(frame, surface)
             frame.advance(thickness)
             if table.rows and thickness:
                 table.rows[-1]["thickness"] = table.rows[-1].get("thickness", 0.0) + thickness
@@ -159,11 +160,10 @@ def _glass(surface: _Surface, table: Table) -> Any:
     return entry
 
 
-def _break(frame: Frame, surface: _Surface, table: Table) -> None:
+def _break(frame: Frame, surface: _Surface) -> None:
     p = surface.parameters
-    if p.get(6):
-        table.note(surface.line, "a coordinate break that tilts before it decentres is read in the usual order")
-    frame.bend((p.get(1, 0.0), p.get(2, 0.0), 0.0), (p.get(3, 0.0), p.get(4, 0.0), p.get(5, 0.0)))
+    tilt_first = bool(p.get(6))
+    frame.bend((p.get(1, 0.0), p.get(2, 0.0), 0.0), (p.get(3, 0.0), p.get(4, 0.0), p.get(5, 0.0)), tilt_first)
 
 
 def _trim(table: Table) -> None:
