@@ -9,7 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.camera import Camera
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
+from rptcam_cl.scene.environment import (
+    ConstantEnvironment,
+    Environment,
+    GradientEnvironment,
+    ImageEnvironment,
+    SkyEnvironment,
+)
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.material import Emissive
@@ -72,9 +78,9 @@ def scene_warnings(
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
     shown = [material for item in objects for material in item.shown_materials()]
-    colours = [material.radiance for material in shown if isinstance(material, Emissive)]
-    glowing = [material.emission for material in shown if isinstance(material, Principled)]
-    colours += [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
+    glowing = [material.radiance for material in shown if isinstance(material, Emissive)]
+    glowing += [material.emission for material in shown if isinstance(material, Principled)]
+    colours = [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
     return any(max(colour) > 0 for colour in [*colours, *_light_colours(lights), *_environment_colours(environment)])
 
 
@@ -97,7 +103,7 @@ def _environment_colours(environment: Environment | None) -> list[Colour]:
             return [environment.radiance]
         case GradientEnvironment():
             return [environment.bottom, environment.top]
-        case ImageEnvironment():
+        case ImageEnvironment() | SkyEnvironment():
             return [(environment.gain, environment.gain, environment.gain)]
     return []
 

@@ -34,7 +34,7 @@ class SceneBuffers:
             upload(plan.textures.texels),
             upload(plan.emitters.records),
             upload(plan.surroundings.record),
-            upload(plan.surroundings.distribution),
+            upload(np.concatenate([plan.emitters.curve, plan.surroundings.distribution])),
             np.int32(plan.emitters.count),
         )
         self.mesh_facts = {"BVH_WIDTH": 0, "BVH_STACK": 0}
