@@ -13,7 +13,7 @@ from rptcam_cl.acceleration.cache import load_or_build
 from rptcam_cl.device import Session
 from rptcam_cl.geometry.packed import PackedMeshes, TriangleGroup, shifted
 
-# Children of a node and triangles of a block. Measured on a CPU with AVX-512, and on the same compiled for AVX2: diffuse
+# Children of a node and triangles of a block. Measured on a CPU with AVX-512, and on it compiled for AVX2: diffuse
 # bounces on 300k triangles go 1.2 times as fast at 16 as at 8, and 1.5 times as fast at 8 as at 4. A GPU's thread takes
 # one box after the other, so that small nodes suit it; that is not measured.
 WIDTH = {"cpu": 16, "gpu": 4}
