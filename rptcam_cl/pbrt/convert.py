@@ -12,6 +12,7 @@ from rptcam_cl.pbrt.cameras import convert_camera
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.files import FileStore
 from rptcam_cl.pbrt.film import exposure_ev, raster_of, render_keys
+from rptcam_cl.pbrt.filters import filter_keys
 from rptcam_cl.pbrt.frame import frame_of
 from rptcam_cl.pbrt.lights import convert_lights
 from rptcam_cl.pbrt.objects import Objects
@@ -87,9 +88,13 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     camera_keys = convert_camera(context, camera, frame, raster, film)
     if film is not None:
         film.parameters.skip("diagonal")
-    scene: dict[str, Any] = {"film": camera_keys.film, "camera": camera_keys.camera, **camera_keys.scene}
+    scene: dict[str, Any] = {
+        "film": {**camera_keys.film, **filter_keys(context)},
+        "camera": camera_keys.camera,
+        **camera_keys.scene,
+    }
     scene["render"] = render_keys(context)
-    if abs(frame.metres_per_unit - 1) > 1e-9:
+    if frame.metres_per_unit != 1:
         scene["metres_per_unit"] = frame.metres_per_unit
     if ev := exposure_ev(context, film, camera):
         scene["picture"] = {"ev": ev}
