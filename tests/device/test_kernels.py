@@ -78,7 +78,8 @@ def all_facts():
     materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()} | EVERY_MATERIAL
     shown = [PLANE | {"material": name} for name in (*PATTERNS, *EVERY_MATERIAL)]
     scene |= {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials}
-    return facts_of(scene | {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"]})
+    scene |= {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"], "render": {"clamp": 9.0}}
+    return facts_of(scene)
 
 
 def least_facts():
