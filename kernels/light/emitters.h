@@ -8,6 +8,7 @@
 #include "geometry/hit.h"
 #include "light/curve.h"
 #include "light/environment.h"
+#include "light/painted.h"
 #include "light/point.h"
 
 typedef struct {
@@ -142,6 +143,16 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 #endif
         s.pdf = outside ? density : s.pdf;
         weight = outside ? ONE / density : weight;
+    }
+#endif
+#if EMITTER_TEXTURES
+    I painted = (OF_EMITTER(I, texture) >= 0) & (s.primitive >= 0) & (weight > 0.0f);
+    if (ANY(painted)) {
+#if !EMITTER_FLATS
+        F x = ZERO, y = ZERO;
+#endif
+        F3 there = sub(along(p, s.direction, s.reach), a);
+        s.radiance = select3(painted, painted_radiance(e, painted, x, y, there, scene), s.radiance);
     }
 #endif
 #if EMITTER_POINTS

@@ -24,7 +24,7 @@ PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its axi
 def light_emitter(light: Light, scene: Scene, textures: TextureTable, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record: np.void = EMITTER.zeros(1)[0]
-    record["primitive"], record["part"] = -1, -1
+    record["primitive"], record["part"], record["texture"] = -1, -1, -1
     match light:
         case PointLight():
             record["kind"], record["radiance"][:3] = EmitterKind.POINT, light.intensity
@@ -57,7 +57,7 @@ def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_deg
 def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
     record: np.void = EMITTER.zeros(1)[0]
-    record["primitive"], record["part"] = -1, -1
+    record["primitive"], record["part"], record["texture"] = -1, -1, -1
     record["normal"][:3] = sun.towards
     red, green, blue = sun.irradiance.tolist()
     return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2

@@ -78,9 +78,9 @@ def scene_warnings(
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
     shown = [material for item in objects for material in item.shown_materials()]
-    colours = [material.radiance for material in shown if isinstance(material, Emissive)]
-    glowing = [material.emission for material in shown if isinstance(material, Principled)]
-    colours += [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
+    glowing = [material.radiance for material in shown if isinstance(material, Emissive)]
+    glowing += [material.emission for material in shown if isinstance(material, Principled)]
+    colours = [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
     return any(max(colour) > 0 for colour in [*colours, *_light_colours(lights), *_environment_colours(environment)])
 
 

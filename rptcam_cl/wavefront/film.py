@@ -76,6 +76,13 @@ class FilmLayout:
         spare = self.pixels // TILE_PIXELS - self.tiles
         return np.append(np.outer(down, across).ravel(), np.zeros(spare, np.int64))
 
+    @cached_property
+    def inside(self) -> NDArray[np.bool_]:
+        """Whether a pixel of the buffer belongs to the picture."""
+        found = np.zeros(self.pixels, np.bool_)
+        found[self.in_rows(np.arange(self.pixels)[None]).ravel()] = True
+        return found
+
     def whole_list(self) -> NDArray[np.uint32]:
         """Return the list of all tiles, filled up to whole blocks."""
         return np.arange(self.pixels // TILE_PIXELS, dtype=np.uint32)

@@ -197,7 +197,8 @@ class Wavefront:
     def choose_tiles(self, tiles: NDArray[np.uint32]) -> None:
         """Render these tiles of the film from now on; before, and without any, they are all."""
         self.tiles = self.layout.filled_list(tiles)
-        self.session.write(self._tile_list, self.tiles)
+        if len(self.tiles):
+            self.session.write(self._tile_list, self.tiles)
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
@@ -274,6 +275,26 @@ class Wavefront:
         """Return the film's mean, shape (height, width, 3), over the samples per pixel, of all or of each tile."""
         tiles = np.broadcast_to(np.asarray(spp, np.uint32), self.layout.whole_list().shape)
         return self.layout.picture(self.sums(), tiles)
+
+    @property
+    def camera_rays(self) -> int:
+        """Samples of the picture's pixels, up to the last `finish`."""
+        return self._rays
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return what `restore` needs to go on as if nothing had happened."""
+        arrays: dict[str, NDArray[Any]] = {
+            "film": self.sums(),
+            "counts": np.append(self._counts, np.uint64(self._rays)),
+        }
+        return arrays if self._layers is None else arrays | {"layers": self._layers.planes()}
+
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from what `state` returned."""
+        self.session.write(self._film, np.ascontiguousarray(arrays["film"], np.float32))
+        self._counts[:], self._rays = arrays["counts"][:-1], int(arrays["counts"][-1])
+        if self._layers is not None:
+            self._layers.restore(arrays["layers"])
 
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""

@@ -65,7 +65,7 @@ def agreement(session, got, material, wi):
     spread = got.sampled_pdf > 0
     observed = np.bincount(cells(got.direction[spread]), minlength=BANDS * SECTORS)
     expected = expected_counts(session, material, wi)
-    seen = expected > 1e-3      # of a sample; less is noise of the quadrature
+    seen = expected > 1e-3  # of a sample; less is noise of the quadrature
     assert observed[~seen].sum() <= 3
     p = chi_squared(observed[seen], expected[seen] * observed[seen].sum() / expected[seen].sum())
     return p, expected.sum() - spread.sum()

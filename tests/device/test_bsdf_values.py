@@ -156,6 +156,6 @@ def test_rough_glass_tends_to_smooth_glass(session):
             smooth = scatter(session, {"kind": "dielectric"}, wi, numbers=numbers)
             rough = scatter(session, {"kind": "dielectric", "alpha": 1e-3}, wi, numbers=numbers)
             same = np.sign(smooth.direction[:, 2]) == np.sign(rough.direction[:, 2])
-            assert same.mean() > 0.995      # but where the number lies between both reflectances
+            assert same.mean() > 0.995  # but where the number lies between both reflectances
             assert np.abs(rough.direction - smooth.direction)[same].mean() < 3e-3
             np.testing.assert_allclose(rough.weight[same].mean(), smooth.weight[same].mean(), rtol=2e-3)

@@ -54,7 +54,7 @@ EVERY_MATERIAL = {
 }  # fmt: skip
 
 
-GLOW = {"kind": "emissive", "radiance": 1}
+GLOW = {"kind": "emissive", "radiance": GRID}
 TREES = {"BVH_WIDTH": 8, "BVH_STACK": 64}
 
 
