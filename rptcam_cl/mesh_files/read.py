@@ -14,7 +14,7 @@ from rptcam_cl.mesh_files.ply import read_ply
 from rptcam_cl.mesh_files.stl import read_stl
 
 READERS: dict[str, Callable[[Path, Find], Draft]] = {
-    ".ply": lambda path, _: Draft([read_ply(path)]),
+    ".ply": lambda path, _: read_ply(path),
     ".obj": read_obj,
     ".gltf": read_gltf,
     ".glb": read_gltf,
