@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files.contents import Draft, MeshContents, finished
 from rptcam_cl.mesh_files.find import Find
@@ -43,6 +45,7 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
     try:
         if not path.stat().st_size:
             raise InputError(f"{path}: is empty")
-        return finished(READERS[suffix](path, find), str(path))
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found by looking at the numbers
+            return finished(READERS[suffix](path, find), str(path))
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror or problem})") from None
