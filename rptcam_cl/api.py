@@ -144,6 +144,9 @@ def render(
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
         metadata["device"] = saver.devices
+    if "clamp" in stats:
+        limit, share = stats["clamp"].values()
+        metadata["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     image = Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
     return replace(image.denoised(), layers={name: image[name] for name in wanted}) if denoise else image
@@ -191,6 +194,8 @@ def _stats(
     }
     if plan.camera.has_lens:
         stats["lens"] = wavefront.outcomes()
+    if wavefront.settings.clamp is not None:
+        stats["clamp"] = {"limit": wavefront.settings.clamp, "removed_share": wavefront.removed_share()}
     if rendering.noise is not None:
         stats["noise"] = asdict(rendering.noise) | {
             "spp_min": int(rendering.samples.min()),

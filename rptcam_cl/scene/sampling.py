@@ -37,6 +37,9 @@ class RenderSettings(SceneModel):
     noise: Annotated[float, Field(gt=0, lt=1), NUMBER] | None = None
     """Relative standard error at which a tile of 8 x 8 pixels is done; `spp` is then the most that a pixel gets."""
 
+    clamp: Annotated[float, Field(ge=1e-6, le=1e30), NUMBER] | None = None
+    """Most that a sample may bring to a channel of the film; brighter ones are scaled down, which is biased."""
+
     layers: Layers = ()
     """Auxiliary layers to record beside the picture, as depth and normal."""
 

@@ -18,7 +18,7 @@ QUARTER = 4  # neighbouring lanes share a square of so many pixels
 TILE_PIXELS = TILE * TILE
 SPARE_TILES = 3  # behind those of the picture, so that any number of tiles can be filled up to a block
 BLOCK = 256  # pixels are padded to this, so that any wave is a whole number of work groups on every device
-BYTES_PER_PIXEL = 6 * 4  # three sums and three compensations
+PLANES = 6  # three sums and three compensations; a limit of the samples adds what it has removed
 
 
 @dataclass(frozen=True)

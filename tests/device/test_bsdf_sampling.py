@@ -21,7 +21,9 @@ MATERIALS = {
     "rough plastic": {"kind": "plastic", "reflectance": WHITE, "alpha": 0.25},
     "principled": {"kind": "principled", "base_color": WHITE, "roughness": 0.6},
     "principled metal": {"kind": "principled", "base_color": WHITE, "metallic": 0.6, "anisotropy": 0.6},
-    "coated": {"kind": "principled", "base_color": WHITE, "clearcoat": 1.0, "clearcoat_roughness": 0.5},
+    "coated": {
+        "kind": "principled", "base_color": WHITE, "clearcoat": 1.0, "clearcoat_roughness": 0.5, "roughness": 0.9,
+    },
     "clear": {"kind": "principled", "base_color": WHITE, "transmission": 1.0, "roughness": 0.6},
     "all": {
         "kind": "principled", "base_color": WHITE, "transmission": 0.5, "metallic": 0.2, "clearcoat": 0.6,

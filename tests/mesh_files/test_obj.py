@@ -5,6 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rptcam_cl.errors import InputError
+from rptcam_cl.mesh_files import obj_blocks
+
 from .conftest import Read
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -56,6 +59,34 @@ def test_all_forms_of_corners_may_be_mixed(read: Read) -> None:
 def test_vertices_with_weights_and_colours(read: Read) -> None:
     text = "v 0 0 0 1\nv 1 0 0 0.1 0.2 0.3\nv 0 1 0\nf 1 2 3\n"
     assert corners(read, text) == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+
+
+def test_more_vertices_than_texture_coordinates(read: Read) -> None:
+    mesh = read("a.obj", f"{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\nf 3/3 2/2 1/1\n").parts[0].mesh
+    assert mesh.uvs is not None and mesh.uvs.tolist() == [[0, 0], [1, 0], [1, 1]]
+
+
+def test_lines_in_any_order_and_dress(read: Read) -> None:
+    text = (
+        "# a comment \\\nand what follows it\nvn 0 0 1\n  v 0 0 0 # first\n\tvn 0 1 0\nv\t1   0 0\r\n"
+        "vn 1 0 0\nv 0 \\\n1 0\n\n   \nl 1 2\nf 1//1 2//2 \\\n  3//3  \n\n"
+    )
+    mesh = read("a.obj", text).parts[0].mesh
+    assert mesh.normals is not None
+    assert mesh.positions[mesh.faces].tolist() == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+    assert mesh.normals[mesh.faces].tolist() == [[[0, 0, 1], [0, 1, 0], [1, 0, 0]]]
+
+
+@pytest.mark.parametrize("size", [1, 7, 20, 50, 100, 1000])
+def test_size_of_blocks_does_not_matter(read: Read, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    text = f"{SQUARE}vt 0 0\nf 1/1 2/1 \\\n 3/1\nusemtl b\nv 0 0 1\nv 1 0 1\nv 0 \\\r\n 1 1\n"
+    text += "f -3 -2 -1\nusemtl c\nf -1 1 2"
+    whole = [part.mesh.content_hash for part in read("a.obj", text).parts]
+    monkeypatch.setattr(obj_blocks, "BLOCK_BYTES", size)
+    assert [part.mesh.content_hash for part in read("a.obj", text).parts] == whole
+    assert len(whole) == 3
+    with pytest.raises(InputError, match=r"a\.obj:16: names a vertex that is not there \(got -8; allowed: 1 to 7"):
+        read("a.obj", text + "\nf -8 1 2\n")
 
 
 def test_each_material_is_a_part(read: Read, tmp_path: Path) -> None:

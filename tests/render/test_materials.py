@@ -169,24 +169,61 @@ def normal_picture(path, normal):
     return held / np.linalg.norm(held)
 
 
-@pytest.mark.parametrize("shape", ["rectangle", "mesh"])
+@pytest.mark.parametrize("shape", ["rectangle", "mesh", "mirrored mesh"])
 def test_normal_map_turns_the_normal_in_the_frame_of_u_and_v(tmp_path, monkeypatch, shape):
     monkeypatch.chdir(tmp_path)
     held = normal_picture(tmp_path / "normal.png", [0.3, 0.5, math.sqrt(1 - 0.34)])
     # u runs along y and v along -x: the map's red and green must follow
     corners = [[2, -2, 0], [2, 2, 0], [-2, 2, 0], [-2, -2, 0]]
     surface = {"shape": "rectangle", "corner": corners[0], "edge_u": [0, 4, 0], "edge_v": [-4, 0, 0]}
-    if shape == "mesh":
+    along_v = np.array([-1, 0, 0])
+    if shape != "rectangle":
         uvs = [[0, 0], [1, 0], [1, 1], [0, 1]]
+        if shape == "mirrored mesh":
+            uvs, along_v = [[u, -v] for u, v in uvs], -along_v
         surface = {"shape": "mesh", "vertices": corners, "faces": [[0, 1, 2], [0, 2, 3]], "uvs": uvs}
     material = MATTE | {"normal_map": {"file": "normal.png"}}
     towards = np.array([0.4, 0.5, 0.8])
     light = {"kind": "directional", "direction": (-towards).tolist(), "irradiance": [math.pi] * 3}
     scene = scene_of([surface | {"material": material}], looking([0, 0, 3], [0, 0, 0], up=(0, 1, 0)), depth=2,
                      lights=[light])  # fmt: skip
-    world = held[0] * np.array([0, 1, 0]) + held[1] * np.array([-1, 0, 0]) + held[2] * np.array([0, 0, 1])
+    world = held[0] * np.array([0, 1, 0]) + held[1] * along_v + held[2] * np.array([0, 0, 1])
     expected = world @ towards / np.linalg.norm(towards)
     np.testing.assert_allclose(pixels(scene, spp=4), expected, rtol=1e-4)
+
+
+def test_highlights_of_a_brushed_floor_turn_with_its_coordinates():
+    def floor(corner, u, v, alpha):
+        metal = {"kind": "conductor", "reflectance": 0.9, "alpha": alpha}
+        rectangle = {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": metal}
+        return scene_of([rectangle], looking([0.5, -3, 2], [0, 0, 0]), depth=2, lights=[LAMP])
+
+    along_x = floor([-2, -2, 0], [4, 0, 0], [0, 4, 0], [0.1, 0.5])
+    same(along_x, floor([2, -2, 0], [0, 4, 0], [-4, 0, 0], [0.5, 0.1]))
+    with pytest.raises(AssertionError):
+        same(along_x, floor([2, -2, 0], [0, 4, 0], [-4, 0, 0], [0.1, 0.5]))
+
+
+@pytest.mark.parametrize("shape", ["sphere", "ellipsoid", "cylinder", "box"])
+def test_tangents_of_shapes_run_along_u(tmp_path, monkeypatch, shape):
+    # a map that leans along u alone, seen head on, under a light from where u grows and from where it falls
+    monkeypatch.chdir(tmp_path)
+    held = normal_picture(tmp_path / "lean.png", [0.5, 0, math.sqrt(0.75)])
+    up = {"shape": "cylinder", "base": [0, 0, -1], "top": [0, 0, 1], "radius": 1}
+    body = {
+        "sphere": SPHERE, "ellipsoid": {**SPHERE, "transform": [{"scale": [1, 1, 2]}]}, "cylinder": up,
+        "box": {"shape": "box", "min": [-1, -1, -1], "max": [1, 1, 1]},
+    }[shape]  # fmt: skip
+    material = MATTE | {"normal_map": {"file": "lean.png"}}
+    means = []
+    for side in (1, -1):
+        light = {"kind": "directional", "direction": [-side, 1, 0], "irradiance": [math.pi] * 3}
+        camera = looking([0, -5, 0], [0, 0, 0], fov=0.01)
+        scene = scene_of([body | {"material": material}], camera, depth=2, lights=[light])
+        means.append(pixels(scene, spp=4).mean())
+    # at (0, -1, 0) u runs along +x: round the axes from +x over +y, and along x on the face of a box
+    expected = [(held[2] + side * held[0]) / math.sqrt(2) for side in (1, -1)]
+    np.testing.assert_allclose(means, expected, rtol=2e-3)
 
 
 def test_flat_normal_map_changes_nothing(tmp_path, monkeypatch):
