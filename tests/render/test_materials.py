@@ -243,8 +243,9 @@ def test_bumpy_white_body_neither_wins_light_nor_has_black_fringes(tmp_path, mon
         scene = scene_of([{**SPHERE, "material": bumpy}], camera, depth=2, environment=WHITE)
         film = pixels(scene, seed=seed_of("wild"), spp=64)
         assert film.max() <= 1 + 1e-4
-        assert film.min() > 0.05  # some facets of a wild map send light into the surface, which is left out
-        assert film.mean() > 0.8
+        # what a wild map sends into the surface is left out; without bending normals the metal keeps half its light
+        assert film.min() > 0.2
+        assert film.mean() > 0.65
 
 
 GOLDEN = (1 + 5**0.5) / 2
