@@ -20,7 +20,7 @@ from benchmarks.stopwatch import Times, cores, fastest
 from rptcam_cl.api import load_lens
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.lens_tracing import TraceableLens
+from rptcam_cl.lens_tracing import PACKETS, TraceableLens
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.records import device_declarations
 
@@ -71,7 +71,7 @@ def kernel_times(
         session.finish()
 
     def work() -> None:
-        launch.enqueue(count // lanes, GROUP)
+        launch.enqueue(count // (PACKETS * lanes), GROUP)
         session.finish()
 
     refill()

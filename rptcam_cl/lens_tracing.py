@@ -21,6 +21,7 @@ Precision = Literal["single", "double"]
 Array = NDArray[np.float64]
 
 GROUP = 16  # work items per group
+PACKETS = 2  # of lanes that a work item of the kernel traces side by side
 BLOCK = 1 << 15  # rays at a time, so that packing and unpacking stay in the processor's cache
 FAR = 10.0  # lens sizes from which a ray is first moved to the vertex plane in float64
 DOUBLE_LANES = 8
@@ -153,7 +154,7 @@ class _Tracer:
     def trace(self, points: Array, vectors: Array, rays: Rays, rows: slice | NDArray[np.intp]) -> None:
         """Trace some rows of points and directions (n, 3) and write them to the same rows of ``rays``."""
         count = rows.stop if isinstance(rows, slice) else len(rows)
-        size = self.lanes * GROUP
+        size = PACKETS * self.lanes * GROUP
         capacity = min(-(-count // size) * size, BLOCK)
         program = self.session.program(["pass/trace_rays.cl"], self.facts, device_declarations())
         table = np.zeros((8, capacity), self.real)
@@ -164,7 +165,7 @@ class _Tracer:
             part = slice(low, high) if isinstance(rows, slice) else rows[low:high]
             self._pack(points[part], vectors[part], table)
             self.session.write(memory, table)
-            launch.enqueue(capacity // self.lanes, GROUP)
+            launch.enqueue(capacity // (PACKETS * self.lanes), GROUP)
             out = self.session.read(memory, self.real, table.size).reshape(table.shape)
             self._unpack(out[:, : high - low], rays, part)
 
