@@ -1,8 +1,39 @@
-"""Kinds of texture, emitter and environment, numbered as the records and the kernels have them."""
+"""Kinds shared by host and device: the OpenCL constants are derived from the enumerations here."""
 
 from __future__ import annotations
 
 from enum import IntEnum
+
+
+class Kind(IntEnum):
+    """Kinds of primitive, in the order in which they are sorted."""
+
+    SPHERE = 0
+    ELLIPSOID = 1
+    RECTANGLE = 2
+    DISK = 3
+    PLANE = 4
+    BOX = 5
+    CYLINDER = 6
+    CONE = 7
+    MESH = 8
+
+
+class MaterialKind(IntEnum):
+    """Kinds of material."""
+
+    MATTE = 0
+    MIRROR = 1
+    CONDUCTOR = 2
+    DIELECTRIC = 3
+    EMISSIVE = 4
+    METAL = 5  # a conductor by its optical constants
+    ROUGH_DIELECTRIC = 6
+    PLASTIC = 7  # with a smooth cover
+    ROUGH_PLASTIC = 8
+    THIN_GLASS = 9
+    PRINCIPLED = 10
+    MIX = 11
 
 
 class TextureKind(IntEnum):
@@ -53,3 +84,69 @@ class EnvironmentKind(IntEnum):
     CONSTANT = 1
     GRADIENT = 2
     IMAGE = 3
+
+
+class RayStatus(IntEnum):
+    """What became of a ray in a lens; the values agree with `rptcam_cl.optics.Status`."""
+
+    OK = 0
+    MISSED = 1
+    CLIPPED = 2
+    TOTAL_INTERNAL_REFLECTION = 3
+    NO_CONVERGENCE = 4
+
+
+class SurfaceKind(IntEnum):
+    """Kinds of lens surface, by what must be solved to meet them."""
+
+    SPHERE = 0
+    CONIC_KIND = 1
+    ASPHERE = 2
+    BICONIC = 3
+    TOROID = 4
+
+
+class PupilKind(IntEnum):
+    """How a lens camera chooses where its rays aim."""
+
+    CIRCLE = 0
+    BOXES = 1
+    OUTLINES = 2
+
+
+class RegionKind(IntEnum):
+    """What the clear region of a lens surface does."""
+
+    NONE = 0
+    BLOCKS = 1
+    OPENS = 2  # first surface of a half lens: rays outside pass beside it
+    GOES_ON = 3  # a further surface of it
+
+
+class StopKind(IntEnum):
+    """The shape of a stop within its circle."""
+
+    ROUND = 0
+    OUTLINE = 1  # a polygon
+    MASK = 2  # the open cells of a square
+
+
+_PREFIXES: dict[str, type[IntEnum]] = {
+    "LENS": SurfaceKind,
+    "REGION": RegionKind,
+    "PUPIL": PupilKind,
+    "STOP": StopKind,
+    "KIND": Kind,
+    "MATERIAL": MaterialKind,
+    "TEXTURE": TextureKind,
+    "TEXEL": TexelFormat,
+    "WRAP": Wrap,
+    "EMITTER": EmitterKind,
+    "ENVIRONMENT": EnvironmentKind,
+    "RAY": RayStatus,
+}
+
+
+def kind_constants() -> list[str]:
+    """Return a line of OpenCL C per member of every enumeration that kernels name."""
+    return [f"#define {prefix}_{kind.name} {kind.value}" for prefix, kinds in _PREFIXES.items() for kind in kinds]

@@ -9,12 +9,23 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.kinds import EmitterKind, EnvironmentKind, TexelFormat, TextureKind, Wrap
+from rptcam_cl.kinds import EmitterKind as EmitterKind
+from rptcam_cl.kinds import EnvironmentKind as EnvironmentKind
+from rptcam_cl.kinds import Kind as Kind
+from rptcam_cl.kinds import MaterialKind as MaterialKind
+from rptcam_cl.kinds import PupilKind as PupilKind
+from rptcam_cl.kinds import RayStatus as RayStatus
+from rptcam_cl.kinds import RegionKind as RegionKind
+from rptcam_cl.kinds import StopKind as StopKind
+from rptcam_cl.kinds import SurfaceKind as SurfaceKind
+from rptcam_cl.kinds import TexelFormat as TexelFormat
+from rptcam_cl.kinds import TextureKind as TextureKind
+from rptcam_cl.kinds import Wrap as Wrap
+from rptcam_cl.kinds import kind_constants
 
 _MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
 _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
@@ -96,11 +107,40 @@ INSTANCE = Record(
 MATERIAL = Record(
     "Material",
     (
-        ("float4", "color"),  # reflectance, or radiance of an emissive material
+        ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
+        ("float4", "metal_n"),  # refractive index n + i k of a metal
+        ("float4", "metal_k"),
+        ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
+        ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
+        ("float4", "glow"),  # radiance emitted by a surface that also scatters
         ("int", "kind"),
-        ("int", "texture"),  # index of the texture that replaces the colour, or -1
-        ("float", "parameter"),  # GGX alpha; index of refraction; 1 if an emissive material shines on both sides
+        ("int", "textured"),  # whether texture coordinates are wanted
+        ("float", "parameter"),  # index of refraction; 1 if an emissive material shines on both sides
+        ("float", "alpha"),  # GGX alpha along u; with a roughness texture what it is multiplied by
+        ("float", "alpha_across"),
+        ("float", "internal"),  # of plastic: share of diffuse light that the cover sends back down
+        ("float", "cover_last"),
+        ("float", "metallic"),
+        ("float", "specular"),
+        ("float", "transmission"),
+        ("float", "coat"),
+        ("float", "coat_alpha"),
+        ("float", "opacity"),
+        ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
+        ("float", "factor"),  # of a mix: share of the second material
+        ("int", "first"),  # of a mix: the two materials
+        ("int", "second"),
+        ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
+        ("int", "glow_texture"),
+        ("int", "roughness_texture"),
+        ("int", "metallic_texture"),
+        ("int", "opacity_texture"),
+        ("int", "factor_texture"),
+        ("int", "normal_texture"),
+        ("float", "normal_strength"),
         ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
     ),
 )
 
@@ -227,7 +267,7 @@ WAVE = Record(
     "Wave",
     (
         ("uint2", "seed"),
-        ("uint", "first_pixel"),  # in tile order
+        ("uint", "first_pixel"),  # in the list of tiles
         ("uint", "pixels"),  # of the wave, a multiple of 16
         ("uint", "first_sample"),
         ("uint", "samples"),  # per pixel in this wave
@@ -263,75 +303,6 @@ VIEW = Record(
 RECORDS = (PRIMITIVE, INSTANCE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
-class Kind(IntEnum):
-    """Kinds of primitive, in the order in which they are sorted."""
-
-    SPHERE = 0
-    ELLIPSOID = 1
-    RECTANGLE = 2
-    DISK = 3
-    PLANE = 4
-    BOX = 5
-    CYLINDER = 6
-    CONE = 7
-    MESH = 8
-
-
-class MaterialKind(IntEnum):
-    """Kinds of material."""
-
-    MATTE = 0
-    MIRROR = 1
-    CONDUCTOR = 2
-    DIELECTRIC = 3
-    EMISSIVE = 4
-
-
-class RayStatus(IntEnum):
-    """What became of a ray in a lens; the values agree with `rptcam_cl.optics.Status`."""
-
-    OK = 0
-    MISSED = 1
-    CLIPPED = 2
-    TOTAL_INTERNAL_REFLECTION = 3
-    NO_CONVERGENCE = 4
-
-
-class SurfaceKind(IntEnum):
-    """Kinds of lens surface, by what must be solved to meet them."""
-
-    SPHERE = 0
-    CONIC_KIND = 1
-    ASPHERE = 2
-    BICONIC = 3
-    TOROID = 4
-
-
-class PupilKind(IntEnum):
-    """How a lens camera chooses where its rays aim."""
-
-    CIRCLE = 0
-    BOXES = 1
-    OUTLINES = 2
-
-
-class RegionKind(IntEnum):
-    """What the clear region of a lens surface does."""
-
-    NONE = 0
-    BLOCKS = 1
-    OPENS = 2  # first surface of a half lens: rays outside pass beside it
-    GOES_ON = 3  # a further surface of it
-
-
-class StopKind(IntEnum):
-    """The shape of a stop within its circle."""
-
-    ROUND = 0
-    OUTLINE = 1  # a polygon
-    MASK = 2  # the open cells of a square
-
-
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the stream reads per slot
 PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
@@ -353,22 +324,12 @@ def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool) -> int:
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
 
 
-def _constants(prefix: str, kinds: type[IntEnum]) -> list[str]:
-    return [f"#define {prefix}_{kind.name} {kind.value}" for kind in kinds]
-
-
 def device_declarations() -> str:
     """OpenCL C text with every record, kind and path field, for the head of a program."""
     lines = ["#if DOUBLE", "#pragma OPENCL EXTENSION cl_khr_fp64 : enable", "typedef double real;", "#else"]
     lines += ["typedef float real;", "#endif"]
     lines += [record.typedef for record in RECORDS]
-    lines += _constants("LENS", SurfaceKind) + _constants("REGION", RegionKind)
-    lines += _constants("PUPIL", PupilKind) + _constants("STOP", StopKind)
-    lines += _constants("KIND", Kind) + _constants("MATERIAL", MaterialKind) + _constants("TEXTURE", TextureKind)
-    lines += _constants("TEXEL", TexelFormat) + _constants("WRAP", Wrap)
-    lines += (
-        _constants("EMITTER", EmitterKind) + _constants("ENVIRONMENT", EnvironmentKind) + _constants("RAY", RayStatus)
-    )
+    lines += kind_constants()
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
     return "\n".join(lines) + "\n"

@@ -8,20 +8,28 @@
 #define NO_PRIMITIVE   (-1)
 #define PATH_ENDED     (-2)
 
-// Where the slots of a wave lie on the film: 4 x 4 tiles in row order, so that 8 neighbouring lanes are 4 x 2 pixels.
-// Slots run through the pixels [first_pixel, first_pixel + pixels) of that order, then through the samples of the wave.
+// Where the slots of a wave lie on the film, whose buffers hold tiles of 8 x 8 pixels in row order, each as four of 4 x 4, so
+// that 8 neighbouring lanes are 4 x 2 pixels. `tiles` lists the tiles that are rendered. Slots run through the pixels
+// [first_pixel, first_pixel + pixels) of that list, then through the samples of the wave.
 typedef struct { I x, y; U pixel, sample; I inside; } Lane;
 
-static Lane lane_of(uint slot, Wave wave)
+// The place in the film's buffers of a pixel of the wave.
+static uint film_place(uint pixel, Wave wave, const __global uint *tiles)
+{
+    uint index = wave.first_pixel + pixel;
+    return (tiles[index >> 6] << 6) | (index & 63u);
+}
+
+static Lane lane_of(uint slot, Wave wave, const __global uint *tiles)
 {
     uint step = slot / wave.pixels;
-    uint index = wave.first_pixel + (slot - step * wave.pixels);
-    uint tile = index >> 4;
+    uint place = film_place(slot - step * wave.pixels, wave, tiles);
+    uint tile = place >> 6;
     uint row = tile / wave.tiles_across;
-    I within = (I)((int)(index & 15u)) + LANES;
+    I within = (I)((int)(place & 15u)) + LANES;
     Lane lane;
-    lane.x = (I)((int)(4u * (tile - row * wave.tiles_across))) + (within & 3);
-    lane.y = (I)((int)(4u * row)) + (within >> 2);
+    lane.x = (I)((int)(8u * (tile - row * wave.tiles_across) + ((place >> 2) & 4u))) + (within & 3);
+    lane.y = (I)((int)(8u * row + ((place >> 3) & 4u))) + (within >> 2);
     lane.inside = (lane.x < wave.width) & (lane.y < wave.height);
     lane.x += wave.crop_x;
     lane.y += wave.crop_y;

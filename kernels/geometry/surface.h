@@ -11,6 +11,9 @@ typedef struct {
 #if HAS_TANGENT
     F3 tangent;     // dp/du, of any length
 #endif
+#if HAS_NORMAL_MAP
+    F3 bitangent;   // dp/dv, of any length
+#endif
     F  u, v;        // texture coordinates
     F  offset;      // along ng, beyond which a ray that starts at p cannot meet this surface again by rounding; a
                     // primitive that knows its roots needs none

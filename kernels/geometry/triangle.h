@@ -62,6 +62,9 @@ static SurfacePoint point_on_mesh(Hit hit, I on, Scene scene)
     F3 along_u = scale(sub(scale(ab, v2), scale(ac, v1)), turn);
     s.tangent = select3(dot3(along_u, along_u) > 0.0f, along_u, ab);
 #endif
+#if HAS_NORMAL_MAP
+    s.bitangent = scale(sub(scale(ac, u1), scale(ab, u2)), turn);
+#endif
 #if HAS_INSTANCES
     I instance = on ? GATHER(I, scene.primitives, on ? hit.primitive : FALSE, .instance) : FALSE;
     Quad x = GATHER_ROW(world_x), y = GATHER_ROW(world_y), z = GATHER_ROW(world_z);
@@ -75,6 +78,9 @@ static SurfacePoint point_on_mesh(Hit hit, I on, Scene scene)
              ox.z * n.x + oy.z * n.y + oz.z * n.z);
 #if HAS_TANGENT
     s.tangent = f3(quad_vector(x, s.tangent), quad_vector(y, s.tangent), quad_vector(z, s.tangent));
+#endif
+#if HAS_NORMAL_MAP
+    s.bitangent = f3(quad_vector(x, s.bitangent), quad_vector(y, s.bitangent), quad_vector(z, s.bitangent));
 #endif
 #endif
     s.ng = normalized(s.ng);

@@ -3,6 +3,9 @@
 #define PATH_H
 #include "common/sampler.h"
 #include "material/scatter.h"
+#if HAS_ABSORPTION
+#include "material/absorption.h"
+#endif
 #include "light/infinity.h"
 #if HAS_EMITTERS
 #include "light/emitters.h"
@@ -50,11 +53,10 @@ static F3 departure(Vertex vertex, F3 d)
 #endif
 }
 
-#if HAS_EMISSIVE
+#if HAS_LAMPS
 // Emission of the primitive that was hit, weighted against light sampling.
-static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, Scene scene)
+static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i, Scene scene)
 {
-    I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
     F weight = ONE;
 #if HAS_EMITTERS
     I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
@@ -63,7 +65,7 @@ static F3 emission(Path path, Vertex vertex, I lamp, F t, F cos_i, Scene scene)
         weight = rival ? against_lights(path.pdf, other) : weight;
     }
 #endif
-    return keep3(shines, scale(mul(path.beta, vertex.color), weight));
+    return keep3(shines, scale(mul(path.beta, radiance), weight));
 }
 #endif
 
@@ -103,21 +105,38 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
                              keep3(escaped, mul(path->beta, light_from_infinity(path->ray.d, path->pdf, scene))));
 #endif
     I on = living & (hit.primitive >= 0);
-#if !HAS_EMISSIVE
+#if !HAS_LAMPS
     on = on & (path->edge < rules.max_edges);
 #endif
     if (!ANY(on)) {
         path->ray.self = (I)(PATH_ENDED);
         return shadow;
     }
-    Vertex vertex = vertex_of(path->ray, hit, on, scene);
+#if HAS_MIX
+    F choice = random4(path->pixel, path->sample, 2u * path->edge, rules.seed).c;
+#else
+    F choice = ZERO;
+#endif
+    Vertex vertex = vertex_of(path->ray, hit, on, choice, scene);
+#if HAS_ABSORPTION
+    path->beta = mul(path->beta, transmittance(vertex, path->ray.d, hit.t));
+#endif
 #if HAS_EMISSIVE
     I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
     if (ANY(lamp)) {
         F cos_i = -dot3(vertex.ng, path->ray.d);
-        path->radiance = add(path->radiance, emission(*path, vertex, lamp, hit.t, cos_i, scene));
+        I shines = lamp & ((cos_i > 0.0f) | (vertex.parameter != 0.0f));
+        path->radiance = add(path->radiance, emission(*path, vertex, vertex.color, shines, hit.t, cos_i, scene));
         on = on & NOT(lamp);
     }
+#endif
+#if HAS_GLOW
+    F front = -dot3(vertex.ng, path->ray.d);
+    I glows = on & (front > 0.0f) & (max3(vertex.finish.glow) > 0.0f);
+    if (ANY(glows))
+        path->radiance = add(path->radiance, emission(*path, vertex, vertex.finish.glow, glows, hit.t, front, scene));
+#endif
+#if HAS_LAMPS
     on = on & (path->edge < rules.max_edges);
     if (!ANY(on)) {
         path->ray.self = (I)(PATH_ENDED);

@@ -2,12 +2,17 @@
 // `d` is the direction of the arriving camera path (towards the surface), `wo` the direction on.
 #ifndef SCATTER_H
 #define SCATTER_H
-#include "material/vertex.h"
-#if HAS_CONDUCTOR
-#include "material/ggx.h"
-#endif
-#if HAS_DIELECTRIC
+#include "common/exponential.h"
 #include "material/fresnel.h"
+#include "material/side.h"
+#if HAS_PLASTIC
+#include "material/plastic.h"
+#endif
+#if HAS_GLOSSY
+#include "material/glossy.h"
+#endif
+#if HAS_THIN_GLASS
+#include "material/thin_glass.h"
 #endif
 
 typedef struct {
@@ -16,97 +21,197 @@ typedef struct {
     F  pdf;      // solid-angle density; 0 where light sampling cannot compete (mirror, smooth glass)
 } Scattered;
 
+#if HAS_GLOSSY
+static I is_glossy(Vertex vertex)
+{
+    I glossy = FALSE;
+#if HAS_CONDUCTOR
+    glossy = glossy | (vertex.kind == MATERIAL_CONDUCTOR);
+#endif
+#if HAS_METAL
+    glossy = glossy | (vertex.kind == MATERIAL_METAL);
+#endif
+#if HAS_ROUGH_DIELECTRIC
+    glossy = glossy | (vertex.kind == MATERIAL_ROUGH_DIELECTRIC);
+#endif
+#if HAS_ROUGH_PLASTIC
+    glossy = glossy | (vertex.kind == MATERIAL_ROUGH_PLASTIC);
+#endif
+#if HAS_PRINCIPLED
+    glossy = glossy | (vertex.kind == MATERIAL_PRINCIPLED);
+#endif
+    return glossy;
+}
+
+// The frame of the facets: x along the tangent where a material is brushed.
+static void facet_frame(Vertex vertex, F3 n, F3 *s, F3 *t)
+{
+#if HAS_ANISOTROPY
+    F3 flat = along(vertex.tangent, n, -dot3(vertex.tangent, n));
+    F length2 = dot3(flat, flat);
+    frame(n, s, t);
+    *s = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), *s);
+    *t = cross3(n, *s);
+#else
+    frame(n, s, t);
+#endif
+}
+#endif
+
 // BSDF * cosine, and the density with which scatter_sample would choose `wo`.
 static F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
 {
-    F3 n = vertex.n;
-    F cos_i = -dot3(n, d);
-    F cos_o = with_sign(ONE, cos_i) * dot3(n, wo);
-    F value = ZERO;
+    Side side = side_of(vertex, d);
+    F cos_o = dot3(side.n, wo);
+    F3 value = f3(ZERO, ZERO, ZERO);
     *pdf = ZERO;
 #if HAS_MATTE
     I matte = (vertex.kind == MATERIAL_MATTE) & (cos_o > 0.0f);
-    value = matte ? cos_o * INV_PI_F : value;
-    *pdf = matte ? cos_o * INV_PI_F : *pdf;
+    F even = matte ? cos_o * INV_PI_F : ZERO;
+    value = scale(vertex.color, even);
+    *pdf = even;
 #endif
-#if HAS_CONDUCTOR
-    I metal = vertex.kind == MATERIAL_CONDUCTOR;
-    if (ANY(metal)) {
-        F3 facing = scale(n, with_sign(ONE, cos_i));
-        F3 s, t;
-        frame(facing, &s, &t);
-        F3 wi = scale(to_frame(s, t, facing, d), -ONE);
-        F density;
-        F bsdf = ggx_eval(wi, to_frame(s, t, facing, wo), vertex.parameter, &density);
-        value = metal ? bsdf : value;
-        *pdf = metal ? density : *pdf;
+#if HAS_PLASTIC
+    I plastic = (vertex.kind == MATERIAL_PLASTIC) & (cos_o > 0.0f);
+    if (ANY(plastic)) {
+        Plastic of = plastic_of(vertex, side.cosine);
+        value = select3(plastic, plastic_light(vertex, of, MAX(cos_o, ZERO)), value);
+        *pdf = plastic ? (1.0f - of.mirror) * INV_PI_F * cos_o : *pdf;
     }
 #endif
-    return scale(vertex.color, value);
+#if HAS_GLOSSY
+    I glossy = is_glossy(vertex);
+    if (ANY(glossy)) {
+        F3 s, t;
+        facet_frame(vertex, side.n, &s, &t);
+        F3 wi = scale(to_frame(s, t, side.n, d), -ONE);
+        wi.z = side.cosine;
+        F density;
+        F3 bsdf = glossy_eval(vertex, wi, to_frame(s, t, side.n, wo), side.behind, &density);
+        value = select3(glossy, bsdf, value);
+        *pdf = glossy ? density : *pdf;
+    }
+#endif
+#if HAS_SHADING_NORMAL
+    I agrees = consistent(vertex, side, wo);
+    value = keep3(agrees, value);
+    *pdf = agrees ? *pdf : ZERO;
+#endif
+    return value;
 }
 
 static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
 {
-    F3 n = vertex.n;
-    F cos_i = -dot3(n, d);
-    F3 facing = scale(n, with_sign(ONE, cos_i));
+    Side side = side_of(vertex, d);
+    F3 n = side.n;
+#if HAS_MIX
+    lobe = vertex.lobe;
+#endif
     Scattered out;
-    out.direction = facing;
+    out.direction = n;
     out.weight = vertex.color;
     out.pdf = ZERO;
-#if HAS_MATTE || HAS_CONDUCTOR
+#if HAS_MATTE || HAS_PLASTIC || HAS_GLOSSY
     F3 s, t;
-    frame(facing, &s, &t);
+#if HAS_GLOSSY
+    facet_frame(vertex, n, &s, &t);
+#else
+    frame(n, &s, &t);
 #endif
+#endif
+#if HAS_MATTE || HAS_PLASTIC
+    I diffuse = FALSE;
 #if HAS_MATTE
-    I matte = vertex.kind == MATERIAL_MATTE;
-    if (ANY(matte)) {
+    diffuse = vertex.kind == MATERIAL_MATTE;
+#endif
+#if HAS_PLASTIC
+    I plastic = vertex.kind == MATERIAL_PLASTIC;
+    Plastic of;
+    I coat = FALSE;
+    if (ANY(plastic)) {
+        of = plastic_of(vertex, side.cosine);
+        coat = plastic & (lobe < of.mirror);
+        diffuse = diffuse | (plastic & NOT(coat));
+        F weight = of.reflects / of.mirror;
+        out.weight = select3(coat, f3(weight, weight, weight), out.weight);
+    }
+#endif
+    if (ANY(diffuse)) {
         F sn, cs;
         sincos_turns(u, &sn, &cs);
         F r = sqrt(v);
         F z = root(1.0f - v);
-        F3 wo = from_frame(s, t, facing, f3(r * cs, r * sn, z));
-        out.direction = select3(matte, wo, out.direction);
-        out.weight = select3(matte & (z <= 0.0f), f3(ZERO, ZERO, ZERO), out.weight);
-        out.pdf = matte ? z * INV_PI_F : out.pdf;
+        F3 wo = from_frame(s, t, n, f3(r * cs, r * sn, z));
+        out.direction = select3(diffuse, wo, out.direction);
+        out.pdf = diffuse ? z * INV_PI_F : out.pdf;
+#if HAS_PLASTIC
+        I base = plastic & diffuse;
+        if (ANY(base)) {
+            F density = (1.0f - of.mirror) * INV_PI_F * z;
+            out.weight = select3(base, scale(plastic_light(vertex, of, z), 1.0f / density), out.weight);
+            out.pdf = base ? density : out.pdf;
+        }
+#endif
+        out.weight = select3(diffuse & (z <= 0.0f), f3(ZERO, ZERO, ZERO), out.weight);
     }
 #endif
+#if HAS_MIRROR || HAS_PLASTIC
+    I mirror = FALSE;
 #if HAS_MIRROR
-    I mirror = vertex.kind == MATERIAL_MIRROR;
-    if (ANY(mirror))
-        out.direction = select3(mirror, normalized(along(d, n, 2.0f * cos_i)), out.direction);
+    mirror = vertex.kind == MATERIAL_MIRROR;
 #endif
-#if HAS_CONDUCTOR
-    I metal = vertex.kind == MATERIAL_CONDUCTOR;
-    if (ANY(metal)) {
-        F alpha = vertex.parameter;
-        F3 wi = scale(to_frame(s, t, facing, d), -ONE);
-        F3 h = ggx_visible_normal(wi, alpha, u, v);
-        F3 wo = sub(scale(h, 2.0f * dot3(wi, h)), wi);
+#if HAS_PLASTIC
+    mirror = mirror | coat;
+#endif
+    if (ANY(mirror))
+        out.direction = select3(mirror, normalized(along(d, n, 2.0f * side.cosine)), out.direction);
+#endif
+#if HAS_GLOSSY
+    I glossy = is_glossy(vertex);
+    if (ANY(glossy)) {
+        F3 wi = scale(to_frame(s, t, n, d), -ONE);
+        wi.z = side.cosine;
+        F3 wo;
         F density;
-        F value = ggx_eval(wi, wo, alpha, &density);
-        I good = metal & (density > 0.0f);
-        out.direction = select3(good, from_frame(s, t, facing, wo), out.direction);
-        out.weight = select3(metal, scale(vertex.color, good ? value / density : ZERO), out.weight);
-        out.pdf = good ? density : out.pdf;
+        F3 weight = glossy_sample(vertex, wi, side.behind, u, v, lobe, &wo, &density);
+        out.direction = select3(glossy & (density > 0.0f), from_frame(s, t, n, wo), out.direction);
+        out.weight = select3(glossy, weight, out.weight);
+        out.pdf = glossy ? density : out.pdf;
     }
 #endif
 #if HAS_DIELECTRIC
     I glass = vertex.kind == MATERIAL_DIELECTRIC;
     if (ANY(glass)) {
         F index = vertex.parameter;
-        F eta = cos_i > 0.0f ? index : ONE / index;
-        F ci = absolute(cos_i);
+        F eta = side.behind ? ONE / index : index;
+        F ci = side.cosine;
         F ct;
         F reflectance = fresnel(ci, eta, &ct);
         I reflects = lobe < reflectance;
         F inverse = ONE / eta;
-        F3 reflected = along(d, facing, 2.0f * ci);
-        F3 refracted = along(scale(d, inverse), facing, inverse * ci - ct);
+        F3 reflected = along(d, n, 2.0f * ci);
+        F3 refracted = along(scale(d, inverse), n, inverse * ci - ct);
         out.direction = select3(glass, normalized(select3(reflects, reflected, refracted)), out.direction);
         F squeeze = reflects ? ONE : inverse * inverse;       // radiance over n^2 is what refraction conserves
         out.weight = select3(glass, f3(squeeze, squeeze, squeeze), out.weight);
     }
+#endif
+#if HAS_THIN_GLASS
+    I thin = vertex.kind == MATERIAL_THIN_GLASS;
+    if (ANY(thin)) {
+        Pane pane = pane_of(side.cosine, vertex.parameter, vertex.finish.depth);
+        F back = max3(pane.reflected);
+        F share = back / (back + max3(pane.passed));
+        I reflects = lobe < share;
+        F3 way = select3(reflects, along(d, n, 2.0f * side.cosine), d);
+        F3 weight = select3(reflects, scale(pane.reflected, 1.0f / share), scale(pane.passed, 1.0f / (1.0f - share)));
+        out.direction = select3(thin, normalized(way), out.direction);
+        out.weight = select3(thin, mul(vertex.color, weight), out.weight);
+    }
+#endif
+#if HAS_SHADING_NORMAL
+    I agrees = consistent(vertex, side, out.direction);
+    out.weight = keep3(agrees, out.weight);
 #endif
     return out;
 }

@@ -3,7 +3,10 @@
 #ifndef VERTEX_H
 #define VERTEX_H
 #include "geometry/surface_point.h"
-#include "material/texture.h"
+#include "material/finish.h"
+#if HAS_TANGENT
+#include "geometry/tangent.h"
+#endif
 
 typedef struct {
     F3 p, n;        // position and outward unit normal for shading
@@ -15,13 +18,86 @@ typedef struct {
     F  offset;      // see SurfacePoint
 #endif
     F3 color;       // reflectance, or radiance of an emissive material
-    F  parameter;   // GGX alpha; index of refraction; of an emissive material whether it shines on both sides
+    F  parameter;   // index of refraction; of an emissive material whether it shines on both sides
     I  kind;        // MATERIAL_…
     I  emitter;     // index of the emitter that light sampling chooses for this primitive, or -1
+#if HAS_FINISH
+    Finish finish;
+#endif
+#if HAS_MIX
+    F  lobe;        // what choosing among mixed materials leaves of the random number that chooses lobes
+#endif
 } Vertex;
 
-// Of the lanes `on`.
-static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
+#if HAS_NORMAL_MAP
+// The shading normal that a picture of normals in the tangent frame gives.
+static F3 mapped_normal(const __global Material *material, SurfacePoint point, Scene scene)
+{
+    F3 texel = texture_color(material->normal_texture, point.u, point.v, scene);
+    F strength = (F)(2.0f * material->normal_strength);
+    F3 flat = along(point.tangent, point.n, -dot3(point.tangent, point.n));
+    F length2 = dot3(flat, flat);
+    F3 x, y;
+    frame(point.n, &x, &y);
+    x = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), x);
+    y = cross3(point.n, x);
+    y = scale(y, with_sign(ONE, dot3(y, point.bitangent)));
+    F3 m = f3(strength * (texel.x - 0.5f), strength * (texel.y - 0.5f), MAX(2.0f * texel.z - 1.0f, (F)(1e-3f)));
+    return normalized(from_frame(x, y, point.n, m));
+}
+#endif
+
+// Fills the lanes `mine`, which share a material.
+static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, Scene scene)
+{
+    vertex->color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex->color);
+    vertex->parameter = mine ? (F)(material->parameter) : vertex->parameter;
+    vertex->kind = mine ? (I)(material->kind) : vertex->kind;
+#if HAS_FINISH
+    take_finish(&vertex->finish, mine, material, point.u, point.v, scene);
+#endif
+#if HAS_NORMAL_MAP
+    if (material->normal_texture >= 0)
+        vertex->n = select3(mine, mapped_normal(material, point, scene), vertex->n);
+#endif
+}
+
+#if HAS_MIX
+// Each lane takes one of the two materials of a mix, by the random number in vertex->lobe.
+static void take_mix(Vertex *vertex, I mine, const __global Material *mix, SurfacePoint point, Scene scene)
+{
+    F factor = (F)(mix->factor);
+#if HAS_TEXTURE
+    if (mix->factor_texture >= 0)
+        factor = texture_scalar(mix->factor_texture, point.u, point.v, scene);
+#endif
+    F choice = vertex->lobe;
+    I second = choice < factor;
+    F rest = second ? choice / factor : (choice - factor) / (1.0f - factor);
+    vertex->lobe = mine ? rest : choice;
+    if (ANY(mine & NOT(second)))
+        take_material(vertex, mine & NOT(second), scene.materials + mix->first, point, scene);
+    if (ANY(mine & second))
+        take_material(vertex, mine & second, scene.materials + mix->second, point, scene);
+}
+#endif
+
+// Of a primitive that is no mesh.
+static SurfacePoint other_point(int index, F3 p, int textured, Scene scene)
+{
+    SurfacePoint point = surface_point(index, p, textured, scene);
+#if HAS_TANGENT
+    Tangents tangents = tangents_of(index, point.p, point.n, scene);
+    point.tangent = tangents.along_u;
+#endif
+#if HAS_NORMAL_MAP
+    point.bitangent = tangents.along_v;
+#endif
+    return point;
+}
+
+// Of the lanes `on`. `choice` is the random number that chooses among mixed materials and lobes.
+static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 {
     Vertex vertex;
     F3 p = along(ray.o, ray.d, hit.t);
@@ -43,6 +119,12 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
     vertex.parameter = ONE;
     vertex.kind = (I)(-1);
     vertex.emitter = (I)(-1);
+#if HAS_FINISH
+    vertex.finish = no_finish();
+#endif
+#if HAS_MIX
+    vertex.lobe = choice;
+#endif
     I rest = on;
     while (ANY(rest)) {
         int index = first_of(hit.primitive, rest);
@@ -54,10 +136,10 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
         if (index >= first_mesh)
             point = on_mesh;
         else
-            point = surface_point(index, p, material->texture >= 0, scene);
+            point = other_point(index, p, material->textured, scene);
         vertex.offset = mine ? point.offset : vertex.offset;
 #else
-        SurfacePoint point = surface_point(index, p, material->texture >= 0, scene);
+        SurfacePoint point = other_point(index, p, material->textured, scene);
 #endif
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);
@@ -65,9 +147,12 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, Scene scene)
 #if HAS_TANGENT
         vertex.tangent = select3(mine, point.tangent, vertex.tangent);
 #endif
-        vertex.color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex.color);
-        vertex.parameter = mine ? (F)(material->parameter) : vertex.parameter;
-        vertex.kind = mine ? (I)(material->kind) : vertex.kind;
+#if HAS_MIX
+        if (material->kind == MATERIAL_MIX)
+            take_mix(&vertex, mine, material, point, scene);
+        else
+#endif
+            take_material(&vertex, mine, material, point, scene);
 #if HAS_EMITTERS
 #if EMITTER_TRIANGLES
         vertex.emitter = mine ? (index >= first_mesh ? hit.part - primitive->first_triangle : FALSE)

@@ -12,10 +12,11 @@ __kernel void film(__global const float *state,      // path state: L
                    __global uint        *counters,
                    Wave                  wave,
                    uint                  capacity,   // slots in the state
-                   uint                  pixels)     // pixels of the film incl. tile padding
+                   uint                  pixels,     // pixels of the film incl. tile padding
+                   const __global uint  *tiles)      // that are rendered
 {
     uint first = get_global_id(0) * VW;
-    uint pixel = wave.first_pixel + first;
+    uint pixel = film_place(first, wave, tiles);
     PixelSum sum = read_pixels(sums, pixel, pixels);
     for (uint k = 0; k < wave.samples; ++k)
         sum = add_sample(sum, TRUE, weighted(state, first + k * wave.pixels, capacity), counters);

@@ -1,6 +1,8 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
-// records (o, weight, d, 0), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, and clears L, PDF and REACH. Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS.
+// records (o, weight, d, 0), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, and clears L, PDF and REACH.
+// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER.
 #include CAMERA_FILE
+#include "camera/filter.h"
 #include "common/transpose.h"
 #include "integrator/state.h"
 
@@ -17,11 +19,16 @@ __kernel void generate(const __global Camera  *camera,
                        __global uint          *counters,   // rays by status
                        __global float         *state,      // path state
                        uint                    capacity,   // slots in the state
-                       Wave                    wave)
+                       Wave                    wave,
+                       const __global uint    *tiles,      // that are rendered
+                       const __global float   *filter)     // of the film
 {
     uint slot = get_global_id(0) * VW;
-    Lane lane = lane_of(slot, wave);
+    Lane lane = lane_of(slot, wave, tiles);
     F4 u = random4(lane.pixel, lane.sample, (U)(0u), wave.seed);
+#if FILTER
+    F sign = filter_sign(&u.a, filter) * filter_sign(&u.b, filter);
+#endif
     CameraRay ray = camera_ray(lane, u, camera, tables, surfaces, stop);
     I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
@@ -35,6 +42,9 @@ __kernel void generate(const __global Camera  *camera,
     F3 o = in_world(camera, ray.o);
     F3 d = in_world(camera, ray.d);
     F weight = alive ? ray.weight : ZERO;
+#if FILTER
+    weight *= sign;
+#endif
 #if STREAM
     Eight record;
     record.f[0] = o.x; record.f[1] = o.y; record.f[2] = o.z; record.f[3] = weight;

@@ -13,17 +13,21 @@ __kernel void layers(SCENE_PARAMETERS,
                      Wave                   wave,
                      __global float        *planes,      // sums, compensations, firsts: one plane each
                      uint                   capacity,    // slots in the state
-                     uint                   pixels)      // pixels of a plane
+                     uint                   pixels,      // pixels of a plane
+                     const __global uint   *tiles)       // that are rendered
 {
     uint first = get_global_id(0) * VW;
-    uint pixel = wave.first_pixel + first;
+    uint pixel = film_place(first, wave, tiles);
     Scene scene = SCENE;
     LayerSums sums = read_sums(planes, pixel, pixels);
     F3 right = f3_of(camera->right);
     F3 up = f3_of(camera->up);
     F3 back = f3_of(camera->back);
+#if HAS_MIX || LAYER_COC >= 0
+    Lane lane = lane_of(first, wave, tiles);
+#endif
 #if LAYER_COC >= 0
-    BlurHere here = blur_here(lane_of(first, wave), camera, blur, view);
+    BlurHere here = blur_here(lane, camera, blur, view);
 #endif
     for (uint k = 0; k < wave.samples; ++k) {
         uint slot = first + k * wave.pixels;
@@ -32,11 +36,11 @@ __kernel void layers(SCENE_PARAMETERS,
         ray.part = (I)(NO_TRIANGLE);
 #if STREAM
         Eight record = load_eight(state, ((I)((int)slot) + LANES) * 8);
-        F weight = record.f[3];
+        F weight = absolute(record.f[3]);      // a filter may have negative lobes
         ray.o = f3(record.f[0], record.f[1], record.f[2]);
         ray.d = f3(record.f[4], record.f[5], record.f[6]);
 #else
-        F weight = READ_F(WEIGHT, slot);
+        F weight = absolute(READ_F(WEIGHT, slot));
         ray.o = READ_F3(O, slot);
         ray.d = READ_F3(D, slot);
 #endif
@@ -48,7 +52,12 @@ __kernel void layers(SCENE_PARAMETERS,
         I on = passed & (hit.primitive >= 0);
         F seen = on ? weight : ZERO;
         hit.t = on ? hit.t : ZERO;
-        Vertex vertex = vertex_of(ray, hit, on, scene);
+#if HAS_MIX
+        F choice = random4(lane.pixel, (U)(wave.first_sample + k), (U)(2u), wave.seed).c;   // that of the path
+#else
+        F choice = ZERO;
+#endif
+        Vertex vertex = vertex_of(ray, hit, on, choice, scene);
         F depth = -dot3(vertex.p, back);
         add_weighted(&sums, SUM_OF_PASSED, passed ? weight : ZERO, ONE);
         add_weighted(&sums, SUM_OF_HITS, seen, ONE);

@@ -9,14 +9,15 @@ __kernel void shade(SCENE_PARAMETERS,
                     uint            capacity,   // slots in the state
                     Wave            wave,
                     Limits          limits,
-                    uint            edge)       // edges of the paths so far
+                    uint            edge,       // edges of the paths so far
+                    const __global uint *tiles) // that are rendered
 {
     uint slot = get_global_id(0) * VW;
     Path path;
     path.ray.self = READ_I(SELF, slot);
     if (!ANY(path.ray.self != PATH_ENDED))
         return;
-    Lane lane = lane_of(slot, wave);
+    Lane lane = lane_of(slot, wave, tiles);
     path.pixel = lane.pixel;
     path.sample = lane.sample;
     path.edge = (U)(edge);

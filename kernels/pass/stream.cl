@@ -12,12 +12,14 @@ __kernel void stream(SCENE_PARAMETERS,
                      Limits                limits,
                      __global float       *sums,        // [6][pixels]: r, g, b and their compensations
                      __global uint        *counters,
-                     uint                  pixels)      // pixels of the film incl. tile padding
+                     uint                  pixels,      // pixels of the film incl. tile padding
+                     const __global uint  *tiles)       // that are rendered
 {
     uint first = get_global_id(0) * VW;
     Scene scene = SCENE;
     Rules rules = rules_of(wave, limits);
-    PixelSum film = read_pixels(sums, wave.first_pixel + first, pixels);
+    uint place = film_place(first, wave, tiles);
+    PixelSum film = read_pixels(sums, place, pixels);
     I slot = (I)((int)first) + LANES;               // of the next camera ray of each lane
     I end = slot + (int)(wave.pixels * wave.samples);
     I running = FALSE;
@@ -31,7 +33,7 @@ __kernel void stream(SCENE_PARAMETERS,
     path.radiance = f3(ZERO, ZERO, ZERO);
     path.pdf = ZERO;
     path.edge = (U)(1u);
-    path.pixel = lane_of(first, wave).pixel;
+    path.pixel = lane_of(first, wave, tiles).pixel;
     path.sample = (U)(wave.first_sample - 1u);
     for (;;) {
         I start = NOT(running) & (slot < end);
@@ -40,7 +42,7 @@ __kernel void stream(SCENE_PARAMETERS,
             I source = (I)((int)first);
             while (ANY(start)) {                    // a ray that the lens blocked weighs zero: on to the next
                 F weight = GATHER(F, rays + 3, (start ? slot : source) * 8, );
-                I lit = start & (weight > 0.0f);
+                I lit = start & (weight != 0.0f);
                 source = lit ? slot : source;
                 path.sample = start ? path.sample + 1u : path.sample;
                 slot = start ? slot + (int)wave.pixels : slot;
@@ -75,5 +77,5 @@ __kernel void stream(SCENE_PARAMETERS,
             running = running & NOT(ended);
         }
     }
-    write_pixels(sums, wave.first_pixel + first, pixels, film);
+    write_pixels(sums, place, pixels, film);
 }

@@ -50,7 +50,7 @@ def build_bvh(
     if len(lower) == 0:
         return _nothing(width, leaf_size)
     max_depth = max_binary_depth(width)
-    blocks, bounds, depths = _sort_into_leaves(lower, upper, leaf_size, max_depth, session)
+    blocks, bounds, depths = sort_into_leaves(lower, upper, leaf_size, max_depth, session)
     return widen(reinserted(binary_tree(depths, bounds), max_depth, session), blocks, width)
 
 
@@ -75,7 +75,7 @@ def _nothing(width: int, leaf_size: int) -> Bvh:
     return Bvh(bounds, np.full((1, width), EMPTY, np.int32), np.empty((0, leaf_size), np.int32))
 
 
-def _sort_into_leaves(
+def sort_into_leaves(
     lower: NDArray[np.float32], upper: NDArray[np.float32], leaf_size: int, max_depth: int, session: Session
 ) -> tuple[NDArray[np.int32], NDArray[np.float32], NDArray[np.uint8]]:
     """Return leaf blocks, their boxes, and the depth of the node that parts each leaf from the next."""

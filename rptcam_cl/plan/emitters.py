@@ -21,7 +21,9 @@ from rptcam_cl.plan.primitives import Primitive, sphere_of
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.plan.triangle_emitters import triangle_emitters
 from rptcam_cl.records import EMITTER, Kind
-from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.material import Emissive, Material
+from rptcam_cl.scene.principled import Principled
+from rptcam_cl.scene.quantities import Colour
 from rptcam_cl.scene.scene import Scene
 
 Found = tuple[NDArray[np.void], NDArray[np.float64]]
@@ -78,29 +80,39 @@ _SAMPLED = {Kind.RECTANGLE: EmitterKind.RECTANGLE, Kind.DISK: EmitterKind.DISK, 
 
 def _surface_emitter(index: int, primitive: Primitive) -> tuple[np.void, float] | None:
     """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
-    material = primitive.material
-    if not isinstance(material, Emissive) or primitive.kind not in _SAMPLED or luminance(material.radiance) <= 0:
+    radiance, two_sided = _emitted(primitive.material)
+    if primitive.kind not in _SAMPLED or luminance(radiance) <= 0:
         return None
     record: np.void = EMITTER.zeros(1)[0]
     kind = _SAMPLED[primitive.kind]
     factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
-    record["radiance"][:3] = material.radiance
+    record["radiance"][:3] = radiance
     record["primitive"], record["part"] = index, -1
-    record["two_sided"] = material.two_sided
-    return record, factor * luminance(material.radiance) * (2 if material.two_sided else 1)
+    record["two_sided"] = two_sided
+    return record, factor * luminance(radiance) * (2 if two_sided else 1)
+
+
+def _emitted(material: Material) -> tuple[Colour, bool]:
+    """Return the radiance of a material that shines evenly, else black, and whether its back shines, too."""
+    if isinstance(material, Emissive):
+        return material.radiance, material.two_sided
+    if isinstance(material, Principled) and isinstance(material.emission, tuple):
+        return material.emission, False
+    return (0.0, 0.0, 0.0), False
 
 
 def _mesh_emitters(index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64]) -> Found | None:
     """Return records and powers [W, luminance] of the triangles of an emissive mesh, or None when it does not shine."""
-    material, mesh = primitive.material, primitive.mesh
-    if mesh is None or not isinstance(material, Emissive) or luminance(material.radiance) <= 0:
+    mesh = primitive.mesh
+    radiance, two_sided = _emitted(primitive.material)
+    if mesh is None or luminance(radiance) <= 0:
         return None
     records, areas = triangle_emitters(mesh, primitive.placement, eye)
-    records["radiance"][:, :3] = material.radiance
+    records["radiance"][:, :3] = radiance
     records["primitive"] = index
     records["part"] = first_triangle + np.arange(len(records))
-    records["two_sided"] = material.two_sided
-    return records, np.pi * areas * luminance(material.radiance) * (2 if material.two_sided else 1)
+    records["two_sided"] = two_sided
+    return records, np.pi * areas * luminance(radiance) * (2 if two_sided else 1)
 
 
 def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float:

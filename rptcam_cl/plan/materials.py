@@ -1,15 +1,46 @@
-"""Materials of the scene as records."""
+"""Materials of the scene as records, and which parts of them there are."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.plan.covers import cover_mean, internal_reflectance, rough_cover, smooth_mean
+from rptcam_cl.plan.metals import metal_constants
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.records import MATERIAL, MaterialKind
-from rptcam_cl.scene.material import Conductor, Dielectric, Emissive, Material, Matte, Mirror
+from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
+from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
+from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
+from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.principled import Principled
+from rptcam_cl.scene.quantities import LARGEST_RADIANCE
+from rptcam_cl.scene.roughness import alpha_pair
+from rptcam_cl.scene.texture import Texture
+
+_TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "opacity_texture", "factor_texture",
+             "normal_texture")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Materials:
+    """What the kernels read of materials.
+
+    Attributes
+    ----------
+    records : array of Material
+    index : dict
+        Record of each material, by its ``id``.
+    facts : dict
+        Which kinds of material and which of their features there are.
+    """
+
+    records: NDArray[np.void]
+    index: dict[int, int]
+    facts: dict[str, int]
 
 
 def _kind(material: Material) -> MaterialKind:
@@ -19,38 +50,135 @@ def _kind(material: Material) -> MaterialKind:
         case Mirror():
             return MaterialKind.MIRROR
         case Conductor():
-            return MaterialKind.CONDUCTOR
+            return MaterialKind.CONDUCTOR if material.metal is None else MaterialKind.METAL
         case Dielectric():
-            return MaterialKind.DIELECTRIC
+            return MaterialKind.DIELECTRIC if material.alphas is None else MaterialKind.ROUGH_DIELECTRIC
+        case Plastic():
+            return MaterialKind.PLASTIC if material.alphas is None else MaterialKind.ROUGH_PLASTIC
+        case ThinGlass():
+            return MaterialKind.THIN_GLASS
+        case Principled():
+            return MaterialKind.PRINCIPLED
+        case Mix():
+            return MaterialKind.MIX
         case Emissive():
             return MaterialKind.EMISSIVE
 
 
-def _fill(record: np.void, material: Material, textures: TextureTable) -> None:
-    record["kind"] = _kind(material)
-    record["texture"] = -1
-    match material:
-        case Dielectric():
-            record["color"][:3] = 1.0
+class _Filler:
+    """Writes a material into its record."""
+
+    def __init__(self, textures: TextureTable) -> None:
+        self._textures = textures
+
+    def _number(self, record: np.void, name: str, value: float | Texture) -> None:
+        """Write a number, or the texture that gives it."""
+        colour: tuple[float, float, float] | Texture = (value,) * 3 if isinstance(value, (int, float)) else value
+        (record[name], _, _), record[f"{name}_texture"] = self._textures.slot(colour, limit=1.0)
+
+    def fill(self, record: np.void, material: Material) -> None:
+        """Write everything but the two materials of a mix."""
+        record["kind"] = _kind(material)
+        record["color"][:3] = 1.0
+        record["opacity"] = 1.0
+        for name in _TEXTURES:
+            record[name] = -1
+        match material:
+            case Matte() | Mirror() | Conductor() | Plastic():
+                if material.reflectance is not None:
+                    record["color"][:3], record["texture"] = self._textures.slot(material.reflectance, limit=1.0)
+            case Emissive():
+                record["color"][:3], record["parameter"] = material.radiance, material.two_sided
+            case Principled():
+                self._principled(record, material)
+            case Mix():
+                self._number(record, "factor", material.factor)
+        if isinstance(material, (Conductor, Dielectric, Plastic)):
+            record["alpha"], record["alpha_across"] = material.alphas or (0.0, 0.0)
+        if isinstance(material, (Dielectric, Plastic, ThinGlass)):
             record["parameter"] = material.index
-        case Emissive():
-            record["color"][:3] = material.radiance
-            record["parameter"] = material.two_sided
-        case Matte() | Mirror() | Conductor():
-            record["color"][:3], record["texture"] = textures.slot(material.reflectance, limit=1.0)
-            if isinstance(material, Conductor):
-                record["parameter"] = material.alpha
+        if isinstance(material, Conductor) and material.metal is not None:
+            n, k = _constants(material.metal)
+            record["metal_n"][:3], record["metal_k"][:3] = n, k
+        if isinstance(material, Plastic):
+            _cover(record, material)
+        if isinstance(material, AbsorbingMaterial):
+            record["absorption"][:3] = material.absorption
+        if isinstance(material, ThinGlass):
+            record["absorption"][:3] = material.depth
+        self._coverage(record, material)
+
+    def _coverage(self, record: np.void, material: Material) -> None:
+        if isinstance(material, CoveringMaterial):
+            self._number(record, "opacity", material.opacity)
+            record["cutoff"] = material.opacity_cutoff if material.opacity_mode == "mask" else 0.0
+        if isinstance(material, BumpyMaterial) and material.normal_map is not None:
+            _, record["normal_texture"] = self._textures.slot(material.normal_map, limit=1.0)
+            record["normal_strength"] = material.normal_map.strength
+
+    def _principled(self, record: np.void, material: Principled) -> None:
+        record["color"][:3], record["texture"] = self._textures.slot(material.base_color, limit=1.0)
+        record["glow"][:3], record["glow_texture"] = self._textures.slot(material.emission, limit=LARGEST_RADIANCE)
+        self._number(record, "metallic", material.metallic)
+        roughness = material.roughness
+        if not isinstance(roughness, float):
+            _, record["roughness_texture"] = self._textures.slot(roughness, limit=1.0)
+            roughness = 1.0
+        record["alpha"], record["alpha_across"] = alpha_pair(roughness, material.anisotropy)
+        record["specular"], record["parameter"] = material.specular, material.index
+        record["transmission"], record["coat"] = material.transmission, material.clearcoat
+        record["coat_alpha"] = alpha_pair(material.clearcoat_roughness, 0.0)[0]
 
 
-def pack_materials(materials: Sequence[Material], textures: TextureTable) -> tuple[NDArray[np.void], dict[int, int]]:
-    """Return one record per distinct material, and the record index by ``id`` of each; collect their textures."""
-    distinct = list({id(material): material for material in materials}.values())
+def _constants(metal: str | OpticalConstants) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    return (metal.n, metal.k) if isinstance(metal, OpticalConstants) else metal_constants(metal)
+
+
+def _cover(record: np.void, material: Plastic) -> None:
+    if material.alphas is None:
+        mean = smooth_mean(material.index)
+    else:
+        cover = rough_cover(material.alphas, material.index)
+        record["cover"], record["cover_last"] = cover[:4], cover[4]
+        mean = cover_mean(cover)
+    record["internal"] = internal_reflectance(mean, material.index)
+
+
+def _facts(records: NDArray[np.void]) -> dict[str, int]:
+    """Which kinds and features the records have."""
+    kinds = set(records["kind"].tolist())
+    principled = records["kind"] == MaterialKind.PRINCIPLED
+    clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
+    facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
+    features = {
+        "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]),
+        "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0),
+        "HAS_CLEARCOAT": np.any(records["coat"][principled] > 0),
+        "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
+        "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
+        "HAS_ROUGHNESS_TEXTURE": np.any(records["roughness_texture"] >= 0),
+        "HAS_METALLIC_TEXTURE": np.any(records["metallic_texture"] >= 0),
+        "HAS_OPACITY": np.any(records["opacity"] < 1) or np.any(records["opacity_texture"] >= 0),
+        "HAS_NORMAL_MAP": np.any(records["normal_texture"] >= 0),
+    }
+    return facts | {name: int(value) for name, value in features.items()}
+
+
+def pack_materials(materials: Sequence[Material], textures: TextureTable) -> Materials:
+    """Return one record per distinct material, those that are mixed included; collect their textures."""
+    parts = [part for material in materials if isinstance(material, Mix) for part in material.materials]
+    distinct = list({id(material): material for material in (*materials, *parts)}.values())
+    index = {id(material): place for place, material in enumerate(distinct)}
     records = MATERIAL.zeros(len(distinct))
-    for index, material in enumerate(distinct):
-        _fill(records[index], material, textures)
-    return records, {id(material): index for index, material in enumerate(distinct)}
-
-
-def material_kinds(materials: Sequence[Material]) -> set[MaterialKind]:
-    """Return the kinds among the materials."""
-    return {_kind(material) for material in materials}
+    filler = _Filler(textures)
+    for record, material in zip(records, distinct, strict=False):
+        filler.fill(record, material)
+        if isinstance(material, Mix):
+            record["first"], record["second"] = (index[id(part)] for part in material.materials)
+    if not distinct:
+        records["kind"], records["opacity"] = -1, 1.0
+        for name in _TEXTURES:
+            records[name] = -1
+    records["textured"] = np.any([records[name] >= 0 for name in _TEXTURES], axis=0)
+    records["textured"] |= records["kind"] == MaterialKind.MIX
+    return Materials(records, index, _facts(records))

@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
-from rptcam_cl.plan.materials import material_kinds, pack_materials
+from rptcam_cl.plan.materials import pack_materials
 from rptcam_cl.plan.owners import Owners, owners_of
-from rptcam_cl.plan.primitives import pack_primitives, scene_primitives, with_meshes
+from rptcam_cl.plan.primitives import Primitive, pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.textures import Textures, TextureTable
-from rptcam_cl.records import Kind, MaterialKind
+from rptcam_cl.records import Kind
 from rptcam_cl.scene.scene import Scene
 
 
@@ -25,6 +26,7 @@ class Plan:
 
     facts: dict[str, int]
     camera: CameraModel
+    camera_filter: FilterTable
     primitives: NDArray[np.void]
     kind_end: NDArray[np.int32]
     materials: NDArray[np.void]
@@ -37,34 +39,38 @@ class Plan:
     eye_m: NDArray[np.float64]
 
 
+def _is_smooth(primitive: Primitive) -> bool:
+    return primitive.mesh is not None and primitive.mesh.normals is not None
+
+
 def make_plan(scene: Scene) -> Plan:
     """Return the plan of a scene."""
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
-    material_records, material_index = pack_materials(materials, table)
+    shown = pack_materials(materials, table)
     surroundings = pack_environment(scene, table)
     emitters = pack_emitters(scene, primitives, meshes.first_triangles if meshes else (), table, surroundings)
     textures = table.pack()
-    records, kind_end = pack_primitives(primitives, material_index, emitters.of_primitive, meshes)
+    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     kinds = {primitive.kind for primitive in primitives}
-    shown = material_kinds(materials)
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind}
-    facts |= {f"HAS_{kind.name}": int(kind in shown) for kind in MaterialKind}
-    facts |= textures.facts | emitters.facts
+    facts |= shown.facts | textures.facts | emitters.facts
     facts |= {
+        "HAS_TANGENT": int(shown.facts["HAS_ANISOTROPY"] or shown.facts["HAS_NORMAL_MAP"]),
+        "HAS_SHADING_NORMAL": int(shown.facts["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
-        "HAS_TANGENT": 0,
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
     }
     return Plan(
         facts=facts,
         camera=camera_model(scene),
+        camera_filter=filter_table(scene.film.filter),
         primitives=records,
         kind_end=kind_end,
-        materials=material_records,
+        materials=shown.records,
         textures=textures,
         emitters=emitters,
         surroundings=surroundings,

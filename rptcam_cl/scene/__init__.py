@@ -20,12 +20,17 @@ from rptcam_cl.scene.camera import (
     ThinLensCamera,
 )
 from rptcam_cl.scene.change import change_scene
+from rptcam_cl.scene.coverage import NormalMap
+from rptcam_cl.scene.dielectric import Dielectric, ThinGlass
 from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
 from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.film_filter import FilmFilter
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.load import load_scene
-from rptcam_cl.scene.material import Conductor, Dielectric, Emissive, Material, Matte, Mirror
+from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
+from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.sampling import Picture, RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
@@ -51,6 +56,7 @@ __all__ = [
     "Environment",
     "EnvironmentCamera",
     "Film",
+    "FilmFilter",
     "Focus",
     "Gradient",
     "GradientEnvironment",
@@ -65,16 +71,21 @@ __all__ = [
     "Matte",
     "MeshObject",
     "Mirror",
+    "Mix",
     "NamedMesh",
     "Noise",
+    "NormalMap",
     "Object",
+    "OpticalConstants",
     "OutlineAperture",
     "Picture",
     "PinholeCamera",
     "PlacedObject",
     "Plane",
+    "Plastic",
     "PointLight",
     "PolygonAperture",
+    "Principled",
     "ProfileLight",
     "RealisticCamera",
     "Rectangle",
@@ -89,6 +100,7 @@ __all__ = [
     "SunLight",
     "Texture",
     "ThickLensCamera",
+    "ThinGlass",
     "ThinLensCamera",
     "TransformStep",
     "change_scene",

@@ -14,6 +14,7 @@ from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.material import Emissive
 from rptcam_cl.scene.mesh_shape import MeshObject
+from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
@@ -70,8 +71,10 @@ def scene_warnings(
 
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
-    shown = (material for item in objects for material in item.shown_materials())
+    shown = [material for item in objects for material in item.shown_materials()]
     colours = [material.radiance for material in shown if isinstance(material, Emissive)]
+    glowing = [material.emission for material in shown if isinstance(material, Principled)]
+    colours += [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
     return any(max(colour) > 0 for colour in [*colours, *_light_colours(lights), *_environment_colours(environment)])
 
 

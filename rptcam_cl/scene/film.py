@@ -8,6 +8,7 @@ from typing import Annotated, ClassVar, Self
 from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.film_filter import FilmFilter
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, list_of
 from rptcam_cl.scene.refusal import refuse
 
@@ -41,6 +42,9 @@ class Film(SceneModel):
 
     crop: Annotated[tuple[Fraction, Fraction, Fraction, Fraction], BeforeValidator(list_of(4, CROP))] | None = None
     """Part to render, [x0, x1, y0, y1] as fractions of the film from its left and top edges; the whole by default."""
+
+    filter: FilmFilter = FilmFilter()
+    """How much light beside a pixel's centre counts."""
 
     @model_validator(mode="after")
     def _check(self) -> Self:

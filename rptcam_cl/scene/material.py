@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal, Self
 
-from pydantic import Field
+from pydantic import BeforeValidator, Field, model_validator
 
-from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import NUMBER, Albedo, Radiance
-from rptcam_cl.scene.texture import Reflectance
+from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
+from rptcam_cl.scene.dielectric import ROUGHNESS, Dielectric, ThinGlass
+from rptcam_cl.scene.metal import Conductor
+from rptcam_cl.scene.principled import Principled
+from rptcam_cl.scene.quantities import NUMBER, Albedo, Radiance, list_of
+from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.scene.roughness import RoughMaterial
+from rptcam_cl.scene.texture import Reflectance, Share
 
 
-class Matte(SceneModel):
+class Matte(BumpyMaterial):
     """A surface that scatters light evenly (Lambert)."""
 
     kind: Literal["matte"]
@@ -21,7 +27,7 @@ class Matte(SceneModel):
     """Share of light reflected: a colour of channels 0 to 1, or a texture."""
 
 
-class Mirror(SceneModel):
+class Mirror(CoveringMaterial):
     """A perfectly smooth reflector."""
 
     kind: Literal["mirror"]
@@ -31,27 +37,19 @@ class Mirror(SceneModel):
     """Share of light reflected; a colour of channels 0 to 1."""
 
 
-class Conductor(SceneModel):
-    """A rough metal: GGX microfacets whose Fresnel reflectance is `reflectance` at every angle."""
+class Plastic(RoughMaterial, BumpyMaterial):
+    """A matte base under a clear dielectric cover; the cover is smooth without `alpha` and `roughness`."""
 
-    kind: Literal["conductor"]
+    kind: Literal["plastic"]
     """Kind of material."""
 
     reflectance: Reflectance
-    """Share of light that a microfacet reflects: a colour of channels 0 to 1, or a texture."""
+    """Share of light that the base reflects: a colour of channels 0 to 1, or a texture."""
 
-    alpha: Annotated[float, Field(ge=1e-3, le=1), NUMBER]
-    """GGX roughness; for a smoother surface take a mirror."""
+    index: Annotated[float, Field(ge=1, le=5), NUMBER] = 1.5
+    """Refractive index of the cover."""
 
-
-class Dielectric(SceneModel):
-    """A smooth transparent solid such as glass; the normal points out of it."""
-
-    kind: Literal["dielectric"]
-    """Kind of material."""
-
-    index: Annotated[float, Field(ge=0.2, le=5), NUMBER] = 1.5
-    """Refractive index inside, relative to the outside."""
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (ROUGHNESS,)
 
 
 class Emissive(SceneModel):
@@ -67,4 +65,35 @@ class Emissive(SceneModel):
     """Whether the back emits too."""
 
 
-Material = Annotated[Matte | Mirror | Conductor | Dielectric | Emissive, Field(discriminator="kind")]
+Leaf = Annotated[
+    Matte | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled, Field(discriminator="kind")
+]
+
+
+class Mix(CoveringMaterial):
+    """Two materials beside each other, finer than can be seen: each vertex of a path is of one of them."""
+
+    kind: Literal["mix"]
+    """Kind of material."""
+
+    materials: Annotated[tuple[Leaf, Leaf], BeforeValidator(list_of(2, "two materials"))]
+    """The two: names of `materials`, or materials written out; not emissive, not mixed themselves."""
+
+    factor: Share = 0.5
+    """Share of the second: a number, or a texture."""
+
+    @model_validator(mode="after")
+    def _check_holes(self) -> Self:
+        for index, part in enumerate(self.materials):
+            if part.opacity != 1.0:
+                raise refuse(
+                    "does not count inside a mix", got=part.opacity, allowed="the opacity of the mix itself",
+                    path=("materials", index, "opacity"),
+                )  # fmt: skip
+        return self
+
+
+Material = Annotated[
+    Matte | Mirror | Conductor | Dielectric | Plastic | ThinGlass | Principled | Mix | Emissive,
+    Field(discriminator="kind"),
+]

@@ -29,7 +29,7 @@ _LOOKS_NUMERIC = re.compile(r"[-+]?[0-9.][0-9_.,:eExXoOa-fA-F+-]*")
 _HEX_COLOUR = re.compile(r"#([0-9a-fA-F]{6})")
 
 
-def _number(value: Any) -> float:
+def read_number(value: Any) -> float:
     """Return a finite float that float32 can hold."""
     if isinstance(value, str):
         hint = "is text, not a number"
@@ -54,7 +54,7 @@ def _number(value: Any) -> float:
 def number_at(value: Any, path: tuple[int, ...]) -> float:
     """Return a finite float that float32 can hold, from the given place inside a value."""
     try:
-        return _number(value)
+        return read_number(value)
     except PydanticCustomError as problem:
         context = dict(problem.context or {})
         raise refuse(context["problem"], got=value, allowed=context["allowed"], path=path) from None
@@ -64,7 +64,7 @@ def _whole_number(value: Any) -> int:
     """Return a whole number; 1e3 counts as one."""
     if isinstance(value, Integral) and not isinstance(value, bool):
         return int(value)
-    number = _number(value)
+    number = read_number(value)
     if number != math.floor(number):
         raise refuse("must be a whole number", allowed="a whole number")
     return int(number)
@@ -134,7 +134,7 @@ def _colour_schema(largest: float) -> dict[str, Any]:
     return {"anyOf": [value, triple, {"type": "string", "pattern": "^#[0-9a-fA-F]{6}$"}]}
 
 
-NUMBER = BeforeValidator(_number)
+NUMBER = BeforeValidator(read_number)
 WHOLE_NUMBER = BeforeValidator(_whole_number)
 TextureNumber = Annotated[float, Field(ge=-1e6, le=1e6), NUMBER]
 TexturePair = Annotated[tuple[TextureNumber, TextureNumber], BeforeValidator(list_of(2, "a pair [u, v]"))]

@@ -20,7 +20,8 @@ from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import Light
-from rptcam_cl.scene.material import Material, Matte
+from rptcam_cl.scene.material import Material
+from rptcam_cl.scene.material_names import with_material, with_parts
 from rptcam_cl.scene.mesh_library import MeshLibrary
 from rptcam_cl.scene.mesh_shape import LoadedMesh, MeshObject, NamedMesh
 from rptcam_cl.scene.quantities import NUMBER
@@ -68,12 +69,19 @@ class Scene(SceneModel):
     _folders: Folders = PrivateAttr(default_factory=Folders)
     _library: MeshLibrary | None = PrivateAttr(default=None)
 
+    @field_validator("materials", mode="before")
+    @classmethod
+    def _resolve_mixes(cls, materials: Any) -> Any:
+        if not isinstance(materials, Mapping):
+            return materials
+        return {name: with_parts(item, materials, path=(name,)) for name, item in materials.items()}
+
     @field_validator("objects", mode="before")
     @classmethod
     def _resolve_materials(cls, objects: Any, info: ValidationInfo) -> Any:
         if not isinstance(objects, (list, tuple)):
             return objects
-        found = [_with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
+        found = [with_material(item, index, info.data.get("materials")) for index, item in enumerate(objects)]
         for index, item in enumerate(found):
             _check_mesh_name(item, index, info.data.get("meshes"))
         return found
@@ -189,23 +197,6 @@ class Scene(SceneModel):
                 part["file"] = self.digest_of(reference)
         text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
         return hashlib.sha256(text.encode()).hexdigest()
-
-
-def _with_material(item: Any, index: int, materials: Mapping[str, Material] | None) -> Any:
-    """Return an object's mapping with the name of its material replaced by the material."""
-    if not isinstance(item, dict) or not isinstance(name := item.get("material"), str):
-        return item
-    if materials is None:  # They have errors of their own, which are reported; the object's other keys still count.
-        return item | {"material": Matte(kind="matte", reflectance=(0.5, 0.5, 0.5))}
-    if name not in materials:
-        names = list(materials)
-        raise refuse(
-            f"names no material{near_name(name, names)}",
-            got=name,
-            allowed=listed(names) if names else "a material mapping, or a name once `materials` defines one",
-            path=(index, "material"),
-        )
-    return item | {"material": materials[name]}
 
 
 def _check_mesh_name(item: Any, index: int, meshes: Mapping[str, NamedMesh] | None) -> None:

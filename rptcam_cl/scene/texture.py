@@ -8,7 +8,7 @@ from pydantic import Discriminator, Field, Tag
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, Gain, TexturePair, Turn
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, Gain, Radiance, TexturePair, Turn
 
 CONSTANT = "constant colour"
 
@@ -134,3 +134,5 @@ _Textured = (
     | Annotated[ImageTexture, Tag("image")]
 )
 Reflectance = Annotated[Annotated[Albedo, Tag(CONSTANT)] | _Textured, Discriminator(_form)]
+Share = Annotated[Annotated[Fraction, Tag(CONSTANT)] | _Textured, Discriminator(_form)]
+Emission = Annotated[Annotated[Radiance, Tag(CONSTANT)] | _Textured, Discriminator(_form)]

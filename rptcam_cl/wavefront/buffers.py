@@ -43,6 +43,7 @@ class SceneBuffers:
             self.mesh_facts = {"BVH_WIDTH": trees.width, "BVH_STACK": trees.stack}
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             self.scene += (*(upload(array) for array in arrays), np.int32(trees.root))
+        self.filter = upload(plan.camera_filter.table)
         camera = plan.camera
         self.camera: tuple[Any, ...] = (
             upload(camera.record),

@@ -1,8 +1,9 @@
-"""The film on the device: compensated sums per pixel, stored in 4 x 4 tiles."""
+"""The film on the device: compensated sums per pixel, in tiles of 8 x 8 pixels, each of four of 4 x 4."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
@@ -12,7 +13,10 @@ from rptcam_cl.scene.film import Film
 
 Scalar = TypeVar("Scalar", bound=np.generic)
 
-TILE = 4
+TILE = 8
+QUARTER = 4  # neighbouring lanes share a square of so many pixels
+TILE_PIXELS = TILE * TILE
+SPARE_TILES = 3  # behind those of the picture, so that any number of tiles can be filled up to a block
 BLOCK = 256  # pixels are padded to this, so that any wave is a whole number of work groups on every device
 BYTES_PER_PIXEL = 6 * 4  # three sums and three compensations
 
@@ -51,34 +55,46 @@ class FilmLayout:
 
     @property
     def pixels(self) -> int:
-        """Pixels of the buffer, with the padding of tiles and block."""
-        tiles = self.tiles_across * -(-self.height // TILE)
-        return -(-tiles * TILE * TILE // BLOCK) * BLOCK
+        """Pixels of the buffer, with the padding of tiles and block and with the spare tiles."""
+        return -(-(self.tiles + SPARE_TILES) * TILE_PIXELS // BLOCK) * BLOCK
+
+    @property
+    def tiles(self) -> int:
+        """Tiles of the picture."""
+        return self.tiles_across * -(-self.height // TILE)
 
     @property
     def samples_per_spp(self) -> int:
         """Pixels of the picture."""
         return self.width * self.height
 
-    def pixels_within(self, first: int, count: int) -> int:
-        """Return how many pixels of the picture lie in a range of whole tiles of the buffer."""
-        return self._pixels_before(first + count) - self._pixels_before(first)
+    @cached_property
+    def pixels_of_tile(self) -> NDArray[np.int64]:
+        """Pixels of the picture in each tile of the buffer."""
+        across = np.clip(self.width - TILE * np.arange(self.tiles_across), 0, TILE)
+        down = np.clip(self.height - TILE * np.arange(-(-self.height // TILE)), 0, TILE)
+        spare = self.pixels // TILE_PIXELS - self.tiles
+        return np.append(np.outer(down, across).ravel(), np.zeros(spare, np.int64))
 
-    def _pixels_before(self, index: int) -> int:
-        row, column = divmod(index // (TILE * TILE), self.tiles_across)
-        above = min(TILE * row, self.height)
-        deep = min(TILE, self.height - above)
-        return above * self.width + deep * min(TILE * column, self.width)
+    def whole_list(self) -> NDArray[np.uint32]:
+        """Return the list of all tiles, filled up to whole blocks."""
+        return np.arange(self.pixels // TILE_PIXELS, dtype=np.uint32)
 
-    def picture(self, sums: NDArray[np.float32], spp: int) -> NDArray[np.float32]:
-        """Return the mean of ``spp`` samples, shape (height, width, 3), from the buffer ``(6, pixels)``."""
-        mean = (sums[:3].astype(np.float64) - sums[3:].astype(np.float64)) / max(spp, 1)
+    def filled_list(self, tiles: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        """Return a list of tiles filled up to whole blocks with tiles that hold no pixel of the picture."""
+        missing = -len(tiles) % (BLOCK // TILE_PIXELS)
+        return np.append(tiles, self.tiles + np.arange(missing)).astype(np.uint32)
+
+    def picture(self, sums: NDArray[np.float32], spp: NDArray[np.uint32]) -> NDArray[np.float32]:
+        """Return the mean, shape (height, width, 3), from the buffer ``(6, pixels)`` and the samples per tile."""
+        samples = np.repeat(np.maximum(spp, 1), TILE_PIXELS)
+        mean = (sums[:3].astype(np.float64) - sums[3:].astype(np.float64)) / samples
         return np.ascontiguousarray(np.moveaxis(self.in_rows(mean), 0, -1), dtype=np.float32)
 
     def in_rows(self, planes: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return planes (count, height, width) in rows of the picture, from planes (count, pixels) in tiles."""
-        rows = -(-self.height // TILE)
-        tiles = planes[:, : rows * self.tiles_across * TILE * TILE]
-        tiles = tiles.reshape(-1, rows, self.tiles_across, TILE, TILE).transpose(0, 1, 3, 2, 4)
-        whole = tiles.reshape(-1, rows * TILE, self.tiles_across * TILE)
+        rows, across, halves = -(-self.height // TILE), self.tiles_across, TILE // QUARTER
+        tiles = planes[:, : self.tiles * TILE_PIXELS]
+        split = tiles.reshape(-1, rows, across, halves, halves, QUARTER, QUARTER).transpose(0, 1, 3, 5, 2, 4, 6)
+        whole = split.reshape(-1, rows * TILE, across * TILE)
         return whole[:, : self.height, : self.width]

@@ -73,8 +73,8 @@ class LayerPass:
         The layers asked for, at least one.
     lanes : int
         Per work item.
-    state, capacity
-        Buffer that the pass ``generate`` writes, and its slots.
+    state, tiles, capacity
+        Buffer that the pass ``generate`` writes, list of tiles, and slots.
     stream : bool
         Whether it writes records for a stream.
     """
@@ -89,6 +89,7 @@ class LayerPass:
         *,
         lanes: int,
         state: Any,
+        tiles: Any,
         capacity: int,
         stream: bool,
     ) -> None:
@@ -105,6 +106,7 @@ class LayerPass:
             *buffers.scene, session.upload(plan.owners.of_primitive), buffers.camera[0], session.upload(blur),
             session.upload(view), state,
         )  # fmt: skip
+        self._tiles = tiles
         self._wave_argument = len(self._held)
         self.launch = session.bind(
             program,
@@ -114,6 +116,7 @@ class LayerPass:
             self._buffer,
             np.uint32(capacity),
             np.uint32(layout.pixels),
+            tiles,
         )
 
     def set_wave(self, wave: bytes) -> None:

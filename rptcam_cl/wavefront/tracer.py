@@ -25,7 +25,7 @@ from rptcam_cl.plan import Plan
 from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, floats_per_slot
 from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.wavefront.buffers import SceneBuffers
-from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, FilmLayout
+from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, TILE_PIXELS, FilmLayout
 from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
 
 WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
@@ -76,6 +76,7 @@ class Wavefront:
         self._emitters = plan.emitters.count
         self._size_wave(wave_size or WAVE_SLOTS[session.info.type])
         self._group = GROUP[session.info.type]
+        self.tiles = layout.whole_list()
         self._enqueued, self._rays = 0, 0  # camera rays of the picture, since the last and up to the last `finish`
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
@@ -109,6 +110,7 @@ class Wavefront:
             "HAS_EMITTERS": plan.facts["HAS_EMITTERS"],
             "SAMPLER_LATTICE": plan.facts["SAMPLER_LATTICE"],
             "HAS_MESH": plan.facts["HAS_MESH"],
+            "FILTER": plan.camera_filter.cells,
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }
@@ -133,34 +135,41 @@ class Wavefront:
         self._film = session.allocate(film_bytes, zeroed=True)
         self._counts = np.zeros(len(RayStatus) + 1, np.uint64)  # rays by status, then samples that were not finite
         self._counters = session.allocate(4 * len(self._counts), zeroed=True)
+        self._tile_list = session.allocate(self.tiles.nbytes)
+        session.write(self._tile_list, self.tiles)
         self._buffers = SceneBuffers(session, plan)
         self._after_scene = len(self._buffers.scene)  # index of the first argument behind the scene
         self._layers = None
         if planes.names:
             self._layers = LayerPass(
                 session, plan, self.layout, self._buffers, planes, lanes=self._lanes["trace"], state=self._state,
-                capacity=self.capacity, stream=self.organisation == "stream",
+                tiles=self._tile_list, capacity=self.capacity, stream=self.organisation == "stream",
             )  # fmt: skip
 
     def _bind(self) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
         scene, pixels = self._buffers.scene, np.uint32(self.layout.pixels)
         self._generate = session.bind(
-            self._camera, "generate", *self._buffers.camera, self._counters, self._state, capacity, empty
-        )
+            self._camera, "generate", *self._buffers.camera, self._counters, self._state, capacity, empty,
+            self._tile_list, self._buffers.filter,
+        )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(
-                self._trace, "stream", *scene, self._state, empty, self._limits(), self._film, self._counters, pixels
-            )
+                self._trace, "stream", *scene, self._state, empty, self._limits(), self._film, self._counters, pixels,
+                self._tile_list,
+            )  # fmt: skip
             return
         self._intersect = session.bind(self._trace, "intersect", *scene, self._state, capacity)
         self._shadow = session.bind(self._trace, "shadow", *scene, self._state, capacity)
         self._shade = [
-            session.bind(self._trace, "shade", *scene, self._state, capacity, empty, self._limits(), np.uint32(edge))
+            session.bind(
+                self._trace, "shade", *scene, self._state, capacity, empty, self._limits(), np.uint32(edge),
+                self._tile_list,
+            )
             for edge in range(1, self.settings.max_depth + 1)
-        ]
+        ]  # fmt: skip
         self._develop = session.bind(
-            self._trace, "film", self._state, self._film, self._counters, empty, capacity, pixels
+            self._trace, "film", self._state, self._film, self._counters, empty, capacity, pixels, self._tile_list
         )
 
     def _limits(self) -> bytes:
@@ -185,13 +194,18 @@ class Wavefront:
         if self._layers is not None:
             self._layers.clear()
 
+    def choose_tiles(self, tiles: NDArray[np.uint32]) -> None:
+        """Render these tiles of the film from now on; before, and without any, they are all."""
+        self.tiles = self.layout.filled_list(tiles)
+        self.session.write(self._tile_list, self.tiles)
+
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
-        found = []
+        found, pixels = [], len(self.tiles) * TILE_PIXELS
         for start in range(first_sample, first_sample + samples, self._wave_samples):
             count = min(self._wave_samples, first_sample + samples - start)
-            for pixel in range(0, self.layout.pixels, self._wave_pixels):
-                found.append((pixel, min(self._wave_pixels, self.layout.pixels - pixel), start, count))
+            for pixel in range(0, pixels, self._wave_pixels):
+                found.append((pixel, min(self._wave_pixels, pixels - pixel), start, count))
         return found
 
     @property
@@ -203,7 +217,8 @@ class Wavefront:
         """Enqueue every pass of one wave."""
         wave = self._wave_bytes(first_pixel, pixels, first_sample, samples)
         slots = pixels * samples
-        self._enqueued += samples * self.layout.pixels_within(first_pixel, pixels)
+        tiles = self.tiles[first_pixel // TILE_PIXELS : (first_pixel + pixels) // TILE_PIXELS]
+        self._enqueued += samples * int(self.layout.pixels_of_tile[tiles].sum())
         self._generate.set(WAVE_OF_GENERATE, wave)
         self._run(self._generate, slots // self._lanes["camera"])
         if self._layers is not None and first_sample < self.settings.layers_spp:
@@ -251,10 +266,14 @@ class Wavefront:
             self.passes[name] = self.passes.get(name, 0.0) + (event.profile.end - event.profile.start) * 1e-9
         self._events.clear()
 
-    def picture(self, spp: int) -> NDArray[np.float32]:
-        """Return the film's mean over ``spp`` samples, shape (height, width, 3)."""
-        sums = self.session.read(self._film, np.float32, 6 * self.layout.pixels)
-        return self.layout.picture(sums.reshape(6, -1), spp)
+    def sums(self) -> NDArray[np.float32]:
+        """Return the film's sums and their compensations, shape (6, pixels of the buffer)."""
+        return self.session.read(self._film, np.float32, 6 * self.layout.pixels).reshape(6, -1)
+
+    def picture(self, spp: int | NDArray[np.uint32]) -> NDArray[np.float32]:
+        """Return the film's mean, shape (height, width, 3), over the samples per pixel, of all or of each tile."""
+        tiles = np.broadcast_to(np.asarray(spp, np.uint32), self.layout.whole_list().shape)
+        return self.layout.picture(self.sums(), tiles)
 
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""

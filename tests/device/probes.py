@@ -73,7 +73,7 @@ def camera_slots(
     run(
         session, "probe_camera", facts, slots // lanes, session.upload(camera.record), session.upload(tables),
         session.upload(camera.surfaces), session.upload(camera.stop), out,
-        np.uint32(slots), wave_record(layout, samples, seed).tobytes(),
+        np.uint32(slots), wave_record(layout, samples, seed).tobytes(), session.upload(layout.whole_list()),
     )  # fmt: skip
     return session.read(out, np.float32, 12 * slots).reshape(12, slots).astype(np.float64)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.device import open_session
+from rptcam_cl.device import Session, choose_device, open_session
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene
@@ -90,6 +90,20 @@ def test_albedo_is_the_colour_where_the_ray_met_the_surface():
     assert (image["albedo"][~near & ~far] == 0).all()
 
 
+def test_albedo_of_a_mix_is_that_of_the_material_that_the_path_took():
+    glows = {"kind": "principled", "base_color": 0, "emission": [0, 0, 1]}
+    mix = {"kind": "mix", "factor": 0.25, "materials": [{"kind": "matte", "reflectance": [1, 0, 0]}, glows]}
+    image = rptcam_cl.render(
+        two_panels("pinhole", mix, mix) | {"render": {"max_depth": 1}}, spp=8, layers=["albedo", "coverage"]
+    )
+    shining = np.asarray(image)[..., 2].astype(np.float64)
+    seen = image["coverage"] > 0
+    assert 0.2 < (shining[seen] / image["coverage"][seen]).mean() < 0.3
+    np.testing.assert_allclose(
+        (image["albedo"][..., 0] * image["coverage"])[seen], (image["coverage"] - shining)[seen], atol=1e-6
+    )
+
+
 def test_picture_is_the_same_with_layers_and_without():
     plain, layered = (rptcam_cl.render(world("double_gauss"), spp=4, layers=names) for names in ([], LAYER_NAMES))
     np.testing.assert_array_equal(np.asarray(plain), np.asarray(layered))
@@ -110,6 +124,16 @@ def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
     for other in found[1:]:
         for name in LAYER_NAMES:
             np.testing.assert_array_equal(found[0][name], other[name], err_msg=name)
+
+
+@pytest.mark.parametrize("camera", ["thin_lens", "double_gauss"])
+def test_one_lane_per_work_item_gives_the_same_layers(camera, monkeypatch):
+    eight = rptcam_cl.render(world(camera), spp=3, layers=LAYER_NAMES)
+    monkeypatch.setattr(Session, "lanes", 1)
+    one = rptcam_cl.render(world(camera), spp=3, layers=LAYER_NAMES, device=Session(choose_device(None)))
+    for name in LAYER_NAMES:
+        alike = np.isclose(one[name], eight[name], rtol=1e-5, atol=1e-5, equal_nan=True)
+        assert alike.mean() > 0.995, name  # rounding decides at the rims of lens and objects
 
 
 def test_layers_are_made_of_the_first_samples_alone():

@@ -66,6 +66,14 @@ def test_rays_are_measured_beside_numpy_and_the_peak(checkout: Path, tmp_path: P
     assert results["tracers"]["kernel, float32"]["wall"] > 0
 
 
+def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "bvh_build")
+    assert "wide nodes" in printed
+    for found in results:
+        assert found["seconds"]["all"]["wall"] > 0
+        assert found["quality"]["fill"] > 0.7
+
+
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
 @pytest.mark.skipif(find_llvm() is None, reason="no LLVM library for mitsuba's llvm variants")
 def test_both_renderers_do_the_same_work(checkout: Path, tmp_path: Path) -> None:

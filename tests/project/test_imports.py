@@ -30,6 +30,7 @@ ALLOWED: dict[str, set[str]] = {
     "cameras": GROUND | {"alias", "records", "scene", "optics"},
     "plan": GROUND | {"alias", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"},
     "lensview": FILES | {"optics"},
+    "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
 }

@@ -70,7 +70,7 @@ def long_render():
 
 
 RIM = "p.y * p.y <= surface->semi_diameter2"
-DEPTH = """#if !HAS_EMISSIVE
+DEPTH = """#if !HAS_LAMPS
     on = on & (path->edge < rules.max_edges);"""
 MIS = "weight = rival ? own2 / (own2 + other * other)"
 SELF = "F c = self ? ZERO : dot3(oc, oc) - r * r;"
@@ -126,7 +126,7 @@ MUTANTS = [
     Mutant("radiance not divided by n squared", "squeeze = reflects ? ONE : inverse * inverse",
            "squeeze = reflects ? ONE : inverse",
            lambda: furnaces.test_white_world_is_n_squared_as_bright_inside_glass(1.5)),
-    Mutant("no masking in GGX", "base / (1.0f + li + lo)", "base / (1.0f + li)",
+    Mutant("no masking in GGX", "half_density * wo.z / (wo.z * si + wi.z * so)", "half_density / (wi.z + si)",
            lambda: furnaces.test_rough_metal_reflects_what_single_scattering_leaves(1.0, 60)),
     Mutant("film adds without its rest", "F3 y = sub(value, s.rest);", "F3 y = add(value, s.rest);",
            long_render),

@@ -18,6 +18,7 @@ from rptcam_cl.scene.file_reference import FileReference
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Scene": (model.Scene,),
     "Film": (model.Film,),
+    "Filter": (model.FilmFilter,),
     "Pinhole camera": (model.PinholeCamera, "Pose"),
     "Environment camera": (model.EnvironmentCamera, "Pose"),
     "Thin-lens camera": (model.ThinLensCamera, "Pose"),
@@ -32,10 +33,17 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Focus": (model.Focus,),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
-    "Matte": (model.Matte,),
-    "Mirror": (model.Mirror,),
-    "Conductor": (model.Conductor,),
-    "Dielectric": (model.Dielectric,),
+    "Normal map": (model.NormalMap, "Every texture"),
+    "Attenuation": (model.dielectric.Attenuation,),
+    "Matte": (model.Matte, "Holes", "Normals"),
+    "Mirror": (model.Mirror, "Holes"),
+    "Conductor": (model.Conductor, "Holes", "Normals", "Roughness"),
+    "Optical constants": (model.OpticalConstants,),
+    "Dielectric": (model.Dielectric, "Holes", "Normals", "Roughness", "Absorption"),
+    "Thin glass": (model.ThinGlass, "Holes"),
+    "Plastic": (model.Plastic, "Holes", "Normals", "Roughness"),
+    "Principled": (model.Principled, "Holes", "Normals", "Absorption"),
+    "Mix": (model.Mix, "Holes"),
     "Emissive": (model.Emissive,),
     "Checker": (model.Checker, "Every texture"),
     "Grid": (model.Grid, "Every texture"),
@@ -71,10 +79,14 @@ BASES = {
     model.SceneObject,
     model.mesh_shape.MeshSource,
     model.texture.Pattern,
+    model.coverage.CoveringMaterial,
+    model.coverage.BumpyMaterial,
+    model.roughness.RoughMaterial,
+    model.dielectric.AbsorbingMaterial,
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "render", "picture"}
+IN_WORDS = {"film", "render", "picture", "filter", "radius_px"}
 FROM_CAMERA = {("Gradient environment", "up"), ("Image environment", "up"), ("IES light", "direction")}
 
 

@@ -7,10 +7,11 @@ __kernel void probe_camera(const __global Camera  *camera,
                            const __global float   *stop,
                            __global float         *out,        // [12][capacity]
                            uint                    capacity,   // slots
-                           Wave                    wave)
+                           Wave                    wave,
+                           const __global uint    *tiles)
 {
     uint slot = get_global_id(0) * VW;
-    Lane lane = lane_of(slot, wave);
+    Lane lane = lane_of(slot, wave, tiles);
     F4 u = random4(lane.pixel, lane.sample, (U)(0u), wave.seed);
     CameraRay ray = camera_ray(lane, u, camera, tables, surfaces, stop);
     STORE_F(out, slot, ray.o.x);

@@ -1,0 +1,65 @@
+"""``rptcam convert``: a scene file of another renderer becomes one of ours."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from rptcam_cl.cli.parser import Commands
+from rptcam_cl.errors import InputError
+
+SOURCES = (".pbrt", ".pbrt.gz")
+TARGETS = (".yaml", ".yml")
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "convert",
+        help="make a scene file from one of pbrt",
+        description="Make a scene file from one of pbrt-v3 or pbrt-v4. What is ignored or approximated is told line by "
+        "line; meshes and pictures go to folders beside the scene file.",
+    )
+    parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v3 or pbrt-v4")
+    parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
+    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _check_names(source: Path, target: Path) -> None:
+    from rptcam_cl.imaging.atomic import check_writable
+
+    if not source.name.lower().endswith(SOURCES):
+        hint = " (a mesh belongs into a scene as an object of shape mesh)" if source.suffix.lower() in _MESHES else ""
+        raise InputError(
+            f"{source}: only scenes of pbrt can be converted{hint} (got {source.suffix or 'no suffix'}; "
+            f"allowed: {', '.join(SOURCES)})"
+        )
+    if target.suffix.lower() not in TARGETS:
+        got = target.suffix or "no suffix"
+        raise InputError(f"{target}: a scene file is YAML (got {got}; allowed: {', '.join(TARGETS)})")
+    check_writable(target, [source])
+
+
+_MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.pbrt import convert_scene
+    from rptcam_cl.scene import load_scene
+
+    _check_names(arguments.source, arguments.target)
+    done = convert_scene(arguments.source, arguments.target)
+    done.write(arguments.target)
+    if not arguments.quiet:
+        for message in done.report:
+            print(message, file=sys.stderr)
+    try:
+        scene = load_scene(arguments.target)
+    except InputError as problem:
+        raise InputError(f"{arguments.source}: became a scene that cannot be used: {problem}") from None
+    if not arguments.quiet:
+        for text in scene.warnings:
+            print(f"warning: {text}", file=sys.stderr)
+        count = len(done.scene.get("objects", ()))
+        print(f"wrote {arguments.target}: {count} object{'' if count == 1 else 's'}", file=sys.stderr)
+    return 0

@@ -1,0 +1,97 @@
+"""Transparent materials: solids, smooth or rough, that may absorb, and thin panes."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, ClassVar, Literal, Self
+
+from pydantic import Field, model_validator
+
+from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
+from rptcam_cl.scene.quantities import NUMBER, Albedo, Colour, Radiance
+from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.scene.roughness import RoughMaterial
+
+Index = Annotated[float, Field(ge=0.2, le=5), NUMBER]
+
+# A rough surface whose index is nearer to 1 bends light by less than its facets' normals can be told from in float32.
+LEAST_BEND = 0.01
+
+# What a colour channel of 0 stands for after a finite way: it must have a logarithm.
+DARKEST = 1e-6
+
+
+class Attenuation(SceneModel):
+    """What a solid leaves of white light after a distance."""
+
+    color: Albedo
+    """Colour that is left; channels 0 to 1."""
+
+    distance_m: Annotated[float, Field(ge=1e-9, le=1e9), NUMBER]
+    """After which distance [m]."""
+
+
+class AbsorbingMaterial(SceneModel):
+    """A solid that may absorb light on its way inside (Beer and Lambert)."""
+
+    absorption_per_m: Radiance | None = None
+    """Absorption coefficient [1/m]; a colour."""
+
+    attenuation: Attenuation | None = None
+    """The same, as the colour that is left after a distance."""
+
+    @property
+    def absorption(self) -> Colour:
+        """Absorption coefficient per channel [1/m]."""
+        if self.absorption_per_m is not None:
+            return self.absorption_per_m
+        if self.attenuation is None:
+            return (0.0, 0.0, 0.0)
+        red, green, blue = (max(share, DARKEST) for share in self.attenuation.color)
+        distance = self.attenuation.distance_m
+        return (-math.log(red) / distance, -math.log(green) / distance, -math.log(blue) / distance)
+
+
+ABSORPTION = Alternatives(("absorption_per_m", "attenuation"), required=False)
+ROUGHNESS = Alternatives(("alpha", "roughness"), required=False)
+
+
+class Dielectric(RoughMaterial, AbsorbingMaterial, BumpyMaterial):
+    """A transparent solid such as glass; the normal points out of it. Smooth without `alpha` and `roughness`."""
+
+    kind: Literal["dielectric"]
+    """Kind of material."""
+
+    index: Index = 1.5
+    """Refractive index inside, relative to the outside."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (ROUGHNESS, ABSORPTION)
+
+    @model_validator(mode="after")
+    def _check_bend(self) -> Self:
+        if self.alphas is not None and abs(self.index - 1) < LEAST_BEND:
+            raise refuse(
+                "bends light too little for a rough surface", got=self.index, path=("index",),
+                allowed=f"1 +- {LEAST_BEND:g} or farther from 1; or a smooth surface",
+            )  # fmt: skip
+        return self
+
+
+class ThinGlass(CoveringMaterial):
+    """A pane or bubble too thin to shift light: both its faces, with all reflections between them."""
+
+    kind: Literal["thin_glass"]
+    """Kind of material."""
+
+    index: Index = 1.5
+    """Refractive index of the pane, relative to the outside."""
+
+    transmittance: Albedo = (1.0, 1.0, 1.0)
+    """Share of light that one way straight through the pane leaves; a colour of channels 0 to 1."""
+
+    @property
+    def depth(self) -> Colour:
+        """Optical depth per channel at normal incidence."""
+        red, green, blue = (-math.log(max(share, DARKEST)) for share in self.transmittance)
+        return (red, green, blue)

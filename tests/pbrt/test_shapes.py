@@ -1,0 +1,304 @@
+"""Shapes: exact where ours has them, meshes where they are parts, a report where they are neither."""
+
+import gzip
+import math
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl.errors import InputError
+
+Convert = Callable[..., Any]
+HEAD = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" WorldBegin LightSource "infinite"\n'
+CHECKER = 'Texture "c" "spectrum" "checkerboard" Material "diffuse" "texture reflectance" "c"\n'
+
+
+def mesh_of(done: Any, index: int = 0) -> Any:
+    (part,) = done.scene.objects[index].loaded.contents.parts
+    return part.mesh
+
+
+def area(mesh: Any) -> float:
+    a, b, c = (mesh.positions[mesh.faces[:, k]].astype(float) for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def test_sphere_keeps_centre_and_radius(convert: Convert) -> None:
+    (item,) = convert('Translate 1 2 3 Scale 2 2 -2 Rotate 10 1 2 3 Shape "sphere" "float radius" .75', HEAD).objects
+    assert item["center"] == [1, 2, 3]
+    assert item["radius"] == pytest.approx(1.5)
+
+
+def test_stretched_sphere_keeps_its_transform(convert: Convert) -> None:
+    (item,) = convert('Scale 1 2 3 Shape "sphere"', HEAD).scene.objects
+    assert item.radius == 1
+    np.testing.assert_array_equal(np.diag(item.world_from_object), [1, 2, 3, 1])
+
+
+def test_texture_of_a_sphere_runs_as_in_pbrt(convert: Convert) -> None:
+    """v of pbrt rises from the south pole; ours falls from the highest point of the sphere's own frame."""
+    (item,) = convert(CHECKER + 'Shape "sphere"', HEAD).scene.objects
+    south = item.world_from_object @ [0, 0, 1, 1]  # the highest point of our sphere, where v = 0
+    np.testing.assert_array_equal(south[:3], [0, 0, -1])
+    np.testing.assert_array_equal((item.world_from_object @ [1, 0, 0, 1])[:3], [1, 0, 0])  # where u = 0
+
+
+def test_cylinder_cone_and_disk_are_ours(convert: Convert) -> None:
+    text = (
+        'Shape "cylinder" "float radius" .5 "float zmin" -2 "float zmax" 3\n'
+        'Shape "cone" "float radius" .5 "float height" 2\nShape "disk" "float height" 4 "float radius" 2'
+    )
+    done = convert(text, HEAD)
+    cylinder, cone, disk = done.scene.objects
+    assert (cylinder.base, cylinder.top, cylinder.radius, cylinder.capped) == ((0, 0, -2), (0, 0, 3), 0.5, False)
+    assert (cone.base, cone.apex, cone.radius, cone.capped) == ((0, 0, 0), (0, 0, 2), 0.5, False)
+    assert (disk.center, disk.normal, disk.radius) == ((0, 0, 4), (0, 0, 1), 2)
+    assert done.report == []
+
+
+PARTS = {
+    'Shape "sphere" "float zmin" 0': 2 * math.pi,
+    'Shape "sphere" "float phimax" 90': math.pi,
+    'Shape "sphere" "float radius" 2 "float zmin" -1 "float zmax" 1.5 "float phimax" 180': math.pi * 2 * 2.5,
+    'Shape "disk" "float innerradius" .5': math.pi * 0.75,
+    'Shape "disk" "float phimax" 45': math.pi / 8,
+    'Shape "cylinder" "float phimax" 180': math.pi * 2,
+    'Shape "cone" "float phimax" 90': math.pi * math.sqrt(2) / 4,
+    'Shape "paraboloid" "float phimax" 360': math.pi / 6 * (5**1.5 - 1),
+    'Shape "hyperboloid" "point3 p1" [1 0 0] "point3 p2" [1 0 2]': 4 * math.pi,
+}
+
+
+@pytest.mark.parametrize("text", PARTS)
+def test_parts_are_meshes_of_the_same_area(convert: Convert, text: str) -> None:
+    done = convert(text, HEAD)
+    assert area(mesh_of(done)) == pytest.approx(PARTS[text], rel=2e-3)  # 128 sides of a circle
+    assert done.says("in.pbrt:2: approximated: Shape", "a mesh of")
+
+
+@pytest.mark.parametrize("text", ['Shape "sphere" "float zmin" -.9', 'Shape "cylinder" "float phimax" 359'])
+def test_parts_face_outwards(convert: Convert, text: str) -> None:
+    mesh = mesh_of(convert('AreaLightSource "diffuse" ' + text, HEAD))
+    a, b, c = (mesh.positions[mesh.faces[:, k]].astype(float) for k in range(3))
+    middle = (a + b + c) / 3 + mesh.origin
+    middle[:, 2] *= text.startswith('Shape "sphere"')
+    assert ((np.cross(b - a, c - a) * middle).sum(axis=1) > 0).all()
+    assert ((mesh.normals[mesh.faces[:, 0]] * middle).sum(axis=1) > 0).all()
+
+
+def test_reversed_lamps_shine_inwards(convert: Convert) -> None:
+    done = convert('ReverseOrientation AreaLightSource "diffuse" Shape "sphere" Shape "disk"', HEAD)
+    mesh = mesh_of(done)
+    centre = mesh.positions[mesh.faces].mean(axis=1) + mesh.origin
+    a, b, c = (mesh.positions[mesh.faces[:, k]] for k in range(3))
+    assert ((np.cross(b - a, c - a) * centre).sum(axis=1) < 0).all()
+    assert done.objects[1]["normal"] == [0, 0, -1]
+    both = convert('ReverseOrientation AreaLightSource "diffuse" "bool twosided" true Shape "sphere"', HEAD)
+    assert both.objects[0]["shape"] == "sphere"
+
+
+QUAD = '"point3 P" [0 0 0  2 0 0  2 3 0  0 3 0] "integer indices" [0 1 2 0 2 3]'
+QUAD_UV = '"point2 uv" [0 0 1 0 1 1 0 1]'
+
+
+def test_two_triangles_of_a_parallelogram_are_a_rectangle(convert: Convert) -> None:
+    (item,) = convert(f'Shape "trianglemesh" {QUAD}', HEAD).objects
+    assert (item["corner"], item["edge_u"], item["edge_v"]) == ([0, 0, 0], [2, 0, 0], [0, 3, 0])
+
+
+@pytest.mark.parametrize(
+    ("shape", "kind"),
+    [
+        (f"{QUAD} {QUAD_UV}", "rectangle"),
+        (QUAD, "mesh"),  # a texture without coordinates
+        (f'{QUAD} "point2 uv" [0 0 2 0 2 2 0 2]', "mesh"),
+        (QUAD.replace("2 3 0", "2 3.1 0") + QUAD_UV, "mesh"),
+        (QUAD.replace("0 2 3]", "0 3 2]") + QUAD_UV, "mesh"),  # one face turned over
+    ],
+)
+def test_textured_rectangles_need_the_corners_of_a_texture(convert: Convert, shape: str, kind: str) -> None:
+    (item,) = convert(CHECKER + f'Shape "trianglemesh" {shape}', HEAD).objects
+    assert item["shape"] == kind
+
+
+@pytest.mark.parametrize("start", range(4))
+def test_rectangles_begin_where_the_texture_does(convert: Convert, start: int) -> None:
+    uv = np.roll([[0, 0], [1, 0], [1, 1], [0, 1]], start, axis=0).reshape(-1)
+    text = CHECKER + f'Shape "trianglemesh" {QUAD} "point2 uv" [{" ".join(map(str, uv))}]'
+    (item,) = convert(text, HEAD).objects
+    assert item["shape"] == "rectangle"
+    assert item["corner"] == [[0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]][start]
+
+
+def test_bilinear_patch_that_is_flat_is_a_rectangle(convert: Convert) -> None:
+    text = 'Shape "bilinearmesh" "point3 P" [0 0 0  2 0 0  0 3 0  2 3 0]'
+    (item,) = convert(CHECKER + text, HEAD).objects
+    assert (item["corner"], item["edge_u"], item["edge_v"]) == ([0, 0, 0], [2, 0, 0], [0, 3, 0])
+
+
+def test_bilinear_patch_that_is_not_flat_is_cut_into_cells(convert: Convert) -> None:
+    done = convert('Shape "bilinearmesh" "point3 P" [0 0 0  1 0 0  0 1 0  1 1 1]', HEAD)
+    mesh = mesh_of(done)
+    assert len(mesh.faces) == 128
+    x, y, z = (mesh.positions + mesh.origin).T
+    np.testing.assert_allclose(z, x * y, atol=1e-6)
+    assert done.says("8 x 8 cells")
+
+
+def test_control_mesh_of_a_subdivision_surface(convert: Convert) -> None:
+    text = (
+        'Shape "loopsubdiv" "integer levels" 4 "integer indices" [0 1 2 0 2 3 0 3 1 1 3 2] '
+        '"point3 P" [0 0 0  1 0 0  0 1 0  0 0 1]'
+    )
+    done = convert(text, HEAD)
+    assert len(mesh_of(done).faces) == 4
+    assert mesh_of(done).normals is not None
+    assert done.says("control mesh with smooth normals, not subdivided 4 times")
+
+
+def test_large_meshes_go_to_a_file_beside_the_scene(convert: Convert) -> None:
+    rng = np.random.default_rng(3)
+    points, faces = rng.random((120, 3)), rng.integers(0, 120, (300, 3))
+    faces = faces[(np.diff(np.sort(faces, axis=1), axis=1) > 0).all(axis=1)]
+    flat = [" ".join(map(str, values.reshape(-1).tolist())) for values in (points, faces, points[:, :2])]
+    text = 'Shape "trianglemesh" "point3 P" [{}] "integer indices" [{}] "point2 uv" [{}]'.format(*flat)
+    done = convert("Translate 1 2 3 " + text, HEAD)
+    assert done.objects[0]["file"] == "out_meshes/trianglemesh-2.ply"
+    mesh = mesh_of(done)
+    got = np.sort((mesh.positions + mesh.origin)[mesh.faces].reshape(-1, 9).round(3), axis=0)
+    np.testing.assert_allclose(
+        got, np.sort(np.add(points, [1, 2, 3])[faces].reshape(-1, 9).round(3), axis=0), atol=2e-3
+    )
+    np.testing.assert_allclose(mesh.uvs, (mesh.positions + mesh.origin - [1, 2, 3])[:, :2], atol=1e-5)
+
+
+def test_meshes_of_a_material_become_one_where_a_scene_file_holds_no_more(convert: Convert) -> None:
+    rng = np.random.default_rng(4)
+    text, expected = "", {"diffuse": [], "mirror": []}
+    for index in range(2400):
+        kind = "mirror" if index % 3 else "diffuse"
+        points = rng.random((3, 3)).round(4)
+        expected[kind].append(points.mean(axis=0))
+        text += f'Material "{kind}" Shape "trianglemesh" "point3 P" [{" ".join(map(str, points.reshape(-1)))}]\n'
+    done = convert(text + 'Shape "sphere"', HEAD)
+    assert [item["material"] for item in done.objects] == ["diffuse", "mirror", "mirror"]
+    assert done.says("in.pbrt:2: note: 800 meshes of diffuse became one")
+    for index, kind in enumerate(expected):
+        mesh = mesh_of(done, index)
+        middles = mesh.positions[mesh.faces].mean(axis=1) + mesh.origin
+        np.testing.assert_allclose(np.sort(middles, axis=0), np.sort(expected[kind], axis=0), atol=1e-6)
+
+
+PLY = (
+    "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
+    "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+)
+
+
+def test_ply_files_inside_the_folder_are_referenced(convert: Convert) -> None:
+    done = convert('Translate 0 0 1 Shape "plymesh" "string filename" "sub/a.ply"', HEAD, **{"sub/a.ply": PLY})
+    assert done.objects[0]["file"] == "sub/a.ply"
+    assert done.scene.objects[0].world_from_object[2, 3] == 1
+
+
+def test_ply_files_elsewhere_are_copied(convert: Convert, tmp_path: Any) -> None:
+    (tmp_path.parent / "far.ply").write_text(PLY)
+    done = convert('Shape "plymesh" "string filename" "../far.ply"\n' * 2, HEAD)
+    assert [item["file"] for item in done.objects] == ["out_files/far.ply"] * 2
+    assert (tmp_path / "out_files" / "far.ply").read_text() == PLY
+    assert done.says("in.pbrt:2: note: far.ply: copied")
+
+
+def test_new_files_never_take_the_place_of_files_of_the_scene(convert: Convert, tmp_path: Any) -> None:
+    (tmp_path.parent / "same.ply").write_text(PLY)
+    names = ["out_files/same.ply", "../same.ply"]
+    texts = [f'Shape "plymesh" "string filename" "{name}"\n' for name in names]
+    done = convert("".join(texts), HEAD, **{"out_files/same.ply": PLY + "\n"})
+    assert [item["file"] for item in done.objects] == ["out_files/same.ply", "out_files/same-2.ply"]
+    with pytest.raises(InputError, match="where a new file goes"):
+        convert("".join(reversed(texts)), HEAD)
+
+
+def test_packed_ply_files_are_unpacked(convert: Convert) -> None:
+    files = {"a.ply.gz": gzip.compress(PLY.encode())}
+    done = convert('Shape "plymesh" "string filename" "a.ply.gz"', HEAD, **files)
+    assert done.objects[0]["file"] == "out_files/a.ply"
+
+
+GLASS = 'Material "dielectric"\n'
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize(
+    ("text", "normal", "front"),
+    [("", None, 1), ("ReverseOrientation ", None, -1), ("", 1, 1), ("", -1, -1), ("ReverseOrientation ", -1, 1)],
+)
+def test_glass_of_ply_files_faces_as_in_pbrt(
+    convert: Convert, text: str, normal: int | None, front: int, packed: bool
+) -> None:
+    content = PLY
+    if normal is not None:
+        names = "".join(f"property float {name}\n" for name in ("nx", "ny", "nz"))
+        content = content.replace("element face", names + "element face")
+        for row in ("0 0 0", "1 0 0", "0 1 0"):
+            content = content.replace(f"\n{row}\n", f"\n{row} 0 0 {normal}\n")
+    name = "a.ply.gz" if packed else "a.ply"
+    files = {name: gzip.compress(content.encode()) if packed else content}
+    done = convert(f'{text}{GLASS}Translate 0 0 2 Shape "plymesh" "string filename" "{name}"', HEAD, **files)
+    mesh = mesh_of(done)
+    a, b, c = mesh.positions[mesh.faces[0]]
+    assert np.sign(np.cross(b - a, c - a)[2]) == front
+    assert done.scene.objects[0].world_from_object[2, 3] == 2
+    changed = bool(text) or normal == -1
+    assert done.says("written anew with its front where pbrt has it") == changed
+    if not packed and not changed:
+        assert done.objects[0]["file"] == "a.ply"
+
+
+def test_power_of_a_lamp_in_a_ply_file_is_that_of_each_triangle(convert: Convert) -> None:
+    text = 'AreaLightSource "diffuse" "float power" 60 Scale 2 2 2 Shape "plymesh" "string filename" "a.ply"'
+    done = convert(text, HEAD, **{"a.ply": PLY})
+    np.testing.assert_allclose(done.material()["radiance"], 60 / (math.pi * 2))
+
+
+def test_shapes_that_ours_lacks_are_reported(convert: Convert) -> None:
+    done = convert('Shape "curve" "point3 P" [0 0 0 1 1 1 2 2 2 3 3 3]\nShape "curve" "float width" 1', HEAD)
+    assert done.objects == []
+    assert done.says('in.pbrt:2: ignored: Shape "curve"', "(also on 3)")
+
+
+def test_triangles_without_area_are_left_out(convert: Convert) -> None:
+    points = '"point3 P" [0 0 0  1 0 0  0 1 0  2 0 0]'
+    done = convert(f'Shape "trianglemesh" {points} "integer indices" [0 1 2 0 1 3 1 1 2]', HEAD)
+    assert len(done.objects[0]["faces"]) == 1
+    assert done.says("2 triangles without area")
+    done = convert(f'Shape "trianglemesh" {points} "integer indices" [0 1 3]', HEAD)
+    assert done.objects == []
+    assert done.says("has no faces of any area")
+
+
+BAD = {
+    'Shape "teapot"': 'unknown shape "teapot" (allowed: sphere',
+    'Shape "sphere" "float radius" 0': '"radius" must be above 0 (got 0)',
+    'Shape "sphere" "float phimax" 0': "phimax must lie between 0 and 360",
+    'Shape "trianglemesh"': 'needs vertices, "point3 P"',
+    'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0 1 1 1]': 'needs "integer indices"',
+    'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 3]': "whole numbers from 0 to 2",
+    'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1 -1]': "whole numbers from 0 to 2",
+    'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "integer indices" [0 1]': "not a multiple of 3",
+    'Shape "trianglemesh" "point3 P" [0 0 0 1 0 0 0 1 0] "point2 uv" [0 0]': "uv has 1 entries, P has 3",
+    'Shape "plymesh"': 'needs a parameter "string filename"',
+    'Shape "plymesh" "string filename" "no.ply"': "no such file",
+    GLASS + 'Shape "plymesh" "string filename" "bad.ply"': "in.pbrt:3:17: ",
+    'ObjectInstance "x"': 'no object is named "x"',
+    'Scale 1e-200 1e-200 1e200 Shape "sphere"': "cannot be inverted",
+}
+
+
+@pytest.mark.parametrize("text", BAD)
+def test_bad_shapes_are_told(convert: Convert, text: str) -> None:
+    with pytest.raises(InputError, match=r"in\.pbrt:[23]:") as problem:
+        convert(text, HEAD, **{"bad.ply": "no mesh"})
+    assert BAD[text] in str(problem.value)
