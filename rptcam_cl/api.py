@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from rptcam_cl import optics
 from rptcam_cl._version import __version__
@@ -15,7 +18,9 @@ from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, o
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
 from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.scene.sampling import ADAPTIVE_SPP
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -51,6 +56,9 @@ def render(
     crop: tuple[float, float, float, float] | None = None,
     layers: Sequence[str] | None = None,
     denoise: bool = False,
+    noise: float | None = None,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
     device: str | Session | None = None,
     wave_size: int | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
@@ -72,6 +80,14 @@ def render(
         Auxiliary layers to record, in place of the scene's: ``["depth", "normal"]``; see docs/layers.md.
     denoise
         Whether to remove the noise that is left, which makes the picture biased; needs the extra ``denoise``.
+    noise
+        Relative standard error at which a tile of 8 x 8 pixels is done, in place of the scene's; without ``spp``, up to
+        16384 samples per pixel. See docs/scene.md.
+    checkpoint
+        File to keep the state of the render in: every minute, and when ``should_stop`` ends it.
+    resume
+        Whether to go on from the checkpoint, if it is there, and to leave it at the end, so that a later call can add
+        samples. Otherwise a render that comes to its end removes it.
     device
         As ``--device`` on the command line, or a session to reuse; see `choose_device`.
     wave_size
@@ -87,14 +103,18 @@ def render(
         Something in the scene or the arguments is wrong.
     DeviceError
         No device fits, or a kernel failed.
+    StateError
+        The checkpoint is damaged, of another render, or cannot be written.
     """
     begun = time.perf_counter()
-    scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers)
+    scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers, noise)
     wanted = scene.render.layers
     if denoise:
         check_denoiser()
         scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*wanted, *GUIDES)))})
     session = device if isinstance(device, Session) else open_session(device)
+    saver = None if checkpoint is None else Saver(checkpoint, scene, session.info.name)
+    saved = saver.load() if saver is not None and resume else None
     plan = make_plan(scene)
     started = time.perf_counter()
     if on_progress is not None:
@@ -104,9 +124,12 @@ def render(
     compiled = time.perf_counter()
     rendering = render_plan(
         wavefront,
-        spp=None if seconds is not None and spp is None else scene.render.spp,
+        spp=_limit(scene, spp, seconds, noise),
         seconds=seconds,
         has_lens=plan.camera.has_lens,
+        noise=scene.render.noise,
+        saved=saved,
+        save=None if saver is None else saver.save_now_and_then,
         on_progress=on_progress,
         should_stop=should_stop,
     )
@@ -118,9 +141,24 @@ def render(
     }
     metadata = _metadata(scene, rendering, plan, session.info)
     stats = _stats(rendering, wavefront, plan, session.info, times)
+    if saver is not None:
+        stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
+        metadata["device"] = saver.devices
+    if "clamp" in stats:
+        limit, share = stats["clamp"].values()
+        metadata["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     image = Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
     return replace(image.denoised(), layers={name: image[name] for name in wanted}) if denoise else image
+
+
+def _limit(scene: Scene, spp: int | None, seconds: float | None, noise: float | None) -> int | None:
+    """Return the most samples of a pixel: those given beside a time or a noise target given here, or the scene's."""
+    if spp is not None:
+        return spp
+    if noise is not None:
+        return ADAPTIVE_SPP
+    return None if seconds is not None else scene.render.most_spp
 
 
 def _adjusted(
@@ -130,8 +168,9 @@ def _adjusted(
     size: tuple[int, int] | None,
     crop: tuple[float, float, float, float] | None,
     layers: Sequence[str] | None,
+    noise: float | None,
 ) -> Scene:
-    settings = {"spp": spp, "seed": seed, "layers": layers}
+    settings = {"spp": spp, "seed": seed, "layers": layers, "noise": noise}
     film = {"resolution": size, "crop": crop}
     return change_scene(
         scene,
@@ -143,12 +182,11 @@ def _adjusted(
 def _stats(
     rendering: Rendering, wavefront: Wavefront, plan: Plan, device: DeviceInfo, times: dict[str, float]
 ) -> dict[str, Any]:
-    samples = rendering.spp * wavefront.layout.samples_per_spp
     stats: dict[str, Any] = {
-        "samples": samples,
+        "samples": int(rendering.samples.sum(dtype=np.uint64)),
         "spp": rendering.spp,
         "seconds": times,
-        "msamples_per_second": samples / max(rendering.seconds, 1e-9) / 1e6,
+        "msamples_per_second": rendering.new_samples / max(rendering.seconds, 1e-9) / 1e6,
         "device": device.name,
         "wave_size": wavefront.capacity,
         "not_finite": wavefront.not_finite(),
@@ -156,6 +194,15 @@ def _stats(
     }
     if plan.camera.has_lens:
         stats["lens"] = wavefront.outcomes()
+    if wavefront.settings.clamp is not None:
+        stats["clamp"] = {"limit": wavefront.settings.clamp, "removed_share": wavefront.removed_share()}
+    if rendering.noise is not None:
+        stats["noise"] = asdict(rendering.noise) | {
+            "spp_min": int(rendering.samples.min()),
+            "spp_mean": float(rendering.samples.mean()),
+        }
+    if rendering.resumed_from:
+        stats["resumed_from"] = rendering.resumed_from
     return stats
 
 

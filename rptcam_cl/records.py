@@ -178,14 +178,20 @@ EMITTER = Record(
         ("float4", "v"),
         ("float4", "normal"),  # or the direction towards a light at infinity, or of the axis of a spot or profile
         ("float4", "radiance"),  # radiance, intensity or irradiance
+        (
+            "float4",
+            "uv",
+        ),  # texture coordinates at the corner; z: handedness of a sphere, whose u and v are axes x and z
+        ("float4", "uv_x"),  # and how they change along u and v
+        ("float4", "uv_y"),
         ("int", "kind"),
         ("int", "primitive"),
         ("int", "two_sided"),
         ("float", "pick"),  # probability of being picked
-        ("float", "alias_keep"),
-        ("int", "alias_other"),
         ("int", "part"),  # triangle of the primitive, or -1
-        ("int", "texture"),  # index of the picture of a profile's intensities
+        ("int", "texture"),  # index of the texture of the radiance or of a profile's intensities, or -1
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
     ),
 )
 

@@ -91,6 +91,12 @@ typedef uint16  U;
 #endif
 
 #ifdef CLANG_AVX2
+#define IN_PLACE          __attribute__((always_inline))   // what a loop must not call with wide vectors
+#else
+#define IN_PLACE
+#endif
+
+#ifdef CLANG_AVX2
 #define LOWEST_BIT(bits)  ((uint)__builtin_ctz(bits))      // OpenCL C 1.2 has clz alone
 #else
 #define LOWEST_BIT(bits)  (31u - clz((bits) & (0u - (bits))))

@@ -1,6 +1,6 @@
-// One ray against a tree of wide nodes: BVH_WIDTH boxes, and as many triangles of a leaf, at once in a vector. A node is
+// One ray against a tree of wide nodes: BVH_WIDTH boxes, or LEAF_WIDTH triangles of a leaf, at once in a vector. A node is
 // BVH_WIDTH columns of min x y z, max x y z and child: >= 0 another node, < 0 the block ~child; boxes of missing children
-// are inside out. A block is BVH_WIDTH columns of three corners and the triangle's index, all zero where there is none.
+// are inside out. A block is LEAF_WIDTH columns of three corners and the triangle's index, all zero where there is none.
 //
 // Box test: Ize, «Robust BVH ray traversal», JCGT 2(2) 2013: the far side is moved out by the rounding of the distances,
 // so that no ray slips between two boxes. Triangle test: Woop, Benthin, Wald, «Watertight ray/triangle intersection», JCGT
@@ -9,39 +9,52 @@
 #define BVH_H
 #include "common/width.h"
 
-#if BVH_WIDTH == 8
-typedef float8 Row;
-typedef int8   RowMask;
-#define LOAD_ROW(p)     vload8(0, p)
-#define ROW_OF_INTS(v)  as_int8(v)
-#ifdef CLANG_AVX2
-#define ROW_BITS(m)     ((uint)__builtin_ia32_movmskps256(as_float8(m)))
+// Vectors of a node and of a block, and which of their comparisons hold, as bits.
+#define JOINED(a, b)      a##b
+#define SIZED(name, n)    JOINED(name, n)
+typedef SIZED(float, BVH_WIDTH)   Row;
+typedef SIZED(int, BVH_WIDTH)     RowMask;
+typedef SIZED(float, LEAF_WIDTH)  Block;
+typedef SIZED(int, LEAF_WIDTH)    BlockMask;
+#ifdef CLANG_AVX2                       // PoCL's vload16 takes four steps
+typedef Row   __attribute__((aligned(4))) RowAnywhere;
+typedef Block __attribute__((aligned(4))) BlockAnywhere;
+#define LOAD_ROW(p)       (*(const __global RowAnywhere *)(p))
+#define LOAD_BLOCK(p)     (*(const __global BlockAnywhere *)(p))
 #else
-static uint row_bits(int8 m)
-{
-    int8 b = m & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
-    int4 c = b.lo | b.hi;
-    int2 e = c.lo | c.hi;
-    return (uint)(e.x | e.y);
-}
-#define ROW_BITS(m)     row_bits(m)
+#define LOAD_ROW(p)       SIZED(vload, BVH_WIDTH)(0, p)
+#define LOAD_BLOCK(p)     SIZED(vload, LEAF_WIDTH)(0, p)
 #endif
-#else
-typedef float4 Row;
-typedef int4   RowMask;
-#define LOAD_ROW(p)     vload4(0, p)
-#define ROW_OF_INTS(v)  as_int4(v)
-static uint row_bits(int4 m)
+#define ROW_BITS(m)       SIZED(bits_of_, BVH_WIDTH)(m)
+#define BLOCK_BITS(m)     SIZED(bits_of_, LEAF_WIDTH)(m)
+
+static uint bits_of_4(int4 m)
 {
     int4 b = m & (int4)(1, 2, 4, 8);
     int2 e = b.lo | b.hi;
     return (uint)(e.x | e.y);
 }
-#define ROW_BITS(m)     row_bits(m)
+
+static uint bits_of_8(int8 m)
+{
+#ifdef CLANG_AVX2
+    return (uint)__builtin_ia32_movmskps256(as_float8(m));
+#else
+    return bits_of_4(m.lo) | (bits_of_4(m.hi) << 4);
 #endif
+}
+
+static uint bits_of_16(int16 m)
+{
+#ifdef CLANG_AVX512
+    return (uint)(ushort)__builtin_ia32_cvtd2mask512(m);
+#else
+    return bits_of_8(m.lo) | (bits_of_8(m.hi) << 8);
+#endif
+}
 
 #define NODE_FLOATS   (7 * BVH_WIDTH)
-#define BLOCK_FLOATS  (10 * BVH_WIDTH)
+#define BLOCK_FLOATS  (10 * LEAF_WIDTH)
 #define FAR_PAD       1.0000004f      // 1 + 2 gamma(3), rounded up
 
 // A ray made ready: signed inverse direction, which side of a box is near, and the shear that turns it into the z axis.
@@ -73,9 +86,9 @@ static BoxRay box_ray(float ox, float oy, float oz, float dx, float dy, float dz
     float ax = fabs(dx), ay = fabs(dy), az = fabs(dz);
     int z_leads = az >= ax && az >= ay;
     int x_leads = !z_leads && ax >= ay;
-    r.row_z = (z_leads ? 2u : (x_leads ? 0u : 1u)) * BVH_WIDTH;
-    r.row_x = (z_leads ? 0u : (x_leads ? 1u : 2u)) * BVH_WIDTH;
-    r.row_y = (z_leads ? 1u : (x_leads ? 2u : 0u)) * BVH_WIDTH;
+    r.row_z = (z_leads ? 2u : (x_leads ? 0u : 1u)) * LEAF_WIDTH;
+    r.row_x = (z_leads ? 0u : (x_leads ? 1u : 2u)) * LEAF_WIDTH;
+    r.row_y = (z_leads ? 1u : (x_leads ? 2u : 0u)) * LEAF_WIDTH;
     r.pz = z_leads ? oz : (x_leads ? ox : oy);
     r.px = z_leads ? ox : (x_leads ? oy : oz);
     r.py = z_leads ? oy : (x_leads ? oz : ox);
@@ -86,71 +99,39 @@ static BoxRay box_ray(float ox, float oy, float oz, float dx, float dy, float dz
 }
 
 // Bits of the triangles of a block that the ray meets before `reach`; distances and weights of all of them.
-static uint hit_triangles(const __global float *block, BoxRay r, float reach, Row *distance, Row *b1, Row *b2)
+IN_PLACE static uint hit_triangles(const __global float *block, BoxRay r, float reach, Block *distance, Block *b1,
+                                   Block *b2)
 {
 #pragma OPENCL FP_CONTRACT OFF
     const __global float *x = block + r.row_x;
     const __global float *y = block + r.row_y;
     const __global float *z = block + r.row_z;
-    Row az = LOAD_ROW(z) - r.pz;
-    Row bz = LOAD_ROW(z + 3 * BVH_WIDTH) - r.pz;
-    Row cz = LOAD_ROW(z + 6 * BVH_WIDTH) - r.pz;
-    Row ax = LOAD_ROW(x) - r.px - r.sx * az;
-    Row ay = LOAD_ROW(y) - r.py - r.sy * az;
-    Row bx = LOAD_ROW(x + 3 * BVH_WIDTH) - r.px - r.sx * bz;
-    Row by = LOAD_ROW(y + 3 * BVH_WIDTH) - r.py - r.sy * bz;
-    Row cx = LOAD_ROW(x + 6 * BVH_WIDTH) - r.px - r.sx * cz;
-    Row cy = LOAD_ROW(y + 6 * BVH_WIDTH) - r.py - r.sy * cz;
-    Row u = cx * by - cy * bx;
-    Row v = ax * cy - ay * cx;
-    Row w = bx * ay - by * ax;
-    RowMask inside = ((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f));
-    if (ROW_BITS(inside) == 0u)
+    Block az = LOAD_BLOCK(z) - r.pz;
+    Block bz = LOAD_BLOCK(z + 3 * LEAF_WIDTH) - r.pz;
+    Block cz = LOAD_BLOCK(z + 6 * LEAF_WIDTH) - r.pz;
+    Block ax = LOAD_BLOCK(x) - r.px - r.sx * az;
+    Block ay = LOAD_BLOCK(y) - r.py - r.sy * az;
+    Block bx = LOAD_BLOCK(x + 3 * LEAF_WIDTH) - r.px - r.sx * bz;
+    Block by = LOAD_BLOCK(y + 3 * LEAF_WIDTH) - r.py - r.sy * bz;
+    Block cx = LOAD_BLOCK(x + 6 * LEAF_WIDTH) - r.px - r.sx * cz;
+    Block cy = LOAD_BLOCK(y + 6 * LEAF_WIDTH) - r.py - r.sy * cz;
+    Block u = cx * by - cy * bx;
+    Block v = ax * cy - ay * cx;
+    Block w = bx * ay - by * ax;
+    BlockMask inside = ((u >= 0.0f) & (v >= 0.0f) & (w >= 0.0f)) | ((u <= 0.0f) & (v <= 0.0f) & (w <= 0.0f));
+    if (BLOCK_BITS(inside) == 0u)
         return 0u;
-    Row det = u + v + w;
-    Row inverse = 1.0f / det;
-    Row t = (u * az + v * bz + w * cz) * r.sz * inverse;
+    Block det = u + v + w;
+    Block inverse = 1.0f / det;
+    Block t = (u * az + v * bz + w * cz) * r.sz * inverse;
     *distance = t;
     *b1 = v * inverse;
     *b2 = w * inverse;
-    return ROW_BITS(inside & (det != 0.0f) & (t > 0.0f) & (t < reach));
-}
-
-// Lowers `hit` to the nearest triangle of a block but `self`; whether there is one.
-static int hit_block(const __global float *block, BoxRay r, int self, TriangleHit *hit)
-{
-    Row t, b1, b2;
-    const __global int *index = (const __global int *)(block + 9 * BVH_WIDTH);
-    int found = 0;
-    for (uint bits = hit_triangles(block, r, hit->t, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
-        uint k = LOWEST_BIT(bits);
-        float tk = ((const float *)&t)[k];
-        if (tk < hit->t && index[k] != self) {
-            hit->t = tk;
-            hit->b1 = ((const float *)&b1)[k];
-            hit->b2 = ((const float *)&b2)[k];
-            hit->triangle = index[k];
-            found = 1;
-        }
-    }
-    return found;
-}
-
-// Whether a block holds a triangle before `reach` other than `self` and `target`.
-static int block_blocks(const __global float *block, BoxRay r, int self, int target, float reach)
-{
-    Row t, b1, b2;
-    const __global int *index = (const __global int *)(block + 9 * BVH_WIDTH);
-    for (uint bits = hit_triangles(block, r, reach, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
-        int triangle = index[LOWEST_BIT(bits)];
-        if (triangle != self && triangle != target)
-            return 1;
-    }
-    return 0;
+    return BLOCK_BITS(inside & (det != 0.0f) & (t > 0.0f) & (t < reach));
 }
 
 // Bits of the children of a node that the ray meets before `reach`; where it enters them through *enter.
-static uint hit_boxes(const __global float *node, BoxRay r, float reach, Row *enter)
+IN_PLACE static uint hit_boxes(const __global float *node, BoxRay r, float reach, Row *enter)
 {
     Row x = (LOAD_ROW(node + r.near_x) - r.ox) * r.ix;
     Row y = (LOAD_ROW(node + r.near_y) - r.oy) * r.iy;

@@ -1,17 +1,26 @@
 // The film: per pixel a Kahan sum of samples added in their order, so that it depends neither on the wave size nor on the
 // number of samples (a float sum stops growing at 2^24 samples). A sample that is not finite is dropped and counted behind
-// the rays by status.
+// the rays by status. A limit scales brighter samples down, which is biased; how much that took is kept.
+// Fact: CLAMP, the bits of the limit as a float, or 0 for none.
 #ifndef FILM_H
 #define FILM_H
 #include "common/math.h"
 
-typedef struct { F3 sum, rest; } PixelSum;
+typedef struct {
+    F3 sum, rest;
+#if CLAMP
+    F  removed;     // of the mean of the channels; a plain sum, as it is for the statistics alone
+#endif
+} PixelSum;
 
 static PixelSum read_pixels(__global const float *sums, uint pixel, uint pixels)
 {
     PixelSum s;
     s.sum = f3(LOAD_F(sums, pixel), LOAD_F(sums + pixels, pixel), LOAD_F(sums + 2 * pixels, pixel));
     s.rest = f3(LOAD_F(sums + 3 * pixels, pixel), LOAD_F(sums + 4 * pixels, pixel), LOAD_F(sums + 5 * pixels, pixel));
+#if CLAMP
+    s.removed = LOAD_F(sums + 6 * pixels, pixel);
+#endif
     return s;
 }
 
@@ -23,6 +32,9 @@ static void write_pixels(__global float *sums, uint pixel, uint pixels, PixelSum
     STORE_F(sums + 3 * pixels, pixel, s.rest.x);
     STORE_F(sums + 4 * pixels, pixel, s.rest.y);
     STORE_F(sums + 5 * pixels, pixel, s.rest.z);
+#if CLAMP
+    STORE_F(sums + 6 * pixels, pixel, s.removed);
+#endif
 }
 
 static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *counters)
@@ -32,6 +44,15 @@ static PixelSum add_sample(PixelSum s, I lanes, F3 value, __global uint *counter
         atomic_add(counters + RAY_STATUS_COUNT, COUNT(bad));
         lanes = lanes & NOT(bad);
     }
+#if CLAMP
+    F most = max3(f3(absolute(value.x), absolute(value.y), absolute(value.z)));
+    I bright = lanes & (most > as_float(CLAMP));
+    if (ANY(bright)) {
+        F keep = bright ? as_float(CLAMP) / most : ONE;
+        s.removed += bright ? (1.0f - keep) * (absolute(value.x) + absolute(value.y) + absolute(value.z)) / 3.0f : ZERO;
+        value = scale(value, keep);
+    }
+#endif
     F3 y = sub(value, s.rest);
     F3 t = add(s.sum, y);
     s.rest = select3(lanes, sub(sub(t, s.sum), y), s.rest);

@@ -1,4 +1,4 @@
-// Next-event estimation: one emitter per vertex, picked by power from an alias table, one direction towards it.
+// Next-event estimation: one emitter per vertex, picked by power, one direction towards it.
 // Rectangles, parallelograms and disks are sampled by area, spheres by the cone that they subtend (stable for small
 // angles: 1 - cos is never formed by subtraction) and suns likewise, points and directional lights exactly, a picture of the
 // environment by its brightness.
@@ -6,7 +6,9 @@
 #define EMITTERS_H
 #include "common/scene.h"
 #include "geometry/hit.h"
+#include "light/curve.h"
 #include "light/environment.h"
+#include "light/painted.h"
 #include "light/point.h"
 
 typedef struct {
@@ -22,14 +24,6 @@ typedef struct {
 #define OF_EMITTER(T, member) ((T)(es->member))
 #else
 #define OF_EMITTER(T, member) GATHER(T, es, e, .member)
-
-static I pick_emitter(const __global Emitter *es, int count, F u)
-{
-    F scaled = u * (float)count;
-    I i = MIN(TO_I(scaled), (I)(count - 1));
-    F rest = scaled - TO_F(i);
-    return rest < GATHER(F, es, i, .alias_keep) ? i : GATHER(I, es, i, .alias_other);
-}
 #endif
 
 static F3 gather_a(const __global Emitter *es, I e)
@@ -65,7 +59,8 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 #if ONE_EMITTER
     I e = FALSE;
 #else
-    I e = pick_emitter(es, scene.emitter_count, pick_u);
+    F place;
+    I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &place);
 #endif
     I kind = OF_EMITTER(I, kind);
     F pick = OF_EMITTER(F, pick);
@@ -148,6 +143,16 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 #endif
         s.pdf = outside ? density : s.pdf;
         weight = outside ? ONE / density : weight;
+    }
+#endif
+#if EMITTER_TEXTURES
+    I painted = (OF_EMITTER(I, texture) >= 0) & (s.primitive >= 0) & (weight > 0.0f);
+    if (ANY(painted)) {
+#if !EMITTER_FLATS
+        F x = ZERO, y = ZERO;
+#endif
+        F3 there = sub(along(p, s.direction, s.reach), a);
+        s.radiance = select3(painted, painted_radiance(e, painted, x, y, there, scene), s.radiance);
     }
 #endif
 #if EMITTER_POINTS

@@ -4,6 +4,7 @@
 #define ENVIRONMENT_H
 #include "common/scene.h"
 #include "common/angles.h"
+#include "light/curve.h"
 #include "material/image.h"
 
 #if ENVIRONMENT == ENVIRONMENT_GRADIENT
@@ -41,14 +42,16 @@ static F3 environment_radiance(F3 d, Scene scene)
     return environment_texel(u, v, scene);
 }
 
-#define CELL_PROBABILITY(e) (2 * (e)->rows + 2 * (e)->rows * (e)->columns)     // where in the table
+// The tables of how light sampling picks directions, behind the curve of the emitters: the curve of the rows of cells, from
+// the bottom, those of the cells of each row, and the density of each cell.
+#define ENVIRONMENT_TABLES(scene)   ((scene).distribution + CURVE((scene).emitter_count))
+#define DENSITIES(e)                (CURVE((e)->rows) + (e)->rows * CURVE((e)->columns))
 
-// Solid-angle density with which environment_sample chooses a direction. The table holds, for rows of cells from the
-// bottom, the alias table of the rows, those of the cells of each row, and the density of each cell.
+// Solid-angle density with which environment_sample chooses a direction.
 static F environment_density(I row, I column, F aside, Scene scene)
 {
     const __global Environment *e = scene.environment;
-    const __global float *densities = scene.distribution + CELL_PROBABILITY(e);
+    const __global float *densities = ENVIRONMENT_TABLES(scene) + DENSITIES(e);
     return GATHER(F, densities, row * e->columns + column, ) / MAX(aside, (F)(1e-20f));
 }
 
@@ -61,28 +64,14 @@ static F environment_pdf(F3 d, Scene scene)
                                aside, scene);
 }
 
-// Picks one of `count` cells by the alias table that starts at `table`; *place is where in 0 … 1 of all cells.
-static I alias_pick(const __global float *distribution, I table, int count, F u, F *place)
-{
-    F scaled = u * (float)count;
-    I cell = within(TO_I(scaled), count);
-    F rest = scaled - TO_F(cell);
-    F keep = GATHER(F, distribution, table + 2 * cell, );
-    I other = TO_I(GATHER(F, distribution, table + 2 * cell + 1, ));
-    I kept = rest < keep;
-    F inside = kept ? rest / keep : (rest - keep) / (1.0f - keep);
-    cell = kept ? cell : within(other, count);
-    *place = (TO_F(cell) + inside) * (1.0f / (float)count);
-    return cell;
-}
-
 // A direction, with density in proportion to the brightness of the picture, and the radiance from there.
 static F3 environment_sample(F u, F v, Scene scene, F3 *radiance, F *pdf)
 {
     const __global Environment *e = scene.environment;
+    const __global float *tables = ENVIRONMENT_TABLES(scene);
     F x, y, sine, cosine, aside, depth;
-    I row = alias_pick(scene.distribution, FALSE, e->rows, u, &y);
-    I column = alias_pick(scene.distribution, 2 * e->rows + 2 * row * e->columns, e->columns, v, &x);
+    I row = cell_at(tables, FALSE, e->rows, u, &y);
+    I column = cell_at(tables, CURVE(e->rows) + row * CURVE(e->columns), e->columns, v, &x);
     sincos_turns(0.5f * y, &aside, &depth);                 // from straight down
     sincos_turns(x, &sine, &cosine);                        // from backward, over the left
     *radiance = environment_texel(x, y, scene);

@@ -171,11 +171,12 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 #if HAS_CLEARCOAT
     I coated = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes.clear & behind);
     F coat = coated ? vertex.finish.coat : ZERO;
-    lobes.coat_alpha.x = vertex.finish.coat_alpha;
+    F alpha = coated ? vertex.finish.coat_alpha : ONE;
+    lobes.coat_alpha.x = alpha;
 #if HAS_ANISOTROPY
-    lobes.coat_alpha.y = vertex.finish.coat_alpha;
+    lobes.coat_alpha.y = alpha;
 #endif
-    lobes.coat_cover = cover_of((F)(COAT_REFLECTANCE), vertex.finish.coat_alpha, coat);
+    lobes.coat_cover = cover_of((F)(COAT_REFLECTANCE), alpha, coat);
     lobes.coat = cover_albedo(lobes.coat_cover, wi.z);
 #endif
     return lobes;
@@ -228,7 +229,9 @@ static F3 facet_normal(Lobes lobes, F3 wo)
     F up = with_sign(ONE, h.z);
     h = scale(h, up);
 #endif
-    return scale(h, 1.0f / sqrt(MAX(dot3(h, h), (F)(SMALLEST))));
+    F length2 = dot3(h, h);
+    F3 unit = scale(h, 1.0f / sqrt(MAX(length2, (F)(SMALLEST))));
+    return select3(length2 > SMALLEST, unit, f3(ZERO, ZERO, ONE));      // of light that grazes from the other side
 }
 
 static F3 glossy_eval(Vertex vertex, F3 wi, F3 wo, I behind, F *pdf)

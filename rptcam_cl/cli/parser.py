@@ -61,6 +61,7 @@ _LARGEST = math.nextafter(math.inf, 0.0)
 spp = _number(int, 1, 2**32 - 1, "1 to 4294967295")  # sample numbers have 32 bits on the device
 seed = _number(int, 0, 2**64 - 1, "0 to 2^64 - 1")
 positive = _number(float, _SMALLEST, _LARGEST, "a finite number above 0")
+share = _number(float, _SMALLEST, math.nextafter(1.0, 0.0), "a number between 0 and 1, as 0.02")
 
 
 def size(text: str) -> tuple[int, int]:

@@ -32,6 +32,15 @@ def add_to(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
     parser.add_argument("--time", type=values.positive, metavar="S", help="end after so many seconds of rendering")
+    parser.add_argument(
+        "--noise", type=values.share, metavar="X",
+        help="give every tile of 8 x 8 pixels samples until its relative standard error is X, as 0.02",
+    )  # fmt: skip
+    parser.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on from OUT.rpck, which an interrupted render leaves, and leave it for more samples later",
+    )
     parser.add_argument("--seed", type=values.seed, metavar="N", help="seed of the random numbers")
     parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution in pixels")
     parser.add_argument(
@@ -76,10 +85,19 @@ def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
         if arguments.stats.suffix.lower() != ".json":
             raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
         check_writable(arguments.stats, taken)
+    check_writable(_checkpoint(arguments), taken)
     if arguments.layers and not any(map(holds_layers, arguments.outputs)):
         raise InputError("--layers: no output has a place for them (allowed: -o with a name that ends in .exr or .npz)")
     if len({output.resolve() for output in arguments.outputs}) < len(arguments.outputs):
         raise InputError("-o: the same file twice")
+
+
+def _checkpoint(arguments: argparse.Namespace) -> Path:
+    """Where the state of the render is kept: beside the first output."""
+    from rptcam_cl.imaging.checkpoint import SUFFIX
+
+    first: Path = arguments.outputs[0]
+    return first.with_suffix(SUFFIX)
 
 
 def _layers(arguments: argparse.Namespace) -> list[str] | None:
@@ -133,6 +151,9 @@ def _run(arguments: argparse.Namespace) -> int:
     _check_outputs(arguments, scene)
     for warning in scene.warnings:
         print(f"warning: {warning}", file=sys.stderr)
+    checkpoint = _checkpoint(arguments)
+    if checkpoint.exists() and not arguments.resume and not arguments.quiet:
+        print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
     shown = contextlib.nullcontext() if arguments.quiet else progress_on_stderr(arguments.time)
     with stop_on_interrupt() as stop, shown as show:
         image = render(
@@ -144,6 +165,9 @@ def _run(arguments: argparse.Namespace) -> int:
             crop=arguments.crop,
             layers=_layers(arguments),
             denoise=arguments.denoise,
+            noise=arguments.noise,
+            checkpoint=checkpoint,
+            resume=arguments.resume,
             device=arguments.device,
             on_progress=show,
             should_stop=stop.is_set,
@@ -152,6 +176,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         print(_summary(image, arguments.outputs), file=sys.stderr)
     if image.stats.get("interrupted"):
-        print("interrupted: the picture holds what was rendered so far", file=sys.stderr)
+        more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""
+        print(f"interrupted: the picture holds what was rendered so far{more}", file=sys.stderr)
         return INTERRUPTED
     return 0

@@ -27,6 +27,8 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "material_id": ("material_id.X",),
     "uv": ("uv.U", "uv.V"),
     "pupil": ("pupil.X", "pupil.Y"),
+    "samples": ("samples.X",),
+    "variance": ("variance.Y",),
 }
 
 

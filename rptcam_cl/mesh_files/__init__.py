@@ -1,5 +1,6 @@
 """Triangle meshes from files or lists of numbers. Knows nothing of scenes."""
 
+from rptcam_cl.mesh_files.alpha import has_alpha
 from rptcam_cl.mesh_files.clean import Dropped
 from rptcam_cl.mesh_files.contents import Draft, MeshContents, PlacedMesh, finished
 from rptcam_cl.mesh_files.faces import Polygons, as_triangles
@@ -21,5 +22,6 @@ __all__ = [
     "Surface",
     "as_triangles",
     "finished",
+    "has_alpha",
     "read_mesh_file",
 ]

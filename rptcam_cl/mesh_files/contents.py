@@ -116,7 +116,7 @@ def finished(draft: Draft, place: str) -> MeshContents:
         meshes[index], lost = make_mesh(draft.surfaces[index], place)
         dropped = dropped.plus(lost)
     parts = [
-        PlacedMesh(mesh, placement, _look(draft, index), name)
+        PlacedMesh(mesh, placement, _look(draft, index, mesh), name)
         for index, placement, name in nodes
         if (mesh := meshes[index]) is not None
     ]
@@ -126,6 +126,8 @@ def finished(draft: Draft, place: str) -> MeshContents:
     return MeshContents(tuple(parts), dropped, tuple(notes))
 
 
-def _look(draft: Draft, surface: int) -> Look | None:
+def _look(draft: Draft, surface: int, mesh: Mesh) -> Look | None:
     material = draft.surfaces[surface].material
-    return None if material is None else draft.looks[material]
+    if material is None:
+        return None
+    return draft.looks[material] if mesh.uvs is not None else draft.looks[material].without_paintings()

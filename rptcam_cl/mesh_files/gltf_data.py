@@ -71,6 +71,8 @@ class Data:
     document : Part
     binary : bytes or None
         The data of a .glb file.
+    folder : Path
+        Where the file is.
     find : callable
         Returns the checked path of a further file.
 
@@ -80,7 +82,8 @@ class Data:
         How many arrays and views there are.
     """
 
-    def __init__(self, document: Part, binary: bytes | None, find: Find) -> None:
+    def __init__(self, document: Part, binary: bytes | None, folder: Path, find: Find) -> None:
+        self._folder = folder
         self._binary = binary
         self._find = find
         self._buffers = document.parts("buffers")
@@ -90,8 +93,8 @@ class Data:
         self._loaded: dict[int, Octets] = {}
         self._arrays: dict[int, NDArray[Any]] = {}
 
-    def file_at(self, part: Part) -> Path | bytes:
-        """Return the checked path that a part's `uri` names, or the content that it holds."""
+    def file_named_by(self, part: Part) -> Path | bytes:
+        """Return the path that a part's `uri` names, relative to the file and not checked, or the content it holds."""
         uri = part.text("uri")
         if uri.startswith("data:"):
             head, _, content = uri.partition(",")
@@ -101,19 +104,16 @@ class Data:
                 return base64.b64decode(content, validate=True)
             except binascii.Error as problem:
                 raise InputError(f"{part.place}.uri: is not base64 ({problem})") from None
-        if "://" in uri:
+        if "://" in uri or not uri:
             raise part.wrong("uri", "is not a file", "the path of a file, or data")
-        try:
-            return self._find(Path(unquote(uri)))
-        except InputError as problem:
-            raise InputError(f"{part.place}.uri: {problem}") from None
+        return self._folder / unquote(uri)
 
     def _buffer(self, index: int) -> Octets:
         if index not in self._loaded:
             part = self._buffers[index]
             if part.has("uri"):
-                source = self.file_at(part)
-                content = source if isinstance(source, bytes) else source.read_bytes()
+                source = self.file_named_by(part)
+                content = source if isinstance(source, bytes) else self._checked(source, part).read_bytes()
             elif index == 0 and self._binary is not None:
                 content = self._binary
             else:
@@ -123,6 +123,12 @@ class Data:
                 raise InputError(f"{part.place}: is cut short: says it has {length} bytes (got {len(content)} bytes)")
             self._loaded[index] = np.frombuffer(content, np.uint8)[:length]
         return self._loaded[index]
+
+    def _checked(self, path: Path, part: Part) -> Path:
+        try:
+            return self._find(path)
+        except InputError as problem:
+            raise InputError(f"{part.place}.uri: {problem}") from None
 
     def view(self, index: int) -> tuple[Octets, int]:
         """Return the bytes of a view, and the distance of its entries (0: they lie side by side)."""

@@ -141,13 +141,13 @@ class Materials:
         return found
 
     def _content(self, image: Part) -> Path | bytes:
-        """Return the checked path of a picture, or its bytes; the same object for the same picture."""
+        """Return the path of a picture, or its bytes; the same object for the same picture."""
         if image.place not in self._contents:
             if image.has("bufferView"):
                 octets, _ = self._data.view(image.whole("bufferView", below=self._data.views))
                 self._contents[image.place] = octets.tobytes()
             else:
-                self._contents[image.place] = self._data.file_at(image)
+                self._contents[image.place] = self._data.file_named_by(image)
         return self._contents[image.place]
 
     def _sampling(self, texture: Part) -> tuple[Wrap, bool]:

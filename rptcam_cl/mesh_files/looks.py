@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
 Colour = tuple[float, float, float]
-Channel = Literal["rgb", "r", "g", "b", "a"]
 Wrap = Literal["repeat", "clamp", "mirror"]
 
 
@@ -18,7 +17,7 @@ class Painting:
     Attributes
     ----------
     source : Path or bytes
-        Checked path of the picture, or its content.
+        Path of the picture as the file has it, not checked, or its content.
     name : str
         For the reader.
     scale, offset : (u, v)
@@ -53,7 +52,7 @@ class Look:
     metallic, roughness : float
         0 to 1; the paintings are read in the channels b and g.
     opacity : float
-        0 to 1; the painting is read in `opacity_channel`.
+        0 to 1; the painting is read in its alpha channel, or in r when it has none.
     opacity_cutoff : float or None
         Opacity from which on the surface is there; None where it is there by that share.
     normals : Painting or None
@@ -66,8 +65,10 @@ class Look:
         Refractive index.
     transmission : float
         Share of the base that is transparent.
+    solid : bool
+        Whether what is transparent is a solid that refracts, and not a pane without thickness.
     attenuation : (colour, distance) or None
-        What a transparent solid leaves of white light after a distance [m]; None for a pane without thickness.
+        What a transparent solid leaves of white light after a distance [m].
     """
 
     name: str = ""
@@ -81,7 +82,6 @@ class Look:
     specular: float = 1.0
     opacity: float = 1.0
     opacity_painting: Painting | None = None
-    opacity_channel: Channel = "a"
     opacity_cutoff: float | None = None
     normals: Painting | None = None
     normals_strength: float = 1.0
@@ -94,3 +94,10 @@ class Look:
     attenuation: tuple[Colour, float] | None = None
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.0
+
+    def without_paintings(self) -> Look:
+        """Return the look on a surface that has no texture coordinates."""
+        return replace(
+            self, base_painting=None, metallic_painting=None, roughness_painting=None, opacity_painting=None,
+            normals=None, emission_painting=None,
+        )  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -52,6 +53,10 @@ class Mesh:
 
     def bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the lowest and highest corner."""
+        return self._bounds
+
+    @cached_property
+    def _bounds(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         return self.origin + self.positions.min(axis=0), self.origin + self.positions.max(axis=0)
 
     def with_normals(self, mode: NormalsMode) -> Mesh:
@@ -109,10 +114,11 @@ def make_mesh(surface: Surface, place: str) -> tuple[Mesh | None, Dropped]:
         _check_finite(normals, kept, f"{place}: normal")
         normals = unit_normals(normals, positions, faces)
     if uvs is not None:
+        uvs = uvs.astype(np.float32)
         _check_finite(uvs, kept, f"{place}: texture coordinate")
     mesh = Mesh(
         _frozen(origin), _frozen(positions), _frozen(faces), _frozen(normals),
-        _frozen(None if uvs is None else uvs.astype(np.float32)), "",
+        _frozen(uvs), "",
     )  # fmt: skip
     return replace(mesh, content_hash=_hash(mesh, mesh.normals)), dropped
 

@@ -7,7 +7,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from rptcam_cl.errors import InputError
-from rptcam_cl.mesh_files.find import Find
 from rptcam_cl.mesh_files.looks import Colour, Look, Painting
 
 MOST_BYTES = 16_000_000
@@ -18,18 +17,19 @@ OPTIONS = {
     "-mm": 2, "-o": 3, "-s": 3, "-t": 3, "-colorspace": 1,
 }  # fmt: skip
 UP_TO = {"-o", "-s", "-t"}  # these take one to three numbers
+PHYSICAL = {"pr", "pm", "map_pr", "map_pm"}
 GLASS = (4, 6, 7, 9)  # illumination models with transparency by refraction
 
 Lines = dict[str, tuple[int, list[str]]]
 
 
-def read_mtl(path: Path, find: Find) -> dict[str, Look]:
+def read_mtl(path: Path) -> dict[str, Look]:
     """Return the materials of an MTL file by their names.
 
     Raises
     ------
     InputError
-        When a value cannot be read, or a picture is missing.
+        When a value cannot be read.
     """
     if path.stat().st_size > MOST_BYTES:
         raise InputError(f"{path}: has more than {MOST_BYTES} bytes")
@@ -45,15 +45,14 @@ def read_mtl(path: Path, find: Find) -> dict[str, Look]:
             raise InputError(f"{path}:{number}: is not in a material (got {line.strip()[:60]!r}; allowed: newmtl NAME)")
         else:
             current[words[0].lower()] = (number, words[1:])
-    return {name: _Material(path, find, lines).look(name) for name, lines in materials.items()}
+    return {name: _Material(path, lines).look(name) for name, lines in materials.items()}
 
 
 class _Material:
     """The lines of one material."""
 
-    def __init__(self, path: Path, find: Find, lines: Lines) -> None:
+    def __init__(self, path: Path, lines: Lines) -> None:
         self._path = path
-        self._find = find
         self._lines = lines
 
     def look(self, name: str) -> Look:
@@ -65,16 +64,17 @@ class _Material:
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
             base_painting=self._painting("map_kd"),
-            matte=(model < 2 or max(gloss) == 0) and not {"pr", "pm"} & self._lines.keys(),
-            metallic=min(1.0, max(0.0, self._number("pm", 0.0))),
+            matte=(model < 2 or max(gloss) == 0) and not PHYSICAL & self._lines.keys(),
+            metallic=min(1.0, max(0.0, self._number("pm", float("map_pm" in self._lines)))),
             metallic_painting=self._painting("map_pm"),
-            roughness=min(1.0, max(0.0, self._number("pr", (2 / (exponent + 2)) ** 0.25))),
+            roughness=min(
+                1.0, max(0.0, self._number("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25))
+            ),
             roughness_painting=self._painting("map_pr"),
             opacity=self._opacity(),
             opacity_painting=self._painting("map_d"),
-            opacity_channel="r",
             normals=self._painting("norm") or self._painting("map_norm"),
-            emission=self._colour("ke", (0.0, 0.0, 0.0), most=math.inf),
+            emission=self._colour("ke", (1.0,) * 3 if "map_ke" in self._lines else (0.0,) * 3, most=math.inf),
             emission_painting=self._painting("map_ke"),
             both_sides=True,
             index=self._number("ni", 1.5),
@@ -125,16 +125,11 @@ class _Material:
     def _painting(self, key: str) -> Painting | None:
         if key not in self._lines:
             return None
-        number, words = self._lines[key]
-        options, name = _options(words)
+        options, name = _options(self._lines[key][1])
         if not name:
             return None
-        try:
-            source = self._find(Path(name.replace("\\", "/")))
-        except InputError as problem:
-            raise InputError(f"{self._path}:{number}: {key} {name}: {problem}") from None
         return Painting(
-            source,
+            self._path.parent / name.replace("\\", "/"),
             name,
             scale=options.get("-s", (1.0, 1.0)),
             offset=options.get("-o", (0.0, 0.0)),

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.mesh_files.clean import CHUNK
 
+Vectors = NDArray[np.float64]
+
 
 def smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
     """Return the unit normals (n, 3) of vertices: the mean of the triangles round each, weighted by their angles there.
@@ -16,19 +18,20 @@ def smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> 
     Vertices of equal position count as one, so seams of texture coordinates do not show (Thürmer and Wüthrich 1998).
     """
     corner = _same_position(positions)
-    sums = np.zeros((int(corner.max()) + 1, 3))
+    sums = np.zeros((3, int(corner.max()) + 1))
     anyone = np.zeros_like(sums)
+    columns = np.ascontiguousarray(positions.T)
     for start in range(0, len(faces), CHUNK):
-        part = faces[start : start + CHUNK]
-        angles, normals = _angles_and_normals(positions[part].astype(np.float64))
-        for place in range(3):
-            vertices = corner[part[:, place]]
-            np.add.at(sums, vertices, angles[:, place, None] * normals)
-            anyone[vertices] = normals
+        vertices = np.ascontiguousarray(faces[start : start + CHUNK].T)
+        angles, normal = _angles_and_normal(*(columns[:, place].astype(np.float64) for place in vertices))
+        for place, angle in zip(corner[vertices], angles, strict=True):
+            anyone[:, place] = normal
+            for axis in range(3):
+                np.add.at(sums[axis], place, angle * normal[axis])
     # Triangles cancel where both sides of a sheet share its vertices: one of the two sides is as good as the other.
-    cancelled = np.linalg.norm(sums, axis=1) < 1e-9
-    sums[cancelled] = anyone[cancelled]
-    unit: NDArray[np.float32] = (sums / np.linalg.norm(sums, axis=1)[:, None]).astype(np.float32)
+    cancelled = (sums * sums).sum(axis=0) < 1e-18
+    sums[:, cancelled] = anyone[:, cancelled]
+    unit: NDArray[np.float32] = (sums / np.sqrt((sums * sums).sum(axis=0))).T.astype(np.float32)
     return unit[corner]
 
 
@@ -58,10 +61,10 @@ def _same_position(positions: NDArray[np.float32]) -> NDArray[np.intp]:
     return number
 
 
-def _angles_and_normals(corners: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the angle [rad] at each corner (m, 3) and the unit normal (m, 3) of triangles (m, 3, 3)."""
-    edges = np.roll(corners, -1, axis=1) - corners
-    normals = np.cross(edges[:, 0], edges[:, 1])
-    twice_area = np.linalg.norm(normals, axis=1)
-    cosines = -np.einsum("ijk,ijk->ij", edges, np.roll(edges, 1, axis=1))
-    return np.arctan2(twice_area[:, None], cosines), normals / twice_area[:, None]
+def _angles_and_normal(a: Vectors, b: Vectors, c: Vectors) -> tuple[Vectors, Vectors]:
+    """Return the angles [rad] at the three corners (3, m), and the unit normal (3, m), of triangles a, b, c (3, m)."""
+    ab, bc, ca = b - a, c - b, a - c
+    normal = np.stack([ab[1] * bc[2] - ab[2] * bc[1], ab[2] * bc[0] - ab[0] * bc[2], ab[0] * bc[1] - ab[1] * bc[0]])
+    twice_area = np.sqrt((normal * normal).sum(axis=0))
+    cosines = np.stack([-(ca * ab).sum(axis=0), -(ab * bc).sum(axis=0), -(bc * ca).sum(axis=0)])
+    return np.arctan2(twice_area, cosines), normal / twice_area

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import groupby
 from pathlib import Path
 from typing import BinaryIO
 
@@ -16,10 +15,10 @@ from rptcam_cl.mesh_files.find import Find
 from rptcam_cl.mesh_files.looks import Look
 from rptcam_cl.mesh_files.mesh import Surface
 from rptcam_cl.mesh_files.mtl import read_mtl
+from rptcam_cl.mesh_files.obj_blocks import Block, KeywordLines, blocks
 from rptcam_cl.mesh_files.obj_faces import FaceLines, surface_of
-from rptcam_cl.mesh_files.text_numbers import Line, numbers_of_lines
+from rptcam_cl.mesh_files.text_numbers import numbers_of_lines, parsed
 
-CHUNK_LINES = 1 << 14
 COLUMNS = {b"v": (3, "a vertex"), b"vt": (1, "a texture coordinate"), b"vn": (3, "a normal")}
 
 
@@ -36,26 +35,50 @@ class ObjReader:
 
     def read(self, file: BinaryIO) -> None:
         """Read all lines."""
-        for word, lines in _runs(file):
-            if word in COLUMNS:
-                self._numbers(word, lines)
-            elif word == b"f":
-                faces = self.faces.setdefault(self.material, FaceLines(self.path))
-                faces.add(lines, (self.counts[b"v"], self.counts[b"vt"], self.counts[b"vn"]))
-            elif word == b"usemtl":
-                self.material = _text(lines[-1][1]) or None
-            elif word == b"mtllib":
-                self.libraries += [(number, _text(line)) for number, line in lines]
+        for block in blocks(file):
+            self._faces(block)
+            for word in COLUMNS:
+                self._numbers(word, block.of(word))
 
-    def _numbers(self, word: bytes, lines: list[Line]) -> None:
+    def _faces(self, block: Block) -> None:
+        """Add the faces of a block, those between two changes of material together."""
+        faces = block.of(b"f")
+        before = [self.counts[word] + block.before(word, faces.numbers) for word in COLUMNS]
+        done = 0
+        for number, name in self._changes(block):
+            end = int(np.searchsorted(faces.numbers, number))
+            self._add(faces.part(done, end), np.stack(before, axis=1)[done:end])
+            self.material, done = name, end
+        self._add(faces.part(done, len(faces.numbers)), np.stack(before, axis=1)[done:])
+
+    def _add(self, lines: KeywordLines, before: NDArray[np.int64]) -> None:
+        if len(lines.numbers):
+            self.faces.setdefault(self.material, FaceLines(self.path)).add(lines, before)
+
+    def _changes(self, block: Block) -> Iterator[tuple[int, str | None]]:
+        """Yield the places where the material changes, and its names; note libraries on the way."""
+        for number, line in block.others():
+            word, rest = (*line.split(None, 1), b"", b"")[:2]
+            if word == b"usemtl":
+                yield number, _text(rest) or None
+            elif word == b"mtllib":
+                self.libraries.append((number, _text(rest)))
+
+    def _numbers(self, word: bytes, lines: KeywordLines) -> None:
+        if not len(lines.numbers):
+            return
         each, what = COLUMNS[word]
         if word == b"vt":
-            each = min(2, min(len(line.split()) for _, line in lines))
-            each = max(each, 1)
-        found = numbers_of_lines(lines, each, what, self.path)
-        if word == b"vt" and each == 1:
+            each = max(1, min(2, int(lines.words.min())))
+        width = int(lines.words[0])
+        found = parsed(lines.text) if (lines.words == width).all() and width >= each else None
+        if found is not None and len(found) == width * len(lines.numbers):
+            found = found.reshape(-1, width)[:, :each]
+        else:
+            found = numbers_of_lines(lines.singly(), each, what, self.path)
+        if each == 1:
             found = np.column_stack([found, np.zeros(len(found))])
-        self.rows[word].append(found)
+        self.rows[word].append(_narrow(found))
         self.counts[word] += len(found)
 
     def table(self, word: bytes) -> NDArray[np.float64]:
@@ -78,11 +101,14 @@ def read_obj(path: Path, find: Find) -> Draft:
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
     looks: dict[str, Look] = {}
+    notes: list[str] = []
     for number, name in reader.libraries:
         try:
-            looks |= read_mtl(find(Path(name)), find)
+            library = find(Path(name))
         except InputError as problem:
-            raise InputError(f"{path}:{number}: mtllib {name}: {problem}") from None
+            notes.append(f"{path}:{number}: mtllib {name} is left out: {problem}")
+        else:
+            looks |= read_mtl(library)
     positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
     surfaces: list[Surface] = []
     used: list[Look] = []
@@ -92,7 +118,7 @@ def read_obj(path: Path, find: Find) -> Draft:
             place = len(used)
             used.append(_look(looks, name_, path))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
-    return Draft(surfaces, used)
+    return Draft(surfaces, used, notes=notes)
 
 
 def _look(looks: dict[str, Look], name: str | None, path: Path) -> Look:
@@ -104,38 +130,10 @@ def _look(looks: dict[str, Look], name: str | None, path: Path) -> Look:
     return looks[name]
 
 
-def _runs(file: BinaryIO) -> Iterator[tuple[bytes, list[Line]]]:
-    """Yield lines that follow each other and have the same keyword, without it."""
-    for word, lines in groupby(_split(_whole_lines(file)), key=lambda item: item[0]):
-        run: list[Line] = []
-        for _, number, rest in lines:
-            run.append((number, rest))
-            if len(run) == CHUNK_LINES:
-                yield word, run
-                run = []
-        if run:
-            yield word, run
-
-
-def _split(lines: Iterator[Line]) -> Iterator[tuple[bytes, int, bytes]]:
-    for number, line in lines:
-        parts = line.split(None, 1)
-        if parts and not parts[0].startswith(b"#"):
-            yield parts[0], number, parts[1] if len(parts) > 1 else b""
-
-
-def _whole_lines(file: BinaryIO) -> Iterator[Line]:
-    """Yield lines with their numbers; a backslash at the end joins the next one."""
-    begun = b""
-    for number, line in enumerate(file, start=1):
-        if line.rstrip(b"\r\n").endswith(b"\\"):
-            begun += line.rstrip(b"\r\n")[:-1] + b" "
-            continue
-        yield number, begun + line if begun else line
-        begun = b""
-    if begun:
-        yield number, begun
-
-
 def _text(line: bytes) -> str:
     return line.decode("utf-8", "replace").strip()
+
+
+def _narrow(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return rows that do not keep a wider table alive."""
+    return np.ascontiguousarray(rows)

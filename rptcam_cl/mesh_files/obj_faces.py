@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +11,12 @@ from numpy.typing import NDArray
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files.faces import Polygons, as_triangles
 from rptcam_cl.mesh_files.mesh import Surface
-from rptcam_cl.mesh_files.text_numbers import Line, parsed
+from rptcam_cl.mesh_files.obj_blocks import KeywordLines, begins_word
+from rptcam_cl.mesh_files.text_numbers import parsed
 from rptcam_cl.mesh_files.welding import different_rows
 
 Counts = tuple[int, int, int]
+
 # Which indices a corner has, by its number of slashes and whether two of them follow each other.
 FORMS = {(0, False): [0], (1, False): [0, 1], (2, True): [0, 2], (2, False): [0, 1, 2]}
 KINDS = ("vertex", "texture coordinate", "normal")
@@ -30,23 +33,31 @@ class FaceLines:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.corners: list[NDArray[np.int32]] = []
-        self.sizes: list[NDArray[np.int64]] = []
-        self.lines: list[NDArray[np.int64]] = []
+        self.sizes: list[NDArray[np.int32]] = []
+        self.lines: list[NDArray[np.int32]] = []
 
-    def add(self, lines: list[Line], counts: Counts) -> None:
-        """Add lines without their keyword; counts of positions, texture coordinates and normals before them."""
+    def add(self, lines: KeywordLines, before: NDArray[np.int64]) -> None:
+        """Add lines.
+
+        Parameters
+        ----------
+        lines : KeywordLines
+        before : (n, 3) array
+            How many positions, texture coordinates and normals the file has before each line.
+        """
+        sizes = lines.words
         corners = _alike(lines)
         if corners is None:
-            corners = np.array(
-                [self._corner(word, number) for number, text in lines for word in text.split()], np.int64
-            ).reshape(-1, 3)
-        sizes = np.array([len(text.split()) for _, text in lines], np.int64)
-        numbers = np.array([number for number, _ in lines], np.int64)
-        if (small := int(np.argmin(sizes))) >= 0 and sizes[small] < 3:
-            raise InputError(f"{self.path}:{numbers[small]}: is a face of {sizes[small]} corners (allowed: at least 3)")
-        self.corners.append(self._counted_from_0(corners, counts, np.repeat(numbers, sizes)))
-        self.sizes.append(sizes)
-        self.lines.append(numbers)
+            single = [(number, line.split()) for number, line in lines.singly()]
+            sizes = np.array([len(words) for _, words in single], np.int64)
+            corners = np.array([self._corner(word, number) for number, words in single for word in words], np.int64)
+        if (sizes < 3).any():
+            small = int(np.argmax(sizes < 3))
+            place = f"{self.path}:{lines.numbers[small]}"
+            raise InputError(f"{place}: is a face of {sizes[small]} corners (allowed: at least 3)")
+        self.corners.append(self._counted_from_0(corners, np.repeat(before, sizes, axis=0), lines.numbers, sizes))
+        self.sizes.append(sizes.astype(np.int32))
+        self.lines.append(lines.numbers.astype(np.int32))
 
     def _corner(self, word: bytes, number: int) -> list[int]:
         """Return the three indices of a corner as written, 0 for those that are left out."""
@@ -66,14 +77,22 @@ class FaceLines:
         return found + [0] * (3 - len(found))
 
     def _counted_from_0(
-        self, corners: NDArray[np.int64], counts: Counts, numbers: NDArray[np.int64]
+        self,
+        corners: NDArray[np.int64],
+        before: NDArray[np.int64],
+        numbers: NDArray[np.int64],
+        sizes: NDArray[np.int64],
     ) -> NDArray[np.int32]:
         """Return indices that count from 0; negative ones count back from the last row before the face."""
-        result = np.where(corners < 0, corners + np.array(counts), corners - 1)
-        wrong = (corners < 0) & (result < 0)
-        if wrong.any():
-            row, kind = (int(place) for place in np.argwhere(wrong)[0])
-            raise self._not_there(numbers[row], kind, corners[row, kind], counts[kind])
+        negative = corners < 0
+        result = corners - 1
+        if negative.any():
+            result[negative] = (corners + before)[negative]
+            wrong = negative & (result < 0)
+            if wrong.any():
+                row, kind = (int(place) for place in np.argwhere(wrong)[0])
+                number = int(np.repeat(numbers, sizes)[row])
+                raise self._not_there(number, kind, corners[row, kind], int(before[row, kind]))
         return np.minimum(result, np.iinfo(np.int32).max).astype(np.int32)
 
     def _not_there(self, number: int, kind: int, index: int, count: int) -> InputError:
@@ -85,6 +104,7 @@ class FaceLines:
     def checked(self, counts: Counts) -> NDArray[np.int32]:
         """Return all corners (n, 3), after checking that they name rows of the whole file."""
         corners = np.concatenate(self.corners)
+        self.corners = [corners]
         for kind, count in enumerate(counts):
             wrong = corners[:, kind] >= count
             if wrong.any():
@@ -94,19 +114,19 @@ class FaceLines:
         return corners
 
 
-def _alike(lines: list[Line]) -> NDArray[np.int64] | None:
+def _alike(lines: KeywordLines) -> NDArray[np.int64] | None:
     """Return the indices as written when all corners of some lines have the same form, None otherwise."""
-    text = b" ".join(line for _, line in lines)
-    words = text.split()
-    count = len(words)
-    slashes = {word.count(b"/") for word in words}
-    doubles = text.count(b"//")
-    if len(slashes) != 1 or doubles not in (0, count):
+    octets = np.frombuffer(lines.text, np.uint8)
+    begins = np.flatnonzero(begins_word(octets))
+    count = len(begins)
+    slashes = np.bincount(np.searchsorted(begins, np.flatnonzero(octets == ord("/")), "right"), minlength=count + 1)[1:]
+    doubles = lines.text.count(b"//")
+    if not count or (slashes != slashes[0]).any() or doubles not in (0, count):
         return None
-    columns = FORMS.get((slashes.pop(), doubles > 0))
+    columns = FORMS.get((int(slashes[0]), doubles > 0))
     if columns is None:
         return None
-    numbers = parsed(text.replace(b"/", b" "))
+    numbers = parsed(lines.text.replace(b"/", b" "))
     if numbers is None or len(numbers) != count * len(columns):
         return None
     if not (np.abs(numbers) <= 2**31).all() or (numbers != np.floor(numbers)).any() or (numbers == 0).any():
@@ -127,9 +147,8 @@ def surface_of(
     """Return the surface of some faces, with a vertex for each different corner."""
     corners = faces.checked((len(positions), len(uvs), len(normals)))
     has_uvs, has_normals = (bool((corners[:, kind] != MISSING).any()) for kind in (1, 2))
-    kept, vertices = different_rows([corners[:, kind] for kind in range(3)])
+    own, vertices = _different(corners, (len(positions), len(uvs), len(normals)))
     polygons = _polygons(vertices, np.concatenate(faces.sizes), np.concatenate(faces.lines))
-    own = corners[kept]
     places = positions[own[:, 0]]
     return Surface(
         places,
@@ -141,6 +160,24 @@ def surface_of(
     )
 
 
+def _different(corners: NDArray[np.int32], counts: Counts) -> tuple[NDArray[np.int32], NDArray[Any]]:
+    """Return the corners (n, 3) that differ, and for each corner its place among them."""
+    first = corners[:, 0]
+    aligned = [bool((column == first).all()) for column in corners[:, 1:].T]
+    missing = [bool((column == MISSING).all()) for column in corners[:, 1:].T]
+    if len(corners) < counts[0] or not all(same or none for same, none in zip(aligned, missing, strict=True)):
+        kept, vertices = different_rows([corners[:, kind] for kind in range(3)])
+        return corners[kept], vertices
+    # Nothing to tell apart: the usual file of a single piece, which names everything by the same number.
+    own = np.full((counts[0], 3), MISSING, np.int32)
+    own[:, 0] = np.arange(counts[0])
+    for kind in (1, 2):
+        if aligned[kind - 1]:
+            both = min(counts[0], counts[kind])
+            own[:both, kind] = own[:both, 0]
+    return own, first
+
+
 def _rows(table: NDArray[np.float64], indices: NDArray[np.int32]) -> NDArray[np.float64]:
     """Return rows of a table, zeros where a corner has none."""
     found = table[np.maximum(indices, 0)]
@@ -148,8 +185,10 @@ def _rows(table: NDArray[np.float64], indices: NDArray[np.int32]) -> NDArray[np.
     return found
 
 
-def _polygons(vertices: NDArray[np.intp], sizes: NDArray[np.int64], lines: NDArray[np.int64]) -> list[Polygons]:
-    starts = np.cumsum(sizes) - sizes
+def _polygons(vertices: NDArray[Any], sizes: NDArray[np.int32], lines: NDArray[np.int32]) -> list[Polygons]:
+    if (sizes == sizes[0]).all():
+        return [Polygons(lines, vertices.reshape(len(sizes), -1))]
+    starts = np.cumsum(sizes, dtype=np.int64) - sizes
     found = []
     for size in np.unique(sizes):
         rows = np.flatnonzero(sizes == size)

@@ -23,6 +23,8 @@ class Context:
         Files of the scene of ours.
     known : dict
         Textures by ``id`` that were converted before: one may be a part of many, and they of many more.
+    pictures : dict
+        Names of pictures that are written anew, by their path.
     """
 
     scene: PbrtScene
@@ -30,6 +32,7 @@ class Context:
     folder: Path
     files: FileStore = field(repr=False)
     known: dict[int, object] = field(default_factory=dict, repr=False)
+    pictures: dict[str, str] = field(default_factory=dict, repr=False)
 
     def find(self, name: str, place: Place) -> Path:
         """Return the path of a file that the pbrt scene names.

@@ -18,6 +18,9 @@ from rptcam_cl.pbrt.transforms import Matrix, apply, is_invertible, mean_scale, 
 
 Array = NDArray[np.float64]
 
+# Scales that are 1 but for the digits of a matrix that was written out.
+ROUNDING = 1e-4
+
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 # What each axis of pbrt's camera is in the picture: right, up and the middle of what is seen.
@@ -77,8 +80,9 @@ def frame_of(camera: Entity) -> Frame:
     eye = apply(world, world_from_camera[None, :3, 3])[0]
     lengths = np.linalg.norm(world_from_camera[:3, :3], axis=0)
     stretch = lengths[:2] / lengths[2]
-    if np.allclose(stretch, 1, rtol=0, atol=1e-5):
+    if np.allclose(stretch, 1, rtol=0, atol=ROUNDING):
         stretch = np.ones(2)
+    unit = mean_scale(camera.world_from_object)
     forward, up = (world[:3, :3] @ (axis / np.linalg.norm(axis)) for axis in (forward, up))
     reach = max(1.0, float(np.abs(eye).max()) * 1e-3)  # so that eye + forward keeps its digits
-    return Frame(world, eye, forward * reach, up, mean_scale(camera.world_from_object), stretch)
+    return Frame(world, eye, forward * reach, up, 1.0 if abs(unit - 1) < ROUNDING else unit, stretch)

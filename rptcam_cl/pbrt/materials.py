@@ -10,10 +10,11 @@ import numpy as np
 from rptcam_cl.pbrt import materials_v3 as v3
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.media import index_of, metal_keys
+from rptcam_cl.pbrt.pictures import is_readable, picture_name
 from rptcam_cl.pbrt.roughness import alpha_keys, alphas
 from rptcam_cl.pbrt.state import Entity, MaterialName
-from rptcam_cl.pbrt.surfaces import Keys, conductor, has_effect, matte
-from rptcam_cl.pbrt.textures import PICTURES, number_shade, shade, value
+from rptcam_cl.pbrt.surfaces import Keys, conductor, dielectric, has_effect, matte
+from rptcam_cl.pbrt.textures import number_shade, shade, value
 
 # Mixed deeper than materials are on purpose.
 DEEPEST = 8
@@ -47,8 +48,8 @@ def _note_bumps(context: Context, material: Entity, found: Keys) -> None:
         return
     place = parameters.items["normalmap"].place
     path = context.find(name, place)
-    if path.suffix.lower() in PICTURES and found["kind"] not in ("mirror", "thin_glass", "mix"):
-        found["normal_map"] = {"file": context.files.reference(path, place)}
+    if is_readable(path) and found["kind"] not in ("mirror", "thin_glass", "mix"):
+        found["normal_map"] = {"file": picture_name(context, path, place)}
     else:
         context.report.ignored(place, f"{material.what}: the normal map {name}")
 
@@ -94,8 +95,7 @@ def _coated_conductor(context: Context, material: Entity) -> Keys:
 
 
 def _dielectric(context: Context, material: Entity) -> Keys:
-    rough = alpha_keys(alphas(context, material, 0.0))
-    return {"kind": "dielectric", "index": index_of(context, material), **rough}
+    return dielectric(index_of(context, material), alphas(context, material, 0.0))
 
 
 def _thin_dielectric(context: Context, material: Entity) -> Keys:
@@ -166,5 +166,8 @@ def _mix(context: Context, material: Entity, depth: int) -> Keys | None:
             material.place, f"{material.what}: the one of its materials that is a plain surface"
         )
         return next((part for part in parts if part is not None and part["kind"] != "mix"), first or second)
+    parts = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
+    if parts != [first, second]:
+        context.report.ignored(material.place, f"{material.what}: the opacity of its materials")
     factor: Any = amount.texture if amount.texture is not None else float(np.clip(amount.colour.mean(), 0, 1))
-    return {"kind": "mix", "materials": [first, second], "factor": factor}
+    return {"kind": "mix", "materials": parts, "factor": factor}

@@ -11,7 +11,7 @@ from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.media import index_of, metal_keys
 from rptcam_cl.pbrt.roughness import alpha_keys, alphas
 from rptcam_cl.pbrt.state import Entity
-from rptcam_cl.pbrt.surfaces import Keys, conductor, has_effect, luminance, matte
+from rptcam_cl.pbrt.surfaces import NOTHING, Keys, conductor, dielectric, has_effect, luminance, matte
 from rptcam_cl.pbrt.textures import Shade, number_shade, shade, value
 
 
@@ -36,16 +36,23 @@ def _plastic(context: Context, material: Entity) -> Keys:
 
 
 def _glossy(context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float) -> Keys:
-    rough = alpha_keys(alphas(context, material, 0.1))
+    return _covered(context, material, diffuse, gloss, index, alphas(context, material, 0.1))
+
+
+def _covered(
+    context: Context, material: Entity, diffuse: Shade, gloss: Shade, index: float, pair: tuple[float, float] | None
+) -> Keys:
+    """Return a base under a clear cover of the index that gives the gloss its reflectance head-on."""
     if not has_effect(gloss) or index <= 1:
         return matte(diffuse)
     if gloss.texture is not None or np.abs(gloss.colour - 1).max() > 0.01:
         context.report.approximated(
-            material.place, f"{material.what}: the gloss Ks as that of a clear cover with the same reflectance"
+            material.place, f"{material.what}: its gloss as that of a clear cover with the same reflectance"
         )
     normal = ((index - 1) / (index + 1)) ** 2 * luminance(gloss.colour)
     root = math.sqrt(normal)
-    return {"kind": "plastic", "reflectance": diffuse.keys(), "index": max((1 + root) / (1 - root), 1.001), **rough}
+    index = max((1 + root) / (1 - root), 1.001)
+    return {"kind": "plastic", "reflectance": diffuse.keys(), "index": index, **alpha_keys(pair)}
 
 
 def _mirror(context: Context, material: Entity) -> Keys:
@@ -65,7 +72,7 @@ def _glass(context: Context, material: Entity) -> Keys:
     if not has_effect(tints[1]):
         context.report.approximated(material.place, f"{material.what}: without Kt it is a mirror of its index")
         return conductor({"metal": {"n": [index] * 3, "k": [1e-3] * 3}}, rough)
-    return {"kind": "dielectric", "index": index, **alpha_keys(rough)}
+    return dielectric(index, rough)
 
 
 def _metal(context: Context, material: Entity) -> Keys:
@@ -73,25 +80,35 @@ def _metal(context: Context, material: Entity) -> Keys:
 
 
 def _uber(context: Context, material: Entity) -> Keys:
-    """Return the strongest part: matte and gloss together, or else what is mirrored or passes through."""
-    diffuse, gloss = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
-    mirrored, through = shade(context, material, "Kr", 0.0), shade(context, material, "Kt", 0.0)
+    """Return a glossy base, clear glass, or a mixture of both.
+
+    pbrt adds a matte part Kd, a rough gloss Ks, a smooth one Kr, and what passes Kt, under one index of refraction. The
+    stronger gloss is kept.
+    """
+    diffuse, rough = shade(context, material, "Kd", 0.25), shade(context, material, "Ks", 0.25)
+    smooth, through = shade(context, material, "Kr", 0.0), shade(context, material, "Kt", 0.0)
     index = index_of(context, material)
-    parts = {"mirror": luminance(mirrored.colour), "glass": luminance(through.colour),
-             "rest": luminance(diffuse.colour) + 0.04 * luminance(gloss.colour)}  # fmt: skip
-    strongest = max(parts, key=lambda name: parts[name])
-    if sum(share > 1e-3 for share in parts.values()) > 1:
-        left = {"mirror": "Kr", "glass": "Kt", "rest": "Kd and Ks"}
-        others = ", ".join(left[name] for name, share in parts.items() if name != strongest and share > 1e-3)
-        context.report.approximated(material.place, f"{material.what}: without its weaker parts {others}")
-    if strongest == "glass":
-        found: Keys = {"kind": "dielectric", "index": index}
-    elif strongest == "mirror":
-        found = {"kind": "mirror", "reflectance": mirrored.colour.tolist()}
+    if has_effect(rough) and has_effect(smooth):
+        context.report.approximated(material.place, f"{material.what}: the stronger gloss of Ks and Kr")
+    holes = opacity_keys(number_or_colour(context, material, "opacity"))
+    passing = min(luminance(through.colour), 1.0)
+    glass: Keys = {"kind": "dielectric", "index": index}
+    if passing > NOTHING and not has_effect(diffuse):
+        material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
+        return glass | holes
+    if luminance(smooth.colour) > luminance(rough.colour):
+        material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
+        pair = None
+        gloss = smooth
     else:
-        found = _glossy(context, material, diffuse, gloss, index)
-    material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
-    return found | opacity_keys(number_or_colour(context, material, "opacity"))
+        pair = alphas(context, material, 0.1)
+        gloss = rough
+    if passing <= NOTHING:
+        return _covered(context, material, diffuse, gloss, index, pair) | holes
+    context.report.approximated(material.place, f"{material.what}: {passing:.3g} of it clear glass, the rest opaque")
+    opaque = diffuse.scaled(np.full(3, 1 / max(1 - passing, 0.01)))
+    base = _covered(context, material, opaque, gloss, index, pair)
+    return {"kind": "mix", "materials": [base, glass], "factor": passing} | holes
 
 
 def number_or_colour(context: Context, material: Entity, name: str) -> Shade:

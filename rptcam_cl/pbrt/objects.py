@@ -23,8 +23,6 @@ from rptcam_cl.pbrt.transforms import Matrix, is_invertible
 
 Keys = dict[str, Any]
 ONE_SIDED = ("emissive", "dielectric", "principled")
-# Materials that an opacity can make holes in.
-COVERING = ("matte", "mirror", "conductor", "dielectric", "plastic", "thin_glass", "principled")
 
 
 @dataclass
@@ -92,7 +90,7 @@ class Objects:
         if lamp is not None:
             material = self._lamp(lamp, piece, use, opacity)
         else:
-            material = self._with_opacity(use, material or {}, opacity)
+            material = {**(material or {}), **opacity}
         name = self._name(material, self._wanted_name(use, lamp))
         if piece.mesh is not None and not shared:
             self._loose[len(self.items)] = use, piece.mesh
@@ -109,14 +107,6 @@ class Objects:
         parameters = use.shape.parameters
         parameters.skip("shadowalpha")
         return opacity_keys(number_shade(self.context, use.shape, "alpha", 1.0)) if parameters.has("alpha") else {}
-
-    def _with_opacity(self, use: ShapeUse, material: Keys, opacity: Keys) -> Keys:
-        if not opacity:
-            return material
-        if material["kind"] not in COVERING:
-            self.context.report.ignored(use.shape.place, f"{use.shape.what}: alpha on a material of two parts")
-            return material
-        return {**material, **opacity}
 
     def _lamp(self, lamp: Entity, piece: Piece, use: ShapeUse, opacity: Keys) -> Keys:
         radiance, two_sided = lamp_radiance(self.context, lamp, piece.area)

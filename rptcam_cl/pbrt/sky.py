@@ -5,23 +5,20 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
 from rptcam_cl.pbrt.colours import light, scale_factor
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.equal_area import heights, in_longitude_and_latitude
 from rptcam_cl.pbrt.frame import Frame
 from rptcam_cl.pbrt.lights import Keys, Lights
+from rptcam_cl.pbrt.pictures import OTHERS, is_readable, linear_pixels, picture_name, write_exr
 from rptcam_cl.pbrt.source import Place
 from rptcam_cl.pbrt.state import Entity
-from rptcam_cl.pbrt.textures import PICTURES
 from rptcam_cl.pbrt.transforms import is_similarity, reflects, tidy
-from rptcam_cl.pictures import read_picture
+from rptcam_cl.pictures import SUFFIXES
 
 Array = NDArray[np.float64]
 Pixels = NDArray[np.float32]
@@ -68,8 +65,8 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
     path = context.find(name, place)
     factor = scale_factor(context, entity) * (light(context, entity, "L") if key == "mapname" else 1.0)
     illuminance = parameters.number("illuminance", -1.0)
-    if path.suffix.lower() not in PICTURES:
-        allowed = " ".join(PICTURES)
+    if not is_readable(path):
+        allowed = " ".join((*SUFFIXES, *OTHERS))
         context.report.ignored(place, f"{name}: a kind of picture that is not read (allowed: {allowed})")
         return None
     placement = _placement(context, entity, frame)
@@ -77,9 +74,9 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
     if placement.rotation_degrees:
         keys["rotation_degrees"] = placement.rotation_degrees
     if key == "mapname" and not placement.mirrored and np.ptp(factor) == 0 and not sky.any():
-        keys["file"] = context.files.reference(path, place)
+        keys["file"] = picture_name(context, path, place)
         return keys | ({"gain": float(factor[0])} if factor[0] != 1 else {})
-    pixels = _linear(path, place)
+    pixels = linear_pixels(path, place)
     if key == "filename":
         factor = factor * _photometric(pixels, illuminance, place)
         pixels = in_longitude_and_latitude(pixels, clockwise=placement.mirrored)
@@ -88,7 +85,7 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
         pixels = pixels[:, ::-1] if placement.mirrored else pixels
         how = "mirrored" if placement.mirrored else "with its factor"
     pixels = (pixels * factor + sky).astype(np.float32)
-    keys["file"] = context.files.add("files", f"{path.stem}-sky.exr", partial(_write_exr, pixels))
+    keys["file"] = context.files.add("files", f"{path.stem}-sky.exr", partial(write_exr, pixels))
     context.report.noted(place, f"{name}: written anew {how}, to {keys['file']}")
     return keys
 
@@ -115,20 +112,6 @@ def _axes(up: Array) -> tuple[Array, Array]:
     return turn[:, 0], -turn[:, 2]
 
 
-def _linear(path: Path, place: Place) -> Pixels:
-    """Return the linear colours of a picture, (height, width, 3)."""
-    try:
-        picture = read_picture(path)
-    except InputError as problem:
-        raise place.error(f"{path.name}: {problem}") from None
-    texels: NDArray[Any] = picture.texels[..., :3]
-    if texels.dtype != np.uint8:
-        return np.asarray(texels, np.float32)
-    encoded = np.arange(256) / 255
-    curve = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
-    return np.asarray((curve if picture.encoded else encoded).astype(np.float32)[texels])
-
-
 def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
     """Return the factor that gives the upper half sphere the illuminance that is asked for, 1 if none is."""
     size = len(pixels)
@@ -142,11 +125,3 @@ def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
     if not found > 0:
         raise place.error("the picture is black above the horizon, so that it cannot give an illuminance")
     return illuminance / found
-
-
-def _write_exr(pixels: Pixels, path: Path) -> None:
-    import OpenEXR
-
-    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
-    with OpenEXR.File(header, {"RGB": np.ascontiguousarray(pixels)}) as file:
-        file.write(str(path))

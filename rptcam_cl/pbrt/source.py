@@ -8,13 +8,17 @@ from bisect import bisect_right
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError, StateError
 
 # What one file may hold, unpacked: far more than the largest published scenes have in one text file.
 MAX_BYTES = 1 << 30
+
+LONGEST_MESSAGE = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +40,11 @@ class Source:
 
     @cached_property
     def _line_starts(self) -> list[int]:
-        ends = np.flatnonzero(np.frombuffer(self.text.encode("utf-32-le"), np.uint32) == ord("\n"))
+        if self.text.isascii():
+            characters: NDArray[Any] = np.frombuffer(self.text.encode("ascii"), np.uint8)
+        else:
+            characters = np.frombuffer(self.text.encode("utf-32-le"), np.uint32)
+        ends = np.flatnonzero(characters == ord("\n"))
         return [0, *(ends + 1).tolist()]
 
     def line_and_column(self, offset: int) -> tuple[int, int]:
@@ -65,7 +73,13 @@ class Place:
     def error(self, problem: str) -> InputError:
         """Return the error of this place: ``FILE:LINE:COL: problem``."""
         line, column = self.source.line_and_column(self.offset)
-        return InputError(f"{self.source.name}:{line}:{column}: {problem}")
+        return InputError(f"{self.source.name}:{line}:{column}: {one_line(problem)}")
+
+
+def one_line(message: str) -> str:
+    """Return a message fit for one line of a terminal: names of a file may hold anything."""
+    shown = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "…"
+    return "".join(mark if mark.isprintable() else f"\\x{ord(mark):02x}" for mark in shown)
 
 
 def read_source(path: Path, name: str) -> Source:
@@ -100,7 +114,7 @@ def read_limited(path: Path, name: str, limit: int) -> bytes:
     except (zlib.error, EOFError, gzip.BadGzipFile) as problem:
         raise InputError(f"{name}: is not a whole gzip file ({problem})") from None
     except OSError as problem:
-        raise StateError(f"{name}: cannot be read ({problem.strerror})") from None
+        raise StateError(one_line(f"{name}: cannot be read ({problem.strerror})")) from None
     except ValueError as problem:  # a NUL byte in the name
         raise InputError(f"{name!r}: is not a usable path ({problem})") from None
     if len(raw) > limit:

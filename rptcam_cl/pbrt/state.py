@@ -81,7 +81,7 @@ class PbrtScene:
     Attributes
     ----------
     options : dict
-        Camera, Film, Sampler, Integrator: the last one of each.
+        Camera, Film, Sampler, Integrator, PixelFilter: the last one of each.
     objects : dict
         Shapes of named objects, for instances.
     version : int

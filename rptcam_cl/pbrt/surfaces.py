@@ -12,6 +12,9 @@ from rptcam_cl.pbrt.textures import Shade
 
 Keys = dict[str, Any]
 
+# A rough surface whose index is nearer to 1 has no facets that could be told apart (see scene.dielectric).
+LEAST_BEND = 0.01
+
 # A share of light that is too small to matter.
 NOTHING = 1e-6
 
@@ -25,6 +28,12 @@ def matte(reflectance: Shade | NDArray[np.float64]) -> Keys:
 def conductor(metal: Keys, alphas: tuple[float, float] | None) -> Keys:
     """Return a metal; ours are rough, a smooth one has the least alpha there is."""
     return {"kind": "conductor", **metal, **alpha_keys(alphas or (0.0, 0.0))}
+
+
+def dielectric(index: float, alphas: tuple[float, float] | None) -> Keys:
+    """Return a transparent solid; one that hardly bends light is smooth, as ours must be."""
+    rough = alpha_keys(alphas) if abs(index - 1) >= LEAST_BEND else {}
+    return {"kind": "dielectric", "index": index, **rough}
 
 
 def has_effect(shade: Shade) -> bool:

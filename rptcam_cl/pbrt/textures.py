@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from rptcam_cl.pbrt.colours import COLOURS, reflectance
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.parameters import Parameter
+from rptcam_cl.pbrt.pictures import OTHERS, is_readable, picture_name
 from rptcam_cl.pbrt.state import Entity
+from rptcam_cl.pictures import SUFFIXES
 
 Array = NDArray[np.float64]
 Keys = dict[str, Any]
 
-PICTURES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr")
 WRAPS = {"repeat": "repeat", "clamp": "clamp", "octahedralsphere": "clamp"}
 # Parameters of filtering, which is ours to choose.
 FILTERING = ("maxanisotropy", "trilinear", "filter")
@@ -53,7 +54,7 @@ class Shade:
                 if name in texture:
                     texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
             if texture["kind"] == "image":
-                texture["gain"] = texture.get("gain", 1.0) * float(factor.mean())
+                texture["gain"] = max(texture.get("gain", 1.0) * float(factor.mean()), 0.0)
         return Shade(np.clip(self.colour * factor, 0, 1), texture)
 
 
@@ -158,20 +159,22 @@ def _image(context: Context, texture: Entity) -> Shade:
     found: Keys = {"kind": "image"}
     if parameters.boolean("invert", False):
         context.report.ignored(place, f"{texture.what}: invert")
-    if path.suffix.lower() not in PICTURES:
-        context.report.approximated(place, f"{name}: a kind of picture that is not read (grey {GREY:g}; "
-                                    f"allowed: {' '.join(PICTURES)})")  # fmt: skip
+    if not is_readable(path):
+        allowed = " ".join((*SUFFIXES, *OTHERS))
+        context.report.approximated(
+            place, f"{name}: a kind of picture that is not read (grey {GREY:g}; allowed: {allowed})"
+        )
         for unused in ("wrap", "scale", "encoding", "gamma", "uscale", "vscale", "udelta", "vdelta", "mapping"):
             parameters.skip(unused)
         return Shade(np.full(3, GREY))
-    found["file"] = context.files.reference(path, place)
+    found["file"] = picture_name(context, path, place)
     if wrap in WRAPS and WRAPS[wrap] != "repeat":
         found["wrap"] = WRAPS[wrap]
     elif wrap not in WRAPS:
         context.report.approximated(place, f'{texture.what}: wrap "{wrap}" as clamp')
         found["wrap"] = "clamp"
     found |= _encoding(context, texture)
-    if (gain := parameters.number("scale", 1.0)) != 1:
+    if (gain := max(parameters.number("scale", 1.0), 0.0)) != 1:
         found["gain"] = gain
     return Shade(np.full(3, GREY * gain), found | _mapping(context, texture))
 

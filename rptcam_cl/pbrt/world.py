@@ -16,9 +16,8 @@ from rptcam_cl.pbrt.statements import NUMBERS, Statement, read_statements
 from rptcam_cl.pbrt.transforms import Matrix, checked, step_matrix
 
 COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
-OPTIONS = ("Camera", "Film", "Sampler", "Integrator")
+OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "PixelFilter")
 IGNORED = {
-    "PixelFilter": "the reconstruction filter stays the scene's own",
     "Accelerator": "how rays find surfaces is decided by the renderer",
     "MakeNamedMedium": "there are no media such as fog",
     "MediumInterface": "there are no media such as fog",

@@ -11,36 +11,40 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.alias import alias_table
 from rptcam_cl.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.plan.colour import luminance
+from rptcam_cl.plan.curves import curves
 from rptcam_cl.plan.environment import Surroundings
-from rptcam_cl.plan.lights import light_emitter
+from rptcam_cl.plan.lights import light_emitter, sun_emitter
 from rptcam_cl.plan.meshes import corners_of_box
 from rptcam_cl.plan.primitives import Primitive, sphere_of
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.plan.triangle_emitters import triangle_emitters
 from rptcam_cl.records import EMITTER, Kind
+from rptcam_cl.scene.coverage import has_holes
 from rptcam_cl.scene.material import Emissive, Material
 from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import Colour
+from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.texture import Texture
 
 Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
 
 @dataclass(frozen=True)
 class Emitters:
-    """Records with their alias table, the sampled emitter of each primitive, and the kinds there are."""
+    """Records, the sampled emitter of each primitive, the kinds there are, and the curve that picks by power."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
     kinds: frozenset[EmitterKind]
     count: int
+    curve: NDArray[np.float32]
 
     @property
     def facts(self) -> dict[str, int]:
         """Which kinds of emitter the kernels must know."""
+        painted = self.records["texture"] >= 0
         flats = {EmitterKind.RECTANGLE, EmitterKind.DISK, EmitterKind.TRIANGLE}
         return {
             "HAS_EMITTERS": int(self.count > 0),
@@ -53,6 +57,7 @@ class Emitters:
             "EMITTER_SPOTS": int(EmitterKind.SPOT in self.kinds),
             "EMITTER_PROFILES": int(EmitterKind.PROFILE in self.kinds),
             "EMITTER_DIRECTIONS": int(EmitterKind.DIRECTIONAL in self.kinds),
+            "EMITTER_TEXTURES": int((painted & (self.records["primitive"] >= 0))[: self.count].any()),
             "EMITTER_SUNS": int(EmitterKind.SUN in self.kinds),
             "ENVIRONMENT_SAMPLED": int(EmitterKind.ENVIRONMENT in self.kinds),
         }
@@ -65,6 +70,7 @@ def _flat(kind: EmitterKind, primitive: Primitive, record: np.void) -> float:
     record["kind"] = kind
     record["a"] = (*origin, area)
     record["u"][:3], record["v"][:3], record["normal"][:3] = x, y, normal / np.linalg.norm(normal)
+    record["uv_x"][:2], record["uv_y"][:2] = (1, 0), (0, 1)
     return np.pi * area
 
 
@@ -72,47 +78,67 @@ def _sphere(primitive: Primitive, record: np.void) -> float:
     center, radius = sphere_of(primitive.placement)
     record["kind"] = EmitterKind.SPHERE
     record["a"] = (*center, radius)
+    axes = primitive.placement[:3, :3] / radius
+    record["u"][:3], record["v"][:3], record["uv"][2] = axes[:, 0], axes[:, 2], np.sign(np.linalg.det(axes))
     return 4 * np.pi**2 * radius**2
 
 
 _SAMPLED = {Kind.RECTANGLE: EmitterKind.RECTANGLE, Kind.DISK: EmitterKind.DISK, Kind.SPHERE: EmitterKind.SPHERE}
 
 
-def _surface_emitter(index: int, primitive: Primitive) -> tuple[np.void, float] | None:
+@dataclass(frozen=True)
+class _Glow:
+    """What a material emits: radiance, mean over a texture; the texture's index or -1; whether the back shines."""
+
+    radiance: NDArray[np.float64]
+    texture: int
+    two_sided: bool
+
+    @property
+    def strength(self) -> float:
+        """Radiance times sides [W/(m² sr), luminance]."""
+        return luminance(self.radiance) * (2 if self.two_sided else 1)
+
+    def fill(self, records: NDArray[np.void] | np.void) -> None:
+        """Write it into records."""
+        records["radiance"][..., :3] = self.radiance
+        records["texture"], records["two_sided"] = self.texture, self.two_sided
+
+
+def _glow(material: Material, textures: TextureTable) -> _Glow:
+    emitted: Texture | Colour = (0.0, 0.0, 0.0)
+    two_sided = False
+    if isinstance(material, Emissive):
+        emitted, two_sided = material.radiance, material.two_sided
+    elif isinstance(material, Principled):
+        emitted = material.emission
+    colour, texture = textures.slot(emitted, limit=LARGEST_RADIANCE)
+    return _Glow(np.array(colour) if texture < 0 else textures.mean(texture), texture, two_sided)
+
+
+def _surface_emitter(index: int, primitive: Primitive, glow: _Glow) -> Found | None:
     """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
-    radiance, two_sided = _emitted(primitive.material)
-    if primitive.kind not in _SAMPLED or luminance(radiance) <= 0:
+    if primitive.kind not in _SAMPLED or glow.strength <= 0:
         return None
     record: np.void = EMITTER.zeros(1)[0]
     kind = _SAMPLED[primitive.kind]
     factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
-    record["radiance"][:3] = radiance
+    glow.fill(record)
     record["primitive"], record["part"] = index, -1
-    record["two_sided"] = two_sided
-    return record, factor * luminance(radiance) * (2 if two_sided else 1)
+    return np.array([record], EMITTER.dtype), np.array([factor * glow.strength])
 
 
-def _emitted(material: Material) -> tuple[Colour, bool]:
-    """Return the radiance of a material that shines evenly, else black, and whether its back shines, too."""
-    if isinstance(material, Emissive):
-        return material.radiance, material.two_sided
-    if isinstance(material, Principled) and isinstance(material.emission, tuple):
-        return material.emission, False
-    return (0.0, 0.0, 0.0), False
-
-
-def _mesh_emitters(index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64]) -> Found | None:
+def _mesh_emitters(
+    index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64], glow: _Glow
+) -> Found | None:
     """Return records and powers [W, luminance] of the triangles of an emissive mesh, or None when it does not shine."""
-    mesh = primitive.mesh
-    radiance, two_sided = _emitted(primitive.material)
-    if mesh is None or luminance(radiance) <= 0:
+    if primitive.mesh is None or glow.strength <= 0:
         return None
-    records, areas = triangle_emitters(mesh, primitive.placement, eye)
-    records["radiance"][:, :3] = radiance
+    records, areas = triangle_emitters(primitive.mesh, primitive.placement, eye)
+    glow.fill(records)
     records["primitive"] = index
     records["part"] = first_triangle + np.arange(len(records))
-    records["two_sided"] = two_sided
-    return records, np.pi * areas * luminance(radiance) * (2 if two_sided else 1)
+    return records, np.pi * areas * glow.strength
 
 
 def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float:
@@ -147,34 +173,36 @@ def pack_emitters(
     first_triangles
         Of those that are meshes, in their order.
     textures
-        Takes the pictures of measured luminaires.
+        Has the textures of lamps; takes the pictures of measured luminaires.
     surroundings
         The environment.
     """
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye)
+    chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures)
     reach = _scene_reach(primitives, eye)
     lights = [light_emitter(light, scene, textures, reach) for light in scene.lights]
     if surroundings.kind is EnvironmentKind.IMAGE:
         lights.append(_environment(surroundings.flux * np.pi * reach**2))
+    if surroundings.sun is not None:
+        lights.append(sun_emitter(surroundings.sun, reach))
     lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
     suns = sum(int(record["kind"]) == EmitterKind.SUN for record, _ in lights)
     count = sum(len(records) for records, _ in chosen)
     surroundings.record["first_sun"], surroundings.record["suns"] = count - suns, suns
-    records = EMITTER.zeros(count)
+    records, curve = EMITTER.zeros(count), np.zeros(1, np.float32)
     if chosen:
         records[:] = np.concatenate([part for part, _ in chosen])
         powers = np.concatenate([power for _, power in chosen])
-        records["pick"] = powers / powers.sum()
-        records["alias_keep"], records["alias_other"] = alias_table(powers)
+        curve, chance = curves(powers[None])
+        records["pick"] = chance[0]
         surroundings.record["pick"] = records["pick"][records["kind"] == EmitterKind.ENVIRONMENT].sum()
     kinds = frozenset(EmitterKind(kind) for kind in np.unique(records["kind"][:count]).tolist())
-    return Emitters(records, of_primitive, kinds, count)
+    return Emitters(records, of_primitive, kinds, count, curve.ravel())
 
 
 def _surface_emitters(
-    primitives: list[Primitive], first_triangles: Sequence[int], eye: NDArray[np.float64]
+    primitives: list[Primitive], first_triangles: Sequence[int], eye: NDArray[np.float64], textures: TextureTable
 ) -> tuple[list[Found], dict[int, int]]:
     """Return records and powers of what shines, primitive by primitive, and the first emitter of each of them."""
     chosen: list[Found] = []
@@ -182,11 +210,13 @@ def _surface_emitters(
     count = 0
     first_mesh = len(primitives) - len(first_triangles)
     for index, primitive in enumerate(primitives):
+        glow = _glow(primitive.material, textures)
+        if has_holes(primitive.material):  # a sample would have to ask whether it lies in one; paths find what shines
+            continue
         if primitive.mesh is None:
-            single = _surface_emitter(index, primitive)
-            found = None if single is None else (np.array([single[0]], EMITTER.dtype), np.array([single[1]]))
+            found = _surface_emitter(index, primitive, glow)
         else:
-            found = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye)
+            found = _mesh_emitters(index, primitive, first_triangles[index - first_mesh], eye, glow)
         if found is not None:
             of_primitive[index] = count
             count += len(found[0])
@@ -197,4 +227,5 @@ def _surface_emitters(
 def _environment(power: float) -> tuple[np.void, float]:
     record: np.void = EMITTER.zeros(1)[0]
     record["kind"], record["primitive"], record["part"] = EmitterKind.ENVIRONMENT, -1, -1
+    record["texture"] = -1
     return record, power

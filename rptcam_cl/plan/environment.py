@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.alias import alias_table
 from rptcam_cl.kinds import EnvironmentKind, TexelFormat
 from rptcam_cl.plan.colour import LUMINANCE
+from rptcam_cl.plan.curves import curves
 from rptcam_cl.plan.picture_table import Colours
+from rptcam_cl.plan.sky import bake_sky
 from rptcam_cl.plan.texels import linear_codes
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.records import ENVIRONMENT
-from rptcam_cl.scene.environment import ConstantEnvironment, GradientEnvironment, ImageEnvironment
+from rptcam_cl.scene.environment import ConstantEnvironment, GradientEnvironment, ImageEnvironment, SkyEnvironment
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
 MOST_CELLS = (1024, 2048)  # rows and columns that light sampling tells apart: 24 MB of tables
+
+
+@dataclass(frozen=True, eq=False)
+class DistantSun:
+    """The sun of a sky.
+
+    Attributes
+    ----------
+    towards : (3,) array
+        Unit direction to its middle.
+    irradiance : (3,) array
+        On a surface that faces it [W/m²].
+    """
+
+    towards: Array
+    irradiance: Array
 
 
 @dataclass(frozen=True)
@@ -33,12 +50,15 @@ class Surroundings:
         Tables of `sampling_tables`; one zero where there are none.
     flux : float
         Integral of the radiance over all directions of what light sampling knows [W/m², luminance]; else 0.
+    sun : DistantSun or None
+        Shines besides.
     """
 
     kind: EnvironmentKind
     record: NDArray[np.void]
     distribution: NDArray[np.float32]
     flux: float
+    sun: DistantSun | None = None
 
 
 def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
@@ -56,18 +76,32 @@ def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
         case ImageEnvironment() as image:
             colours = textures.pictures.colours(image, "rgb", image.color_space)
             record["texture"] = textures.add_sphere(colours, image.gain)
-            return _of_picture(record, brightness_of(colours), image)
+            return _of_texels(record, brightness_of(colours), axes(image.up, image.rotation_degrees), image.gain)
+        case SkyEnvironment() as sky:
+            return _of_sky(record, sky, textures)
     return Surroundings(EnvironmentKind.NONE, record, nothing, 0.0)
 
 
-def _of_picture(record: NDArray[np.void], brightness: Array, image: ImageEnvironment) -> Surroundings:
-    record["right"][0, :3], record["up"][0, :3], record["forward"][0, :3] = axes(image.up, image.rotation_degrees)
+def _of_texels(record: NDArray[np.void], brightness: Array, directions: Array, gain: float) -> Surroundings:
+    """Return the surroundings of a picture, given where its right, up and forward point."""
+    record["right"][0, :3], record["up"][0, :3], record["forward"][0, :3] = directions
     shares = cell_shares(brightness)
-    if shares.sum() <= 0 or image.gain <= 0:
+    if shares.sum() <= 0 or gain <= 0:
         return Surroundings(EnvironmentKind.NONE, record, np.zeros(1, np.float32), 0.0)
     record["rows"], record["columns"] = shares.shape
-    flux = image.gain * float(shares.sum())
+    flux = gain * float(shares.sum())
     return Surroundings(EnvironmentKind.IMAGE, record, sampling_tables(shares), flux)
+
+
+def _of_sky(record: NDArray[np.void], sky: SkyEnvironment, textures: TextureTable) -> Surroundings:
+    baked = bake_sky(sky)
+    colours = Colours(baked.radiance, TexelFormat.HALF, f"sky {sky.model_dump_json()}")
+    record["texture"] = textures.add_sphere(colours)
+    directions = axes(sky.up, sky.sun_azimuth_degrees)
+    surroundings = _of_texels(record, brightness_of(colours), directions, 1.0)
+    elevation = np.deg2rad(sky.sun_elevation_degrees)
+    towards = np.cos(elevation) * directions[2] + np.sin(elevation) * directions[1]
+    return replace(surroundings, sun=DistantSun(towards, baked.sun_irradiance)) if sky.sun else surroundings
 
 
 def axes(up: tuple[float, float, float], rotation_degrees: float) -> Array:
@@ -130,16 +164,14 @@ def _gathered(values: Array, count: int, axis: int) -> Array:
 def sampling_tables(shares: Array) -> NDArray[np.float32]:
     """Return what ``kernels/light/environment.h`` reads.
 
-    One after the other: of rows, then of the cells of each row, what the alias method keeps and the other index; then
-    the density of each cell per solid angle, times the sine of the angle from the poles.
+    One after the other: the curve of the rows, those of the cells of each row, and the density of each cell per solid
+    angle, times the sine of the angle from the poles.
     """
     rows, columns = shares.shape
-    by_row = shares.sum(axis=1)
-    even = np.ones(columns)
-    tables = [np.stack(alias_table(by_row), axis=1).ravel()]
-    tables += [np.stack(alias_table(row if row.sum() > 0 else even), axis=1).ravel() for row in shares]
-    density = shares / shares.sum() * (rows * columns / (2 * np.pi**2))
-    return np.concatenate([*tables, density.ravel()]).astype(np.float32)
+    over_rows, row_chance = curves(shares.sum(axis=1)[None])
+    over_columns, column_chance = curves(shares)
+    density = row_chance[0, :, None] * column_chance * (rows * columns / (2 * np.pi**2))
+    return np.concatenate([over_rows.ravel(), over_columns.ravel(), density.ravel()]).astype(np.float32)
 
 
 def brightness_of(colours: Colours) -> Array:

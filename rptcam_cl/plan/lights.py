@@ -9,8 +9,10 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.kinds import EmitterKind, TexelFormat
 from rptcam_cl.photometry import Luminaire, read_luminaire
 from rptcam_cl.plan.colour import LUMINANCE, luminance
+from rptcam_cl.plan.environment import DistantSun
 from rptcam_cl.plan.picture_table import Colours
 from rptcam_cl.plan.primitives import turn_to, world_from_scene
+from rptcam_cl.plan.sky import SUN_RADIUS_DEGREES
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.records import EMITTER
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
@@ -22,7 +24,7 @@ PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its axi
 def light_emitter(light: Light, scene: Scene, textures: TextureTable, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record: np.void = EMITTER.zeros(1)[0]
-    record["primitive"], record["part"] = -1, -1
+    record["primitive"], record["part"], record["texture"] = -1, -1, -1
     match light:
         case PointLight():
             record["kind"], record["radiance"][:3] = EmitterKind.POINT, light.intensity
@@ -50,6 +52,15 @@ def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_deg
     record["a"][3] = sin2
     record["radiance"][:3] = np.asarray(irradiance) / (np.pi * sin2)
     return luminance(irradiance)
+
+
+def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
+    """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
+    record: np.void = EMITTER.zeros(1)[0]
+    record["primitive"], record["part"], record["texture"] = -1, -1, -1
+    record["normal"][:3] = sun.towards
+    red, green, blue = sun.irradiance.tolist()
+    return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2
 
 
 def _unit(direction: tuple[float, float, float]) -> NDArray[np.float64]:

@@ -88,7 +88,8 @@ class _Filler:
                 if material.reflectance is not None:
                     record["color"][:3], record["texture"] = self._textures.slot(material.reflectance, limit=1.0)
             case Emissive():
-                record["color"][:3], record["parameter"] = material.radiance, material.two_sided
+                record["color"][:3], record["texture"] = self._textures.slot(material.radiance, limit=LARGEST_RADIANCE)
+                record["parameter"] = material.two_sided
             case Principled():
                 self._principled(record, material)
             case Mix():

@@ -63,6 +63,7 @@ def make_plan(scene: Scene) -> Plan:
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
+        "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
     }
     return Plan(
         facts=facts,

@@ -116,12 +116,12 @@ class TextureTable:
         record["wrap_u"] = record["wrap_v"] = _WRAPS[texture.wrap]
         record["nearest"], record["limit"] = texture.filter == "nearest", limit
 
-    def _fill_image(self, record: np.void, colours: Colours, gain: float) -> None:
+    def _fill_image(self, record: np.void, colours: Colours, gain: float | tuple[float, float, float]) -> None:
         first, scale = self.pictures.place(colours)
         record["kind"], record["format"], record["first"] = TextureKind.IMAGE, colours.form, first
         record["height"], record["width"] = colours.texels.shape[:2]
-        record["a"][:3] = gain * scale
-        self._means.append(gain * linear_mean(colours.texels, colours.form))
+        record["a"][:3] = np.multiply(gain, scale)
+        self._means.append(np.multiply(gain, linear_mean(colours.texels, colours.form)))
 
 
 def _mapping(texture: Texture) -> NDArray[np.float64]:

@@ -37,5 +37,8 @@ def triangle_emitters(
     records["kind"] = EmitterKind.TRIANGLE
     records["a"][:, :3], records["a"][:, 3] = a, double_area / 2
     records["u"][:, :3], records["v"][:, :3] = u, v
+    if mesh.uvs is not None:
+        corner, first, second = (mesh.uvs[mesh.faces[:, index]] for index in range(3))
+        records["uv"][:, :2], records["uv_x"][:, :2], records["uv_y"][:, :2] = corner, first - corner, second - corner
     records["normal"][:, :3] = normal / np.maximum(double_area, np.finfo(np.float64).tiny)[:, None]
     return records, double_area / 2

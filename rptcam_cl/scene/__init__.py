@@ -22,7 +22,13 @@ from rptcam_cl.scene.camera import (
 from rptcam_cl.scene.change import change_scene
 from rptcam_cl.scene.coverage import NormalMap
 from rptcam_cl.scene.dielectric import Dielectric, ThinGlass
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
+from rptcam_cl.scene.environment import (
+    ConstantEnvironment,
+    Environment,
+    GradientEnvironment,
+    ImageEnvironment,
+    SkyEnvironment,
+)
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.film_filter import FilmFilter
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
@@ -94,6 +100,7 @@ __all__ = [
     "Rotation",
     "Scene",
     "SceneObject",
+    "SkyEnvironment",
     "Sphere",
     "SpotLight",
     "StarAperture",

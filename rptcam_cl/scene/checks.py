@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.camera import Camera
-from rptcam_cl.scene.environment import ConstantEnvironment, Environment, GradientEnvironment, ImageEnvironment
+from rptcam_cl.scene.coverage import has_holes
+from rptcam_cl.scene.environment import (
+    ConstantEnvironment,
+    Environment,
+    GradientEnvironment,
+    ImageEnvironment,
+    SkyEnvironment,
+)
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.material import Emissive
@@ -18,7 +25,7 @@ from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
-from rptcam_cl.scene.shape import Object, Plane
+from rptcam_cl.scene.shape import Box, Cone, Cylinder, Object, Plane, Sphere
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
 LARGEST_EXTENT_RATIO = 1e7
@@ -35,6 +42,17 @@ def to_world(item: PlacedObject, points: NDArray[np.float64]) -> NDArray[np.floa
 def world_corners(item: PlacedObject) -> NDArray[np.float64]:
     """Return the eight corners of an object's bounds in the world (8, 3)."""
     return to_world(item, np.array(list(product(*zip(*item.bounds(), strict=True)))))
+
+
+def check_holes(item: Object, path: tuple[str | int, ...]) -> None:
+    """Refuse holes in a shape whose far side a ray through a hole would have to be tested for."""
+    if isinstance(item, (Sphere, Box, Cylinder, Cone)) and has_holes(item.material):
+        raise refuse(
+            "has holes, which a shape with two sides cannot have",
+            got=item.shape,
+            allowed="rectangle, disk, plane or mesh for a material with opacity",
+            path=(*path, "material", "opacity"),
+        )
 
 
 def check_extent(item: Object, path: tuple[str | int, ...]) -> None:
@@ -72,9 +90,9 @@ def scene_warnings(
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
     shown = [material for item in objects for material in item.shown_materials()]
-    colours = [material.radiance for material in shown if isinstance(material, Emissive)]
-    glowing = [material.emission for material in shown if isinstance(material, Principled)]
-    colours += [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
+    glowing = [material.radiance for material in shown if isinstance(material, Emissive)]
+    glowing += [material.emission for material in shown if isinstance(material, Principled)]
+    colours = [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
     return any(max(colour) > 0 for colour in [*colours, *_light_colours(lights), *_environment_colours(environment)])
 
 
@@ -97,7 +115,7 @@ def _environment_colours(environment: Environment | None) -> list[Colour]:
             return [environment.radiance]
         case GradientEnvironment():
             return [environment.bottom, environment.top]
-        case ImageEnvironment():
+        case ImageEnvironment() | SkyEnvironment():
             return [(environment.gain, environment.gain, environment.gain)]
     return []
 

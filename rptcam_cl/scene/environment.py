@@ -8,9 +8,9 @@ from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import Direction, Gain, Radiance, Turn
+from rptcam_cl.scene.quantities import NUMBER, Albedo, Direction, Gain, Radiance, Turn
 
-WITH_UP = ("gradient", "image")  # kinds whose `up` is the camera's by default
+WITH_UP = ("gradient", "image", "sky")  # kinds whose `up` is the camera's by default
 
 
 class ConstantEnvironment(SceneModel):
@@ -58,8 +58,36 @@ class ImageEnvironment(FileReference):
     """Turn of the surroundings about `up`, counter-clockwise seen from above [degrees]."""
 
 
+class SkyEnvironment(SceneModel):
+    """A clear sky with its sun over an even ground, in absolute units (Preetham 1999)."""
+
+    kind: Literal["sky"]
+    """Kind of environment."""
+
+    sun_elevation_degrees: Annotated[float, Field(ge=0, le=90), NUMBER] = 45.0
+    """Angle of the sun above the horizon [degrees]."""
+
+    sun_azimuth_degrees: Turn = 0.0
+    """Angle of the sun from straight ahead about `up`, counter-clockwise seen from above [degrees]."""
+
+    turbidity: Annotated[float, Field(ge=2, le=10), NUMBER] = 3.0
+    """Haziness of the air: 2 is very clear, 3 clear, 10 hazy."""
+
+    ground_albedo: Albedo = (0.3, 0.3, 0.3)
+    """Share of light that the ground reflects; a colour of channels 0 to 1."""
+
+    sun: bool = Field(default=True, strict=True)
+    """Whether the disk of the sun shines."""
+
+    gain: Gain = 1.0
+    """Factor on all radiances."""
+
+    up: Direction = (0.0, 1.0, 0.0)
+    """Direction of the zenith; any length. In a scene the default is the `up` of the camera."""
+
+
 Environment = Annotated[
-    ConstantEnvironment | GradientEnvironment | ImageEnvironment,
+    ConstantEnvironment | GradientEnvironment | ImageEnvironment | SkyEnvironment,
     Field(discriminator="kind"),
 ]
 """What surrounds a scene."""

@@ -21,8 +21,11 @@ LayerName = Literal[
     "material_id",
     "uv",
     "pupil",
+    "samples",
+    "variance",
 ]
 LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
+FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance")  # of the picture itself, not of what its rays meet
 
 
 def _as_list(names: object) -> object:

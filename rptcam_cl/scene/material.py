@@ -11,10 +11,10 @@ from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
 from rptcam_cl.scene.dielectric import ROUGHNESS, Dielectric, ThinGlass
 from rptcam_cl.scene.metal import Conductor
 from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import NUMBER, Albedo, Radiance, list_of
+from rptcam_cl.scene.quantities import NUMBER, Albedo, list_of
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.roughness import RoughMaterial
-from rptcam_cl.scene.texture import Reflectance, Share
+from rptcam_cl.scene.texture import Emission, Reflectance, Share
 
 
 class Matte(BumpyMaterial):
@@ -58,8 +58,8 @@ class Emissive(SceneModel):
     kind: Literal["emissive"]
     """Kind of material."""
 
-    radiance: Radiance
-    """Radiance emitted [W/(m² sr) per channel]; a colour."""
+    radiance: Emission
+    """Radiance emitted [W/(m² sr) per channel]: a colour or a texture."""
 
     two_sided: bool = Field(default=False, strict=True)
     """Whether the back emits too."""

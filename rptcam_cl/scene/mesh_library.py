@@ -8,6 +8,7 @@ from pathlib import Path
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files import (
     Draft,
+    Look,
     Mesh,
     MeshContents,
     NormalsMode,
@@ -38,6 +39,7 @@ class MeshLibrary:
         self._named = named
         self._known: dict[tuple[Path | _Same, NormalsMode], MeshContents] = {}
         self._meshes: dict[str, Mesh] = {}
+        self._materials: dict[Look, Material] = {}
 
     def load(self, item: MeshObject) -> None:
         """Find the parts and materials of an object, unless it has them.
@@ -51,7 +53,7 @@ class MeshLibrary:
             return
         source: MeshSource = item if item.mesh is None else self._named[item.mesh]
         contents = self._contents(source, item.normals_mode)
-        item._loaded = LoadedMesh(contents, _materials(item, contents))
+        item._loaded = LoadedMesh(contents, self._shown(item, contents))
 
     def _contents(self, source: MeshSource, mode: NormalsMode) -> MeshContents:
         path = self._folders.find(source.file) if source.file is not None else None
@@ -62,6 +64,19 @@ class MeshLibrary:
         if (key, mode) not in self._known:
             self._known[key, mode] = self._known[key, "auto"].with_normals(mode).sharing(self._meshes)
         return self._known[key, mode]
+
+    def _shown(self, item: MeshObject, contents: MeshContents) -> tuple[Material, ...]:
+        """Return the material of each part: the object's, or those of the file."""
+        if item.material is not None:
+            return (item.material,) * len(contents.parts)
+        looks = [part.look for part in contents.parts if part.look is not None]
+        if len(looks) < len(contents.parts):
+            why = "; ".join((f"{item.file or 'a mesh that is written out or named'} has none", *contents.notes))
+            raise InputError(f"needs the key material: {why} (allowed: a material mapping, or the name of one)")
+        for look in looks:
+            if look not in self._materials:
+                self._materials[look] = material_of(look, self._folders)
+        return tuple(self._materials[look] for look in looks)
 
 
 class _Same:
@@ -88,14 +103,3 @@ def _written_out(source: MeshSource) -> MeshContents:
         None if source.uvs is None else source.uvs.rows,
     )
     return finished(Draft([surface]), "the mesh")
-
-
-def _materials(item: MeshObject, contents: MeshContents) -> tuple[Material, ...]:
-    if item.material is not None:
-        return (item.material,) * len(contents.parts)
-    looks = {part.look for part in contents.parts}
-    if None in looks:
-        where = f"{item.file} has none" if item.file is not None else "a mesh that is written out or named has none"
-        raise InputError(f"needs the key material: {where} (allowed: a material mapping, or the name of one)")
-    known = {look: material_of(look) for look in looks if look is not None}
-    return tuple(known[part.look] for part in contents.parts if part.look is not None)

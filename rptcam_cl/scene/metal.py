@@ -15,6 +15,8 @@ from rptcam_cl.scene.texture import Reflectance
 
 Metal = Literal["aluminium", "chromium", "copper", "gold", "iron", "nickel", "platinum", "silver", "tungsten"]
 
+WRITTEN_OUT = "written out"  # form of a metal that is no name; not a key
+
 Constant = Annotated[float, Field(ge=1e-3, le=100), NUMBER]
 _PER_CHANNEL = BeforeValidator(list_of(3, "one number each for red, green and blue"))
 
@@ -30,7 +32,7 @@ class OpticalConstants(SceneModel):
 
 
 def _form(value: Any) -> str:
-    return "constants" if isinstance(value, (dict, OpticalConstants)) else "name"
+    return WRITTEN_OUT if isinstance(value, (dict, OpticalConstants)) else "name"
 
 
 class Conductor(RoughMaterial, BumpyMaterial):
@@ -43,7 +45,7 @@ class Conductor(RoughMaterial, BumpyMaterial):
     """Share of light that a microfacet reflects: a colour of channels 0 to 1, or a texture."""
 
     metal: (
-        Annotated[Annotated[Metal, Tag("name")] | Annotated[OpticalConstants, Tag("constants")], Discriminator(_form)]
+        Annotated[Annotated[Metal, Tag("name")] | Annotated[OpticalConstants, Tag(WRITTEN_OUT)], Discriminator(_form)]
         | None
     ) = None
     """What it is made of: a name, or its optical constants {n, k}."""

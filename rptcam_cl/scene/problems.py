@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.scene.metal import WRITTEN_OUT
 from rptcam_cl.scene.refusal import REFUSED, listed, near_name
 from rptcam_cl.scene.texture import CONSTANT
 from rptcam_cl.strict_yaml import KeyPath, dotted
@@ -95,7 +96,7 @@ def _follow(location: tuple[Any, ...], data: Any) -> tuple[KeyPath, Any]:
     passed_tag = False
     for key in location:
         if isinstance(value, Mapping):
-            if not passed_tag and key in (value.get("kind"), value.get("shape")):
+            if not passed_tag and key in (value.get("kind"), value.get("shape"), WRITTEN_OUT):
                 passed_tag = True
                 continue
             if isinstance(key, int) and key not in value:

@@ -141,7 +141,8 @@ TexturePair = Annotated[tuple[TextureNumber, TextureNumber], BeforeValidator(lis
 Coordinate = Annotated[float, Field(ge=-LARGEST_COORDINATE, le=LARGEST_COORDINATE), NUMBER]
 Length = Annotated[float, Field(ge=SMALLEST_LENGTH, le=LARGEST_COORDINATE), NUMBER]
 Turn = Annotated[float, Field(ge=-360, le=360), NUMBER]
-Gain = Annotated[float, Field(ge=0, le=1e12), NUMBER]
+LARGEST_GAIN = 1e12
+Gain = Annotated[float, Field(ge=0, le=LARGEST_GAIN), NUMBER]
 Fraction = Annotated[float, Field(ge=0, le=1), NUMBER]
 
 Position = Annotated[
@@ -158,4 +159,9 @@ Radiance = Annotated[
     Colour,
     BeforeValidator(_colour(LARGEST_RADIANCE, "is too bright for sums in float32")),
     WithJsonSchema(_colour_schema(LARGEST_RADIANCE)),
+]
+GainColour = Annotated[
+    Colour,
+    BeforeValidator(_colour(LARGEST_GAIN, "is too large a factor")),
+    WithJsonSchema(_colour_schema(LARGEST_GAIN)),
 ]

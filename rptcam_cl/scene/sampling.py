@@ -13,6 +13,7 @@ from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
 MAX_SPP = 2**32 - 1
 MAX_SEED = 2**64 - 1
 MAX_DEPTH = 1_000_000
+ADAPTIVE_SPP = 16384  # where a noise target is out of reach
 
 
 class RenderSettings(SceneModel):
@@ -33,11 +34,22 @@ class RenderSettings(SceneModel):
     sampler: Literal["lattice", "independent"] = "lattice"
     """How the samples of a pixel are spread: on a lattice, which lowers the noise, or each by itself."""
 
+    noise: Annotated[float, Field(gt=0, lt=1), NUMBER] | None = None
+    """Relative standard error at which a tile of 8 x 8 pixels is done; `spp` is then the most that a pixel gets."""
+
+    clamp: Annotated[float, Field(ge=1e-6, le=1e30), NUMBER] | None = None
+    """Most that a sample may bring to a channel of the film; brighter ones are scaled down, which is biased."""
+
     layers: Layers = ()
     """Auxiliary layers to record beside the picture, as depth and normal."""
 
     layers_spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
     """Samples per pixel that the layers are made of at most, the first ones of the picture."""
+
+    @property
+    def most_spp(self) -> int:
+        """Samples of a pixel at most: `spp`, which unless it is given leaves a noise target room."""
+        return self.spp if self.noise is None or "spp" in self.model_fields_set else ADAPTIVE_SPP
 
 
 class Picture(SceneModel):

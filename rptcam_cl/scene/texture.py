@@ -8,7 +8,7 @@ from pydantic import Discriminator, Field, Tag
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, Gain, Radiance, TexturePair, Turn
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, GainColour, Radiance, TexturePair, Turn
 
 CONSTANT = "constant colour"
 
@@ -111,8 +111,8 @@ class ImageTexture(FileReference, Pattern):
     channel: Literal["rgb", "r", "g", "b", "a"] = "rgb"
     """Which channels are read; a single one gives a grey, a is the alpha channel."""
 
-    gain: Gain = 1.0
-    """Factor on the linear values."""
+    gain: GainColour = (1.0, 1.0, 1.0)
+    """Factor on the linear values: a number, or [red, green, blue]."""
 
 
 Texture = Checker | Grid | Gradient | Noise | ImageTexture

@@ -1,6 +1,6 @@
 """Rendering: waves of paths through the kernels, and the film that they add to."""
 
-from rptcam_cl.wavefront.progressive import Progress, Rendering, render_plan
+from rptcam_cl.wavefront.progressive import Progress, Rendering, SavedState, render_plan
 from rptcam_cl.wavefront.tracer import Wavefront
 
-__all__ = ["Progress", "Rendering", "Wavefront", "render_plan"]
+__all__ = ["Progress", "Rendering", "SavedState", "Wavefront", "render_plan"]

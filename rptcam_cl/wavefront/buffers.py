@@ -19,7 +19,7 @@ class SceneBuffers:
     scene : tuple
         Values of ``SCENE_PARAMETERS`` (``kernels/common/scene.h``), in its order.
     mesh_facts : dict
-        Facts of the trees for the compilation; zero without meshes.
+        Facts of the trees for the compilation; none without meshes.
     camera : tuple
         The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
     """
@@ -34,13 +34,13 @@ class SceneBuffers:
             upload(plan.textures.texels),
             upload(plan.emitters.records),
             upload(plan.surroundings.record),
-            upload(plan.surroundings.distribution),
+            upload(np.concatenate([plan.emitters.curve, plan.surroundings.distribution])),
             np.int32(plan.emitters.count),
         )
-        self.mesh_facts = {"BVH_WIDTH": 0, "BVH_STACK": 0}
+        self.mesh_facts: dict[str, int] = {}
         if plan.meshes is not None:
             trees = scene_trees(plan.meshes, session)
-            self.mesh_facts = {"BVH_WIDTH": trees.width, "BVH_STACK": trees.stack}
+            self.mesh_facts = trees.facts
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             self.scene += (*(upload(array) for array in arrays), np.int32(trees.root))
         self.filter = upload(plan.camera_filter.table)

@@ -18,7 +18,7 @@ QUARTER = 4  # neighbouring lanes share a square of so many pixels
 TILE_PIXELS = TILE * TILE
 SPARE_TILES = 3  # behind those of the picture, so that any number of tiles can be filled up to a block
 BLOCK = 256  # pixels are padded to this, so that any wave is a whole number of work groups on every device
-BYTES_PER_PIXEL = 6 * 4  # three sums and three compensations
+PLANES = 6  # three sums and three compensations; a limit of the samples adds what it has removed
 
 
 @dataclass(frozen=True)
@@ -75,6 +75,13 @@ class FilmLayout:
         down = np.clip(self.height - TILE * np.arange(-(-self.height // TILE)), 0, TILE)
         spare = self.pixels // TILE_PIXELS - self.tiles
         return np.append(np.outer(down, across).ravel(), np.zeros(spare, np.int64))
+
+    @cached_property
+    def inside(self) -> NDArray[np.bool_]:
+        """Whether a pixel of the buffer belongs to the picture."""
+        found = np.zeros(self.pixels, np.bool_)
+        found[self.in_rows(np.arange(self.pixels)[None]).ravel()] = True
+        return found
 
     def whole_list(self) -> NDArray[np.uint32]:
         """Return the list of all tiles, filled up to whole blocks."""

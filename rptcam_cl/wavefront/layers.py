@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.records import WAVE, device_declarations
-from rptcam_cl.scene.layers import LAYER_NAMES, LayerName
+from rptcam_cl.scene.layers import FILM_LAYERS, LAYER_NAMES, LayerName
 from rptcam_cl.wavefront.buffers import SceneBuffers
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -35,7 +35,7 @@ class LayerPlanes:
     """
 
     def __init__(self, names: Sequence[LayerName]) -> None:
-        self.names = tuple(names)
+        self.names = tuple(name for name in names if name not in FILM_LAYERS)
         self.places: dict[LayerName, int] = {}
         self.sums, self.firsts = WEIGHTS, 0
         for name in self.names:
@@ -127,10 +127,18 @@ class LayerPass:
         """Empty the layers."""
         self._session.fill_zero(self._buffer, self._nbytes)
 
+    def planes(self) -> NDArray[np.float32]:
+        """Return the content of the buffer, (planes, pixels)."""
+        planes = self._session.read(self._buffer, np.float32, self._planes.count * self._layout.pixels)
+        return planes.reshape(self._planes.count, -1)
+
+    def restore(self, planes: NDArray[np.float32]) -> None:
+        """Put back what `planes` returned."""
+        self._session.write(self._buffer, np.ascontiguousarray(planes, np.float32))
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return the layers by name, (height, width) or (height, width, channels)."""
-        planes = self._session.read(self._buffer, np.float32, self._planes.count * self._layout.pixels)
-        flat = self._layout.in_rows(planes.reshape(self._planes.count, -1))
+        flat = self._layout.in_rows(self.planes())
         return Developed(self._planes, flat, self._eye_m).arrays()
 
 
@@ -177,6 +185,8 @@ class Developed:
                 return np.where((self._passed > 0)[..., None], self._first(name), np.nan)
             case "pupil":
                 return np.where((self._passed > 0)[..., None], self._first(name), np.nan)
+            case _:
+                raise AssertionError(f"{name} has no planes")
 
     @staticmethod
     def _divisor(weight: NDArray[np.float64]) -> NDArray[np.float64]:

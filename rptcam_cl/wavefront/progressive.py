@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.wavefront.film import TILE_PIXELS
+from rptcam_cl.wavefront.noise import NoiseEstimate, NoiseReport, next_end
 from rptcam_cl.wavefront.tracer import Wavefront
 
 REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
@@ -32,6 +34,10 @@ class Progress:
         Camera samples per second, in millions.
     blocked_share : float or None
         Share of the camera rays that the lens blocked; None without a lens.
+    samples_at_start : int
+        Samples per pixel that a resumed render had already.
+    tiles_done : float or None
+        Share of the tiles that meet the noise target; None without one.
     """
 
     stage: str
@@ -40,17 +46,59 @@ class Progress:
     seconds: float
     msamples_per_second: float
     blocked_share: float | None
+    samples_at_start: int = 0
+    tiles_done: float | None = None
 
 
 @dataclass(frozen=True)
 class Rendering:
-    """The result of a render: the film's mean, the samples in it, how it went, and the layers by name."""
+    """The result of a render.
+
+    Attributes
+    ----------
+    pixels : (height, width, 3) array
+        Mean of the film.
+    spp : int
+        Samples of the pixels that have most.
+    samples : (height, width) array
+        Samples of each pixel.
+    variance : (height, width) array
+        Of each pixel's mean luminance; nan unless it was asked for and there are 64 samples to estimate it from.
+    noise : NoiseReport or None
+        How noisy the tiles are, likewise.
+    seconds : float
+        Time spent rendering [s].
+    interrupted : bool
+        Whether ``should_stop`` ended the render.
+    layers : dict
+        Auxiliary layers by name.
+    resumed_from : int
+        Samples per pixel that it started from.
+    new_samples : int
+        Samples of all pixels made since.
+    state : callable
+        Returns what `render_plan` needs to go on.
+    """
 
     pixels: NDArray[np.float32]
     spp: int
+    samples: NDArray[np.uint32]
+    variance: NDArray[np.float32]
+    noise: NoiseReport | None
     seconds: float
     interrupted: bool
     layers: dict[str, NDArray[Any]]
+    resumed_from: int
+    new_samples: int
+    state: Callable[[], SavedState]
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """A render under way, for `render_plan` to go on with: samples per pixel and arrays by name."""
+
+    done: int
+    arrays: dict[str, NDArray[Any]]
 
 
 def render_plan(
@@ -59,43 +107,114 @@ def render_plan(
     spp: int | None,
     seconds: float | None,
     has_lens: bool,
+    noise: float | None = None,
+    saved: SavedState | None = None,
+    save: Callable[[Callable[[], SavedState]], Any] | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Rendering:
     """Render until every pixel has ``spp`` samples, or ``seconds`` have passed, or ``should_stop`` says so.
 
-    It always ends after whole samples: every pixel has the same number of them, at least one.
+    It always ends after whole samples: every pixel has the same number of them, at least one. With ``noise``, tiles of
+    8 x 8 pixels are left alone once their relative standard error is so small (`NoiseEstimate`).
+
+    Parameters
+    ----------
+    saved
+        What to go on with.
+    save
+        Called between samples with a function that returns the state.
     """
-    clock = _Clock(wavefront, spp, has_lens, on_progress)
-    done = 0
+    estimate = None
+    if noise is not None or "variance" in wavefront.settings.layers:
+        estimate = NoiseEstimate(wavefront.layout, noise)
+    done = start = 0
+    if saved is not None:
+        done = start = saved.done
+        wavefront.restore(saved.arrays)
+        if estimate is not None:
+            estimate.restore(saved.arrays)
+            wavefront.choose_tiles(estimate.tiles)
+    clock = _Clock(wavefront, estimate, spp, done, has_lens, on_progress)
+
+    def state() -> SavedState:
+        wavefront.finish()
+        return SavedState(done, wavefront.state() | (estimate.arrays() if estimate is not None else {}))
+
     stopped = False
     most = wavefront.samples_per_wave
-    while spp is None or done < spp:
+    while (spp is None or done < spp) and (estimate is None or len(estimate.tiles)):
         # By time, the first picture comes after one sample per pixel; later waves hold at most as many as are done.
         count = min(most, spp - done if spp is not None else most, most if seconds is None else max(done, 1))
+        if estimate is not None:
+            count = min(count, next_end(done) - done)
         for wave in wavefront.waves(done, count):
             wavefront.enqueue(*wave)
             clock.count(wave[1] * wave[3], done)
         done += count
+        if estimate is not None and done == next_end(done - 1):
+            wavefront.finish()
+            if estimate.take(done, wavefront.sums()):
+                wavefront.choose_tiles(estimate.tiles)
+        if save is not None:
+            save(state)
         if seconds is not None or should_stop is not None:
             stopped = should_stop is not None and should_stop()
             if stopped or (seconds is not None and clock.out_of_time(seconds, done)):
                 break
     wavefront.finish()
     clock.report(done)
-    return Rendering(wavefront.picture(done), done, clock.elapsed, stopped, wavefront.layers())
+    return _rendering(wavefront, estimate, done, start, clock, stopped, state)
+
+
+def _rendering(
+    wavefront: Wavefront,
+    estimate: NoiseEstimate | None,
+    done: int,
+    start: int,
+    clock: _Clock,
+    stopped: bool,
+    state: Callable[[], SavedState],
+) -> Rendering:
+    layout = wavefront.layout
+    tiles = np.full(len(layout.whole_list()), done, np.uint32) if estimate is None else estimate.samples_of_tiles(done)
+    variance = np.full(layout.pixels, np.nan, np.float32) if estimate is None else estimate.variance
+    in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": variance}
+    film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
+    found = wavefront.layers() | film
+    return Rendering(
+        pixels=wavefront.picture(tiles),
+        spp=int(film["samples"].max()),
+        samples=film["samples"],
+        variance=film["variance"],
+        noise=None if estimate is None else estimate.report(),
+        seconds=clock.elapsed,
+        interrupted=stopped,
+        layers={name: found[name] for name in wavefront.settings.layers},
+        resumed_from=start,
+        new_samples=clock.samples,
+        state=state,
+    )
 
 
 class _Clock:
     """Keeps the queue short enough for reports, from the speed seen so far."""
 
     def __init__(
-        self, wavefront: Wavefront, spp: int | None, has_lens: bool, on_progress: Callable[[Progress], Any] | None
+        self,
+        wavefront: Wavefront,
+        estimate: NoiseEstimate | None,
+        spp: int | None,
+        done: int,
+        has_lens: bool,
+        on_progress: Callable[[Progress], Any] | None,
     ) -> None:
-        self._wavefront = wavefront
+        self._wavefront, self._estimate = wavefront, estimate
         self._spp = spp
+        self._first = done  # samples per pixel at the start
         self._has_lens = has_lens
         self._on_progress = on_progress
+        self._rays = wavefront.camera_rays
         self._start = time.perf_counter()
         self._last = self._start
         self._pending = 0
@@ -105,6 +224,11 @@ class _Clock:
     def elapsed(self) -> float:
         """Seconds since the start."""
         return time.perf_counter() - self._start
+
+    @property
+    def samples(self) -> int:
+        """Samples of all pixels since the start, up to the last time that the device was waited for."""
+        return self._wavefront.camera_rays - self._rays
 
     def count(self, slots: int, done: int) -> None:
         """Note enqueued slots; wait and report when enough are under way."""
@@ -123,7 +247,7 @@ class _Clock:
     def out_of_time(self, seconds: float, done: int) -> bool:
         """Whether another sample per pixel would end nearer to ``seconds`` after it than before."""
         self._wait(done)
-        per_sample = self.elapsed / done
+        per_sample = self.elapsed / (done - self._first)
         return self.elapsed + 0.5 * per_sample >= seconds
 
     def report(self, done: int) -> None:
@@ -136,5 +260,8 @@ class _Clock:
             total = sum(outcomes.values())
             blocked = 1 - outcomes["passed"] / total if total else 0.0
         elapsed = self.elapsed
-        rate = done * self._wavefront.layout.samples_per_spp / max(elapsed, 1e-9) / 1e6
-        self._on_progress(Progress("render", done, self._spp, elapsed, rate, blocked))
+        rate = self.samples / max(elapsed, 1e-9) / 1e6
+        done_share = None
+        if self._estimate is not None and self._estimate.target is not None:
+            done_share = 1 - len(self._estimate.tiles) / self._wavefront.layout.tiles
+        self._on_progress(Progress("render", done, self._spp, elapsed, rate, blocked, self._first, done_share))

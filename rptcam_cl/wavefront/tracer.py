@@ -25,7 +25,7 @@ from rptcam_cl.plan import Plan
 from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, floats_per_slot
 from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.wavefront.buffers import SceneBuffers
-from rptcam_cl.wavefront.film import BLOCK, BYTES_PER_PIXEL, TILE_PIXELS, FilmLayout
+from rptcam_cl.wavefront.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout
 from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
 
 WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
@@ -122,7 +122,9 @@ class Wavefront:
         )
         state_bytes = 4 * floats * self.capacity
         planes = LayerPlanes(self.settings.layers)
-        film_bytes = (BYTES_PER_PIXEL + planes.bytes_per_pixel) * self.layout.pixels
+        self._film_planes = PLANES + (self.settings.clamp is not None)
+        self._film_bytes = 4 * self._film_planes * self.layout.pixels
+        film_bytes = self._film_bytes + planes.bytes_per_pixel * self.layout.pixels
         budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
         if state_bytes + film_bytes > budget:
             raise InputError(
@@ -132,7 +134,7 @@ class Wavefront:
             )
         session = self.session
         self._state = session.allocate(state_bytes)
-        self._film = session.allocate(film_bytes, zeroed=True)
+        self._film = session.allocate(self._film_bytes, zeroed=True)
         self._counts = np.zeros(len(RayStatus) + 1, np.uint64)  # rays by status, then samples that were not finite
         self._counters = session.allocate(4 * len(self._counts), zeroed=True)
         self._tile_list = session.allocate(self.tiles.nbytes)
@@ -186,7 +188,7 @@ class Wavefront:
 
     def clear(self) -> None:
         """Empty the film and every counter."""
-        self.session.fill_zero(self._film, BYTES_PER_PIXEL * self.layout.pixels)
+        self.session.fill_zero(self._film, self._film_bytes)
         self.session.fill_zero(self._counters, 4 * len(self._counts))
         self._counts[:] = 0
         self._enqueued, self._rays = 0, 0
@@ -197,7 +199,8 @@ class Wavefront:
     def choose_tiles(self, tiles: NDArray[np.uint32]) -> None:
         """Render these tiles of the film from now on; before, and without any, they are all."""
         self.tiles = self.layout.filled_list(tiles)
-        self.session.write(self._tile_list, self.tiles)
+        if len(self.tiles):
+            self.session.write(self._tile_list, self.tiles)
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
@@ -268,12 +271,42 @@ class Wavefront:
 
     def sums(self) -> NDArray[np.float32]:
         """Return the film's sums and their compensations, shape (6, pixels of the buffer)."""
-        return self.session.read(self._film, np.float32, 6 * self.layout.pixels).reshape(6, -1)
+        return self._planes()[:PLANES]
+
+    def _planes(self) -> NDArray[np.float32]:
+        count = self._film_planes * self.layout.pixels
+        return self.session.read(self._film, np.float32, count).reshape(self._film_planes, -1)
+
+    def removed_share(self) -> float:
+        """Return the share of the light that the limit of the samples has removed."""
+        planes = self._planes().astype(np.float64)
+        removed, kept = planes[PLANES:].sum(), np.abs(planes[:3] - planes[3:PLANES]).sum() / 3
+        return float(removed / (removed + kept)) if removed else 0.0
 
     def picture(self, spp: int | NDArray[np.uint32]) -> NDArray[np.float32]:
         """Return the film's mean, shape (height, width, 3), over the samples per pixel, of all or of each tile."""
         tiles = np.broadcast_to(np.asarray(spp, np.uint32), self.layout.whole_list().shape)
         return self.layout.picture(self.sums(), tiles)
+
+    @property
+    def camera_rays(self) -> int:
+        """Samples of the picture's pixels, up to the last `finish`."""
+        return self._rays
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return what `restore` needs to go on as if nothing had happened."""
+        arrays: dict[str, NDArray[Any]] = {
+            "film": self._planes(),
+            "counts": np.append(self._counts, np.uint64(self._rays)),
+        }
+        return arrays if self._layers is None else arrays | {"layers": self._layers.planes()}
+
+    def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
+        """Go on from what `state` returned."""
+        self.session.write(self._film, np.ascontiguousarray(arrays["film"], np.float32))
+        self._counts[:], self._rays = arrays["counts"][:-1], int(arrays["counts"][-1])
+        if self._layers is not None:
+            self._layers.restore(arrays["layers"])
 
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""

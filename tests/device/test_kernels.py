@@ -54,8 +54,8 @@ EVERY_MATERIAL = {
 }  # fmt: skip
 
 
-GLOW = {"kind": "emissive", "radiance": 1}
-TREES = {"BVH_WIDTH": 8, "BVH_STACK": 64}
+GLOW = {"kind": "emissive", "radiance": GRID}
+TREES = {"BVH_WIDTH": 16, "LEAF_WIDTH": 16, "BVH_STACK": 64}
 
 
 def sheet(side):
@@ -78,7 +78,8 @@ def all_facts():
     materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()} | EVERY_MATERIAL
     shown = [PLANE | {"material": name} for name in (*PATTERNS, *EVERY_MATERIAL)]
     scene |= {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials}
-    return facts_of(scene | {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"]})
+    scene |= {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"], "render": {"clamp": 9.0}}
+    return facts_of(scene)
 
 
 def least_facts():
@@ -110,7 +111,7 @@ SCENE_PASSES = [name for name in PASSES if name not in ("pass/generate.cl", "pas
 
 @pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shade.cl"])
 def test_meshes_compile_for_trees_of_four(session, file):
-    without_warnings(session, [file], all_facts() | {"BVH_WIDTH": 4, "BVH_STACK": 32, "VW": 1})
+    without_warnings(session, [file], all_facts() | {"BVH_WIDTH": 4, "LEAF_WIDTH": 4, "BVH_STACK": 32, "VW": 1})
 
 
 @pytest.mark.parametrize("lanes", [1, 8])

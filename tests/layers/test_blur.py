@@ -36,6 +36,11 @@ def small_lamp(camera, depth, place):
 def measured(camera, depth, place):
     """Diameter [pixels] of the disk whose light spreads like that of a point, and the pixel in its middle."""
     light = np.asarray(rptcam_cl.render(small_lamp(camera, depth, place), spp=256))[..., 0].astype(np.float64)
+    return spread_of(light)
+
+
+def spread_of(light):
+    """Diameter of the blur of a lamp, and the pixel in its middle, from its picture."""
     assert max(light[0].max(), light[-1].max(), light[:, 0].max(), light[:, -1].max()) == 0  # all of it is there
     rows, columns = np.indices(light.shape) + 0.5
     total = light.sum()
@@ -88,3 +93,33 @@ def test_traced_lens_stopped_down_blurs_like_its_cardinal_points():
     thick, traced = (of_panel(camera, 0.6, CENTRE) for camera in stopped.values())
     middle = traced.shape[0] // 2, traced.shape[1] // 2
     assert traced[middle] == pytest.approx(thick[middle], rel=0.03)
+
+
+TILTED = {
+    "name": "A singlet on a tilted board",
+    "source": "equal radii, made up for this test",
+    "surfaces": [
+        {"radius": 50, "thickness": 3, "glass": {"index": 1.5}, "diameter": 20},
+        {"radius": -50, "thickness": 1, "diameter": 20},
+        {"stop": True, "diameter": 8},
+    ],
+    "groups": [{"surfaces": [0, 2], "tilt_degrees": [9, -14]}],
+}
+
+
+@pytest.mark.parametrize("place", [(0.15, 0.15), (0.85, 0.15), (0.15, 0.85)])
+def test_tilted_lens_blurs_each_corner_in_its_own_way(place):
+    width_mm, columns, rows, depth = 18.0, 360, 240, 1.2
+    film = {"resolution": [columns, rows], "width_mm": width_mm}
+    camera = {"kind": "realistic", "lens": TILTED, "focus": {"film_distance_mm": 50.0}} | FORWARD
+    centre = [(place[0] - 0.5) * width_mm / 50 * depth, (0.5 - place[1]) * width_mm / 75 * depth, -depth]
+    radius = LAMP_PIXELS / 2 * width_mm / columns / 50 * depth
+    lamp = {"shape": "sphere", "center": centre, "radius": radius, "material": {"kind": "emissive", "radiance": 1e3}}
+    scene = {"camera": camera, "film": film, "render": {"max_depth": 1}}
+    light = np.asarray(rptcam_cl.render(scene | {"objects": [lamp]}, spp=128))[..., 0].astype(np.float64)
+    diameter, middle = spread_of(light)
+    panel = {"shape": "plane", "point": [0, 0, -depth], "normal": [0, 0, 1], "material": {"kind": "mirror"}}
+    told = rptcam_cl.render(scene | {"objects": [panel]}, spp=4, layers=["coc"])["coc"]
+    assert abs(told[middle] / diameter - 1) < 0.05
+    for turned in (told[::-1], told[:, ::-1], told[::-1, ::-1]):
+        assert abs(turned[middle] / diameter - 1) > 0.2  # another corner is quite another matter

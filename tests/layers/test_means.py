@@ -5,7 +5,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.device import Session, choose_device, open_session
-from rptcam_cl.errors import InputError
+from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene
 from rptcam_cl.scene.layers import LAYER_NAMES
@@ -143,6 +143,17 @@ def test_layers_are_made_of_the_first_samples_alone():
         np.testing.assert_array_equal(many[name], few[name])
     whole = rptcam_cl.render(scene | {"render": {"layers": ["depth"], "layers_spp": 40}}, spp=40)
     assert (whole["depth"] != few["depth"]).mean() > 0.2
+
+
+def test_layers_of_a_render_that_was_continued_are_those_of_one_in_a_go(tmp_path):
+    options = {"layers": ["depth", "object_id"], "checkpoint": tmp_path / "half.rpck", "resume": True}
+    rptcam_cl.render(world("thin_lens"), spp=2, **options)
+    with pytest.raises(StateError, match=r"its layers is \['depth', 'object_id'\], and this render's \['normal'\]"):
+        rptcam_cl.render(world("thin_lens"), spp=5, **options | {"layers": ["normal"]})
+    whole = rptcam_cl.render(world("thin_lens"), spp=5, layers=options["layers"])
+    continued = rptcam_cl.render(world("thin_lens"), spp=5, **options)
+    for name in options["layers"]:
+        np.testing.assert_array_equal(continued[name], whole[name])
 
 
 def test_crop_shows_a_part_of_the_whole_layers():

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files import MeshContents, read_mesh_file
 
 Read = Callable[..., MeshContents]
@@ -17,6 +18,12 @@ def read(tmp_path: Path) -> Read:
     def read_content(name: str, content: str | bytes) -> MeshContents:
         path = tmp_path / name
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return read_mesh_file(path, lambda reference: tmp_path / reference)
+
+        def find(reference: Path) -> Path:
+            if not (tmp_path / reference).is_file():
+                raise InputError("no such file")
+            return tmp_path / reference
+
+        return read_mesh_file(path, find)
 
     return read_content

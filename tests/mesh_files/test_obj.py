@@ -5,6 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rptcam_cl.errors import InputError
+from rptcam_cl.mesh_files import obj_blocks
+
 from .conftest import Read
 
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
@@ -58,6 +61,34 @@ def test_vertices_with_weights_and_colours(read: Read) -> None:
     assert corners(read, text) == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
 
 
+def test_more_vertices_than_texture_coordinates(read: Read) -> None:
+    mesh = read("a.obj", f"{SQUARE}vt 0 0\nvt 1 0\nvt 1 1\nf 1/1 2/2 3/3\nf 3/3 2/2 1/1\n").parts[0].mesh
+    assert mesh.uvs is not None and mesh.uvs.tolist() == [[0, 0], [1, 0], [1, 1]]
+
+
+def test_lines_in_any_order_and_dress(read: Read) -> None:
+    text = (
+        "# a comment \\\nand what follows it\nvn 0 0 1\n  v 0 0 0 # first\n\tvn 0 1 0\nv\t1   0 0\r\n"
+        "vn 1 0 0\nv 0 \\\n1 0\n\n   \nl 1 2\nf 1//1 2//2 \\\n  3//3  \n\n"
+    )
+    mesh = read("a.obj", text).parts[0].mesh
+    assert mesh.normals is not None
+    assert mesh.positions[mesh.faces].tolist() == [[[0, 0, 0], [1, 0, 0], [0, 1, 0]]]
+    assert mesh.normals[mesh.faces].tolist() == [[[0, 0, 1], [0, 1, 0], [1, 0, 0]]]
+
+
+@pytest.mark.parametrize("size", [1, 7, 20, 50, 100, 1000])
+def test_size_of_blocks_does_not_matter(read: Read, monkeypatch: pytest.MonkeyPatch, size: int) -> None:
+    text = f"{SQUARE}vt 0 0\nf 1/1 2/1 \\\n 3/1\nusemtl b\nv 0 0 1\nv 1 0 1\nv 0 \\\r\n 1 1\n"
+    text += "f -3 -2 -1\nusemtl c\nf -1 1 2"
+    whole = [part.mesh.content_hash for part in read("a.obj", text).parts]
+    monkeypatch.setattr(obj_blocks, "BLOCK_BYTES", size)
+    assert [part.mesh.content_hash for part in read("a.obj", text).parts] == whole
+    assert len(whole) == 3
+    with pytest.raises(InputError, match=r"a\.obj:16: names a vertex that is not there \(got -8; allowed: 1 to 7"):
+        read("a.obj", text + "\nf -8 1 2\n")
+
+
 def test_each_material_is_a_part(read: Read, tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl red one\nKd 0.7 0.1 0.1\nKs 0 0 0\nnewmtl lamp\nKd 0 0 0\nKe 5 4 3\n")
     text = f"mtllib a.mtl\no first\n{SQUARE}f 1 2 3\nusemtl red one\nf 1 3 4\ng more\nusemtl lamp\nf 1 4 2\n"
@@ -73,18 +104,31 @@ def test_each_material_is_a_part(read: Read, tmp_path: Path) -> None:
     assert len(parts["lamp"].mesh.positions) == 3
 
 
+def test_missing_library_is_noted(read: Read) -> None:
+    # What finds files refuses this one; the mesh is there all the same, without a look.
+    contents = read("a.obj", f"mtllib missing.mtl\n{SQUARE}f 1 2 3\n")
+    assert contents.parts[0].look is None
+    assert "a.obj:1: mtllib missing.mtl is left out: no such file" in contents.notes[0]
+
+
 def test_material_carries_over(read: Read, tmp_path: Path) -> None:
-    (tmp_path / "wood grain.png").write_bytes(b"")
     (tmp_path / "a.mtl").write_text(
         "# made by hand\nnewmtl w\nillum 2\nKd 0.5\nKs 0.04 0.04 0.04\nNs 98\nNi 1.4\nTr 0.25\n"
         "map_Kd -s 2 3 1 -o 0.5 -clamp on wood grain.png\nnorm -bm 0.5 wood grain.png\nPm 0.5\n"
     )
-    look = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}f 1 2 3\n").parts[0].look
+    look = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].look
     assert look is not None and look.base_painting is not None and look.normals is not None
     assert look.base_painting.source == tmp_path / "wood grain.png"
     assert (look.base_painting.scale, look.base_painting.offset, look.base_painting.wrap) == ((2, 3), (0.5, 0), "clamp")
     assert (look.base_color, look.index, look.opacity, look.metallic) == ((0.5, 0.5, 0.5), 1.4, 0.75, 0.5)
     assert look.roughness**4 == pytest.approx(2 / 100)  # alpha² = 2 / (Ns + 2)
+
+
+def test_factor_of_a_map_without_a_value_is_1(read: Read, tmp_path: Path) -> None:
+    (tmp_path / "a.mtl").write_text("newmtl w\nmap_Pr r.png\nmap_Pm m.png\nmap_Ke e.png\n")
+    look = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].look
+    assert look is not None
+    assert (look.roughness, look.metallic, look.emission, look.matte) == (1, 1, (1, 1, 1), False)
 
 
 def test_illumination_model_of_glass_is_glass(read: Read, tmp_path: Path) -> None:

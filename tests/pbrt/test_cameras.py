@@ -101,6 +101,16 @@ def test_screen_windows_off_the_axis_are_parts_of_a_larger_film(
     np.testing.assert_allclose([x1 - x0, y1 - y0], [64, 48])
 
 
+def test_scales_that_are_rounding_are_none(convert: Convert) -> None:
+    """A matrix of six digits, as exporters write it, is a turn whose lengths are 1 but for its digits."""
+    turn = pbrt.rotate_x(12) @ pbrt.rotate_y(71)
+    matrix = " ".join(f"{value:.5f}" for value in (pbrt.translate(0.1, 0.2, 7) @ turn).T.reshape(-1))
+    done = convert(SPHERES, head(f"Transform [{matrix}]", '"perspective" "float fov" 35'))
+    assert "metres_per_unit" not in done.keys
+    assert "size_mm" not in done.keys["film"]
+    assert done.keys["camera"]["fov_degrees"] == 35
+
+
 def test_crop_is_that_of_pbrt_in_whole_pixels(convert: Convert) -> None:
     film = '"float cropwindow" [.1 .9 .25 .7]'
     scene = convert("", head("", '"perspective"', (64, 48), film)).scene

@@ -247,5 +247,5 @@ def test_illuminance_of_a_sky_is_that_on_the_ground(convert: Convert, tmp_path: 
 
 
 def test_pictures_of_the_sky_of_other_kinds_are_reported(convert: Convert) -> None:
-    done = convert('LightSource "infinite" "string mapname" "sky.pfm"' + BALL, RIGHT, **{"sky.pfm": b"PF"})
-    assert done.says("in.pbrt:2: ignored: sky.pfm: a kind of picture that is not read")
+    done = convert('LightSource "infinite" "string mapname" "sky.gif"' + BALL, RIGHT, **{"sky.gif": b"GIF"})
+    assert done.says("in.pbrt:2: ignored: sky.gif: a kind of picture that is not read")

@@ -12,6 +12,7 @@ import pytest
 from rptcam_cl.errors import InputError
 from rptcam_cl.pbrt.roughness import alpha_of
 from rptcam_cl.pbrt.spectra import black_body_srgb, reflectance_srgb
+from rptcam_cl.pictures import read_picture
 
 Convert = Callable[..., Any]
 HEAD = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" WorldBegin LightSource "infinite"\n'
@@ -78,8 +79,12 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
     '"uber" "rgb Kd" [0 0 0] "rgb Ks" [0 0 0] "rgb Kt" [1 1 1]': ({"kind": "dielectric", "index": 1.5}, ""),
     '"uber" "rgb Ks" [0 0 0] "float opacity" .5': (
         {"kind": "matte", "reflectance": [0.25] * 3, "opacity": 0.5}, ""),
-    '"uber" "rgb Ks" [0 0 0] "rgb Kr" [.1 .1 .1]': (
-        {"kind": "matte", "reflectance": [0.25] * 3}, "without its weaker parts Kr"),
+    '"uber" "rgb Ks" [0 0 0] "rgb Kr" [1 1 1] "float eta" 1.8': (
+        {"kind": "plastic", "reflectance": [0.25] * 3, "index": 1.8}, ""),
+    '"uber" "rgb Ks" [0 0 0] "rgb Kt" [.5 .5 .5] "float opacity" .9': (
+        {"kind": "mix", "factor": 0.5, "opacity": 0.9,
+         "materials": [{"kind": "matte", "reflectance": [0.5] * 3}, {"kind": "dielectric", "index": 1.5}]},
+        "0.5 of it clear glass"),
     '"translucent" "rgb Ks" [0 0 0]': ({"kind": "matte", "reflectance": [0.125] * 3}, "shines through is left out"),
     '"disney" "rgb color" [.2 .3 .4] "float metallic" 1 "float roughness" .3 "float sheen" .2': (
         {"kind": "principled", "base_color": [0.2, 0.3, 0.4], "metallic": 1.0, "roughness": 0.3, "anisotropy": 0.0,
@@ -186,9 +191,33 @@ def test_pictures_elsewhere_are_copied(convert: Convert, tmp_path: Any) -> None:
 
 
 def test_kinds_of_pictures_that_are_not_read_are_grey(convert: Convert) -> None:
-    done = convert(IMAGE.format("").replace("a.png", "a.tga") + BALL, HEAD, **{"a.tga": b"x"})
+    done = convert(IMAGE.format("").replace("a.png", "a.gif") + BALL, HEAD, **{"a.gif": b"x"})
     assert done.material()["reflectance"] == [0.5] * 3
-    assert done.says("a.tga: a kind of picture that is not read")
+    assert done.says("a.gif: a kind of picture that is not read")
+
+
+def test_tga_pictures_are_written_anew(convert: Convert, tmp_path: Any) -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (3, 5, 4), np.uint8)
+    stream = BytesIO()
+    PIL.Image.fromarray(pixels).save(stream, format="TGA")
+    done = convert((IMAGE.format("") + BALL).replace("a.png", "a.tga") * 2, HEAD, **{"a.tga": stream.getvalue()})
+    assert done.material()["reflectance"] == {"kind": "image", "file": "out_files/a.png"}
+    with PIL.Image.open(tmp_path / "out_files" / "a.png") as image:
+        np.testing.assert_array_equal(np.asarray(image), pixels)
+    assert done.says("a.tga: written anew, to out_files/a.png")
+    assert [path.name for path in (tmp_path / "out_files").iterdir()] == ["a.png"]
+
+
+@pytest.mark.parametrize(("order", "scale"), [("<", "-1.0"), (">", "1.0")])
+@pytest.mark.parametrize("channels", [1, 3])
+def test_float_maps_are_written_anew(convert: Convert, tmp_path: Any, order: str, scale: str, channels: int) -> None:
+    pixels = np.random.default_rng(2).random((3, 5, channels)).astype(np.float32)
+    head = f"{'PF' if channels == 3 else 'Pf'}\n5 3\n{scale}\n".encode()
+    content = head + pixels[::-1].astype(f"{order}f4").tobytes()
+    done = convert(IMAGE.format("").replace("a.png", "a.pfm") + BALL, HEAD, **{"a.pfm": content})
+    assert done.material()["reflectance"]["file"] == "out_files/a.exr"
+    found = read_picture(tmp_path / "out_files" / "a.exr").texels[..., :3]
+    np.testing.assert_array_equal(found, np.broadcast_to(pixels, (3, 5, 3)))
 
 
 CHECKS = 'Texture "t" "spectrum" "checkerboard" "rgb tex1" [.1 .2 .3] "rgb tex2" [.4 .5 .6] "float uscale" 4\n'
@@ -285,6 +314,9 @@ BAD = {
     'Material "diffuse" "spectrum reflectance" [400 .1 500]': "needs pairs of a wavelength",
     'Material "mix" "string materials" ["a"]': "needs the names of two materials (got 1)",
     'MakeNamedMaterial "m" "string type" "mix" "string materials" ["m" "m"] NamedMaterial "m"': "mix each other more",
+    IMAGE.format("").replace("a.png", "bad.tga"): "bad.tga: is not a TGA picture",
+    IMAGE.format("").replace("a.png", "bad.pfm"): "bad.pfm: is not a PFM picture",
+    IMAGE.format("").replace("a.png", "cut.pfm"): "holds fewer than its 9 x 9 pixels",
     'Texture "t" "spectrum" "cloth" Material "diffuse" "texture reflectance" "t"': 'unknown texture "cloth"',
     'Texture "t" "spectrum" "imagemap" Material "diffuse" "texture reflectance" "t"': 'a parameter "string filename"',
 }
@@ -293,5 +325,5 @@ BAD = {
 @pytest.mark.parametrize("text", BAD)
 def test_bad_materials_are_told(convert: Convert, text: str) -> None:
     with pytest.raises(InputError, match=r"in\.pbrt:2:") as problem:
-        convert(text + BALL, HEAD)
+        convert(text + BALL, HEAD, **{"bad.tga": b"x", "bad.pfm": b"PF", "cut.pfm": b"PF\n9 9\n-1.0\n1234"})
     assert BAD[text] in str(problem.value)

@@ -48,6 +48,7 @@ def room_of_pbrt(version: int, *, left_handed: bool = False) -> str:
     lines += [
         'Camera "perspective" "float fov" 39.3',
         f'Film "{film}" "integer xresolution" {SIZE} "integer yresolution" {SIZE} "string filename" "b.exr"',
+        'PixelFilter "box"',
         'Integrator "path" "integer maxdepth" 7 Sampler "halton" "integer pixelsamples" 64 WorldBegin',
     ]
     scene = room()

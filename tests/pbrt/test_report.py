@@ -19,7 +19,11 @@ BALL = 'Shape "sphere"\n'
 
 # Before WorldBegin and after it: text and what the report says of it.
 OPTIONS = {
-    'PixelFilter "gaussian" "float xradius" 2': 'ignored: PixelFilter "gaussian"',
+    'PixelFilter "gaussian" "float xradius" 2': "the same radius along x and y",
+    'PixelFilter "gaussian" "float xradius" 2 "float yradius" 2': "ends 3 standard deviations out, at 1.5 pixels",
+    'PixelFilter "mitchell" "float B" .5': "B and C as 1/3",
+    'PixelFilter "sinc"': "Mitchell's filter of radius 2",
+    'PixelFilter "box" "float other" 1': 'ignored: PixelFilter "box": "float other"',
     'Accelerator "kdtree"': 'ignored: Accelerator "kdtree"',
     'Option "bool disablepixeljitter" true': "ignored: Option",
     "TransformTimes 0 1": "ignored: TransformTimes",
@@ -103,6 +107,34 @@ def test_settings_of_the_picture(convert: Convert) -> None:
     assert scene.film.resolution == (1280, 720)
     defaults = convert(BALL, 'Camera "perspective" WorldBegin\n').scene
     assert (defaults.render.spp, defaults.render.max_depth) == (16, 6)
+
+
+FILTERS = {
+    "": {"kind": "gaussian", "radius_px": 1.5},  # the default of pbrt-v4
+    'PixelFilter "gaussian"': {"kind": "gaussian", "radius_px": 1.5},
+    'PixelFilter "gaussian" "float sigma" .25 "float xradius" .75 "float yradius" .75': {
+        "kind": "gaussian", "radius_px": 0.75},
+    'PixelFilter "box"': None,
+    'PixelFilter "box" "float xradius" 1 "float yradius" 1': {"kind": "box", "radius_px": 1.0},
+    'PixelFilter "triangle"': {"kind": "tent", "radius_px": 2.0},
+    'PixelFilter "mitchell"': {"kind": "mitchell", "radius_px": 2.0},
+    'Film "image"': None,  # the default of pbrt-v3 is a box
+    'Film "image" PixelFilter "gaussian" "float alpha" 8 "float xwidth" .75 "float ywidth" .75': {
+        "kind": "gaussian", "radius_px": 0.75},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("text", FILTERS)
+def test_filters_are_those_of_pbrt(convert: Convert, text: str) -> None:
+    done = convert(BALL, f'Camera "perspective" {text}\nWorldBegin LightSource "infinite"\n')
+    assert done.keys["film"].get("filter") == FILTERS[text]
+    assert done.report == []
+
+
+@pytest.mark.parametrize("text", ['"wavelet"', '"box" "float xradius" 0', '"gaussian" "float alpha" 0'])
+def test_bad_filters_are_told(convert: Convert, text: str) -> None:
+    with pytest.raises(InputError, match=r"in\.pbrt:1:"):
+        convert(BALL, f'PixelFilter {text} Camera "perspective"\nWorldBegin\n')
 
 
 TREE = (

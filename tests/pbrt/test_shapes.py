@@ -132,6 +132,12 @@ def test_rectangles_begin_where_the_texture_does(convert: Convert, start: int) -
     assert item["corner"] == [[0, 0, 0], [2, 0, 0], [2, 3, 0], [0, 3, 0]][start]
 
 
+def test_a_textured_rectangle_may_be_seen_in_the_mirror(convert: Convert) -> None:
+    mirrored = HEAD.replace("Scale -1 1 1 ", "")
+    (item,) = convert(CHECKER + f'Shape "trianglemesh" {QUAD} {QUAD_UV}', mirrored).objects
+    assert (item["corner"], item["edge_u"], item["edge_v"]) == ([0, 0, 0], [-2, 0, 0], [0, 3, 0])
+
+
 def test_bilinear_patch_that_is_flat_is_a_rectangle(convert: Convert) -> None:
     text = 'Shape "bilinearmesh" "point3 P" [0 0 0  2 0 0  0 3 0  2 3 0]'
     (item,) = convert(CHECKER + text, HEAD).objects
@@ -189,6 +195,12 @@ def test_meshes_of_a_material_become_one_where_a_scene_file_holds_no_more(conver
         mesh = mesh_of(done, index)
         middles = mesh.positions[mesh.faces].mean(axis=1) + mesh.origin
         np.testing.assert_allclose(np.sort(middles, axis=0), np.sort(expected[kind], axis=0), atol=1e-6)
+
+
+def test_more_instances_than_a_scene_file_holds_are_refused(convert: Convert) -> None:
+    text = 'ObjectBegin "o" Shape "sphere" ObjectEnd\n' + 'Rotate 1 1 2 3 ObjectInstance "o"\n' * 4000
+    with pytest.raises(InputError, match=r"becomes 4000 objects in \d+ values, too many for a scene file"):
+        convert(text.replace('"sphere"', '"cylinder"'), HEAD)
 
 
 PLY = (

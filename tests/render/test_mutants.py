@@ -5,6 +5,7 @@ was rewritten asks for its mutant to be rewritten, too.
 """
 
 import shutil
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,6 +15,8 @@ import pytest
 
 from rptcam_cl.device import program
 from rptcam_cl.resources import kernels_dir
+from tests.device import test_bsdf_sampling as bsdf_sampling
+from tests.device import test_bsdf_values as bsdf_values
 from tests.device import test_camera_rays as rays
 from tests.device import test_random as random
 from tests.device.probes import open_session
@@ -21,6 +24,7 @@ from tests.render import test_determinism as determinism
 from tests.render import test_emitters as emitters
 from tests.render import test_furnaces as furnaces
 from tests.render import test_lens_light as lens
+from tests.render import test_materials as materials
 from tests.render import test_world as world
 from tests.render.pictures import WHITE, looking, pixels, scene_of
 
@@ -59,6 +63,12 @@ def white_sphere():
 
 def white_box():
     furnaces.test_white_convex_body_vanishes_in_a_white_world("box", 1.0)
+
+
+def in_folder(test, shape):
+    """Run a test that writes pictures in a folder of its own."""
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        test(Path(folder), patch, shape)
 
 
 def long_render():
@@ -128,6 +138,22 @@ MUTANTS = [
            lambda: furnaces.test_white_world_is_n_squared_as_bright_inside_glass(1.5)),
     Mutant("no masking in GGX", "half_density * wo.z / (wo.z * si + wi.z * so)", "half_density / (wi.z + si)",
            lambda: furnaces.test_rough_metal_reflects_what_single_scattering_leaves(1.0, 60)),
+    Mutant("refracted radiance not divided by n squared", "density * unshadowed / (eta * eta)", "density * unshadowed",
+           lambda: bsdf_values.test_rough_dielectric_is_walters(open_session(), 0.5, 1.5, False)),
+    Mutant("coat chosen at no cost", "density += lobes.coat * (coat_density - density);", "",
+           lambda: bsdf_sampling.test_samples_follow_the_stated_density(open_session(), "coated")),
+    Mutant("base chosen at no cost", "density += lobes.under * (up - density);", "",
+           lambda: bsdf_sampling.test_samples_follow_the_stated_density(open_session(), "rough plastic")),
+    Mutant("base does not lose the way out", "up * (1.0f - cover_albedo(lobes.cover, MAX(wo.z, ZERO)))", "up",
+           lambda: bsdf_values.test_reflection_is_the_same_either_way(open_session(), "principled")),
+    Mutant("absorption also outside", "I inside = dot3(vertex.ng, d) > 0.0f;", "I inside = TRUE;",
+           materials.test_light_through_an_absorbing_slab_is_beers_law),
+    Mutant("one reflection in a pane", "MAX(1.0f - r * r * t * t, (F)(SMALLEST))", "ONE",
+           lambda: materials.test_pane_passes_what_all_its_reflections_leave(80)),
+    Mutant("normals of mirrored coordinates", "with_sign(ONE, dot3(y, point.bitangent))", "ONE",
+           lambda: in_folder(materials.test_normal_map_turns_the_normal_in_the_frame_of_u_and_v, "mirrored mesh")),
+    Mutant("chance of a mix reused", "vertex->lobe = mine ? rest : choice;", "",
+           materials.test_mix_is_the_mean_of_its_parts_where_light_is_scattered_once),
     Mutant("film adds without its rest", "F3 y = sub(value, s.rest);", "F3 y = add(value, s.rest);",
            long_render),
 ]  # fmt: skip

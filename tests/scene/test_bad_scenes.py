@@ -170,7 +170,7 @@ VALUES = [
     ("materials.red.reflectance=crimson", "reflectance: must be a colour (got 'crimson'"),
     ("materials.red.reflectance='#fff'", "reflectance: must be a colour (got '#fff'"),
     ("materials.chrome.reflectance={kind: checker, even: 0, odd: 1}", "must be a colour"),
-    ("materials.lamp.radiance={kind: checker, even: 0, odd: 1}", "radiance: must be a colour"),
+    ("materials.lamp.radiance={kind: checker, even: 0, odd: 2}", "odd: would reflect more light than arrives"),
     ("materials.floor.reflectance.kind=chess", "reflectance.kind: …allowed: checker, grid"),
     ("materials.lines.reflectance.line_width=2", "line_width: is out of range"),
     ("materials.steel.alpha=0", "materials.steel.alpha: is out of range (got 0; allowed: at least 0.001)"),
@@ -191,7 +191,7 @@ VALUES = [
     ("lights.0.kind=tube", "lights[0].kind: …allowed: point, directional, spot, ies, sun"),
     ("lights.0.intensity=-1", "lights[0].intensity: must not be negative"),
     ("lights.1.direction=[0, 0, 0]", "lights[1].direction: must not be the zero vector"),
-    ("environment.kind=sky", "environment.kind: …allowed: constant, gradient"),
+    ("environment.kind=dome", "environment.kind: …allowed: constant, gradient, image, sky"),
 ]
 
 

@@ -69,6 +69,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Constant environment": (model.ConstantEnvironment,),
     "Gradient environment": (model.GradientEnvironment,),
     "Image environment": (model.ImageEnvironment,),
+    "Sky environment": (model.SkyEnvironment,),
 }
 BASES = {
     SceneModel,
@@ -87,7 +88,12 @@ BASES = {
 
 # Defaults that the reference describes in words.
 IN_WORDS = {"film", "render", "picture", "filter", "radius_px"}
-FROM_CAMERA = {("Gradient environment", "up"), ("Image environment", "up"), ("IES light", "direction")}
+FROM_CAMERA = {
+    ("Gradient environment", "up"),
+    ("Image environment", "up"),
+    ("Sky environment", "up"),
+    ("IES light", "direction"),
+}
 
 
 @pytest.fixture(scope="module")

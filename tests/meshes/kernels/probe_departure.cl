@@ -1,4 +1,5 @@
 // Leaves the points that rays meet on a mesh in given directions, turned to the side of the normal, and says what is met.
+#include "geometry/nearest.h"
 #include "integrator/path.h"
 
 __kernel void probe_departure(SCENE_PARAMETERS,
@@ -15,7 +16,7 @@ __kernel void probe_departure(SCENE_PARAMETERS,
     ray.part = (I)(NO_TRIANGLE);
     Hit hit = nearest_hit(ray, scene);
     I on = hit.primitive >= 0;
-    Vertex vertex = vertex_of(ray, hit, on, scene);
+    Vertex vertex = vertex_of(ray, hit, on, ZERO, scene);
     F3 next = f3(LOAD_F(rays + 6 * count, i), LOAD_F(rays + 7 * count, i), LOAD_F(rays + 8 * count, i));
     next = scale(next, with_sign(ONE, dot3(next, vertex.ng)));
     ray.o = departure(vertex, next);

@@ -1,4 +1,5 @@
 // What given rays meet, and where they would go on from there.
+#include "geometry/nearest.h"
 #include "integrator/path.h"
 
 __kernel void probe_hits(SCENE_PARAMETERS,
@@ -15,7 +16,7 @@ __kernel void probe_hits(SCENE_PARAMETERS,
     ray.self = AS_I(LOAD_F(rays + 6 * count, i));
     ray.part = AS_I(LOAD_F(rays + 7 * count, i));
     Hit hit = nearest_hit(ray, scene);
-    Vertex vertex = vertex_of(ray, hit, hit.primitive >= 0, scene);
+    Vertex vertex = vertex_of(ray, hit, hit.primitive >= 0, ZERO, scene);
     STORE_F(hits, i, hit.t);
     STORE_F(hits + count, i, AS_F(hit.primitive));
     STORE_F(hits + 2 * count, i, AS_F(hit.part));

@@ -71,13 +71,40 @@ def test_interrupt_while_rendering_saves_the_picture_so_far(
         yield show
 
     monkeypatch.setattr(render, "progress_on_stderr", press_when_rendering)
+    Path("a.rpck").write_bytes(b"of no use, and not asked for")
     run = rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "a.json", "--time", "60")
     assert run.code == 130
     stats = json.loads(Path("a.json").read_text("utf-8"))
     assert stats["interrupted"] is True
     assert stats["spp"] >= 1
+    assert "--resume goes on from it" in run.err
     assert stats["seconds"]["render"] < 30
     assert np.isfinite(np.load("a.npy")).all()
+    more = str(stats["spp"] + 3)
+    run = rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "b.json", "--spp", more, "--resume", "--quiet")
+    assert (run.code, json.loads(Path("b.json").read_text("utf-8"))["resumed_from"]) == (0, stats["spp"])
+    run = rptcam("render", "scene.yaml", "-o", "b.npy", "--spp", more, "--quiet")
+    assert run.code == 0
+    np.testing.assert_array_equal(np.load("a.npy"), np.load("b.npy"))
+    assert not Path("b.rpck").exists()
+
+
+def test_state_that_does_not_fit_is_exit_code_4(scene: Path, rptcam: Command) -> None:
+    assert rptcam("render", "scene.yaml", "-o", "a.png", "--spp", "1", "--resume").code == 0
+    run = rptcam("render", "scene.yaml", "-o", "a.png", "--spp", "2", "--resume", "--seed", "9")
+    assert run.code == 4
+    assert run.err == (
+        "error: a.rpck: does not continue this render: its seed is 0, and this render's 9"
+        " (remove it, or render without --resume)\n"
+    )
+    Path("a.rpck").write_text("hello", "utf-8")
+    run = rptcam("render", "scene.yaml", "-o", "a.png", "--spp", "2", "--resume")
+    assert (run.code, run.err) == (
+        4, "error: a.rpck: is not a saved render (remove it, or render without --resume)\n",
+    )  # fmt: skip
+    run = rptcam("render", "scene.yaml", "-o", "a.png", "--spp", "2")
+    assert run.code == 0
+    assert "note: a.rpck holds an earlier render; --resume would go on from it" in run.err
 
 
 def test_time_limit_ends_the_render(scene: Path, rptcam: Command) -> None:

@@ -41,6 +41,12 @@ def test_layers_that_cannot_be_are_refused_before_rendering(scene, renderer, rpt
     assert renderer.asked == []
 
 
+@pytest.mark.parametrize(("words", "asked"), [((), False), (("--denoise",), True)])
+def test_denoising_is_done_when_asked_for(scene, renderer, rptcam, words, asked):
+    assert rptcam("render", "scene.yaml", "-o", "a.png", *words).code == 0
+    assert renderer.asked[0]["denoise"] is asked
+
+
 def test_layers_and_camera_reach_the_files(scene, rptcam):
     words = ("-o", "a.npz", "--layers", "depth,object_id", "--spp", "2", "--stats", "a.json", "--quiet")
     assert rptcam("render", "scene.yaml", *words).code == 0

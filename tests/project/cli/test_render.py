@@ -20,7 +20,8 @@ def names(folder: Path) -> list[str]:
 
 
 def test_options_reach_the_renderer(scene: Path, renderer: Any, rptcam: Command) -> None:
-    words = "--spp 9 --time 2.5 --seed 18446744073709551615 --size 640x360 --crop 0,0.5,0.25,1 --device cpu --quiet"
+    words = "--noise 0.02 --resume --spp 9 --time 2.5 --seed 18446744073709551615 --size 640x360 --device cpu --quiet"
+    words += " --crop 0,0.5,0.25,1"
     run = rptcam("render", "scene.yaml", "-o", "a.npy", *words.split(), "--set", "camera.fov_degrees=50")
     assert (run.code, run.out, run.err) == (0, "", "")
     (asked,) = renderer.asked
@@ -28,6 +29,9 @@ def test_options_reach_the_renderer(scene: Path, renderer: Any, rptcam: Command)
     expected = {
         "spp": 9,
         "seconds": 2.5,
+        "noise": 0.02,
+        "resume": True,
+        "checkpoint": Path("a.rpck"),
         "seed": 2**64 - 1,
         "size": (640, 360),
         "crop": (0.0, 0.5, 0.25, 1.0),
@@ -77,6 +81,8 @@ def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rp
         (["-o", "scene.npy"], 2, "is an input"),
         ([], 2, "required: -o"),
         (["-o"], 2, "expected one argument"),
+        (["-o", "a.png", "--noise", "1"], 2, "--noise: got 1; allowed a number between 0 and 1"),
+        (["-o", "a.png", "--noise", "nan"], 2, "--noise: got nan; allowed a number between 0 and 1"),
         (["-o", "a.png", "--spp", "0"], 2, "--spp: got 0; allowed 1 to 4294967295"),
         (["-o", "a.png", "--spp", "-1"], 2, "--spp: got -1"),
         (["-o", "a.png", "--spp", "4294967296"], 2, "--spp: got 4294967296"),
@@ -97,7 +103,7 @@ def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rp
         (["-o", "a.png", "--crop", "0,nan,0,1"], 2, "--crop: got"),
         (["-o", "a.png", "--ssp", "4"], 2, "unknown argument --ssp; did you mean --spp"),
         (["-o", "a.png", "--sp", "4"], 2, "unknown argument --sp"),
-        (["-o", "a.png", "--resume"], 2, "unknown argument --resume"),
+        (["-o", "a.png", "--resum"], 2, "unknown argument --resum; did you mean --resume"),
         (["-o", "a.png", "second.yaml"], 2, r"unknown argument second\.yaml"),
         (["-o", "a.png", "--set", "camera.fov_degreees=50"], 2, "did you mean"),
         (["-o", "a.png", "--set", "camera.fov_degrees"], 2, "camera.fov_degrees"),

@@ -1,0 +1,108 @@
+"""Renders that can be interrupted and continued: when their state is saved, and whether a saved one fits."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import time
+import warnings
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl._version import __version__
+from rptcam_cl.errors import StateError
+from rptcam_cl.imaging.checkpoint import read_checkpoint, write_checkpoint
+from rptcam_cl.scene import Scene
+from rptcam_cl.wavefront import SavedState
+
+INTERVAL = 60.0  # [s]
+
+
+class Saver:
+    """Keeps the state of one render in a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    scene
+        What is rendered. A saved state continues it only if everything that decides the picture is the same: scene,
+        lens, meshes, pictures, seed, film, layers and version; not the number of samples, the time or the output.
+    device : str
+        Name of the device.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], scene: Scene, device: str) -> None:
+        self.path = Path(path)
+        self._facts = {
+            "version": __version__,
+            "resolution": list(scene.film.resolution),
+            "crop": list(scene.film.crop or ()),
+            "seed": scene.render.seed,
+            "noise": scene.render.noise,
+            "layers": list(scene.render.layers),
+            "layers_spp": scene.render.layers_spp if scene.render.layers else None,
+            "scene": scene.content_hash(),
+        }
+        self._devices = [device]
+        self._saved = time.monotonic()
+        self._written = False
+
+    def load(self) -> SavedState | None:
+        """Return the saved state; None if there is no file.
+
+        Raises
+        ------
+        StateError
+            The file is damaged, or of another render.
+        """
+        if not self.path.exists():
+            return None
+        found = read_checkpoint(self.path)
+        for name, value in self._facts.items():
+            if found.facts.get(name) != value:
+                raise self._misfit(name, found.facts.get(name), value)
+        self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
+        return SavedState(int(found.facts["done"]), found.arrays)
+
+    def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
+        saved, wanted = ("not given" if value in (None, []) else value for value in (saved, wanted))
+        what = {
+            "version": f"it was saved by version {saved}, and this is {wanted}",
+            "scene": "it is of another scene, or one that has changed since",
+        }.get(name, f"its {name} is {saved}, and this render's {wanted}")
+        return StateError(f"{self.path}: does not continue this render: {what} (remove it, or render without --resume)")
+
+    @property
+    def devices(self) -> str:
+        """Names of all devices that have worked on the picture."""
+        return ", ".join(self._devices)
+
+    def save_now_and_then(self, state: Callable[[], SavedState]) -> None:
+        """Save if the last time is a minute ago. That a file cannot be written does not end the render."""
+        if time.monotonic() - self._saved >= INTERVAL:
+            self._try_to_save(state)
+
+    def save(self, state: SavedState) -> None:
+        """Save a state in place of the last one."""
+        write_checkpoint(self.path, {**self._facts, "done": state.done, "devices": self._devices}, state.arrays)
+        self._written = True
+
+    def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
+        self._saved = time.monotonic()
+        try:
+            self.save(state())
+        except StateError as error:
+            warnings.warn(f"the state of the render is not saved: {error}", UserWarning, stacklevel=2)
+            return False
+        return True
+
+    def end(self, state: Callable[[], SavedState], *, keep: bool) -> str | None:
+        """Save the last state, or remove what this render has saved; return the file's name if it is kept."""
+        if keep:
+            return str(self.path) if self._try_to_save(state) else None
+        if self._written:
+            with contextlib.suppress(OSError):
+                self.path.unlink()
+        return None

@@ -1,0 +1,59 @@
+"""What the kernels' BSDFs say at a flat vertex, for materials of the scene."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.device import Session
+from rptcam_cl.plan.materials import pack_materials
+from rptcam_cl.plan.textures import TextureTable
+from rptcam_cl.scene import load_scene
+from tests.device.probes import run
+from tests.render.test_world import still_life
+
+LANES = 8
+# Every feature, in one program; no pictures, and each vertex of one material.
+FEATURES = ("MATTE", "MIRROR", "CONDUCTOR", "DIELECTRIC", "METAL", "ROUGH_DIELECTRIC", "PLASTIC", "ROUGH_PLASTIC",
+            "THIN_GLASS", "PRINCIPLED", "ANISOTROPY", "TRANSMISSION", "CLEARCOAT", "TANGENT", "SPHERE")  # fmt: skip
+FACTS = {f"HAS_{name}": 1 for name in FEATURES} | {"VW": LANES}
+
+
+@dataclass(frozen=True)
+class Scattered:
+    """Columns of the probe: BSDF times cosine and density of the given directions; directions sampled."""
+
+    value: NDArray[np.float64]
+    pdf: NDArray[np.float64]
+    direction: NDArray[np.float64]
+    weight: NDArray[np.float64]
+    sampled_pdf: NDArray[np.float64]
+
+
+def direction(cosine, turns=0.0):
+    """Return unit vectors by cosine to z and azimuth [turns], shape (..., 3)."""
+    cosine, turns = np.broadcast_arrays(np.asarray(cosine, float), turns)
+    sine = np.sqrt(1 - cosine**2)
+    return np.stack([sine * np.cos(2 * np.pi * turns), sine * np.sin(2 * np.pi * turns), cosine], axis=-1)
+
+
+def scatter(session: Session, material, wi, wo=None, numbers=None) -> Scattered:
+    """Return what a material does to light from ``wo`` to ``wi`` (n, 3), and samples by ``numbers`` (n, 3)."""
+    wi = np.atleast_2d(wi)
+    count = max(len(np.atleast_2d(part)) for part in (wi, wo, numbers) if part is not None)
+    padded = -(-count // 256) * 256
+    wo = wi if wo is None else wo
+    numbers = np.full(3, 0.5) if numbers is None else numbers
+    table = np.zeros((9, padded), np.float32)
+    table[2], table[5] = -1, 1
+    for first, part in ((0, -wi), (3, np.asarray(wo)), (6, np.asarray(numbers))):
+        table[first : first + 3, :count] = np.broadcast_to(np.atleast_2d(part), (count, 3)).T
+    scene = load_scene(still_life() | {"materials": {"tested": material}})
+    records = pack_materials([scene.materials["tested"]], TextureTable(scene)).records
+    out = session.allocate(11 * 4 * padded)
+    run(
+        session, "probe_scatter", FACTS, padded // LANES, session.upload(records), np.int32(0),
+        session.upload(table), out, np.uint32(padded),
+    )  # fmt: skip
+    rows = session.read(out, np.float32, 11 * padded).reshape(11, padded)[:, :count].astype(np.float64)
+    return Scattered(rows[:3].T, rows[3], rows[4:7].T, rows[7:10].T, rows[10])

@@ -1,0 +1,161 @@
+"""What the kernels' BSDFs evaluate to: float64 formulas, symmetry, grazing angles, limits."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.plan.metals import METALS, metal_colour, metal_constants, reflectance
+from tests.device import bsdfs
+from tests.device.scattering import direction, scatter
+
+COUNT = 4096
+RGB = [0.9, 0.5, 0.1]
+RNG = np.random.default_rng(11)
+UP = direction(RNG.uniform(0.02, 1, COUNT), RNG.uniform(size=COUNT))
+OTHER = direction(RNG.uniform(0.02, 1, COUNT), RNG.uniform(size=COUNT))
+BELOW = OTHER * [1, 1, -1]
+GOLD = metal_constants("gold")
+
+
+def gold(cosine):
+    return reflectance(np.array(GOLD[0]) + 1j * np.array(GOLD[1]), cosine)
+
+
+FORMULAS = {
+    "matte": ({"kind": "matte", "reflectance": RGB}, lambda i, o: o[:, 2:] / np.pi * RGB),
+    "conductor": (
+        {"kind": "conductor", "reflectance": RGB, "alpha": 0.2},
+        lambda i, o: bsdfs.conductor(i, o, (0.2, 0.2), lambda c: np.array(RGB) + 0 * c),
+    ),
+    "brushed": (
+        {"kind": "conductor", "reflectance": RGB, "alpha": [0.1, 0.6]},
+        lambda i, o: bsdfs.conductor(i, o, (0.1, 0.6), lambda c: np.array(RGB) + 0 * c),
+    ),
+    "gold": (
+        {"kind": "conductor", "metal": "gold", "roughness": 0.5},
+        lambda i, o: bsdfs.conductor(i, o, (0.25, 0.25), gold),
+    ),
+    "plastic": (
+        {"kind": "plastic", "reflectance": RGB, "index": 1.4},
+        lambda i, o: bsdfs.smooth_plastic(i, o, RGB, 1.4),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FORMULAS)
+def test_value_is_that_of_the_formula(session, name):
+    material, formula = FORMULAS[name]
+    got = scatter(session, material, UP, OTHER).value
+    expected = formula(UP, OTHER)
+    np.testing.assert_allclose(got, expected, rtol=2e-4, atol=1e-6 * expected.max())
+
+
+@pytest.mark.parametrize("alpha", [0.15, 0.5])
+@pytest.mark.parametrize("index", [0.7, 1.5])
+@pytest.mark.parametrize("behind", [False, True])
+def test_rough_dielectric_is_walters(session, alpha, index, behind):
+    material = {"kind": "dielectric", "alpha": alpha, "index": index}
+    flip = np.array([1, 1, -1.0]) if behind else np.ones(3)
+    eta = 1 / index if behind else index
+    for wo in (OTHER, BELOW):
+        got = scatter(session, material, UP * flip, wo * flip).value
+        expected = bsdfs.rough_dielectric(UP, wo, (alpha, alpha), eta)
+        np.testing.assert_allclose(got, expected, rtol=2e-3, atol=1e-5 * expected.max())
+
+
+@pytest.mark.parametrize("alpha", [0.15, 0.5])
+def test_rough_plastic_is_its_formula_to_the_fit_of_its_cover(session, alpha):
+    material = {"kind": "plastic", "reflectance": RGB, "alpha": alpha}
+    keep = (UP[:, 2] > 0.1) & (OTHER[:, 2] > 0.1)
+    got = scatter(session, material, UP[keep], OTHER[keep]).value
+    expected = bsdfs.rough_plastic(UP[keep], OTHER[keep], RGB, 1.5, (alpha, alpha))
+    np.testing.assert_allclose(got, expected, rtol=0.03)
+
+
+SYMMETRIC = {
+    "matte": {"kind": "matte", "reflectance": RGB},
+    "brushed": {"kind": "conductor", "reflectance": RGB, "alpha": [0.1, 0.6]},
+    "copper": {"kind": "conductor", "metal": "copper", "roughness": 0.5},
+    "plastic": {"kind": "plastic", "reflectance": RGB},
+    "rough plastic": {"kind": "plastic", "reflectance": RGB, "alpha": 0.3},
+    "principled": {"kind": "principled", "base_color": RGB, "metallic": 0.3, "clearcoat": 0.7, "anisotropy": 0.4},
+}
+
+
+@pytest.mark.parametrize("name", SYMMETRIC)
+def test_reflection_is_the_same_either_way(session, name):
+    there = scatter(session, SYMMETRIC[name], UP, OTHER).value / OTHER[:, 2:]
+    back = scatter(session, SYMMETRIC[name], OTHER, UP).value / UP[:, 2:]
+    np.testing.assert_allclose(there, back, rtol=2e-4, atol=1e-6 * there.max())
+
+
+@pytest.mark.parametrize("kind", ["dielectric", "principled"])
+def test_refraction_is_the_same_either_way_but_for_the_square_of_the_index(session, kind):
+    own = {"alpha": 0.4} if kind == "dielectric" else {"roughness": 0.6, "transmission": 1.0, "base_color": RGB}
+    material = {"kind": kind, "index": 1.5} | own
+    there = scatter(session, material, UP, BELOW).value / OTHER[:, 2:]
+    back = scatter(session, material, BELOW, UP).value / UP[:, 2:]
+    assert (there > 0).mean() > 0.1
+    np.testing.assert_allclose(there * 1.5**2, back, rtol=2e-3, atol=1e-5 * back.max())
+
+
+GRAZING = {
+    "conductor": {"kind": "conductor", "reflectance": 1},
+    "metal": {"kind": "conductor", "metal": "iron"},
+    "dielectric": {"kind": "dielectric"},
+    "plastic": {"kind": "plastic", "reflectance": 1},
+}
+
+
+@pytest.mark.parametrize("alpha", [1e-3, 0.03, 1.0])
+@pytest.mark.parametrize("name", GRAZING)
+def test_grazing_light_gives_numbers(session, name, alpha):
+    cosines = np.array([0, 1e-30, 1e-12, 1e-6, 1e-3, 0.5, 1.0])
+    wi, wo, u, lobe = np.meshgrid(cosines, np.r_[-cosines, cosines], [0, 0.3, 1 - 2**-24], [0, 0.5, 1 - 2**-24])
+    for side in (1, -1):
+        got = scatter(
+            session, GRAZING[name] | {"alpha": alpha}, side * direction(wi.ravel(), 0.1),
+            direction(wo.ravel(), 0.6), np.stack([u.ravel(), u.ravel()[::-1], lobe.ravel()], 1),
+        )  # fmt: skip
+        for numbers in (got.value, got.pdf, got.weight, got.sampled_pdf, got.direction):
+            assert np.isfinite(numbers).all()
+        assert got.weight.min() >= 0 and got.value.min() >= 0
+        # n^2 on the way out of glass; a mixture of lobes is chosen by their albedos, not by their values
+        assert got.weight.max() <= (3 if name == "plastic" else 1.5**2 * (1 + 1e-3))
+
+
+@pytest.mark.parametrize("metallic", [0.0, 0.5, 1.0])
+@pytest.mark.parametrize("roughness", [0.0, 0.2, 1.0])
+def test_principled_gives_numbers_at_grazing_light(session, metallic, roughness):
+    cosines = np.array([0, 1e-30, 1e-12, 1e-6, 1e-3, 0.5, 1.0])
+    wi, wo, u, lobe = np.meshgrid(cosines, np.r_[-cosines, cosines], [0, 0.3, 1 - 2**-24], [0, 0.5, 1 - 2**-24])
+    material = {"kind": "principled", "roughness": roughness, "metallic": metallic, "transmission": 0.5, "clearcoat": 1}
+    for side in (1, -1):
+        got = scatter(
+            session, material, side * direction(wi.ravel(), 0.1), direction(wo.ravel(), 0.6),
+            np.stack([u.ravel(), u.ravel()[::-1], lobe.ravel()], 1),
+        )  # fmt: skip
+        for numbers in (got.value, got.pdf, got.weight, got.sampled_pdf, got.direction):
+            assert np.isfinite(numbers).all()
+
+
+@pytest.mark.parametrize("name", METALS)
+def test_metal_reflects_the_colour_of_its_spectrum(session, name):
+    # facets of a nearly smooth metal all face the light: the weight of a sample is Fresnel's reflectance
+    for degrees in (0, 60, 80):
+        cosine = np.cos(np.radians(degrees))
+        got = scatter(session, {"kind": "conductor", "metal": name, "alpha": 1e-3}, direction(cosine)).weight[0]
+        np.testing.assert_allclose(got, metal_colour(name, float(cosine)), atol=0.025 if name == "gold" else 0.006)
+
+
+def test_rough_glass_tends_to_smooth_glass(session):
+    rng = np.random.default_rng(5)
+    numbers = rng.uniform(size=(COUNT, 3))
+    for cosine in (1.0, 0.6, 0.2):
+        for side in (1, -1):
+            wi = side * direction(cosine)
+            smooth = scatter(session, {"kind": "dielectric"}, wi, numbers=numbers)
+            rough = scatter(session, {"kind": "dielectric", "alpha": 1e-3}, wi, numbers=numbers)
+            same = np.sign(smooth.direction[:, 2]) == np.sign(rough.direction[:, 2])
+            assert same.mean() > 0.995  # but where the number lies between both reflectances
+            assert np.abs(rough.direction - smooth.direction)[same].mean() < 3e-3
+            np.testing.assert_allclose(rough.weight[same].mean(), smooth.weight[same].mean(), rtol=2e-3)

@@ -1,0 +1,71 @@
+"""How much light rough materials lose: the table of docs/materials.md, and the fits of covers."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rptcam_cl.plan.covers import cover_mean, fresnel, internal_reflectance, rough_albedo, rough_cover, smooth_mean
+from tests.device.scattering import direction, scatter
+
+WHITE = [1.0, 1.0, 1.0]
+COLUMNS = {
+    "metal": lambda r: {"kind": "conductor", "reflectance": WHITE, "roughness": r},
+    "rough glass": lambda r: {"kind": "dielectric", "roughness": r},
+    "rough plastic": lambda r: {"kind": "plastic", "reflectance": WHITE, "roughness": r},
+    "principled": lambda r: {"kind": "principled", "base_color": WHITE, "roughness": r},
+    "coated": lambda r: {"kind": "principled", "base_color": WHITE, "roughness": r, "clearcoat": 1},
+}
+COUNT = 1 << 16
+
+
+def table():
+    """Rows of the table of albedos: roughness, then the columns, in per cent."""
+    text = (Path(__file__).parents[2] / "docs" / "materials.md").read_text("utf-8")
+    body = text.split("| roughness |")[1].split("\n\n")[0]
+    return [[float(cell) for cell in line.strip("| ").split("|")] for line in body.splitlines()[2:]]
+
+
+def albedo(session, material):
+    """Share of even light [per cent] that comes back, refracted radiance counted as energy."""
+    rng = np.random.default_rng(3)
+    wi = direction(np.sqrt(rng.uniform(size=COUNT)), rng.uniform(size=COUNT))
+    got = scatter(session, material, wi, numbers=rng.uniform(size=(COUNT, 3)))
+    return 100 * np.mean(got.weight[:, 1] * np.where(got.direction[:, 2] < 0, 1.5**2, 1.0))
+
+
+@pytest.mark.parametrize("row", table(), ids=lambda row: f"roughness {row[0]}")
+def test_documented_albedo_is_what_comes_back(session, row):
+    got = [albedo(session, material(row[0])) for material in COLUMNS.values()]
+    assert got == pytest.approx(row[1:], abs=0.6), np.round(got, 1)
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.6, 1.0])
+def test_fit_of_a_principled_cover_takes_little_too_much(session, roughness):
+    # black base: what comes back is the cover's; white base: the fit's share is missing in the base
+    alpha = max(roughness**2, 1e-3)
+    for cosine in (0.1, 0.3, 0.6, 1.0):
+        rng = np.random.default_rng(7)
+        material = {"kind": "principled", "base_color": WHITE, "roughness": roughness}
+        got = scatter(session, material, direction(cosine), numbers=rng.uniform(size=(1 << 17, 3))).weight[:, 1]
+        error = got.std() / np.sqrt(len(got))
+        assert 0.955 - 4 * error < got.mean() < 1 + 4 * error, (alpha, cosine)
+
+
+@pytest.mark.parametrize("index", [1.3, 1.5, 2.0])
+@pytest.mark.parametrize("alpha", [0.02, 0.1, 0.3, 1.0])
+def test_cover_of_plastic_is_its_quadrature_from_above(index, alpha):
+    cover = rough_cover((alpha, alpha), index)
+    cosines = np.linspace(0.05, 1, 40)
+    share = np.array([rough_albedo(cosine, (alpha, alpha), index) for cosine in cosines])
+    off = sum(c * (1 - cosines) ** i for i, c in enumerate(cover)) - share
+    assert off.min() > -0.003
+    assert np.average(off, weights=cosines) < 0.006
+    assert cover_mean(cover) == pytest.approx(np.average(share + off, weights=cosines), abs=0.01)
+
+
+def test_smooth_cover_sends_back_what_tables_say():
+    # Egan and Hilgeman 1973: 0.5963 from inside at 1.5; Judd 1942: 0.0918 from outside
+    assert smooth_mean(1.5) == pytest.approx(0.0918, abs=5e-5)
+    assert internal_reflectance(smooth_mean(1.5), 1.5) == pytest.approx(0.5963, abs=1e-4)
+    assert fresnel(np.array(1.0), 1.5) == pytest.approx(0.04)

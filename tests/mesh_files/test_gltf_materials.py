@@ -1,0 +1,160 @@
+"""Materials of glTF files."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl.mesh_files import Look, MeshContents, has_alpha
+
+from .conftest import Read
+from .gltf_writer import GltfWriter, triangle
+
+PIXEL = b"\x89PNG\r\n\x1a\n" + bytes(17) + b"\2" + bytes(7)  # the head of a picture without alpha
+
+
+def textured(material: dict[str, Any], **parts: Any) -> GltfWriter:
+    """Return a triangle with two sets of texture coordinates and a picture inside the file."""
+    writer = triangle(material=0)
+    attributes = writer.json["meshes"][0]["primitives"][0]["attributes"]
+    attributes["TEXCOORD_0"] = writer.array([[0, 0], [1, 0], [0, 1]])
+    attributes["TEXCOORD_1"] = writer.array([[0.5, 0.5], [1, 0], [0, 1]])
+    writer.json["images"] = [{"bufferView": writer.view(PIXEL), "mimeType": "image/png", "name": "dots"}]
+    writer.json |= {"textures": [{"source": 0}], "materials": [material], **parts}
+    return writer
+
+
+def contents_of(read: Read, material: dict[str, Any], **parts: Any) -> MeshContents:
+    return read("a.glb", textured(material, **parts).glb())
+
+
+def look_of(read: Read, material: dict[str, Any], **parts: Any) -> Look:
+    look = contents_of(read, material, **parts).parts[0].look
+    assert look is not None
+    return look
+
+
+def test_defaults_are_those_of_the_format(read: Read) -> None:
+    assert look_of(read, {}) == Look(base_color=(1, 1, 1), metallic=1, roughness=1)
+
+
+def test_primitive_without_a_material_has_the_default_one(read: Read) -> None:
+    assert read("a.glb", triangle().glb()).parts[0].look == Look(base_color=(1, 1, 1), metallic=1, roughness=1)
+
+
+def test_numbers_carry_over(read: Read) -> None:
+    look = look_of(read, {
+        "name": "paint",
+        "pbrMetallicRoughness": {
+            "baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.5, "roughnessFactor": 0.25,
+        },
+        "alphaMode": "MASK", "alphaCutoff": 0.3, "doubleSided": True, "emissiveFactor": [0, 0.5, 1],
+        "extensions": {
+            "KHR_materials_emissive_strength": {"emissiveStrength": 8}, "KHR_materials_ior": {"ior": 1.33},
+            "KHR_materials_specular": {"specularFactor": 0.6},
+            "KHR_materials_transmission": {"transmissionFactor": 0.9},
+            "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]},
+            "KHR_materials_clearcoat": {"clearcoatFactor": 0.7, "clearcoatRoughnessFactor": 0.1},
+        },
+    })  # fmt: skip
+    assert look == Look(
+        name="paint", base_color=(0.1, 0.2, 0.3), metallic=0.5, roughness=0.25, specular=0.6, opacity=0.4,
+        opacity_cutoff=0.3, emission=(0, 4, 8), both_sides=True, index=1.33, transmission=0.9, solid=True,
+        attenuation=((1, 0.5, 0), 2), clearcoat=0.7, clearcoat_roughness=0.1,
+    )  # fmt: skip
+
+
+def test_alpha_counts_only_where_the_mode_says_so(read: Read) -> None:
+    surface = {"baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": 0}}
+    opaque = look_of(read, {"pbrMetallicRoughness": surface})
+    blend = look_of(read, {"pbrMetallicRoughness": surface, "alphaMode": "BLEND"})
+    assert (opaque.opacity, opaque.opacity_painting, opaque.opacity_cutoff) == (1, None, None)
+    assert (blend.opacity, blend.opacity_painting, blend.opacity_cutoff) == (0.5, blend.base_painting, None)
+
+
+def test_pictures_inside_the_file(read: Read) -> None:
+    reference = {"index": 0}
+    sampler = {"wrapS": 33071, "wrapT": 33071, "magFilter": 9728}
+    look = look_of(read, {
+        "pbrMetallicRoughness": {"baseColorTexture": reference, "metallicRoughnessTexture": reference},
+        "normalTexture": {"index": 0, "scale": 0.5}, "emissiveTexture": reference, "emissiveFactor": [1, 1, 1],
+    }, samplers=[sampler], textures=[{"source": 0, "sampler": 0}])  # fmt: skip
+    painting = look.base_painting
+    assert painting is not None
+    assert (painting.source, painting.name, painting.wrap, painting.nearest) == (PIXEL, "dots", "clamp", True)
+    assert look.metallic_painting == look.roughness_painting == look.normals == look.emission_painting == painting
+    assert look.normals_strength == 0.5
+
+
+def test_transform_of_a_texture_turns_as_its_description_says(read: Read) -> None:
+    # "utilizes only the lower left quadrant of the source image, rotated clockwise": glTF's own example.
+    transform = {"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5]}
+    reference = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
+    painting = look_of(read, {"pbrMetallicRoughness": {"baseColorTexture": reference}}).base_painting
+    assert painting is not None
+    angle = math.radians(painting.rotation_degrees)
+    turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+    corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # of the surface, v upwards
+    seen = corners * painting.scale @ turn.T + painting.offset
+    # The lower left quadrant of the picture, its lower left corner seen at the surface's upper left.
+    assert np.allclose(seen, [[0.5, 0], [0.5, 0.5], [0, 0.5], [0, 0]], atol=1e-12)
+
+
+def test_first_texture_says_which_coordinates_count(read: Read) -> None:
+    surface = {"baseColorTexture": {"index": 0, "texCoord": 1}}
+    contents = contents_of(read, {"pbrMetallicRoughness": surface, "normalTexture": {"index": 0}})
+    uvs = contents.parts[0].mesh.uvs
+    assert uvs is not None and uvs[0].tolist() == [0.5, 0.5]
+    (note,) = contents.notes
+    assert note.endswith("materials[0]: normalTexture is shown by the texture coordinates of the first texture")
+
+
+def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None:
+    writer = textured({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 0, 0, 1]}})
+    attributes = writer.json["meshes"][0]["primitives"][0]["attributes"]
+    del attributes["TEXCOORD_0"]
+    look = read("a.glb", writer.glb()).parts[0].look
+    assert look is not None and look.base_painting is None and look.base_color == (1, 0, 0)
+
+
+@pytest.mark.parametrize(
+    ("material", "parts", "note"),
+    [
+        ({"extensions": {"KHR_materials_sheen": {}}}, {}, "materials[0]: KHR_materials_sheen is left out"),
+        (
+            {"extensions": {"KHR_materials_clearcoat": {"clearcoatTexture": {"index": 0}}}},
+            {},
+            "KHR_materials_clearcoat.clearcoatTexture is left out",
+        ),
+        ({"normalTexture": {"index": 0}}, {"textures": [{}]}, "textures[0] has no PNG or JPEG picture and is left out"),
+        (
+            {"normalTexture": {"index": 0}},
+            {"images": [{"uri": "a.ktx2", "mimeType": "image/ktx2"}]},
+            "images[0] is image/ktx2 and is left out",
+        ),
+        (
+            {"normalTexture": {"index": 0}},
+            {"samplers": [{"wrapS": 33071}], "textures": [{"source": 0, "sampler": 0}]},
+            "samplers[0].wrapT is not as wrapS",
+        ),
+    ],
+)
+def test_what_is_left_out_is_noted(read: Read, material: dict[str, Any], parts: dict[str, Any], note: str) -> None:
+    notes = contents_of(read, material, **parts).notes
+    assert any(note in text for text in notes), notes
+
+
+@pytest.mark.parametrize(
+    ("content", "alpha"),
+    [
+        (PIXEL, False),
+        (PIXEL[:25] + b"\6" + PIXEL[26:], True),
+        (PIXEL[:25] + b"\3....tRNS....IDAT", True),
+        (PIXEL[:25] + b"\3....IDAT....tRNS", False),
+        (b"\xff\xd8\xff\xe0" + bytes(40), False),
+        (b"", False),
+    ],
+)
+def test_alpha_is_told_by_the_head_of_a_picture(content: bytes, alpha: bool) -> None:
+    assert has_alpha(content) is alpha
