@@ -194,7 +194,7 @@ def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
 
 
 def _lit_radius(probes: list[FilmProbe], film_radius: float) -> float:
-    """Return the film radius up to which light arrives, at most `film_radius`: by a scan, then by following the pupil."""
+    """Return the film radius up to which light arrives, at most `film_radius`: by a scan and by following the pupil."""
     radii = np.linspace(0.0, film_radius, LIT_SCAN)
     boxes, found = pupil_boxes(probes, np.stack([radii, np.zeros(LIT_SCAN)], axis=1), radial=True)
     last = int(np.flatnonzero(found)[-1]) if found.any() else 0
