@@ -37,8 +37,11 @@ def fraction_done(progress: "Progress", time_limit: float | None) -> float | Non
         When it is to end, however many samples are done [s].
     """
     shares = []
-    if progress.spp_target:
-        shares.append(progress.samples_done / progress.spp_target)
+    if progress.tiles_done is not None:
+        shares.append(progress.tiles_done)
+    elif progress.spp_target and progress.spp_target > progress.samples_at_start:
+        here = progress.samples_done - progress.samples_at_start
+        shares.append(here / (progress.spp_target - progress.samples_at_start))
     if time_limit:
         shares.append(progress.seconds / time_limit)
     return min(max(shares), 1.0) if shares else None
@@ -51,10 +54,13 @@ def describe(progress: "Progress", time_limit: float | None = None) -> str:
     target = f"/{progress.spp_target}" if progress.spp_target else ""
     parts = [f"{progress.samples_done}{target} spp"]
     if progress.seconds > 0 and progress.samples_done > 0:
-        parts.append(f"{progress.samples_done / progress.seconds:.3g} spp/s")
+        here = progress.samples_done - progress.samples_at_start
+        parts.append(f"{here / progress.seconds:.3g} spp/s")
         parts.append(f"{progress.msamples_per_second:.3g} Msamples/s")
+    if progress.tiles_done is not None:
+        parts.append(f"{100 * progress.tiles_done:.0f} % of the tiles done")
     done = fraction_done(progress, time_limit)
-    if done:
+    if done and progress.tiles_done is None:  # the last tiles may take long
         parts.append(f"{as_duration(progress.seconds * (1 - done) / done)} left")
     if progress.blocked_share is not None:
         parts.append(f"lens blocks {100 * progress.blocked_share:.0f} %")

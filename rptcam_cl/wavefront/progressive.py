@@ -34,6 +34,10 @@ class Progress:
         Camera samples per second, in millions.
     blocked_share : float or None
         Share of the camera rays that the lens blocked; None without a lens.
+    samples_at_start : int
+        Samples per pixel that a resumed render had already.
+    tiles_done : float or None
+        Share of the tiles that meet the noise target; None without one.
     """
 
     stage: str
@@ -42,6 +46,8 @@ class Progress:
     seconds: float
     msamples_per_second: float
     blocked_share: float | None
+    samples_at_start: int = 0
+    tiles_done: float | None = None
 
 
 @dataclass(frozen=True)
@@ -129,7 +135,7 @@ def render_plan(
         if estimate is not None:
             estimate.restore(saved.arrays)
             wavefront.choose_tiles(estimate.tiles)
-    clock = _Clock(wavefront, spp, done, has_lens, on_progress)
+    clock = _Clock(wavefront, estimate, spp, done, has_lens, on_progress)
 
     def state() -> SavedState:
         wavefront.finish()
@@ -197,12 +203,13 @@ class _Clock:
     def __init__(
         self,
         wavefront: Wavefront,
+        estimate: NoiseEstimate | None,
         spp: int | None,
         done: int,
         has_lens: bool,
         on_progress: Callable[[Progress], Any] | None,
     ) -> None:
-        self._wavefront = wavefront
+        self._wavefront, self._estimate = wavefront, estimate
         self._spp = spp
         self._first = done  # samples per pixel at the start
         self._has_lens = has_lens
@@ -254,4 +261,7 @@ class _Clock:
             blocked = 1 - outcomes["passed"] / total if total else 0.0
         elapsed = self.elapsed
         rate = self.samples / max(elapsed, 1e-9) / 1e6
-        self._on_progress(Progress("render", done, self._spp, elapsed, rate, blocked))
+        done_share = None
+        if self._estimate is not None and self._estimate.target is not None:
+            done_share = 1 - len(self._estimate.tiles) / self._wavefront.layout.tiles
+        self._on_progress(Progress("render", done, self._spp, elapsed, rate, blocked, self._first, done_share))

@@ -4,7 +4,10 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.device import open_session
 from rptcam_cl.errors import InputError
+from rptcam_cl.plan import make_plan
+from rptcam_cl.wavefront import Wavefront, render_plan
 from rptcam_cl.wavefront.film import TILE_PIXELS, FilmLayout
 from rptcam_cl.wavefront.noise import LUMINANCE, MOST_RUNS, NoiseEstimate, next_end, run_length
 from tests.render.pictures import pixels, seed_of
@@ -135,6 +138,20 @@ def test_wave_size_does_not_change_what_is_stopped(wave_size):
     np.testing.assert_array_equal(np.asarray(one), np.asarray(other))
     for name in ("samples", "variance"):
         np.testing.assert_array_equal(one[name], other[name])
+
+
+def test_organisation_does_not_change_a_bit():
+    overrides = ["film.filter={kind: mitchell}", "film.resolution=[50, 37]", "render.clamp=3"]
+    scene = rptcam_cl.load_scene(still_life(), overrides)
+    found = []
+    for organisation in ("stream", "passes"):
+        layout = FilmLayout.of(scene.film)
+        wavefront = Wavefront(open_session(None), make_plan(scene), layout, scene.render, None, organisation)
+        wavefront.warm_up()
+        found.append(render_plan(wavefront, spp=200, seconds=None, has_lens=False, noise=0.12))
+    np.testing.assert_array_equal(found[0].pixels, found[1].pixels)
+    np.testing.assert_array_equal(found[0].samples, found[1].samples)
+    assert found[0].samples.std() > 0
 
 
 def test_most_samples_are_those_given():

@@ -11,7 +11,7 @@ from rptcam_cl.progress import as_duration, describe, fraction_done, progress_on
 def report(**changes: Any) -> Any:
     facts = {
         "samples_done": 16, "spp_target": 64, "seconds": 4.0, "msamples_per_second": 12.345, "blocked_share": 0.25,
-        "stage": "render",
+        "stage": "render", "samples_at_start": 0, "tiles_done": None,
     }  # fmt: skip
     return SimpleNamespace(**{**facts, **changes})
 
@@ -33,6 +33,18 @@ def test_nearer_of_the_two_ends_counts() -> None:
     assert fraction_done(report(spp_target=None), 8.0) == 0.5
     assert fraction_done(report(spp_target=None), None) is None
     assert fraction_done(report(seconds=9.0), 5.0) == 1.0
+
+
+def test_resumed_render_counts_what_it_makes_itself() -> None:
+    told = describe(report(samples_done=1010, samples_at_start=1000, spp_target=1100))
+    assert told.startswith("1010/1100 spp, 2.5 spp/s, 12.3 Msamples/s, 36 s left")
+    assert fraction_done(report(samples_done=64, samples_at_start=64), None) is None
+
+
+def test_noise_target_tells_its_tiles_and_promises_no_time() -> None:
+    told = describe(report(tiles_done=0.5))
+    assert told == "16/64 spp, 4 spp/s, 12.3 Msamples/s, 50 % of the tiles done, lens blocks 25 %"
+    assert fraction_done(report(tiles_done=0.5), None) == 0.5
 
 
 def test_start_without_samples_divides_by_nothing() -> None:
