@@ -28,7 +28,7 @@ class Saver:
         The file.
     scene
         What is rendered. A saved state continues it only if everything that decides the picture is the same: scene,
-        lens, meshes, pictures, seed, film and version; not the number of samples, the time or the output.
+        lens, meshes, pictures, seed, film, layers and version; not the number of samples, the time or the output.
     device : str
         Name of the device.
     """
@@ -41,6 +41,8 @@ class Saver:
             "crop": list(scene.film.crop or ()),
             "seed": scene.render.seed,
             "noise": scene.render.noise,
+            "layers": list(scene.render.layers),
+            "layers_spp": scene.render.layers_spp if scene.render.layers else None,
             "scene": scene.content_hash(),
         }
         self._devices = [device]

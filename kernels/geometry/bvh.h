@@ -130,39 +130,6 @@ IN_PLACE static uint hit_triangles(const __global float *block, BoxRay r, float 
     return BLOCK_BITS(inside & (det != 0.0f) & (t > 0.0f) & (t < reach));
 }
 
-// Lowers `hit` to the nearest triangle of a block but `self`; whether there is one.
-IN_PLACE static int hit_block(const __global float *block, BoxRay r, int self, TriangleHit *hit)
-{
-    Block t, b1, b2;
-    const __global int *index = (const __global int *)(block + 9 * LEAF_WIDTH);
-    int found = 0;
-    for (uint bits = hit_triangles(block, r, hit->t, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
-        uint k = LOWEST_BIT(bits);
-        float tk = ((const float *)&t)[k];
-        if (tk < hit->t && index[k] != self) {
-            hit->t = tk;
-            hit->b1 = ((const float *)&b1)[k];
-            hit->b2 = ((const float *)&b2)[k];
-            hit->triangle = index[k];
-            found = 1;
-        }
-    }
-    return found;
-}
-
-// Whether a block holds a triangle before `reach` other than `self` and `target`.
-IN_PLACE static int block_blocks(const __global float *block, BoxRay r, int self, int target, float reach)
-{
-    Block t, b1, b2;
-    const __global int *index = (const __global int *)(block + 9 * LEAF_WIDTH);
-    for (uint bits = hit_triangles(block, r, reach, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
-        int triangle = index[LOWEST_BIT(bits)];
-        if (triangle != self && triangle != target)
-            return 1;
-    }
-    return 0;
-}
-
 // Bits of the children of a node that the ray meets before `reach`; where it enters them through *enter.
 IN_PLACE static uint hit_boxes(const __global float *node, BoxRay r, float reach, Row *enter)
 {

@@ -6,6 +6,9 @@
 #include "common/scene.h"
 #include "geometry/bvh.h"
 #include "geometry/hit.h"
+#if HAS_OPACITY
+#include "material/opacity.h"
+#endif
 
 #if VW == 1
 #define LANE_OF(T, v, k)        (v)
@@ -30,6 +33,71 @@ static OneRay one_ray(Ray ray, uint k)
     r.self = LANE_OF(int, ray.self, k);
     r.part = LANE_OF(int, ray.part, k);
     return r;
+}
+
+#if HAS_OPACITY
+// Whether a triangle has no hole where a ray meets it.
+static int is_solid(OneRay ray, int triangle, float b1, float b2, int first_primitive, Scene scene)
+{
+    int4 corners = scene.triangles[triangle];
+    int primitive = first_primitive + corners.w;
+    const __global Material *material = scene.materials + scene.primitives[primitive].material;
+    if (!has_holes(material))
+        return 1;
+    float2 a = vload2(0, scene.vertices + (size_t)corners.x * 8 + 6);
+    float2 b = vload2(0, scene.vertices + (size_t)corners.y * 8 + 6);
+    float2 c = vload2(0, scene.vertices + (size_t)corners.z * 8 + 6);
+    float2 uv = (1.0f - b1 - b2) * a + b1 * b + b2 * c;
+    F chance = ray_chance(f3((F)(ray.o.x), (F)(ray.o.y), (F)(ray.o.z)), f3((F)(ray.d.x), (F)(ray.d.y), (F)(ray.d.z)),
+                          (I)(primitive), (I)(triangle));
+    I solid = is_there(material, (F)(uv.x), (F)(uv.y), chance, scene);
+    return LANE_BITS(solid) & 1u;
+}
+#endif
+
+// Lowers `hit` to the nearest triangle of a block but `self`; whether there is one.
+IN_PLACE static int hit_block(int index, BoxRay r, int self, OneRay ray, int first_primitive, Scene scene, TriangleHit *hit)
+{
+    const __global float *block = scene.blocks + (size_t)index * BLOCK_FLOATS;
+    const __global int *triangles = (const __global int *)(block + 9 * LEAF_WIDTH);
+    Block t, b1, b2;
+    int found = 0;
+    for (uint bits = hit_triangles(block, r, hit->t, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
+        uint k = LOWEST_BIT(bits);
+        float tk = ((const float *)&t)[k];
+        if (tk < hit->t && triangles[k] != self) {
+#if HAS_OPACITY
+            if (!is_solid(ray, triangles[k], ((const float *)&b1)[k], ((const float *)&b2)[k], first_primitive, scene))
+                continue;
+#endif
+            hit->t = tk;
+            hit->b1 = ((const float *)&b1)[k];
+            hit->b2 = ((const float *)&b2)[k];
+            hit->triangle = triangles[k];
+            found = 1;
+        }
+    }
+    return found;
+}
+
+// Whether a block holds a triangle before `reach` other than `self` and `target`.
+IN_PLACE static int block_blocks(int index, BoxRay r, int self, int target, float reach, OneRay ray, int first_primitive,
+                                 Scene scene)
+{
+    const __global float *block = scene.blocks + (size_t)index * BLOCK_FLOATS;
+    const __global int *triangles = (const __global int *)(block + 9 * LEAF_WIDTH);
+    Block t, b1, b2;
+    for (uint bits = hit_triangles(block, r, reach, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
+        uint k = LOWEST_BIT(bits);
+        if (triangles[k] == self || triangles[k] == target)
+            continue;
+#if HAS_OPACITY
+        if (!is_solid(ray, triangles[k], ((const float *)&b1)[k], ((const float *)&b2)[k], first_primitive, scene))
+            continue;
+#endif
+        return 1;
+    }
+    return 0;
 }
 
 static BoxRay in_world(OneRay r) { return box_ray(r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z); }
@@ -113,11 +181,11 @@ static int nearest_triangle(OneRay ray, Scene scene, TriangleHit *hit)
             self = self_within(instance, ray.self, ray.part);
             r = in_mesh(instance, ray);
             continue;
-        } else if (hit_block(scene.blocks + (size_t)(~node) * BLOCK_FLOATS, r, self, hit))
+        } else if (hit_block(~node, r, self, ray, scene.instances[within].first_primitive, scene, hit))
             found = within;
 #else
         else
-            hit_block(scene.blocks + (size_t)(~node) * BLOCK_FLOATS, r, self, hit);
+            hit_block(~node, r, self, ray, scene.instances->first_primitive, scene, hit);
 #endif
         do {
 #if HAS_INSTANCES
@@ -147,6 +215,8 @@ static int meets_triangle(OneRay ray, float reach, int target, int target_part, 
     BoxRay outside = r;
     int within = -1;
     int floor_of = 0;
+#else
+    const int within = 0;
 #endif
     for (;;) {
         if (node >= 0) {
@@ -172,7 +242,7 @@ static int meets_triangle(OneRay ray, float reach, int target, int target_part, 
             continue;
         }
 #endif
-        else if (block_blocks(scene.blocks + (size_t)(~node) * BLOCK_FLOATS, r, self, other, reach))
+        else if (block_blocks(~node, r, self, other, reach, ray, scene.instances[within].first_primitive, scene))
             return 1;
 #if HAS_INSTANCES
         if (within >= 0 && depth == floor_of) {

@@ -8,9 +8,6 @@
 #define PRIMITIVES_H
 #include "common/scene.h"
 #include "geometry/hit.h"
-#if HAS_MESH
-#include "geometry/mesh.h"
-#endif
 
 
 // The smaller positive root of a t^2 - 2 b t + c = 0 (and the larger through *far); negative when there is none. Stable:
@@ -212,43 +209,5 @@ static F hit_cone(const __global Primitive *p, Ray ray, I self)
     EACH_SPHERE(ray, VISIT) EACH_ELLIPSOID(ray, VISIT) EACH_RECTANGLE(ray, VISIT)           \
     EACH_DISK(ray, VISIT) EACH_PLANE(ray, VISIT) EACH_BOX(ray, VISIT)                       \
     EACH_CYLINDER(ray, VISIT) EACH_CONE(ray, VISIT)
-
-// What the ray meets first.
-static Hit nearest_hit(Ray ray, Scene scene)
-{
-    const __global Primitive *primitives = scene.primitives;
-    const __global int *kind_end = scene.kind_end;
-    F best = (F)(NEVER);
-    I index = (I)(NO_PRIMITIVE);
-    EACH_PRIMITIVE(ray,
-        I closer = (t > 0.0f) & (t < best);
-        best = closer ? t : best;
-        index = closer ? (I)(i) : index;)
-    Hit hit;
-    hit.t = best;
-    hit.primitive = index;
-    hit.part = (I)(NO_TRIANGLE);
-    hit.b1 = ZERO;
-    hit.b2 = ZERO;
-#if HAS_MESH
-    nearest_in_meshes(ray, ray.self != PATH_ENDED, scene, &hit);
-#endif
-    return hit;
-}
-
-// Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_part` alone). Lanes of
-// reach 0 do not matter.
-static I any_hit(Ray ray, F reach, I target, I target_part, Scene scene)
-{
-    const __global Primitive *primitives = scene.primitives;
-    const __global int *kind_end = scene.kind_end;
-    I blocked = FALSE;
-    EACH_PRIMITIVE(ray,
-        blocked |= (t > 0.0f) & (t < reach) & (target != i);)
-#if HAS_MESH
-    blocked |= blocked_by_meshes(ray, reach, target, target_part, (reach > 0.0f) & NOT(blocked), scene);
-#endif
-    return blocked;
-}
 
 #endif

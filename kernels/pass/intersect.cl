@@ -1,5 +1,5 @@
 // Finds what each path's ray meets first. Reads ray and SELF; writes HIT and T. Packs without a living path are skipped.
-#include "geometry/primitives.h"
+#include "geometry/nearest.h"
 #include "integrator/state.h"
 
 __kernel void intersect(SCENE_PARAMETERS,

@@ -1,6 +1,7 @@
 // Adds what a wave's camera rays meet first to the auxiliary layers: one work item owns VW pixels and takes their samples
 // in order. Reads the camera rays that generate wrote, before the paths go on from them. Facts: STREAM, LAYER_….
 #include "common/transpose.h"
+#include "geometry/nearest.h"
 #include "integrator/layers.h"
 #include "integrator/state.h"
 

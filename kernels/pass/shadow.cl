@@ -1,5 +1,5 @@
 // Adds the light samples that nothing blocks. Reads the shadow ray (FROM, S, W, REACH, TARGET, C); adds to radiance L.
-#include "geometry/primitives.h"
+#include "geometry/nearest.h"
 #include "integrator/state.h"
 
 __kernel void shadow(SCENE_PARAMETERS,

@@ -5,6 +5,7 @@
 #include "integrator/film.h"
 #include "integrator/path.h"
 #include "common/transpose.h"
+#include "geometry/nearest.h"
 
 __kernel void stream(SCENE_PARAMETERS,
                      const __global float *rays,        // eight floats per slot

@@ -48,7 +48,7 @@ def read_gltf(path: Path, find: Find) -> Draft:
         nodes += [Node(index, placement, name or surfaces[index].name) for index in places[mesh]]
     if not nodes:
         raise InputError(f"{path}: its scene shows no triangles")
-    return Draft(surfaces, materials.looks, nodes, materials.notes)
+    return Draft(surfaces, materials.looks, nodes, [*materials.notes, *_left_out(document)])
 
 
 def _check_version(document: Part, path: Path) -> None:
@@ -58,6 +58,19 @@ def _check_version(document: Part, path: Path) -> None:
     if missing := [name for name in document.texts("extensionsRequired") if name not in KNOWN_EXTENSIONS]:
         got, allowed = ", ".join(missing), ", ".join(KNOWN_EXTENSIONS)
         raise InputError(f"{path}: needs extensions that are not read (got {got}; allowed: {allowed})")
+
+
+def _left_out(document: Part) -> list[str]:
+    """Return what of a file is left out that changes its looks."""
+    primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
+    found = {
+        "skins": bool(document.parts("skins")),
+        "animations": bool(document.parts("animations")),
+        "morph targets": any(primitive.has("targets") for primitive in primitives),
+        "colours of vertices": any(primitive.part("attributes").has("COLOR_0") for primitive in primitives),
+        "instances of EXT_mesh_gpu_instancing": "EXT_mesh_gpu_instancing" in document.texts("extensionsUsed"),
+    }
+    return [f"{document.place}: {name} are left out" for name, there in found.items() if there]
 
 
 def _surfaces(mesh: Part, data: Data, materials: Materials, path: Path) -> list[Surface]:

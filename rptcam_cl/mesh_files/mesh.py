@@ -114,10 +114,11 @@ def make_mesh(surface: Surface, place: str) -> tuple[Mesh | None, Dropped]:
         _check_finite(normals, kept, f"{place}: normal")
         normals = unit_normals(normals, positions, faces)
     if uvs is not None:
+        uvs = uvs.astype(np.float32)
         _check_finite(uvs, kept, f"{place}: texture coordinate")
     mesh = Mesh(
         _frozen(origin), _frozen(positions), _frozen(faces), _frozen(normals),
-        _frozen(None if uvs is None else uvs.astype(np.float32)), "",
+        _frozen(uvs), "",
     )  # fmt: skip
     return replace(mesh, content_hash=_hash(mesh, mesh.normals)), dropped
 

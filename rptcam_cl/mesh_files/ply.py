@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.mesh_files.contents import Draft
 from rptcam_cl.mesh_files.faces import Polygons, as_triangles, check_corners
 from rptcam_cl.mesh_files.mesh import Surface
 from rptcam_cl.mesh_files.ply_binary import read_binary
@@ -25,7 +26,7 @@ CORNER_UVS = "texcoord"
 Columns = NDArray[Any]
 
 
-def read_ply(path: Path) -> Surface:
+def read_ply(path: Path) -> Draft:
     """Return the surface of a PLY file.
 
     Raises
@@ -42,7 +43,10 @@ def read_ply(path: Path) -> Surface:
             raise InputError(f"{path}: has no {missing} (allowed: elements vertex and face)")
         read = _reader(file, header, path)
         found = {element.name: read(element) for element in header.elements}
-    return _surface(found["vertex"], found["face"], path)
+    notes = [
+        f"{path}: colours of each {name} are left out" for name in ("vertex", "face") if "red" in found[name].values
+    ]
+    return Draft([_surface(found["vertex"], found["face"], path)], notes=notes)
 
 
 def _check_size(header: Header, size: int, path: Path) -> None:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files.contents import Draft, MeshContents, finished
 from rptcam_cl.mesh_files.find import Find
@@ -14,7 +16,7 @@ from rptcam_cl.mesh_files.ply import read_ply
 from rptcam_cl.mesh_files.stl import read_stl
 
 READERS: dict[str, Callable[[Path, Find], Draft]] = {
-    ".ply": lambda path, _: Draft([read_ply(path)]),
+    ".ply": lambda path, _: read_ply(path),
     ".obj": read_obj,
     ".gltf": read_gltf,
     ".glb": read_gltf,
@@ -43,6 +45,7 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
     try:
         if not path.stat().st_size:
             raise InputError(f"{path}: is empty")
-        return finished(READERS[suffix](path, find), str(path))
+        with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found by looking at the numbers
+            return finished(READERS[suffix](path, find), str(path))
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror or problem})") from None

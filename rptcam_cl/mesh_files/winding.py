@@ -16,10 +16,14 @@ def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], poi
     The solid angles of the triangles (van Oosterom and Strackee 1983) over 4π.
     """
     total = 0.0
+    seen = positions.T - point[:, None]
+    distances = np.sqrt((seen * seen).sum(axis=0))
     for start in range(0, len(faces), CHUNK):
-        a, b, c = np.moveaxis(positions[faces[start : start + CHUNK]] - point, 1, 0)
-        la, lb, lc = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
-        volume = np.einsum("ij,ij->i", a, np.cross(b, c))
-        ab, bc, ca = (np.einsum("ij,ij->i", one, other) for one, other in ((a, b), (b, c), (c, a)))
+        corners = np.ascontiguousarray(faces[start : start + CHUNK].T)
+        a, b, c = (seen[:, place] for place in corners)
+        la, lb, lc = (distances[place] for place in corners)
+        volume = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2])
+        volume += a[2] * (b[0] * c[1] - b[1] * c[0])
+        ab, bc, ca = ((one * other).sum(axis=0) for one, other in ((a, b), (b, c), (c, a)))
         total += float(np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum())
     return total / (2 * math.pi)

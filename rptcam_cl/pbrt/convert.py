@@ -15,6 +15,7 @@ from rptcam_cl.pbrt.film import exposure_ev, raster_of, render_keys
 from rptcam_cl.pbrt.filters import filter_keys
 from rptcam_cl.pbrt.frame import frame_of
 from rptcam_cl.pbrt.lights import convert_lights
+from rptcam_cl.pbrt.merging import count_values
 from rptcam_cl.pbrt.objects import Objects
 from rptcam_cl.pbrt.parameters import Parameters
 from rptcam_cl.pbrt.report import Report
@@ -22,6 +23,7 @@ from rptcam_cl.pbrt.scene_text import plain, scene_text
 from rptcam_cl.pbrt.sky import convert_sky
 from rptcam_cl.pbrt.state import PbrtScene
 from rptcam_cl.pbrt.world import read_world
+from rptcam_cl.strict_yaml import MAX_NODES
 
 # Parameters of every camera that have to do with motion, of which there is none.
 SHUTTER = ("shutteropen", "shutterclose")
@@ -74,6 +76,11 @@ def convert_scene(source: Path, target: Path) -> Conversion:
     context = Context(pbrt, report, source.parent, FileStore(target.parent, target.stem, report))
     scene = _scene_keys(context, source)
     _note_unused(context)
+    if count_values(scene) > MAX_NODES:
+        raise InputError(
+            f"{source}: becomes {len(scene['objects'])} objects in {count_values(scene)} values, too many for a scene "
+            f"file (allowed: {MAX_NODES} values, some 2000 instances)"
+        )
     return Conversion(source, scene, report, context.files)
 
 

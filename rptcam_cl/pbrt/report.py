@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-from rptcam_cl.pbrt.source import Place
+from rptcam_cl.pbrt.source import Place, one_line
 
 # Lines named per message; a scene of ten thousand shapes may break one rule ten thousand times.
 LINES_NAMED = 8
@@ -30,7 +30,7 @@ class Report:
         self._note(place, f"note: {what}")
 
     def _note(self, place: Place, message: str) -> None:
-        self._lines.setdefault(message, set()).add((place.source.name, place.line_number))
+        self._lines.setdefault(one_line(message), set()).add((place.source.name, place.line_number))
 
     def __iter__(self) -> Iterator[str]:
         placed = sorted((sorted(places), message) for message, places in self._lines.items())

@@ -98,6 +98,8 @@ def transform_keys(matrix: Matrix) -> Keys:
     """Return the key of a transform, nothing for the identity."""
     if np.array_equal(matrix, np.eye(4)):
         return {}
+    if np.array_equal(matrix[:3, :3], np.eye(3)):
+        return {"transform": {"translate": tidy(matrix[:3, 3])}}
     linear = tidy(matrix[:3, :3])
     return {"transform": {"matrix": [[*axes, shift] for axes, shift in zip(linear, tidy(matrix[:3, 3]), strict=True)]}}
 

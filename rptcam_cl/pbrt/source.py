@@ -18,6 +18,8 @@ from rptcam_cl.errors import InputError, StateError
 # What one file may hold, unpacked: far more than the largest published scenes have in one text file.
 MAX_BYTES = 1 << 30
 
+LONGEST_MESSAGE = 1000
+
 
 @dataclass(frozen=True, eq=False)
 class Source:
@@ -71,7 +73,13 @@ class Place:
     def error(self, problem: str) -> InputError:
         """Return the error of this place: ``FILE:LINE:COL: problem``."""
         line, column = self.source.line_and_column(self.offset)
-        return InputError(f"{self.source.name}:{line}:{column}: {problem}")
+        return InputError(f"{self.source.name}:{line}:{column}: {one_line(problem)}")
+
+
+def one_line(message: str) -> str:
+    """Return a message fit for one line of a terminal: names of a file may hold anything."""
+    shown = message if len(message) <= LONGEST_MESSAGE else message[:LONGEST_MESSAGE] + "…"
+    return "".join(mark if mark.isprintable() else f"\\x{ord(mark):02x}" for mark in shown)
 
 
 def read_source(path: Path, name: str) -> Source:
@@ -106,7 +114,7 @@ def read_limited(path: Path, name: str, limit: int) -> bytes:
     except (zlib.error, EOFError, gzip.BadGzipFile) as problem:
         raise InputError(f"{name}: is not a whole gzip file ({problem})") from None
     except OSError as problem:
-        raise StateError(f"{name}: cannot be read ({problem.strerror})") from None
+        raise StateError(one_line(f"{name}: cannot be read ({problem.strerror})")) from None
     except ValueError as problem:  # a NUL byte in the name
         raise InputError(f"{name!r}: is not a usable path ({problem})") from None
     if len(raw) > limit:

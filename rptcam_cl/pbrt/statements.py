@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.errors import InputError, RptcamError
 from rptcam_cl.pbrt.parameters import Parameters, read_parameters
 from rptcam_cl.pbrt.source import Place, read_source
 from rptcam_cl.pbrt.tokens import Token, Tokens, number_of
@@ -109,7 +109,7 @@ def _included(statement: Statement, folder: Path, stack: list[_Open]) -> _Open:
         if any(level.path == real for level in stack):
             raise InputError(f"{name} includes itself, by way of {len(stack)} files")
         return _Open(real, Tokens(read_source(path, str(path))))
-    except (InputError, OSError, ValueError, RuntimeError) as problem:
+    except (RptcamError, OSError, ValueError, RuntimeError) as problem:
         raise statement.place.error(f"{statement.directive}: {problem}") from None
 
 

@@ -21,6 +21,7 @@ from rptcam_cl.plan.primitives import Primitive, sphere_of
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.plan.triangle_emitters import triangle_emitters
 from rptcam_cl.records import EMITTER, Kind
+from rptcam_cl.scene.coverage import has_holes
 from rptcam_cl.scene.material import Emissive, Material
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour
@@ -210,6 +211,8 @@ def _surface_emitters(
     first_mesh = len(primitives) - len(first_triangles)
     for index, primitive in enumerate(primitives):
         glow = _glow(primitive.material, textures)
+        if has_holes(primitive.material):  # a sample would have to ask whether it lies in one; paths find what shines
+            continue
         if primitive.mesh is None:
             found = _surface_emitter(index, primitive, glow)
         else:

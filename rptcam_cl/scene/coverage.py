@@ -37,6 +37,11 @@ class CoveringMaterial(SceneModel):
     """Opacity from which on a mask is there."""
 
 
+def has_holes(material: SceneModel) -> bool:
+    """Return whether rays may pass a surface of this material as if it were not there."""
+    return isinstance(material, CoveringMaterial) and material.opacity != 1.0
+
+
 class BumpyMaterial(CoveringMaterial):
     """A material whose normals may come from a picture."""
 

@@ -5,7 +5,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.device import Session, choose_device, open_session
-from rptcam_cl.errors import InputError
+from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene
 from rptcam_cl.scene.layers import LAYER_NAMES
@@ -104,6 +104,17 @@ def test_albedo_of_a_mix_is_that_of_the_material_that_the_path_took():
     )
 
 
+def test_rays_that_pass_a_hole_show_what_is_behind_it():
+    pane = {"kind": "principled", "base_color": 0, "emission": [1, 0, 0], "opacity": 0.5}
+    scene = two_panels("thin_lens", pane, glow([0, 1, 0])) | {"render": {"max_depth": 1}}
+    image = rptcam_cl.render(scene, spp=16, layers=["depth", "coverage"])
+    red, green = np.moveaxis(np.asarray(image).astype(np.float64)[..., :2], -1, 0)
+    seen = image["coverage"] > 0
+    np.testing.assert_allclose(image["coverage"], red + green, atol=3e-6)
+    np.testing.assert_allclose(image["depth"][seen], ((3 * red + 5 * green)[seen] / (red + green)[seen]), rtol=3e-6)
+    assert ((red > 0.2) & (green > 0.2)).sum() > 20
+
+
 def test_picture_is_the_same_with_layers_and_without():
     plain, layered = (rptcam_cl.render(world("double_gauss"), spp=4, layers=names) for names in ([], LAYER_NAMES))
     np.testing.assert_array_equal(np.asarray(plain), np.asarray(layered))
@@ -143,6 +154,17 @@ def test_layers_are_made_of_the_first_samples_alone():
         np.testing.assert_array_equal(many[name], few[name])
     whole = rptcam_cl.render(scene | {"render": {"layers": ["depth"], "layers_spp": 40}}, spp=40)
     assert (whole["depth"] != few["depth"]).mean() > 0.2
+
+
+def test_layers_of_a_render_that_was_continued_are_those_of_one_in_a_go(tmp_path):
+    options = {"layers": ["depth", "object_id"], "checkpoint": tmp_path / "half.rpck", "resume": True}
+    rptcam_cl.render(world("thin_lens"), spp=2, **options)
+    with pytest.raises(StateError, match=r"its layers is \['depth', 'object_id'\], and this render's \['normal'\]"):
+        rptcam_cl.render(world("thin_lens"), spp=5, **options | {"layers": ["normal"]})
+    whole = rptcam_cl.render(world("thin_lens"), spp=5, layers=options["layers"])
+    continued = rptcam_cl.render(world("thin_lens"), spp=5, **options)
+    for name in options["layers"]:
+        np.testing.assert_array_equal(continued[name], whole[name])
 
 
 def test_crop_shows_a_part_of_the_whole_layers():

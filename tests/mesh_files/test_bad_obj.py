@@ -46,6 +46,12 @@ FILES: list[Row] = [
         r": the face of line 1201 has 1200 corners and is not convex \(allowed: a convex one, or up to 1000",
     ),
     ("library of other lines", "a.obj", "mtllib a.obj\n" + SQUARE + "f 1 2 3\n", r":1: is not in a material"),
+    (
+        "coordinate beyond float32",
+        "a.obj",
+        SQUARE + "vt 0 1e300\nf 1/1 2/1 3/1\n",
+        r": texture coordinate 0 is not finite \(got \[0.0, inf\]",
+    ),
     ("binary as OBJ", "a.obj", bytes(range(256)) * 4, r": has no faces"),
 ]
 

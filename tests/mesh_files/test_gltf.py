@@ -129,3 +129,17 @@ def test_node_without_size_shows_nothing(read: Read) -> None:
     writer.json["nodes"] = [{"mesh": 0, "scale": [0, 0, 0]}, {"mesh": 0}]
     writer.json["scenes"] = [{"nodes": [0, 1]}]
     assert len(read("a.glb", writer.glb()).parts) == 1
+
+
+def test_what_changes_the_looks_and_is_left_out_is_noted(read: Read) -> None:
+    writer = triangle(targets=[{}])
+    writer.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 0
+    writer.json |= {"skins": [{}], "animations": [{}], "extensionsUsed": ["EXT_mesh_gpu_instancing"]}
+    notes = [note.partition("glTF: ")[2] for note in read("a.glb", writer.glb()).notes]
+    assert notes == [
+        "skins are left out",
+        "animations are left out",
+        "morph targets are left out",
+        "colours of vertices are left out",
+        "instances of EXT_mesh_gpu_instancing are left out",
+    ]

@@ -197,6 +197,12 @@ def test_meshes_of_a_material_become_one_where_a_scene_file_holds_no_more(conver
         np.testing.assert_allclose(np.sort(middles, axis=0), np.sort(expected[kind], axis=0), atol=1e-6)
 
 
+def test_more_instances_than_a_scene_file_holds_are_refused(convert: Convert) -> None:
+    text = 'ObjectBegin "o" Shape "sphere" ObjectEnd\n' + 'Rotate 1 1 2 3 ObjectInstance "o"\n' * 4000
+    with pytest.raises(InputError, match=r"becomes 4000 objects in \d+ values, too many for a scene file"):
+        convert(text.replace('"sphere"', '"cylinder"'), HEAD)
+
+
 PLY = (
     "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\nelement face 1\n"
     "property list uchar int vertex_indices\nend_header\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"

@@ -187,6 +187,15 @@ def test_long_lists_are_read_fast(tmp_path: Path) -> None:
     np.testing.assert_array_equal(statement.with_parameters().numbers("P", "point3"), numbers)
 
 
+def test_errors_are_one_line_whatever_is_named(read: Reader) -> None:
+    for name in ("a\\nb", "x" * 100_000, "\x1b[31m", "\x85"):
+        with pytest.raises(InputError) as problem:
+            read(f'Include "{name}.pbrt"')
+        text = str(problem.value)
+        assert text.isprintable()
+        assert len(text) < 1200
+
+
 def test_places_count_characters_not_bytes(read: Reader) -> None:
     with pytest.raises(InputError, match=r"a\.pbrt:2:26: expected a directive"):
         read('# été\nCoordinateSystem "öäü é" Shap')

@@ -12,11 +12,12 @@ __kernel void probe_brute(SCENE_PARAMETERS,
     Scene scene = SCENE;
     BoxRay r = box_ray(rays[i], rays[count + i], rays[2 * count + i], rays[3 * count + i], rays[4 * count + i],
                        rays[5 * count + i]);
+    OneRay ray;
     TriangleHit hit;
     hit.t = NEVER;
     hit.triangle = NO_TRIANGLE;
     for (uint k = 0; k < block_count; ++k)
-        hit_block(scene.blocks + (size_t)k * BLOCK_FLOATS, r, NO_TRIANGLE, &hit);
+        hit_block((int)k, r, NO_TRIANGLE, ray, 0, scene, &hit);
     hits[i] = hit.t;
     hits[count + i] = as_float(hit.triangle);
 }

@@ -1,4 +1,5 @@
 // Leaves the points that rays meet on a mesh in given directions, turned to the side of the normal, and says what is met.
+#include "geometry/nearest.h"
 #include "integrator/path.h"
 
 __kernel void probe_departure(SCENE_PARAMETERS,

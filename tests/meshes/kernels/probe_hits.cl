@@ -1,4 +1,5 @@
 // What given rays meet, and where they would go on from there.
+#include "geometry/nearest.h"
 #include "integrator/path.h"
 
 __kernel void probe_hits(SCENE_PARAMETERS,
