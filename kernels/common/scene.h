@@ -15,6 +15,10 @@ typedef struct {
     const __global Environment *environment;
     const __global float       *distribution;  // curves of how light sampling picks, kernels/light/curve.h
     int                         emitter_count;
+#if HAS_PRIMITIVE_TREE
+    const __global float4      *primitive_nodes;    // kernels/geometry/primitive_tree.h
+    const __global int         *primitive_leaves;
+#endif
 #if HAS_MESH
     const __global float       *nodes;         // of all trees, kernels/geometry/bvh.h
     const __global float       *blocks;
@@ -39,6 +43,16 @@ typedef struct {
 #define MESHES
 #endif
 
+#if HAS_PRIMITIVE_TREE
+#define TREE_PARAMETERS ,                       \
+    const __global float4      *primitive_nodes, \
+    const __global int         *primitive_leaves
+#define PRIMITIVE_TREE , primitive_nodes, primitive_leaves
+#else
+#define TREE_PARAMETERS
+#define PRIMITIVE_TREE
+#endif
+
 #define SCENE_PARAMETERS                        \
     const __global Primitive   *primitives,     \
     const __global int         *kind_end,       \
@@ -49,10 +63,10 @@ typedef struct {
     const __global Environment *environment,    \
     const __global float       *distribution,   \
     int                         emitter_count   \
-    MESH_PARAMETERS
+    TREE_PARAMETERS MESH_PARAMETERS
 
 #define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, distribution, \
-                       emitter_count MESHES)
+                       emitter_count PRIMITIVE_TREE MESHES)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -66,6 +80,10 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.environment = environment;
     s.distribution = distribution;
     s.emitter_count = emitter_count;
+#if HAS_PRIMITIVE_TREE
+    s.primitive_nodes = primitive_nodes;
+    s.primitive_leaves = primitive_leaves;
+#endif
 #if HAS_MESH
     s.nodes = nodes;
     s.blocks = blocks;

@@ -2,6 +2,9 @@
 #ifndef NEAREST_H
 #define NEAREST_H
 #include "geometry/primitives.h"
+#if HAS_PRIMITIVE_TREE
+#include "geometry/primitive_tree.h"
+#endif
 #if HAS_MESH
 #include "geometry/mesh.h"
 #endif
@@ -30,10 +33,23 @@ static Hit nearest_hit(Ray ray, Scene scene)
     const __global int *kind_end = scene.kind_end;
     F best = (F)(NEVER);
     I index = (I)(NO_PRIMITIVE);
+#if HAS_PRIMITIVE_TREE
+    I living = ray.self != PATH_ENDED;
+    EACH_PLANE(ray,
+        I closer = WITHOUT_HOLES((t > 0.0f) & (t < best));
+        best = closer ? t : best;
+        index = closer ? (I)(i) : index;)
+    // The tree has an order of its own: of two at the same distance the first of the list counts, as in the loop.
+    EACH_IN_TREE(ray, living, best,
+        I closer = WITHOUT_HOLES((t > 0.0f) & ((t < best) | ((t == best) & (index > i))));
+        best = closer ? t : best;
+        index = closer ? (I)(i) : index;)
+#else
     EACH_PRIMITIVE(ray,
         I closer = WITHOUT_HOLES((t > 0.0f) & (t < best));
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
+#endif
     Hit hit;
     hit.t = best;
     hit.primitive = index;
@@ -53,8 +69,17 @@ static I any_hit(Ray ray, F reach, I target, I target_part, Scene scene)
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
     I blocked = FALSE;
+#if HAS_PRIMITIVE_TREE
+    EACH_PLANE(ray,
+        blocked |= WITHOUT_HOLES((t > 0.0f) & (t < reach) & (target != i));)
+    I open = (reach > 0.0f) & NOT(blocked);
+    EACH_IN_TREE(ray, open, reach,
+        blocked |= WITHOUT_HOLES((t > 0.0f) & (t < reach) & (target != i));
+        open &= NOT(blocked);)
+#else
     EACH_PRIMITIVE(ray,
         blocked |= WITHOUT_HOLES((t > 0.0f) & (t < reach) & (target != i));)
+#endif
 #if HAS_MESH
     blocked |= blocked_by_meshes(ray, reach, target, target_part, (reach > 0.0f) & NOT(blocked), scene);
 #endif

@@ -149,7 +149,20 @@ static F hit_cone(const __global Primitive *p, Ray ray, I self)
 }
 #endif
 
-// Calls VISIT(index, t) for every primitive; `t` is negative, infinite or NaN where there is no hit.
+// How each kind finds `t` of the primitive p: negative, infinite or NaN where there is no hit.
+#define SPHERE_T     t = hit_sphere(p, ray, self);
+#define ELLIPSOID_T  t = hit_ellipsoid(p, ray, self);
+#define RECTANGLE_T  F u; F v; t = hit_flat(p, ray, &u, &v);                                      \
+                     t = ((u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);
+#define DISK_T       F u; F v; t = hit_flat(p, ray, &u, &v);                                      \
+                     t = ((u * u + v * v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);
+#define PLANE_T      t = -row_point(p->row_z, ray.o) / row_vector(p->row_z, ray.d);               \
+                     t = self ? (F)(-1.0f) : t;
+#define BOX_T        t = hit_box(p, ray, self);
+#define CYLINDER_T   t = hit_cylinder(p, ray, self);
+#define CONE_T       t = hit_cone(p, ray, self);
+
+// Calls VISIT(index, t) for every primitive.
 #define FOR_EACH_OF_KIND(KIND, ray, VISIT, HIT)                                    \
     for (int i = KIND > 0 ? kind_end[KIND - 1] : 0; i < kind_end[KIND]; ++i) {      \
         const __global Primitive *p = primitives + i;                              \
@@ -160,48 +173,42 @@ static F hit_cone(const __global Primitive *p, Ray ray, I self)
     }
 
 #if HAS_SPHERE
-#define EACH_SPHERE(ray, VISIT) FOR_EACH_OF_KIND(KIND_SPHERE, ray, VISIT, t = hit_sphere(p, ray, self);)
+#define EACH_SPHERE(ray, VISIT) FOR_EACH_OF_KIND(KIND_SPHERE, ray, VISIT, SPHERE_T)
 #else
 #define EACH_SPHERE(ray, VISIT)
 #endif
 #if HAS_ELLIPSOID
-#define EACH_ELLIPSOID(ray, VISIT) FOR_EACH_OF_KIND(KIND_ELLIPSOID, ray, VISIT, t = hit_ellipsoid(p, ray, self);)
+#define EACH_ELLIPSOID(ray, VISIT) FOR_EACH_OF_KIND(KIND_ELLIPSOID, ray, VISIT, ELLIPSOID_T)
 #else
 #define EACH_ELLIPSOID(ray, VISIT)
 #endif
 #if HAS_RECTANGLE
-#define EACH_RECTANGLE(ray, VISIT) FOR_EACH_OF_KIND(KIND_RECTANGLE, ray, VISIT,                  \
-        F u; F v; t = hit_flat(p, ray, &u, &v);                                                  \
-        t = ((u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);)
+#define EACH_RECTANGLE(ray, VISIT) FOR_EACH_OF_KIND(KIND_RECTANGLE, ray, VISIT, RECTANGLE_T)
 #else
 #define EACH_RECTANGLE(ray, VISIT)
 #endif
 #if HAS_DISK
-#define EACH_DISK(ray, VISIT) FOR_EACH_OF_KIND(KIND_DISK, ray, VISIT,                            \
-        F u; F v; t = hit_flat(p, ray, &u, &v);                                                  \
-        t = ((u * u + v * v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);)
+#define EACH_DISK(ray, VISIT) FOR_EACH_OF_KIND(KIND_DISK, ray, VISIT, DISK_T)
 #else
 #define EACH_DISK(ray, VISIT)
 #endif
 #if HAS_PLANE
-#define EACH_PLANE(ray, VISIT) FOR_EACH_OF_KIND(KIND_PLANE, ray, VISIT,                          \
-        t = -row_point(p->row_z, ray.o) / row_vector(p->row_z, ray.d);                           \
-        t = self ? (F)(-1.0f) : t;)
+#define EACH_PLANE(ray, VISIT) FOR_EACH_OF_KIND(KIND_PLANE, ray, VISIT, PLANE_T)
 #else
 #define EACH_PLANE(ray, VISIT)
 #endif
 #if HAS_BOX
-#define EACH_BOX(ray, VISIT) FOR_EACH_OF_KIND(KIND_BOX, ray, VISIT, t = hit_box(p, ray, self);)
+#define EACH_BOX(ray, VISIT) FOR_EACH_OF_KIND(KIND_BOX, ray, VISIT, BOX_T)
 #else
 #define EACH_BOX(ray, VISIT)
 #endif
 #if HAS_CYLINDER
-#define EACH_CYLINDER(ray, VISIT) FOR_EACH_OF_KIND(KIND_CYLINDER, ray, VISIT, t = hit_cylinder(p, ray, self);)
+#define EACH_CYLINDER(ray, VISIT) FOR_EACH_OF_KIND(KIND_CYLINDER, ray, VISIT, CYLINDER_T)
 #else
 #define EACH_CYLINDER(ray, VISIT)
 #endif
 #if HAS_CONE
-#define EACH_CONE(ray, VISIT) FOR_EACH_OF_KIND(KIND_CONE, ray, VISIT, t = hit_cone(p, ray, self);)
+#define EACH_CONE(ray, VISIT) FOR_EACH_OF_KIND(KIND_CONE, ray, VISIT, CONE_T)
 #else
 #define EACH_CONE(ray, VISIT)
 #endif

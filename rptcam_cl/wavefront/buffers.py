@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.acceleration.primitive_tree import primitive_tree
 from rptcam_cl.acceleration.scene_trees import scene_trees
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
@@ -18,8 +19,8 @@ class SceneBuffers:
     ----------
     scene : tuple
         Values of ``SCENE_PARAMETERS`` (``kernels/common/scene.h``), in its order.
-    mesh_facts : dict
-        Facts of the trees for the compilation; none without meshes.
+    tree_facts : dict
+        Facts of the trees for the compilation; none where there are none.
     camera : tuple
         The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
     """
@@ -37,10 +38,14 @@ class SceneBuffers:
             upload(np.concatenate([plan.emitters.curve, plan.surroundings.distribution])),
             np.int32(plan.emitters.count),
         )
-        self.mesh_facts: dict[str, int] = {}
+        self.tree_facts: dict[str, int] = {}
+        tree = primitive_tree(plan.primitives, plan.kind_end, session)
+        if tree is not None:
+            self.tree_facts |= tree.facts
+            self.scene += (upload(tree.nodes), upload(tree.leaves))
         if plan.meshes is not None:
             trees = scene_trees(plan.meshes, session)
-            self.mesh_facts = trees.facts
+            self.tree_facts |= trees.facts
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             self.scene += (*(upload(array) for array in arrays), np.int32(trees.root))
         self.filter = upload(plan.camera_filter.table)

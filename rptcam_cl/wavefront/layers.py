@@ -95,7 +95,7 @@ class LayerPass:
     ) -> None:
         self._session, self._layout, self._planes = session, layout, planes
         self._eye_m = plan.eye_m
-        facts = plan.facts | buffers.mesh_facts | planes.facts | {"VW": lanes, "STREAM": int(stream)}
+        facts = plan.facts | buffers.tree_facts | planes.facts | {"VW": lanes, "STREAM": int(stream)}
         if "uv" in planes.names:
             facts["HAS_TEXTURE"] = 1  # compiles the coordinates of round shapes
         program = session.program(["pass/layers.cl"], facts, device_declarations())

@@ -100,7 +100,7 @@ class Wavefront:
         passes = ["pass/intersect.cl", "pass/shade.cl", "pass/shadow.cl", "pass/film.cl"]
         trace = ["pass/stream.cl"] if self.organisation == "stream" else passes
         self._trace = self.session.program(
-            trace, plan.facts | self._buffers.mesh_facts | {"VW": self._lanes["trace"]}, declarations
+            trace, plan.facts | self._buffers.tree_facts | {"VW": self._lanes["trace"]}, declarations
         )
         camera_facts: dict[str, int | str] = {
             **plan.camera.facts,

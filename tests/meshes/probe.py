@@ -57,7 +57,7 @@ class MeshScene:
         self.trees = scene_trees(self.plan.meshes, session)
 
     def _run(self, name: str, items: int, lanes: int, *arguments: Any) -> None:
-        facts = self.plan.facts | self.buffers.mesh_facts | {"VW": lanes}
+        facts = self.plan.facts | self.buffers.tree_facts | {"VW": lanes}
         program = self.session.program([str(FOLDER / f"{name}.cl")], facts, device_declarations())
         self.session.bind(program, name, *self.buffers.scene, *arguments).enqueue(items, GROUP)
         self.session.finish()
