@@ -14,8 +14,9 @@ from rptcam_cl.records import Kind
 
 Array = NDArray[np.float64]
 
-BREAK_EVEN = 32  # bounded primitives: with fewer the loop over all of them is faster
-LEAF = 2  # most primitives of a leaf
+BREAK_EVEN = 48  # bounded primitives: see benchmarks/README.md
+LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
+STACK_STEP = 16  # so that scenes of like size share their programs
 ROUNDING = 4e-6  # HIT_ROUNDING of kernels/geometry/primitive_tree.h
 
 
@@ -59,7 +60,8 @@ def primitive_tree(records: NDArray[np.void], kind_end: NDArray[np.int32], sessi
     tree = build_bvh(lower32, upper32, width=2, leaf_size=LEAF, session=session)
     nodes = _nodes(tree)
     leaves = bounded[tree.blocks[tree.blocks >= 0]]
-    return PrimitiveTree(nodes, leaves, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": quality(tree).depth})
+    stack = -(-quality(tree).depth // STACK_STEP) * STACK_STEP
+    return PrimitiveTree(nodes, leaves, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
 
 
 def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:
@@ -72,8 +74,8 @@ def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tup
     placed[:, :3] = rows
     is_sphere = kinds == Kind.SPHERE
     placed[is_sphere] = np.eye(4)
-    placed = np.linalg.inv(placed)
-    linear, origin = placed[:, :3, :3], placed[:, :3, 3]
+    inverse: Array = np.linalg.inv(placed)
+    linear, origin = inverse[:, :3, :3], inverse[:, :3, 3]
     linear[is_sphere] *= rows[is_sphere, 0, 3, None, None]
     origin[is_sphere] = rows[is_sphere, 0, :3]
     lower, upper = origin.copy(), origin.copy()
@@ -83,7 +85,7 @@ def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tup
         lower[of_kind] += low
         upper[of_kind] += high
     # The rows of a skewed placement magnify rounding.
-    magnified = np.abs(linear) @ np.abs(rows[:, :, :3]) if len(rows) else np.ones((0, 3, 3))
+    magnified = np.abs(linear) @ np.abs(rows[:, :, :3])
     magnified[is_sphere] = np.eye(3)
     farthest = np.maximum(np.abs(lower), np.abs(upper)).max(axis=1)
     margin = ROUNDING * (magnified.sum(axis=2).max(axis=1) * farthest)[:, None]
@@ -91,7 +93,7 @@ def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tup
 
 
 def _extent(kind: Kind, x: Array, y: Array, z: Array) -> tuple[Array, Array]:
-    """Return how far the canonical shape of a kind reaches from its origin, with its axes (n, 3) where they are placed."""
+    """Return how far a kind's canonical shape, its axes placed as given (n, 3), reaches from its origin."""
     zero = np.zeros_like(x)
     if kind in (Kind.SPHERE, Kind.ELLIPSOID):
         reach = np.sqrt(x * x + y * y + z * z)
@@ -112,11 +114,12 @@ def _nodes(tree: Bvh) -> NDArray[np.float32]:
     """Return the root's node, then the two below each node of a binary tree, the farther along its axis last."""
     bounds = tree.bounds.transpose(0, 2, 1).astype(np.float64)  # (node, child, corner)
     used = tree.children != EMPTY
-    middle = np.where(used[..., None], (bounds[..., :3] + bounds[..., 3:]) / 2, np.inf)
-    # An absent child, of a root alone, stays the last.
-    apart = np.where(used.all(axis=1)[:, None], middle[:, 1], 0) - np.where(used[:, :1], middle[:, 0], 0)
+    middle = np.zeros((*used.shape, 3))
+    middle[used] = (bounds[used, :3] + bounds[used, 3:]) / 2
+    both = used.all(axis=1)  # a root may have one child
+    apart = np.where(both[:, None], middle[:, 1] - middle[:, 0], 0)
     axis = np.abs(apart).argmax(axis=1)
-    turned = used.all(axis=1) & (apart[np.arange(len(axis)), axis] < 0)
+    turned = apart[np.arange(len(axis)), axis] < 0
     order = np.stack([turned, ~turned], axis=1).astype(np.int64)
     children = np.take_along_axis(tree.children, order, axis=1).ravel()
     corners = np.take_along_axis(bounds, order[..., None], axis=1).reshape(-1, 6)

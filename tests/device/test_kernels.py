@@ -55,7 +55,7 @@ EVERY_MATERIAL = {
 
 
 GLOW = {"kind": "emissive", "radiance": GRID}
-TREES = {"BVH_WIDTH": 16, "LEAF_WIDTH": 16, "BVH_STACK": 64}
+TREES = {"BVH_WIDTH": 16, "LEAF_WIDTH": 16, "BVH_STACK": 64, "HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": 16}
 
 
 def sheet(side):

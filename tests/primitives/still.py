@@ -58,7 +58,7 @@ def upright(kind: str, center: Array, size: float) -> dict[str, Any]:
 
 
 def crowd(rng: np.random.Generator, count: int, place: Any = (0, 0, 0), holes: bool = True) -> list[dict[str, Any]]:
-    """Return about ``count`` objects of every kind within [-1, 1]^3 about a place, a plane below, a few of them twice."""
+    """Return ``count`` objects of every kind within [-1, 1]^3 about a place, a few of them twice, and a plane below."""
     place = np.asarray(place, np.float64)
     grid = np.round(rng.uniform(-1, 1, (count, 3)) * 8) / 8
     items = []
