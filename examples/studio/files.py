@@ -76,12 +76,14 @@ class Gltf:
 
     def write(self, path: Path) -> None:
         """Write the file."""
-        document: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [*range(len(self.nodes))]}]}
+        document: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0}
+        document["scenes"] = [{"nodes": [*range(len(self.nodes))]}]
         document |= {"nodes": self.nodes, "meshes": self.meshes, "materials": self.materials}
         if self.images:
             document["images"] = [{"bufferView": self._view(data), "mimeType": mime} for data, mime in self.images]
             document["textures"] = [{"source": number} for number in range(len(self.images))]
-        document |= {"accessors": self.accessors, "bufferViews": self.views, "buffers": [{"byteLength": len(self.content)}]}
+        document |= {"accessors": self.accessors, "bufferViews": self.views}
+        document["buffers"] = [{"byteLength": len(self.content)}]
         text = json.dumps(document, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         head = struct.pack("<4sII", b"glTF", 2, 28 + len(text) + len(self.content))

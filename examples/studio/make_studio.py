@@ -55,7 +55,8 @@ def tea_set() -> Gltf:
     saucer = gltf.mesh("saucer", [(shapes.lathe(SAUCER, 48, rounds=2), 1)])
     for place, degrees in (([0, 0, 0], 35), ([12.5, 0, -14], 150)):
         gltf.nodes.append({"name": "saucer", "mesh": saucer, "translation": place})
-        gltf.nodes.append({"mesh": cup, "name": "cup", "translation": [place[0], 0.5, place[2]], "rotation": turned(degrees)})
+        on_it = [place[0], 0.5, place[2]]
+        gltf.nodes.append({"mesh": cup, "name": "cup", "translation": on_it, "rotation": turned(degrees)})
     return gltf
 
 
@@ -90,12 +91,14 @@ def field_of_stones() -> Gltf:
             tall = random.uniform(0.9, 1.5) * (1.25 if random.random() < 0.1 else 1.0)
             place = [x, float(shapes.hill(np.array(x), np.array(depth))) + 0.55 * tall, depth]
             size = [tall * random.uniform(0.5, 0.72), tall, tall * random.uniform(0.36, 0.55)]
-            gltf.nodes.append({
-                "mesh": kinds[int(random.integers(4))],
-                "translation": [round(float(value), 3) for value in place],
-                "rotation": turned(float(random.uniform(0, 360))),
-                "scale": [round(float(value), 3) for value in size],
-            })
+            gltf.nodes.append(
+                {
+                    "mesh": kinds[int(random.integers(4))],
+                    "translation": [round(float(value), 3) for value in place],
+                    "rotation": turned(float(random.uniform(0, 360))),
+                    "scale": [round(float(value), 3) for value in size],
+                }
+            )
     return gltf
 
 

@@ -22,7 +22,8 @@ def mottled(u: Array, v: Array, cells: tuple[int, int], seed: int) -> Array:
     left, low = np.floor(column).astype(int), np.floor(row).astype(int)
     a, b = ((t - i) ** 2 * (3 - 2 * (t - i)) for t, i in ((column, left), (row, low)))
     corner = [[values[(left + i) % cells[0], (low + j) % cells[1]] for j in (0, 1)] for i in (0, 1)]
-    return np.asarray((corner[0][0] * (1 - b) + corner[0][1] * b) * (1 - a) + (corner[1][0] * (1 - b) + corner[1][1] * b) * a)
+    left_side, right_side = (low_one * (1 - b) + high_one * b for low_one, high_one in corner)
+    return np.asarray(left_side * (1 - a) + right_side * a)
 
 
 def blend(share: Array, low: tuple[int, ...], high: tuple[int, ...]) -> Array:
@@ -90,7 +91,7 @@ def linen(size: int = 256) -> Array:
 def band(width: int = 512, height: int = 256) -> Array:
     """Return the painting of a cup: a meander of leaves between two lines, low on white."""
     u, v = across(width, height)
-    paint = np.broadcast_to(blend(mottled(u, v, (12, 12), 10), (236, 232, 222), (246, 243, 236)), (height, width, 3)).copy()
+    paint = blend(mottled(u, v, (12, 12), 10), (236, 232, 222), (246, 243, 236))
     wave = 0.33 + 0.03 * np.sin(2 * np.pi * 8 * u)
     petals = np.abs(v - wave) < 0.026 * np.abs(np.sin(2 * np.pi * 12 * u)) ** 0.7
     lines = (np.abs(v - 0.26) < 0.006) | (np.abs(v - 0.4) < 0.006)

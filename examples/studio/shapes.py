@@ -32,7 +32,7 @@ class Shape:
 
 
 def grid(points: Array, *, closed: bool = False) -> Shape:
-    """Return rows x columns of points, (r, c, 3), as a mesh; closed ones join at all four edges and have no seam of uvs."""
+    """Return rows x columns of points, (r, c, 3), as a mesh; a closed one is joined at its opposite edges."""
     rows, columns = points.shape[:2]
     index = np.arange(rows * columns).reshape(rows, columns)
     if closed:
