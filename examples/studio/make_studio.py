@@ -106,7 +106,8 @@ def main(folder: str = "") -> None:
     """Write all files."""
     out = Path(folder or Path(__file__).parent)
     out.mkdir(parents=True, exist_ok=True)
-    write_hdr(out / "room.hdr", pictures.room())
+    write_hdr(out / "room.hdr", pictures.room(lamps=True))
+    write_hdr(out / "room_without_lamps.hdr", pictures.room(lamps=False))
     for name, pixels in (("wood", pictures.wood()), ("tiles", pictures.tiles()), ("linen", pictures.linen())):
         (out / f"{name}.jpg").write_bytes(pictures.encoded(pixels, "JPEG"))
     (out / "tiles_normals.png").write_bytes(pictures.encoded(pictures.tile_normals(), "PNG"))

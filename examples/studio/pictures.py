@@ -111,8 +111,8 @@ def leaf(width: int = 96, height: int = 192) -> Array:
     return np.concatenate([blend(share, (44, 92, 34), (150, 196, 92)), alpha[..., None]], axis=-1)
 
 
-def room(width: int = 1024, height: int = 512) -> Array:
-    """Return the radiance all round the table: a dim room, soft boxes, a window at dusk, and a string of lamps.
+def room(*, lamps: bool, width: int = 1024, height: int = 512) -> Array:
+    """Return the radiance all round the table: a dim room, soft boxes, a window at dusk, perhaps lamps.
 
     The middle of the picture is what lies behind the table, longitude grows to the right.
     """
@@ -132,8 +132,8 @@ def room(width: int = 1024, height: int = 512) -> Array:
     for column in (38, 53):
         for row in (12, 26):
             soft_box(column, row, 6.5, 6, (0.34, 0.55, 0.95))
-    colours = [(30, 15, 4), (34, 21, 9), (26, 9, 2), (33, 18, 6), (8, 19, 22)]
-    for number, place in enumerate(np.linspace(-42, 28, 28)):
+    colours = [(14, 7, 2), (15, 9.5, 4), (13, 4.5, 1), (14.5, 8, 2.8), (4, 9, 10.5)]
+    for number, place in enumerate(np.linspace(-42, 28, 28) if lamps else ()):
         height_of = -3.0 - 2.5 * np.cos(np.radians(place * 7.5)) + 3.4 * (number % 3)
         away = np.hypot((turn - place) * np.cos(np.radians(rise)), rise - height_of)
         pixels[away < 0.6] = colours[number % 5]
