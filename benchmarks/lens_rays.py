@@ -1,15 +1,17 @@
-"""Rays per second through the 50 mm double Gauss: the device's kernel, the device called from Python, and numpy.
+"""Rays per second through the 50 mm double Gauss: the device's kernel, the device from Python, numpy, other programs.
 
-    python -m benchmarks.lens_rays [--rays 1048576] [--json FILE]
+    python -m benchmarks.lens_rays [--rays 1048576] [--optics-python PATH] [--json FILE]
 
 Rays go from the film to the rear rim, so that part of them is blocked on the way, as in a picture. The kernel is timed
 as it stands in the renderer (float32), without transfers; ``Lens.trace(device=...)`` with them. Beside it stands the
-device's peak of multiply-adds, measured in the same run.
+device's peak of multiply-adds, measured in the same run. optiland (numpy back end) and ray-optics, where the Python
+given has them, trace rays of which all pass, in processes of their own; that they find the same points is checked.
 """
 
 from __future__ import annotations
 
-from typing import Literal
+import sys
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,10 +19,11 @@ from numpy.typing import NDArray
 from benchmarks.peak import peak_flops
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.stopwatch import Times, cores, fastest
+from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.api import load_lens
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.lens_tracing import TraceableLens
+from rptcam_cl.lens_tracing import PACKETS, TraceableLens
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.records import device_declarations
 
@@ -31,6 +34,9 @@ GROUP = 16
 # Counted in kernels/lens for a spherical surface, comparisons and choices left out: 45 additions and multiplications,
 # two divisions and two square roots.
 OPERATIONS_PER_SURFACE = 49
+OTHERS = {"optiland": 300, "rayoptics": 2}  # programs, and how many thousand rays they trace at a time
+BEFORE_MM = 1.0  # of the first vertex, where the rays of the others start
+SAME_MM = 1e-9
 COLUMNS = ("tracer", "Mray/s by wall", "by CPU", "CPU ns per ray", "times less than numpy")
 
 
@@ -71,12 +77,66 @@ def kernel_times(
         session.finish()
 
     def work() -> None:
-        launch.enqueue(count // lanes, GROUP)
+        launch.enqueue(count // (PACKETS * lanes), GROUP)
         session.finish()
 
     refill()
     work()  # compiles
     return fastest(work, runs, refill)
+
+
+def passing_rays(lens: TraceableLens, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return rays from the scene that pass, (count, 3) points before the first vertex and directions."""
+    random = np.random.default_rng(2)
+    points = np.full((8 * count, 3), -BEFORE_MM)
+    points[:, :2] = random.uniform(-1, 1, (8 * count, 2)) * lens.surfaces[0].semi_diameter
+    directions = np.column_stack([random.uniform(-0.2, 0.2, (8 * count, 2)), np.ones(8 * count)])
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    good = np.flatnonzero(lens.trace(points, directions, WAVELENGTH_D, "scene").passed)[:count]
+    return points[good], directions[good]
+
+
+def other_times(python: str, program: str, lens: TraceableLens, count: int, copies: int, runs: int) -> dict[str, float]:
+    """Return the times of another program for ``count * copies`` rays.
+
+    Raises
+    ------
+    WorkerError
+        When the program is not there, or finds other points than the reference.
+    """
+    points, directions = passing_rays(lens, count)
+    indices = lens.indices(WAVELENGTH_D)[1:]
+    rows = [
+        {"radius": s.radius if s.curvature else None, "thickness": s.thickness, "index": float(n), "stop": s.is_stop}
+        for s, n in zip(lens.surfaces, indices, strict=True)
+    ]
+    worker = Worker(python, "benchmarks.optics_worker", program)
+    try:
+        worker.ask(do="load", rows=rows)
+        rays: dict[str, Any] = {"points": points.tolist(), "directions": directions.tolist(), "copies": copies}
+        answers = [worker.ask(do="trace", **rays) for _ in range(runs + 1)][1:]  # the first one compiles
+    finally:
+        worker.close()
+    there = lens.trace(points, directions, WAVELENGTH_D, "scene").origins[:, :2]
+    if np.abs(np.array(answers[0]["at"]) - there).max() > SAME_MM:
+        raise WorkerError("finds other points than the reference")
+    return {clock: min(answer[clock] for answer in answers) for clock in ("wall", "cpu")}
+
+
+def measure_others(python: str, quick: bool) -> dict[str, dict[str, float]]:
+    """Return millions of rays per second of the programs that can be run; why the others cannot is printed."""
+    lens, found = load_lens(LENS), {}
+    for program, thousands in OTHERS.items():
+        count, copies, runs = (10, 1, 1) if quick else (1000, thousands, 3)
+        try:
+            times = other_times(python, program, lens, count, copies, runs)
+        except WorkerError as error:
+            print(f"{program} is left out: {error}", file=sys.stderr)
+            continue
+        rays = count * copies
+        rate = {clock: rays / seconds / 1e6 for clock, seconds in times.items()}
+        found[program] = {"wall": rate["wall"], "cpu": cores() * rate["cpu"], "ns": times["cpu"] / rays * 1e9}
+    return found
 
 
 def measure(session: Session, count: int, runs: int) -> dict[str, dict[str, float]]:
@@ -109,11 +169,15 @@ def main() -> None:
     """Measure every tracer and the peak, and print the table."""
     parser = arguments("Rays per second through the double Gauss.")
     parser.add_argument("--rays", type=int, default=1 << 20, help="rays per run (default 1048576)")
+    parser.add_argument(
+        "--optics-python", default=sys.executable, metavar="PATH", help="the Python that has optiland and ray-optics"
+    )
     options = parser.parse_args()
     session = Session(choose_device(options.device))
     facts = machine(session.info)
     count = 4096 if options.quick else -(-options.rays // 4096) * 4096
     found = measure(session, count, 1 if options.quick else 3)
+    found |= measure_others(options.optics_python, options.quick)
     peak = peak_flops(session, 0.01 if options.quick else 0.5)
     print_machine(facts)
     base = found["numpy, float64"]["ns"]

@@ -18,6 +18,7 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.stopwatch import fastest
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.lens_tracing import PACKETS
 from rptcam_cl.optics import Lens, Surface
 from rptcam_cl.optics.glass import AIR, WAVELENGTH_D, ConstantIndex
 from rptcam_cl.records import device_declarations
@@ -73,7 +74,7 @@ class Row:
         facts = records.facts | {"VW": lanes, "DOUBLE": 0, "LENS_KEEP_FAILED": 0}
         program = session.program(["pass/trace_rays.cl"], facts, device_declarations())
         self.memory = session.allocate(beam.nbytes)
-        self.items, count = beam.shape[1] // lanes, np.int32(len(lens.surfaces))
+        self.items, count = beam.shape[1] // (PACKETS * lanes), np.int32(len(lens.surfaces))
         self.tables = (session.upload(records.surfaces), count, session.upload(records.stop))
         self.launch = session.bind(program, "trace_rays", *self.tables, self.memory, np.uint32(beam.shape[1]))
         self.refill()

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.cameras.lens_records import LensRecords, lens_records
+from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.device import Session, open_session
 from rptcam_cl.errors import DeviceError, InputError
 from rptcam_cl.optics import Lens, Rays
@@ -18,7 +18,11 @@ from rptcam_cl.records import device_declarations
 
 Precision = Literal["single", "double"]
 
+Array = NDArray[np.float64]
+
 GROUP = 16  # work items per group
+PACKETS = 2  # of lanes that a work item of the kernel traces side by side
+BLOCK = 1 << 15  # rays at a time, so that packing and unpacking stay in the processor's cache
 FAR = 10.0  # lens sizes from which a ray is first moved to the vertex plane in float64
 DOUBLE_LANES = 8
 
@@ -119,65 +123,79 @@ def trace_on_device(
     count = len(points)
     rays = Rays(np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int32), np.empty(count, np.int32),
                 np.empty(0))  # fmt: skip
-    wavelengths = np.broadcast_to(np.asarray(wavelength_nm, float), (count,))
-    for wavelength in np.unique(wavelengths):
-        rows = np.flatnonzero(wavelengths == wavelength)
-        _trace_rows(lens, session, points[rows], vectors[rows], float(wavelength), start, precision, rays, rows)
+    wavelengths = np.asarray(wavelength_nm, float)
+    different = np.unique(wavelengths) if count else ()
+    for wavelength in different:
+        tracer = _Tracer(lens, session, float(wavelength), start, precision)
+        if len(different) == 1:
+            tracer.trace(points, vectors, rays, slice(0, count))
+        else:
+            tracer.trace(points, vectors, rays, np.flatnonzero(np.broadcast_to(wavelengths, (count,)) == wavelength))
     return rays
 
 
-def _trace_rows(
-    lens: Lens,
-    session: Session,
-    points: NDArray[np.float64],
-    vectors: NDArray[np.float64],
-    wavelength_nm: float,
-    start: str,
-    precision: Precision,
-    rays: Rays,
-    rows: NDArray[np.intp],
-) -> None:
-    """Trace rays of one wavelength and write them to ``rows`` of ``rays``."""
-    backwards = start == "film"
-    sense = np.array([1.0, 1.0, -1.0 if backwards else 1.0])
-    first, last = (lens.length, 0.0) if backwards else (0.0, lens.length)
-    p = (points - (0.0, 0.0, first)) * sense
-    d = vectors / np.linalg.norm(vectors, axis=1, keepdims=True) * sense
-    size = lens.length + max(min(surface.semi_diameter, 1e6) for surface in lens.surfaces)
-    with np.errstate(all="ignore"):
-        far = (np.abs(p[:, 2]) > FAR * size) & (d[:, 2] > 0)
-        p[far] -= d[far] * (p[far, 2] / d[far, 2])[:, None]
-    traced = lens_records(lens, wavelength_nm, "film" if backwards else "scene", 0.0, double=precision == "double")
-    out = _run(session, traced, p, d, precision)
-    rays.origins[rows] = out[:3].T * sense + (0.0, 0.0, last)
-    rays.directions[rows] = out[3:6].T * sense
-    rays.status[rows] = out[6].astype(np.int32)
-    failed = out[7].astype(np.int32)
-    rays.surface[rows] = np.where(failed >= 0, len(lens.surfaces) - 1 - failed, -1) if backwards else failed
+class _Tracer:
+    """A lens at one wavelength on the device, which traces rays a block at a time."""
 
+    def __init__(self, lens: Lens, session: Session, wavelength_nm: float, start: str, precision: Precision) -> None:
+        double = precision == "double"
+        self.session = session
+        self.real = np.float64 if double else np.float32
+        self.lanes = DOUBLE_LANES if double else session.lanes
+        self.backwards = start == "film"
+        self.last_surface = len(lens.surfaces) - 1
+        self.sense = -1.0 if self.backwards else 1.0
+        self.first, self.last = (lens.length, 0.0) if self.backwards else (0.0, lens.length)
+        self.far = FAR * (lens.length + max(min(surface.semi_diameter, 1e6) for surface in lens.surfaces))
+        traced = lens_records(lens, wavelength_nm, "film" if self.backwards else "scene", 0.0, double=double)
+        self.facts = traced.facts | {"VW": self.lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
+        self.tables = (session.upload(traced.surfaces), np.int32(len(traced.surfaces)), session.upload(traced.stop))
 
-def _run(
-    session: Session,
-    traced: LensRecords,
-    points: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    precision: Precision,
-) -> NDArray[np.float64]:
-    """Return the eight rows that the kernel writes, for the rays given."""
-    double = precision == "double"
-    lanes = DOUBLE_LANES if double else session.lanes
-    real = np.float64 if double else np.float32
-    count = len(points)
-    padded = -(-count // (lanes * GROUP)) * lanes * GROUP
-    rays = np.zeros((8, padded), real)
-    rays[5] = 1.0
-    rays[:3, :count], rays[3:6, :count] = points.T, directions.T
-    facts = traced.facts | {"VW": lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
-    program = session.program(["pass/trace_rays.cl"], facts, device_declarations())
-    memory = session.allocate(rays.nbytes)
-    session.write(memory, rays)
-    records, stop = session.upload(traced.surfaces), session.upload(traced.stop)
-    count_of = np.int32(len(traced.surfaces))
-    launch = session.bind(program, "trace_rays", records, count_of, stop, memory, np.uint32(padded))
-    launch.enqueue(padded // lanes, GROUP)
-    return session.read(memory, real, rays.size).reshape(8, padded)[:, :count].astype(np.float64)
+    def trace(self, points: Array, vectors: Array, rays: Rays, rows: slice | NDArray[np.intp]) -> None:
+        """Trace some rows of points and directions (n, 3) and write them to the same rows of ``rays``."""
+        count = rows.stop if isinstance(rows, slice) else len(rows)
+        size = PACKETS * self.lanes * GROUP
+        capacity = min(-(-count // size) * size, BLOCK)
+        program = self.session.program(["pass/trace_rays.cl"], self.facts, device_declarations())
+        table = np.zeros((8, capacity), self.real)
+        memory = self.session.allocate(table.nbytes)
+        launch = self.session.bind(program, "trace_rays", *self.tables, memory, np.uint32(capacity))
+        for low in range(0, count, BLOCK):
+            high = min(low + BLOCK, count)
+            part = slice(low, high) if isinstance(rows, slice) else rows[low:high]
+            self._pack(points[part], vectors[part], table)
+            self.session.write(memory, table)
+            launch.enqueue(capacity // (PACKETS * self.lanes), GROUP)
+            out = self.session.read(memory, self.real, table.size).reshape(table.shape)
+            self._unpack(out[:, : high - low], rays, part)
+
+    def _pack(self, points: Array, vectors: Array, table: NDArray[Any]) -> None:
+        """Fill the rows that the kernel reads: points from the first vertex it meets, unit directions, z along them."""
+        count = len(points)
+        x, y, z = points.T
+        dx, dy, dz = vectors.T
+        with np.errstate(all="ignore"):
+            inverse = 1.0 / np.sqrt(dx * dx + dy * dy + dz * dz)
+            z = (z - self.first) * self.sense
+            along = dz * (inverse * self.sense)
+            table[3, :count], table[4, :count], table[5, :count] = dx * inverse, dy * inverse, along
+            table[0, :count], table[1, :count], table[2, :count] = x, y, z
+            far = (np.abs(z) > self.far) & (along > 0)
+            if far.any():
+                step = -z[far] / along[far]
+                near = np.flatnonzero(far)
+                table[0, near] = x[far] + step * (dx * inverse)[far]
+                table[1, near] = y[far] + step * (dy * inverse)[far]
+                table[2, near] = z[far] + step * along[far]
+        table[:5, count:], table[5, count:] = 0.0, 1.0
+
+    def _unpack(self, out: NDArray[Any], rays: Rays, part: slice | NDArray[np.intp]) -> None:
+        """Write what the kernel wrote to rows of ``rays``."""
+        rays.origins[part] = out[:3].T
+        rays.directions[part] = out[3:6].T
+        rays.origins[part, 2] = out[2].astype(np.float64) * self.sense + self.last
+        if self.backwards:
+            rays.directions[part, 2] = -out[5]
+        rays.status[part] = out[6]
+        failed = out[7].astype(np.int32)
+        rays.surface[part] = np.where(failed >= 0, self.last_surface - failed, -1) if self.backwards else failed

@@ -1,6 +1,7 @@
 // Where a ray meets one surface of a lens, in the frame of its vertex with z along the travel; the same steps as the
 // float64 reference in rptcam_cl/optics/shapes.py. Every kind goes to the vertex plane first and then to the surface, so that
-// planes are exact and no large radius is ever subtracted. Facts: LENS_CONIC, LENS_GENERAL, LENS_ODD, LENS_REGION.
+// planes are exact and no large radius is ever subtracted. Facts: LENS_CONIC, LENS_GENERAL, LENS_ODD, LENS_CYLINDER,
+// LENS_REGION.
 #ifndef LENS_SURFACE_H
 #define LENS_SURFACE_H
 #include "common/records.h"
@@ -12,6 +13,15 @@ typedef struct {
     I  met;        // the ray meets the part of the surface about its vertex
     I  settled;    // an iteration, where one was needed, has decided
 } LensHit;
+
+// What x^2 and y^2 count in the profile: 0 for the axis along which a cylinder is straight.
+#if LENS_CYLINDER
+#define WEIGHT_X(surface) ((surface)->weight_x)
+#define WEIGHT_Y(surface) ((surface)->weight_y)
+#else
+#define WEIGHT_X(surface) ((real)1)
+#define WEIGHT_Y(surface) ((real)1)
+#endif
 
 // Tangent-plane form with curvature c = 1/R; the normal (-c x, -c y, 1 - c z) of a sphere has unit length by construction.
 static LensHit meet_sphere(const __global Surface *s, F3 p, F3 d)
@@ -37,7 +47,7 @@ static LensHit meet_sphere(const __global Surface *s, F3 p, F3 d)
 // A conic of revolution, or with a weight of 0 a cylinder: c (wx x^2 + wy y^2 + (1 + k) z^2) = 2 z.
 static LensHit meet_conic(const __global Surface *s, F3 p, F3 d)
 {
-    real c = s->curvature, k = s->conic, wx = s->weight_x, wy = s->weight_y;
+    real c = s->curvature, k = s->conic, wx = WEIGHT_X(s), wy = WEIGHT_Y(s);
     F t0 = -p.z / d.z;
     F x = p.x + t0 * d.x;
     F y = p.y + t0 * d.y;
@@ -63,8 +73,9 @@ static LensHit meet_conic(const __global Surface *s, F3 p, F3 d)
 // The polynomial part of an asphere and its slope d/ds at s = r^2: even powers by Horner's rule in s, odd ones r times such.
 static void polynomial(const __global Surface *surface, F s, F *value, F *slope)
 {
-    F v = ZERO, dv = ZERO;
-    for (int i = surface->even_terms - 1; i >= 0; --i) {
+    int top = surface->even_terms > 0 ? surface->even_terms - 1 : 0;
+    F v = (F)(surface->even[top]), dv = ZERO;
+    for (int i = top - 1; i >= 0; --i) {
         dv = dv * s + v;
         v = v * s + surface->even[i];
     }
@@ -128,7 +139,7 @@ static void sag_and_slopes(const __global Surface *surface, F x, F y, F *z, F *z
 // there; on the vertex plane where the ray misses that.
 static F first_guess(const __global Surface *surface, F x, F y, F3 d)
 {
-    real c = surface->curvature, q = 1.0f + surface->conic, wx = surface->weight_x, wy = surface->weight_y;
+    real c = surface->curvature, q = 1.0f + surface->conic, wx = WEIGHT_X(surface), wy = WEIGHT_Y(surface);
     F s = wx * x * x + wy * y * y;
     F z, slope;
     polynomial(surface, s, &z, &slope);
@@ -151,7 +162,7 @@ static F newton_step(const __global Surface *surface, F x, F y, F z, F3 d, F *si
         return *side / (d.z - zx * d.x - zy * d.y);
     }
     real half_c = 0.5f * surface->curvature, q = 1.0f + surface->conic;
-    real wx = surface->weight_x, wy = surface->weight_y;
+    real wx = WEIGHT_X(surface), wy = WEIGHT_Y(surface);
     F s = wx * x * x + wy * y * y;
     F along_s = 2.0f * (wx * x * d.x + wy * y * d.y);
     F more, slope;
@@ -172,10 +183,10 @@ static F3 normal_at(const __global Surface *surface, F x, F y, F z)
     }
     real c = surface->curvature, q = 1.0f + surface->conic;
     F more, slope;
-    polynomial(surface, surface->weight_x * x * x + surface->weight_y * y * y, &more, &slope);
+    polynomial(surface, WEIGHT_X(surface) * x * x + WEIGHT_Y(surface) * y * y, &more, &slope);
     F nz = 1.0f - c * q * (z - more);
     F sideways = -(c + 2.0f * slope * nz);
-    return f3(surface->weight_x * x * sideways, surface->weight_y * y * sideways, nz);
+    return f3(WEIGHT_X(surface) * x * sideways, WEIGHT_Y(surface) * y * sideways, nz);
 }
 
 // Newton's iteration along the ray from a first guess, or from the vertex plane where the sections differ. A step below
@@ -189,14 +200,15 @@ static LensHit meet_general(const __global Surface *surface, F3 p, F3 d)
     F t = surface->kind == LENS_ASPHERE ? first_guess(surface, x0, y0, d) : ZERO;
     F last_step = LAST_STEP * (absolute(x0) + absolute(y0) + absolute(t)) + SMALLEST;
     F limit = 9.0f * surface->semi_diameter2;
-    I settled = FALSE, lost = FALSE, some = FALSE, all = TRUE;
+    I settled = FALSE, lost = FALSE;
+    I some = FALSE, all = (I)(-1);                             // sign bits: of any point, of every point
     for (int i = 0; i < NEWTON_STEPS && ANY(NOT(settled | lost)); ++i) {
         F x = x0 + t * d.x;
         F y = y0 + t * d.y;
         F side;
         F change = newton_step(surface, x, y, t * d.z, d, &side);
-        some |= side < 0.0f;
-        all &= side < 0.0f;
+        some |= AS_I(side);
+        all &= AS_I(side);
         lost |= NOT(settled | (x * x + y * y <= limit));          // or nowhere, where it is not a number
         t -= change;
         settled |= NOT(lost) & (absolute(change) <= last_step);
@@ -207,7 +219,7 @@ static LensHit meet_general(const __global Surface *surface, F3 p, F3 d)
     hit.n = scale(n, ONE / sqrt(dot3(n, n)));
     hit.cosine = dot3(hit.n, d);
     hit.met = settled & NOT(lost) & (hit.n.z > 0.0f) & (hit.cosine > 0.0f);
-    hit.settled = settled | lost | NOT(some) | all;
+    hit.settled = settled | lost | ((some ^ all) >= 0);
     return hit;
 }
 #endif

@@ -38,79 +38,126 @@ static F3 refracted(F3 d, F3 n, F cosine, real eta, I *bends)
     return along(along_surface, n, root(cosine2_after));
 }
 
-// `stop` holds the shape of the stop, where it has one: edges of an outline or cells of a mask.
-static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int count, const __global real *stop)
-{
-    LensRay ray;
-    ray.p = p;
-    ray.d = d;
-    ray.passed = TRUE;
-    ray.status = (I)(RAY_OK);
-    ray.surface = (I)(-1);
-#if LENS_REGION
-    I beside = FALSE;          // lanes that pass beside the half lens at hand
-#endif
-    for (int k = 0; k < count; ++k) {
-        const __global Surface *s = surfaces + k;
-        p.z -= s->gap;
-        F3 q = p;
-        F3 v = d;
-#if LENS_POSE
-        if (s->posed) {
-            q = turned_back(s->rotation, sub(p, offset_of(s)));
-            v = turned_back(s->rotation, d);
-        }
-#endif
-        LensHit hit = meet_surface(s, q, v);
-        I met = hit.met & (v.z > 0.0f);
-        I within = within_rim(s, stop, hit.p);
-#if LENS_REGION
-        I outside = NOT(within_region(s, hit.p));
-        if (s->region == REGION_BLOCKS)
-            within = within & NOT(outside);
-        if (s->region == REGION_GOES_ON)
-            within = within & NOT(outside ^ beside);           // neither in nor out through the cut face
-        else
-            beside = s->region == REGION_OPENS ? outside : FALSE;
-#endif
-        F3 bent = v;
-        I bends = TRUE;
-        if (s->eta != 1.0f)
-            bent = refracted(v, hit.n, hit.cosine, s->eta, &bends);
-#if LENS_REGION
-        bent = select3(beside, v, bent);
-        bends = bends | beside;
-#endif
-        I stops = ray.passed & NOT(met & within & bends);
-        if (ANY(stops)) {                                      // rare where rays aim at the pupil
-            I reason = met ? (within ? (I)(RAY_TOTAL_INTERNAL_REFLECTION) : (I)(RAY_CLIPPED)) : (I)(RAY_MISSED);
+// A ray on its way. Lanes that have failed go on for nothing; masks remember why, and a count how far they came.
+typedef struct {
+    F3 p, d;
+    I  passed, missed, clipped;
+    I  crossed;      // surfaces behind the ray
 #if LENS_GENERAL
-            reason = hit.settled ? reason : (I)(RAY_NO_CONVERGENCE);
+    I  undecided;
 #endif
-            ray.status = stops ? reason : ray.status;
-            ray.surface = stops ? (I)(k) : ray.surface;
-        }
-        p = hit.p;
-        d = bent;
-#if LENS_POSE
-        if (s->posed) {
-            p = add(turned(s->rotation, hit.p), offset_of(s));
-            d = turned(s->rotation, bent);
-        }
+#if LENS_REGION
+    I  beside;       // lanes that pass beside the half lens at hand
 #endif
 #if LENS_KEEP_FAILED
-        ray.p = f3(ray.p.x, ray.p.y, ray.p.z - s->gap);
-        ray.p = select3(ray.passed & met, p, ray.p);
-        ray.d = select3(ray.passed & NOT(stops), d, ray.d);
+    F3 stopped_p, stopped_d;
 #endif
-        ray.passed = ray.passed & NOT(stops);
+} LensPath;
+
+static LensPath enter_lens(F3 p, F3 d)
+{
+    LensPath path;
+    path.p = p;
+    path.d = d;
+    path.passed = TRUE;
+    path.missed = path.clipped = path.crossed = FALSE;
+#if LENS_GENERAL
+    path.undecided = FALSE;
+#endif
+#if LENS_REGION
+    path.beside = FALSE;
+#endif
+#if LENS_KEEP_FAILED
+    path.stopped_p = p;
+    path.stopped_d = d;
+#endif
+    return path;
+}
+
+// `stop` holds the shape of the stop, where it has one: edges of an outline or cells of a mask.
+static void cross_surface(LensPath *path, const __global Surface *s, const __global real *stop)
+{
+    F3 p = path->p, d = path->d;
+    p.z -= s->gap;
+    F3 q = p;
+    F3 v = d;
+#if LENS_POSE
+    if (s->posed) {
+        q = turned_back(s->rotation, sub(p, offset_of(s)));
+        v = turned_back(s->rotation, d);
     }
-#if !LENS_KEEP_FAILED
-    ray.p = p;
-    ray.d = d;
 #endif
-    ray.d = normalized(ray.d);
+    LensHit hit = meet_surface(s, q, v);
+    I within = within_rim(s, stop, hit.p);
+#if LENS_REGION
+    I outside = NOT(within_region(s, hit.p));
+    if (s->region == REGION_BLOCKS)
+        within = within & NOT(outside);
+    if (s->region == REGION_GOES_ON)
+        within = within & NOT(outside ^ path->beside);         // neither in nor out through the cut face
+    else
+        path->beside = s->region == REGION_OPENS ? outside : FALSE;
+#endif
+    F3 bent = v;
+    I bends = TRUE;
+    if (s->eta != 1.0f)
+        bent = refracted(v, hit.n, hit.cosine, s->eta, &bends);
+#if LENS_REGION
+    bent = select3(path->beside, v, bent);
+    bends = bends | path->beside;
+#endif
+    I passed = path->passed;
+    I met = passed & hit.met & (v.z > 0.0f);
+    I inside = met & within;
+    path->missed |= passed ^ met;
+    path->clipped |= met ^ inside;
+#if LENS_GENERAL
+    path->undecided |= (passed ^ met) & NOT(hit.settled);
+#endif
+    path->passed = inside & bends;
+    path->crossed += path->passed & 1;
+    path->p = hit.p;
+    path->d = bent;
+#if LENS_POSE
+    if (s->posed) {
+        path->p = add(turned(s->rotation, hit.p), offset_of(s));
+        path->d = turned(s->rotation, bent);
+    }
+#endif
+#if LENS_KEEP_FAILED
+    path->stopped_p.z -= s->gap;
+    path->stopped_p = select3(met, path->p, path->stopped_p);
+    path->stopped_d = select3(path->passed, path->d, path->stopped_d);
+#endif
+}
+
+static LensRay leave_lens(const LensPath *path)
+{
+    LensRay ray;
+#if LENS_KEEP_FAILED
+    ray.p = path->stopped_p;
+    ray.d = normalized(path->stopped_d);
+#else
+    ray.p = path->p;
+    ray.d = normalized(path->d);
+#endif
+    ray.passed = path->passed;
+    I reason = path->clipped ? (I)(RAY_CLIPPED) : (I)(RAY_TOTAL_INTERNAL_REFLECTION);
+    reason = path->missed ? (I)(RAY_MISSED) : reason;
+#if LENS_GENERAL
+    reason = path->undecided ? (I)(RAY_NO_CONVERGENCE) : reason;
+#endif
+    ray.status = ray.passed ? (I)(RAY_OK) : reason;
+    ray.surface = ray.passed ? (I)(-1) : path->crossed;
     return ray;
+}
+
+static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int count, const __global real *stop)
+{
+    LensPath path = enter_lens(p, d);
+    for (int k = 0; k < count; ++k)
+        cross_surface(&path, surfaces + k, stop);
+    return leave_lens(&path);
 }
 
 #endif

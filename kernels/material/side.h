@@ -10,7 +10,7 @@ typedef struct {
 } Side;
 
 #if HAS_SHADING_NORMAL
-#define GRAZING 1e-3f       // least cosine between a path and the shading normal
+#define GRAZING 1e-3f       // least cosine of a path to the shading normal, and of its mirror image to the true one
 
 static Side side_of(Vertex vertex, F3 d)
 {
@@ -25,6 +25,16 @@ static Side side_of(Vertex vertex, F3 d)
         F3 bent = normalized(along(side.n, d, side.cosine - GRAZING));
         side.n = select3(away, bent, side.n);
         side.cosine = away ? MAX(-dot3(side.n, d), ZERO) : side.cosine;
+    }
+    // One whose mirror direction is below the surface is bent until that just leaves it: no black rims of shiny meshes.
+    F3 out = scale(vertex.ng, with_sign(ONE, front));
+    F3 mirrored = along(d, side.n, 2.0f * side.cosine);
+    F rise = dot3(mirrored, out);
+    I sunk = (rise < GRAZING) & (vertex.kind != MATERIAL_MATTE);
+    if (ANY(sunk)) {
+        F3 bent = normalized(sub(normalized(along(mirrored, out, GRAZING - rise)), d));
+        side.n = select3(sunk, bent, side.n);
+        side.cosine = sunk ? MAX(-dot3(side.n, d), ZERO) : side.cosine;
     }
     return side;
 }

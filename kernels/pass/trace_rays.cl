@@ -1,16 +1,16 @@
-// Traces given rays through a lens with the code that renders: rays in, rays with status and surface out.
+// Traces given rays through a lens with the code that renders: rays in, rays with status and surface out. A work item has
+// two packets of lanes under way, since a surface is a long chain of roots and divisions that leaves room for another.
 #include "lens/trace.h"
 
-__kernel void trace_rays(const __global Surface *surfaces,   // in order of travel
-                         int                     count,      // surfaces
-                         const __global real    *stop,       // shape of the stop
-                         __global real          *rays,       // [8][capacity]: p, d (both in and out), status, surface
-                         uint                    capacity)   // padded number of rays
+static LensPath load_path(const __global real *rays, uint capacity, uint i)
 {
-    uint i = get_global_id(0) * VW;
     F3 p = f3(LOAD_F(rays, i), LOAD_F(rays + capacity, i), LOAD_F(rays + 2 * capacity, i));
     F3 d = f3(LOAD_F(rays + 3 * capacity, i), LOAD_F(rays + 4 * capacity, i), LOAD_F(rays + 5 * capacity, i));
-    LensRay out = trace_lens(p, d, surfaces, count, stop);
+    return enter_lens(p, d);
+}
+
+static void store_ray(__global real *rays, uint capacity, uint i, LensRay out)
+{
     STORE_F(rays, i, out.p.x);
     STORE_F(rays + capacity, i, out.p.y);
     STORE_F(rays + 2 * capacity, i, out.p.z);
@@ -19,4 +19,21 @@ __kernel void trace_rays(const __global Surface *surfaces,   // in order of trav
     STORE_F(rays + 5 * capacity, i, out.d.z);
     STORE_F(rays + 6 * capacity, i, TO_F(out.status));
     STORE_F(rays + 7 * capacity, i, TO_F(out.surface));
+}
+
+__kernel void trace_rays(const __global Surface *surfaces,   // in order of travel
+                         int                     count,      // surfaces
+                         const __global real    *stop,       // shape of the stop
+                         __global real          *rays,       // [8][capacity]: p, d (both in and out), status, surface
+                         uint                    capacity)   // padded number of rays
+{
+    uint i = get_global_id(0) * (2 * VW);
+    LensPath first = load_path(rays, capacity, i);
+    LensPath second = load_path(rays, capacity, i + VW);
+    for (int k = 0; k < count; ++k) {
+        cross_surface(&first, surfaces + k, stop);
+        cross_surface(&second, surfaces + k, stop);
+    }
+    store_ray(rays, capacity, i, leave_lens(&first));
+    store_ray(rays, capacity, i + VW, leave_lens(&second));
 }

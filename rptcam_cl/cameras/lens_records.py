@@ -130,6 +130,7 @@ def _facts(lens: Lens, records: NDArray[np.void]) -> dict[str, int]:
     return {
         "LENS_CONIC": int(bool(np.any(kinds == SurfaceKind.CONIC_KIND))),
         "LENS_GENERAL": int(general),
+        "LENS_CYLINDER": int(any(surface.cylinder is not None for surface in lens.surfaces)),
         "LENS_ODD": int(bool(np.any(records["odd_terms"] > 0))),
         "LENS_POSE": int(any(surface.pose is not None for surface in lens.surfaces)),
         "LENS_OUTLINE": int(bool(np.any(records["stop_shape"] == StopKind.OUTLINE))),

@@ -90,6 +90,11 @@ def _remembered(
     return sampling
 
 
+def forget_tables() -> None:
+    """Make the next sampling of every lens be computed anew."""
+    _remembered.cache_clear()
+
+
 def _made(
     lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, tier: Tier
 ) -> PupilSampling:

@@ -27,15 +27,19 @@ Mask = NDArray[np.bool_]
 
 DIRECTIONS = 64  # of the table, all round
 FINER = 2  # directions traced per direction of the table
-SCAN = 14
+SCAN = 10  # points along a direction
+LIT_SCAN = 14  # film points
+LIT_BISECTIONS = 8
 FARTHEST = 1.75  # in the frame of the box round the pupil
-BISECTIONS = 7
-RADIAL_NODES = 33
+BISECTIONS = 6
+RADIAL_NODES = 41
 FILM_NODES = 9  # along each side of the film, for a lens without rotational symmetry
 COARSE = (16, 16)
+FINE = (32, 16)  # half of a pupil, at one film point
+NEAR = 1.0  # sizes of a pupil, round it, in which that of the next film point is sought
 MARGIN = 0.003  # of the radius, beyond what was traced
-EDGE_NODES = 4  # nearest to the edge of the light, where the pupil closes faster than nodes follow
-EDGE_MARGIN = 0.25
+EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
+EDGE_MARGIN = 0.15
 FILM_MARGIN = 0.01  # the same for a grid over the film, whose nodes stand farther apart
 
 
@@ -148,8 +152,24 @@ def pupil_boxes(
         boxes[~found] = near
         found[~found] = again
     if radial:
+        _follow(probes[-1], film, boxes, found)
         boxes[:, 2] = -boxes[:, 3]
     return boxes, found
+
+
+def _follow(probe: FilmProbe, film: Array, boxes: Array, found: Mask) -> None:
+    """Find pupils that slipped through, near those of the film points before: they shrink and move step by step."""
+    for k in range(1, len(film)):
+        if found[k - 1] and not found[k]:
+            boxes[k], found[k] = _near(probe, film[k : k + 1], boxes[k - 1])
+
+
+def _near(probe: FilmProbe, film: Array, box: Array) -> tuple[Array, bool]:
+    """Return the box round the pupil seen from one film point (1, 2), sought near another one's, and if it is open."""
+    width, height = box[1] - box[0], box[3]
+    around = np.array([[box[0] - NEAR * width, box[1] + NEAR * width, 0.0, (1.0 + NEAR) * height]])
+    around, hit = narrowed(probe, film, around, FINE)
+    return around[0], bool(hit[0])
 
 
 def _upper(boxes: Array, radial: bool) -> Array:
@@ -172,15 +192,17 @@ def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
 
 
 def _lit_radius(probes: list[FilmProbe], film_radius: float) -> float:
-    """Return the film radius up to which light arrives, at most `film_radius`; found in two scans."""
-    low, high = 0.0, film_radius
-    for _ in range(2):
-        radii = np.linspace(low, high, SCAN)
-        _, found = pupil_boxes(probes, np.stack([radii, np.zeros(SCAN)], axis=1), radial=True)
-        last = int(np.flatnonzero(found)[-1]) if found.any() else 0
-        if last == SCAN - 1:
-            return high
-        low, high = radii[last], radii[last + 1]
+    """Return the film radius up to which light arrives, at most `film_radius`: by a scan and by following the pupil."""
+    radii = np.linspace(0.0, film_radius, LIT_SCAN)
+    boxes, found = pupil_boxes(probes, np.stack([radii, np.zeros(LIT_SCAN)], axis=1), radial=True)
+    last = int(np.flatnonzero(found)[-1]) if found.any() else 0
+    if last == LIT_SCAN - 1 or not found[last]:
+        return float(film_radius)
+    low, high, box = radii[last], radii[last + 1], boxes[last]
+    for _ in range(LIT_BISECTIONS):
+        middle = (low + high) / 2
+        there, hit = _near(probes[-1], np.array([[middle, 0.0]]), box)
+        low, high, box = (middle, high, there) if hit else (low, middle, box)
     return float(high)
 
 

@@ -104,6 +104,17 @@ def test_albedo_of_a_mix_is_that_of_the_material_that_the_path_took():
     )
 
 
+def test_rays_that_pass_a_hole_show_what_is_behind_it():
+    pane = {"kind": "principled", "base_color": 0, "emission": [1, 0, 0], "opacity": 0.5}
+    scene = two_panels("thin_lens", pane, glow([0, 1, 0])) | {"render": {"max_depth": 1}}
+    image = rptcam_cl.render(scene, spp=16, layers=["depth", "coverage"])
+    red, green = np.moveaxis(np.asarray(image).astype(np.float64)[..., :2], -1, 0)
+    seen = image["coverage"] > 0
+    np.testing.assert_allclose(image["coverage"], red + green, atol=3e-6)
+    np.testing.assert_allclose(image["depth"][seen], ((3 * red + 5 * green)[seen] / (red + green)[seen]), rtol=3e-6)
+    assert ((red > 0.2) & (green > 0.2)).sum() > 20
+
+
 def test_picture_is_the_same_with_layers_and_without():
     plain, layered = (rptcam_cl.render(world("double_gauss"), spp=4, layers=names) for names in ([], LAYER_NAMES))
     np.testing.assert_array_equal(np.asarray(plain), np.asarray(layered))

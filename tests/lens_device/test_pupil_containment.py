@@ -7,8 +7,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras import pupil
-from rptcam_cl.cameras.pupil import pupil_sampling
+from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
 from rptcam_cl.optics import Status, list_lenses, load_lens
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.probe import FilmProbe
@@ -117,11 +116,6 @@ def passing_rays(lens, back, half):
     return np.concatenate([film[passes], landed[on_film]]), np.concatenate([points[passes], rear[on_film]])
 
 
-def forget():
-    """Make the next pupil table be computed anew."""
-    pupil._remembered.cache_clear()
-
-
 def sampling_of(lens, back, half, tier):
     sampling = pupil_sampling(lens, back, (half, half), WAVELENGTH_D, tier)
     if sampling.kind != PupilKind.OUTLINES:
@@ -182,14 +176,16 @@ def film_of(name):
     """A lens, its distance to the film, and the radius of the image circle."""
     lens = load_lens(name)
     back = ASSIGNMENT[name][0] if name in ASSIGNMENT else back_distance(lens)
+    # Over the outer half of its circle the pupil of a lens that is not round closes faster than its nodes follow.
+    lit = image_circle(lens, back) / (1 if lens.is_rotational else 2)
     # a bare lens lights any film
-    return lens, back, min(image_circle(lens, back) / 2, abs(lens.first_order().focal_length_mm))
+    return lens, back, min(lit, abs(lens.first_order().focal_length_mm))
 
 
 @pytest.mark.parametrize("name", list_lenses())
 def test_nine_of_ten_rays_pass_and_the_table_is_made_in_a_second(name):
     lens, back, radius = film_of(name)
-    forget()
+    forget_tables()
     began = time.process_time()
     sampling, x, y = sampling_of(lens, back, radius, "auto")
     # Of processor time, as others may use the machine; 0.02 to 0.4 s were measured.
@@ -199,6 +195,8 @@ def test_nine_of_ten_rays_pass_and_the_table_is_made_in_a_second(name):
     film = np.stack([out * np.cos(turn), out * np.sin(turn)], axis=1)
     nodes = nodes_of(sampling)
     points, aimed = drawn(nodes, x, y, film, rng, sampling.radial)
+    if sampling.radial:
+        aimed &= np.hypot(*film.T) <= x[-1]  # beyond the last node no ray is drawn
     passes = FilmProbe(lens, back, WAVELENGTH_D).passes(film, points)
     assert not passes[~aimed].any()
     assert passes[aimed].mean() >= 0.90

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.optics import Lens, Surface
+from rptcam_cl.lens_tracing import BLOCK, trace_on_device
+from rptcam_cl.optics import Lens, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopShape
-from tests.lens_device.beams import PRECISIONS, doubtful, generator, on_device
+from tests.lens_device.beams import PRECISIONS, doubtful, film_beam, generator, on_device
 from tests.optics.test_surfaces import SHAPES
 
 GLASS = ConstantIndex(1.5)
@@ -103,3 +104,21 @@ def test_shaped_stops(session):
     stop = Surface(0.0, 2.0, semi_diameter=5.0, is_stop=True, stop_shape=hexagon)
     lens = Lens("hexagon", (Surface(1 / 20, 4.0, GLASS, 6.0), stop, END), stop_index=1)
     assert_traced_alike(session, lens, "film", "single")
+
+
+def test_more_rays_than_a_block_of_several_wavelengths(session):
+    lens = load_lens("achromat-100mm")
+    origins, directions = film_beam(lens, BLOCK + 1000)
+    wavelengths = np.resize([486.1, 587.6, 656.3], len(origins))
+    wanted = lens.trace(origins, directions, wavelengths)
+    got = trace_on_device(lens, session, origins, directions, wavelengths, "film", "single")
+    same = (got.status == wanted.status) & (got.surface == wanted.surface)
+    assert (~same).mean() < 1e-4
+    both = got.passed & wanted.passed
+    assert both.mean() > 0.5
+    assert np.abs(got.origins - wanted.origins)[both].max() < 6e-5
+
+
+def test_no_rays_are_no_rays(session):
+    none = np.empty((0, 3))
+    assert len(trace_on_device(load_lens("dgauss-50mm"), session, none, none, 550.0, "film", "single").status) == 0

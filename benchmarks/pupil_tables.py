@@ -1,0 +1,145 @@
+"""Tables of the exit pupil for every lens of the library: how long they take to make, and the share of rays that pass.
+
+    python -m benchmarks.pupil_tables [--json FILE]
+
+The film is a disk as large as the image circle, or one focal length in radius, whichever is less; each lens is focused
+at infinity. Time is that of the processor, the least of two, with nothing remembered; then the time of asking again.
+The share is of 8000 rays from all over that disk, traced in float64.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from rptcam_cl.cameras.pupil import PupilSampling, forget_tables, pupil_sampling
+from rptcam_cl.device import choose_device
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics import Lens, list_lenses, load_lens
+from rptcam_cl.optics.focus import film_distance
+from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.optics.probe import FilmProbe
+from rptcam_cl.optics.pupil_shape import DIRECTIONS
+from rptcam_cl.optics.summary import image_circle
+from rptcam_cl.records import PupilKind
+
+Array = NDArray[np.float64]
+TIERS = ("rear", "thick", "bounds", "tight")
+RAYS = 8000
+GOAL_S, GOAL_SHARE = 0.5, 0.9
+COLUMNS = ("lens", "surfaces", "tight, s", "again, ms", *(f"{tier}, %" for tier in TIERS), "goals met")
+
+
+def film_of(name: str) -> tuple[Lens, float, float]:
+    """Return a lens, its distance to the film and the radius of the film [mm]."""
+    lens = load_lens(name)
+    length = abs(lens.first_order().focal_length_mm)
+    try:
+        back = film_distance(lens, np.inf)
+    except InputError:
+        back = length
+    return lens, back, min(image_circle(lens, back), length)
+
+
+def share_that_passes(lens: Lens, back_mm: float, radius_mm: float, sampling: PupilSampling) -> float:
+    """Return the share of rays that pass of those that a table aims from all over a disk of film."""
+    random = np.random.default_rng(1)
+    turn, out = 2 * np.pi * random.random(RAYS), radius_mm * np.sqrt(random.random(RAYS))
+    film = np.stack([out * np.cos(turn), out * np.sin(turn)], axis=1)
+    points, aimed = _aims(sampling, film, radius_mm, random)
+    return float(FilmProbe(lens, back_mm, WAVELENGTH_D).passes(film[aimed], points[aimed]).mean())
+
+
+def _aims(
+    sampling: PupilSampling, film: Array, radius_mm: float, random: np.random.Generator
+) -> tuple[Array, NDArray[np.bool_]]:
+    """Return points of the plane of the last vertex as `kernels/lens/pupil.h` draws them, and which are drawn."""
+    a, b, c, d = sampling.parameters
+    u, v = random.random((2, len(film)))
+    ring = np.stack([np.cos(2 * np.pi * u), np.sin(2 * np.pi * u)], axis=1) * np.sqrt(v)[:, None]
+    if sampling.kind == PupilKind.CIRCLE:
+        return a * film + b * ring, np.ones(len(film), dtype=bool)
+    if sampling.kind == PupilKind.BOXES:
+        columns, rows = (
+            np.clip(((film[:, k] / radius_mm + 1) / 2 * n).astype(int), 0, int(n) - 1) for k, n in ((0, c), (1, d))
+        )
+        box = sampling.table.reshape(int(d), int(c), 4)[rows, columns]
+        return box[:, :2] + np.stack([u, v], axis=1) * box[:, 2:], box[:, 2] > 0
+    return _outline_aims(sampling, film, u, ring)
+
+
+def _outline_aims(sampling: PupilSampling, film: Array, u: Array, ring: Array) -> tuple[Array, NDArray[np.bool_]]:
+    step, down, columns, rows = sampling.parameters
+    count = int(columns * rows)
+    frames = sampling.table[: 4 * count].reshape(int(rows), int(columns), 4)
+    start = 4 * (count + 1)
+    radii = sampling.table[start : start + 4 * count * DIRECTIONS].reshape(int(rows), int(columns), DIRECTIONS, 4)
+    radius = np.hypot(*film.T)
+    if sampling.radial:
+        across, along = radius * step, np.zeros(len(film))
+    else:
+        across, along = film[:, 0] * step + (columns - 1) / 2, film[:, 1] * down + (rows - 1) / 2
+    x, y = (np.clip(place, 0, n - 1) for place, n in ((across, columns), (along, rows)))
+    i, j = (np.minimum(place.astype(int), max(int(n) - 2, 0)) for place, n in ((x, columns), (y, rows)))
+    turn = np.minimum((u * DIRECTIONS).astype(int), DIRECTIONS - 1)
+    between = u * DIRECTIONS - turn
+    frame, reach = np.zeros((len(film), 4)), np.zeros(len(film))
+    for di, dj in ((0, 0), (1, 0), (0, 1), (1, 1)) if rows > 1 else ((0, 0), (1, 0)):
+        share = np.abs(1 - di - (x - i)) * (np.abs(1 - dj - (y - j)) if rows > 1 else 1.0)
+        near = radii[j + dj, i + di, turn]
+        frame += share[:, None] * frames[j + dj, i + di]
+        reach += share * (near[:, 0] + between * (near[:, 1] - near[:, 0]))
+    aims = frame[:, :2] + frame[:, 2:] * ring * reach[:, None]
+    lit = (frame[:, 2] > 0) & (reach > 0)
+    if not sampling.radial:
+        return aims, lit
+    out = film / np.maximum(radius, 1e-300)[:, None]
+    turned = np.stack(
+        [out[:, 0] * aims[:, 0] - out[:, 1] * aims[:, 1], out[:, 1] * aims[:, 0] + out[:, 0] * aims[:, 1]]
+    )
+    return turned.T, lit & (across <= columns - 1)
+
+
+def measure(name: str) -> dict[str, float | None]:
+    """Return the times of the tight table [s] and the share of rays that pass of every tier; None where it has none."""
+    lens, back, radius = film_of(name)
+    given = (lens, back, (radius, radius), WAVELENGTH_D)
+    found: dict[str, float | None] = {"surfaces": len(lens.surfaces), "seconds": np.inf}
+    for _ in range(2):
+        forget_tables()
+        began = time.process_time()
+        pupil_sampling(*given, "tight")
+        found["seconds"] = min(found["seconds"] or 0.0, time.process_time() - began)
+    began = time.process_time()
+    pupil_sampling(*given, "tight")
+    found["again"] = time.process_time() - began
+    for tier in TIERS:
+        try:
+            found[tier] = share_that_passes(lens, back, radius, pupil_sampling(*given, tier))  # type: ignore[arg-type]
+        except InputError:
+            found[tier] = None  # an exit pupil behind the film bounds no rays
+    return found
+
+
+def main() -> None:
+    """Measure every lens and print the table."""
+    parser = arguments("Time of pupil tables and share of rays that pass, for every lens of the library.")
+    options = parser.parse_args()
+    facts = machine(choose_device(options.device))
+    results = {name: measure(name) for name in (list_lenses()[:3] if options.quick else list_lenses())}
+    lines = []
+    for name, found in results.items():
+        shares = ["-" if found[tier] is None else f"{100 * (found[tier] or 0):.0f}" for tier in TIERS]
+        met = (found["seconds"] or 0) <= GOAL_S and (found["tight"] or 0) >= GOAL_SHARE
+        times = (f"{found['seconds']:.3f}", f"{1e3 * (found['again'] or 0):.2f}")
+        lines.append([name, f"{found['surfaces']:.0f}", *times, *shares, "yes" if met else "no"])
+    print_machine(facts)
+    print_table("Pupil tables: at most 0.5 s, and at least 90 % of rays pass", COLUMNS, lines)
+    write_json(options.json, facts, results)
+
+
+if __name__ == "__main__":
+    main()
