@@ -1,4 +1,4 @@
-"""Pictures of meshes: the same as of the shapes they stand for, whatever the organisation and however meshes are held."""
+"""Pictures of meshes: the same as of the shapes they stand for, whatever the organisation and the way they are held."""
 
 import hashlib
 
@@ -103,7 +103,8 @@ def test_lamp_and_box_of_triangles_look_as_the_shapes(monkeypatch):
 
 def test_facets_of_a_fine_globe_are_lost_in_a_sphere():
     points, faces = globe(96, 128)
-    fine = {"shape": "mesh", "vertices": (points + np.array([0, 0, 1])).tolist(), "faces": faces.tolist(), "normals": "smooth"}
+    raised = (points + np.array([0, 0, 1])).tolist()
+    fine = {"shape": "mesh", "vertices": raised, "faces": faces.tolist(), "normals": "smooth"}
     sphere = {"shape": "sphere", "center": [0, 0, 1], "radius": 1}
     scenes = [
         scene_of([FLOOR, lamp("rectangle"), body | {"material": MATTE}], CAMERA, depth=3, resolution=(64, 48))
