@@ -5,7 +5,7 @@
 Every renderer with every sampler renders each scene with several seeds, with the samples per pixel that take it about
 ``--seconds`` of all cores: by CPU time on a processor, which other work on the machine disturbs less. The error is that
 against the other renderer's pictures, which are independent and in two halves, so that their own noise drops out:
-mean((x - r1) (x - r2) / (r^2 + (0.01 mean r)^2)). It counts both noise and bias, and is scaled to the exact time as 1/t:
+mean((x - r1) (x - r2) / (r^2 + (0.01 mean r)^2)). It counts noise and bias, and is scaled to the exact time as 1/t:
 Mitsuba's stratified samplers choose the number of samples themselves. Beside it stands the noise alone, from the
 differences between seeds.
 """
@@ -92,12 +92,11 @@ class Bench:
         for _ in range(3):
             self._render(renderer, sampler, spp, 0)  # compiles what a number of samples needs
             answer, _ = self._render(renderer, sampler, spp, 0)
-            took = answer["cpu"] / cores() if self._by_cpu else answer["wall"]
-            wanted = spp * min(1.0, self._seconds / 4) / took
-            spp = max(round(wanted / unit), 1) * unit
-            if took > self._seconds / 8:
+            rate = spp / (answer["cpu"] / cores() if self._by_cpu else answer["wall"])
+            if spp > rate * self._seconds / 8:
                 break
-        spp = max(round(spp * self._seconds / min(1.0, self._seconds / 4) / unit), 1) * unit
+            spp = max(round(rate * min(1.0, self._seconds / 4) / unit), 1) * unit
+        spp = max(round(rate * self._seconds / unit), 1) * unit
         if sampler not in ("lattice", "independent"):
             spp = max(PASS[self.scene], 1 << round(np.log2(spp)))
         return Runs(renderer, sampler, spp)

@@ -22,7 +22,7 @@ NO_ROULETTE = 1 << 20  # an edge that no path reaches
 Quad = NDArray[np.float64]  # four corners in order, shape (4, 3)
 
 
-def describe(scene: Scene, *, roulette: bool, folder: Path) -> dict[str, Any]:
+def describe(scene: Scene, *, roulette: bool, folder: Path, others: dict[str, Any] | None = None) -> dict[str, Any]:
     """Return a dictionary for Mitsuba's ``load_dict`` in which transforms stand as ``{"matrix": rows}``.
 
     Parameters
@@ -31,6 +31,8 @@ def describe(scene: Scene, *, roulette: bool, folder: Path) -> dict[str, Any]:
         Whether Russian roulette ends paths as it does by Mitsuba's default, or never.
     folder
         Where meshes are written.
+    others
+        Descriptions that stand for the environment and for the meshes of the scene.
     """
     integrator = {"type": "path", "max_depth": scene.render.max_depth}
     description: dict[str, Any] = {
@@ -38,6 +40,9 @@ def describe(scene: Scene, *, roulette: bool, folder: Path) -> dict[str, Any]:
         "integrator": integrator if roulette else integrator | {"rr_depth": NO_ROULETTE},
         "sensor": _sensor(scene),
     }
+    if others is not None:
+        shapes = scene.model_copy(update={"objects": tuple(item for item in scene.objects if item.shape != "mesh")})
+        return description | others | _objects(shapes, folder)
     environment = scene.environment
     if environment is not None:
         assert environment.kind == "constant"
