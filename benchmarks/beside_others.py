@@ -2,8 +2,8 @@
 
     python -m benchmarks.beside_others [--mitsuba-python PATH] [--quick]
 
-Runs against_mitsuba, equal_time, mesh_rays, mesh_memory, bvh_build and passes. What they print, in Markdown, is what the
-README shows.
+Runs against_mitsuba, equal_time, mesh_rays, mesh_memory, bvh_build and passes. What they print, in Markdown, is what
+the README shows.
 """
 
 from __future__ import annotations

@@ -83,6 +83,7 @@ def test_rays_at_meshes_agree_with_those_of_others(checkout: Path, tmp_path: Pat
         assert min(found["agreement"].values()) > 0.99
 
 
+@pytest.mark.slow
 def test_memory_of_meshes_is_told(checkout: Path, tmp_path: Path) -> None:
     _, results = quick(checkout, tmp_path, "mesh_memory")
     assert 40 < results["bytes_per_triangle"]["all"] < 200
