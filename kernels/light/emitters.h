@@ -59,8 +59,8 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 #if ONE_EMITTER
     I e = FALSE;
 #else
-    F place;
-    I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &place);
+    F place, share;
+    I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &place, &share);
 #endif
     I kind = OF_EMITTER(I, kind);
     F pick = OF_EMITTER(F, pick);

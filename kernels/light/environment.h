@@ -69,13 +69,14 @@ static F3 environment_sample(F u, F v, Scene scene, F3 *radiance, F *pdf)
 {
     const __global Environment *e = scene.environment;
     const __global float *tables = ENVIRONMENT_TABLES(scene);
-    F x, y, sine, cosine, aside, depth;
-    I row = cell_at(tables, FALSE, e->rows, u, &y);
-    I column = cell_at(tables, CURVE(e->rows) + row * CURVE(e->columns), e->columns, v, &x);
+    F x, y, sine, cosine, aside, depth, of_rows, of_columns;
+    I row = cell_at(tables, FALSE, e->rows, u, &y, &of_rows);
+    cell_at(tables, CURVE(e->rows) + row * CURVE(e->columns), e->columns, v, &x, &of_columns);
     sincos_turns(0.5f * y, &aside, &depth);                 // from straight down
     sincos_turns(x, &sine, &cosine);                        // from backward, over the left
     *radiance = environment_texel(x, y, scene);
-    *pdf = environment_density(row, column, aside, scene);
+    *pdf = of_rows * of_columns * (float)(e->rows * e->columns) * (0.5f * INV_PI_F * INV_PI_F)
+        / MAX(aside, (F)(1e-20f));
     F3 d = scale(f3_of(e->right), -aside * sine);
     d = add(d, scale(f3_of(e->forward), -aside * cosine));
     return add(d, scale(f3_of(e->up), -depth));

@@ -5,6 +5,7 @@
 #ifndef IMAGE_H
 #define IMAGE_H
 #include "common/scene.h"
+#include "common/transpose.h"
 
 #if HAS_IMAGE || EMITTER_PROFILES || ENVIRONMENT == ENVIRONMENT_IMAGE
 // Linear value of sRGB codes 0 to 1 (IEC 61966-2-1): a fit through 1 to the 256 codes, relative error below 4e-5.
@@ -26,17 +27,35 @@ static F3 texel_of(int format, I low, I high)
     return format == TEXEL_SRGB ? f3(srgb_decoded(c.x), srgb_decoded(c.y), srgb_decoded(c.z)) : c;
 }
 
+// Four neighbouring words of each lane, loaded whole and turned by shuffles.
+static void load_four(const __global uint *words, I i, I *a, I *b, I *c, I *d)
+{
+#if VW == 8
+    const __global float *p = (const __global float *)words;
+    float8 r0 = (float8)(vload4(0, p + i.s0), vload4(0, p + i.s4));
+    float8 r1 = (float8)(vload4(0, p + i.s1), vload4(0, p + i.s5));
+    float8 r2 = (float8)(vload4(0, p + i.s2), vload4(0, p + i.s6));
+    float8 r3 = (float8)(vload4(0, p + i.s3), vload4(0, p + i.s7));
+    float8 low = PAIR_LO(r0, r1), low_next = PAIR_LO(r2, r3), high = PAIR_HI(r0, r1), high_next = PAIR_HI(r2, r3);
+    *a = AS_I(QUAD_LO(low, low_next));
+    *b = AS_I(QUAD_HI(low, low_next));
+    *c = AS_I(QUAD_LO(high, high_next));
+    *d = AS_I(QUAD_HI(high, high_next));
+#else
+    *a = AS_I(GATHER(U, words, i, ));
+    *b = AS_I(GATHER(U, words, i + 1, ));
+    *c = AS_I(GATHER(U, words, i + 2, ));
+    *d = AS_I(GATHER(U, words, i + 3, ));
+#endif
+}
+
 // The texels at an index and to its right.
 static void texel_pair(const __global uint *texels, int format, I index, F3 *left, F3 *right)
 {
-    if (format == TEXEL_HALF) {
-        I i = index * 2;
-        *left = texel_of(format, AS_I(GATHER(U, texels, i, )), AS_I(GATHER(U, texels, i + 1, )));
-        *right = texel_of(format, AS_I(GATHER(U, texels, i + 2, )), AS_I(GATHER(U, texels, i + 3, )));
-        return;
-    }
-    *left = texel_of(format, AS_I(GATHER(U, texels, index, )), FALSE);
-    *right = texel_of(format, AS_I(GATHER(U, texels, index + 1, )), FALSE);
+    I a, b, c, d;
+    load_four(texels, format == TEXEL_HALF ? 2 * index : index, &a, &b, &c, &d);
+    *left = texel_of(format, a, b);
+    *right = format == TEXEL_HALF ? texel_of(format, c, d) : texel_of(format, b, FALSE);
 }
 
 // A coordinate of the picture taken to 0 … 1.

@@ -83,11 +83,16 @@ class Session:
                 self._programs[source] = Program(self.context, self.info.handle, source)
         return self._programs[source]
 
-    def upload(self, array: NDArray[Any]) -> Any:
-        """Return a read-only buffer that holds ``array``."""
+    def upload(self, array: NDArray[Any], *, in_place: bool = False) -> Any:
+        """Return a read-only buffer that holds ``array``.
+
+        With ``in_place`` a device that shares the host's memory reads the array where it is: it must not change, and
+        kernels must not take it for aligned to more than 16 bytes, which is what numpy gives.
+        """
         import pyopencl as cl
 
-        flags = cl.mem_flags.READ_ONLY | cl.mem_flags.COPY_HOST_PTR
+        in_place = in_place and self.info.type == "cpu" and array.flags.c_contiguous
+        flags = cl.mem_flags.READ_ONLY | (cl.mem_flags.USE_HOST_PTR if in_place else cl.mem_flags.COPY_HOST_PTR)
         return self._allocated(
             lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes
         )

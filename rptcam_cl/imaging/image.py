@@ -80,7 +80,8 @@ class Image:
         if missing := [name for name in GUIDES if name not in self.layers]:
             raise InputError(f"denoising needs the layers {' and '.join(GUIDES)} (missing: {', '.join(missing)})")
         pixels, how = denoised(self.pixels, self["albedo"], self["normal"])
-        return replace(self, pixels=pixels, metadata={**self.metadata, "denoised": how})
+        told = {"denoised": how}
+        return replace(self, pixels=pixels, metadata=self.metadata | told, stats=self.stats | told)
 
     def __getitem__(self, name: str) -> Layer:
         try:

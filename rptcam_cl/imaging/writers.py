@@ -64,6 +64,18 @@ def _write_png(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers
         write_png_to(stream, pixels, metadata, ev)
 
 
+def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.int32], NDArray[np.int32]]]:
+    """The place of a cropped picture in the whole film, as EXR has it: first and last pixel of each."""
+    if "window" not in metadata or "resolution" not in metadata:
+        return {}
+    x, y, width, height = metadata["window"]
+    if pixels.shape[:2] != (height, width):  # pixels that were scaled since
+        return {}
+    first, last = np.array([x, y], np.int32), np.array([x + width - 1, y + height - 1], np.int32)
+    whole = np.array(metadata["resolution"], np.int32) - np.int32(1)
+    return {"dataWindow": (first, last), "displayWindow": (np.zeros(2, np.int32), whole)}
+
+
 def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
     """Write film and layers in float32 with each piece of metadata as an attribute (``ev`` is left to the viewer)."""
     import OpenEXR
@@ -76,6 +88,7 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
         "chromaticities": _SRGB_PRIMARIES,
+        **_windows(metadata, pixels),
     }
     channels = {"RGB": np.ascontiguousarray(pixels), **dict(exr_channels(layers))}
     with OpenEXR.File(header, channels) as file:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 
 def curves(shares: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """Return the curves of rows of shares, shape (rows, 2 cells + 1), and the probability of each cell.
+    """Return the curves of rows of shares, shape (rows, 2 (cells + 1)), and the probability of each cell.
 
     Probabilities are those of the sums as float32 has them. A row without shares has even ones.
     """
@@ -21,4 +21,6 @@ def curves(shares: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np
     sums_32 = (sums / sums[:, -1:]).astype(np.float32)
     steps = np.arange(cells) / cells
     guides = np.array([np.searchsorted(row, steps, side="right") - 1 for row in sums_32]).clip(0, cells - 1)
-    return np.concatenate([sums_32, guides.astype(np.float32)], axis=1), np.diff(sums_32.astype(np.float64), axis=1)
+    pairs = np.zeros((len(shares), cells + 1, 2), np.float32)
+    pairs[..., 0], pairs[:, :-1, 1] = sums_32, guides
+    return pairs.reshape(len(shares), -1), np.diff(sums_32.astype(np.float64), axis=1)

@@ -190,7 +190,7 @@ def pack_emitters(
     suns = sum(int(record["kind"]) == EmitterKind.SUN for record, _ in lights)
     count = sum(len(records) for records, _ in chosen)
     surroundings.record["first_sun"], surroundings.record["suns"] = count - suns, suns
-    records, curve = EMITTER.zeros(count), np.zeros(1, np.float32)
+    records, curve = EMITTER.zeros(count), np.zeros(2, np.float32)
     if chosen:
         records[:] = np.concatenate([part for part, _ in chosen])
         powers = np.concatenate([power for _, power in chosen])

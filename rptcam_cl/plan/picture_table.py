@@ -85,5 +85,5 @@ class PictureTable:
         return self._places[colours.name]
 
     def words(self) -> NDArray[np.uint32]:
-        """Return the words of all pictures that have a place, at least one."""
-        return np.concatenate([*self._words, np.zeros(1, np.uint32)])
+        """Return the words of all pictures that have a place, and some more: kernels load four at a time."""
+        return np.concatenate([*self._words, np.zeros(4, np.uint32)])

@@ -17,7 +17,7 @@ from rptcam_cl.scene.environment import SkyEnvironment
 Array = NDArray[np.float64]
 LUMENS_PER_WATT = 683.0
 SUN_RADIUS_DEGREES = 0.2666  # seen from the mean distance of the Earth
-ROWS, COLUMNS = 512, 1024
+ROWS, COLUMNS = 256, 512
 
 # Rows A to E of the distribution, each the factor of turbidity and the constant; for luminance Y and chromaticity x, y.
 _PEREZ = {

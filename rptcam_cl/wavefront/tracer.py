@@ -20,20 +20,19 @@ from numpy.typing import NDArray
 
 from rptcam_cl.device import Session
 from rptcam_cl.device.session import Launch
-from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan
 from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, floats_per_slot
 from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.wavefront.buffers import SceneBuffers
 from rptcam_cl.wavefront.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout
 from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
+from rptcam_cl.wavefront.memory import check_memory, memory_needs
 
 WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
 STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
 GROUP = {"cpu": 16, "gpu": 64}  # work items per group
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 WAVE_OF_GENERATE, WAVE_OF_FILM = 7, 3  # argument indices
-MEMORY_SHARE = 0.8  # of the device's memory that a render may plan to use
 
 
 class Wavefront:
@@ -125,13 +124,7 @@ class Wavefront:
         self._film_planes = PLANES + (self.settings.clamp is not None)
         self._film_bytes = 4 * self._film_planes * self.layout.pixels
         film_bytes = self._film_bytes + planes.bytes_per_pixel * self.layout.pixels
-        budget = int(MEMORY_SHARE * self.session.info.memory_bytes)
-        if state_bytes + film_bytes > budget:
-            raise InputError(
-                f"film.resolution: {self.layout.width} x {self.layout.height} pixels need {_bytes(film_bytes)} for the"
-                f" film and {_bytes(state_bytes)} for the paths; the device offers {_bytes(budget)}"
-                " (render a part with crop, or lower the resolution)"
-            )
+        check_memory(memory_needs(plan, self.session, film=film_bytes, paths=state_bytes), self.session)
         session = self.session
         self._state = session.allocate(state_bytes)
         self._film = session.allocate(self._film_bytes, zeroed=True)
@@ -330,10 +323,3 @@ def seed_words(seed: int) -> tuple[int, int]:
     z = ((z ^ (z >> 27)) * 0x94D049BB133111EB) & mask
     z ^= z >> 31
     return z & 0xFFFFFFFF, z >> 32
-
-
-def _bytes(count: int) -> str:
-    for unit, size in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
-        if count >= size:
-            return f"{count / size:.3g} {unit}"
-    return f"{count} bytes"

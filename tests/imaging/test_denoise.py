@@ -46,6 +46,7 @@ def test_denoised_picture_is_nearer_to_the_truth_and_says_so() -> None:
     assert after < 0.5 * before
     assert list(clean.layers) == ["depth"]  # what guides the denoiser is not kept unasked
     assert "biased" in clean.metadata["denoised"]
+    assert clean.stats["denoised"] == clean.metadata["denoised"]
     assert "denoised" not in noisy.metadata
     again = rptcam_cl.render(SCENE, spp=8, seed=2, layers=["albedo", "normal"]).denoised()
     np.testing.assert_allclose(np.asarray(again), np.asarray(clean), rtol=1e-4, atol=1e-5)

@@ -49,6 +49,19 @@ def test_exr_holds_the_picture_and_every_layer(tmp_path: Path, image: Image) -> 
             np.testing.assert_array_equal(channels[channel], plane.astype(np.float32), err_msg=channel)
 
 
+def test_exr_tells_the_place_of_a_crop_in_the_whole_film(tmp_path: Path, image: Image) -> None:
+    metadata = {"resolution": [20, 10], "window": [6, 3, SHAPE[1], SHAPE[0]]}
+    Image(image.pixels, metadata, layers=image.layers).save(tmp_path / "part.exr")
+    with OpenEXR.File(str(tmp_path / "part.exr")) as file:
+        header = dict(file.header())
+        np.testing.assert_array_equal(file.channels()["RGB"].pixels, image.pixels)
+    np.testing.assert_array_equal(header["dataWindow"], [[6, 3], [12, 7]])
+    np.testing.assert_array_equal(header["displayWindow"], [[0, 0], [19, 9]])
+    Image(image.pixels[:2, :3], metadata).save(tmp_path / "scaled.exr")
+    with OpenEXR.File(str(tmp_path / "scaled.exr")) as file:
+        np.testing.assert_array_equal(file.channels()["RGB"].pixels, image.pixels[:2, :3])
+
+
 def test_npz_holds_every_layer_bit_for_bit_and_the_metadata(tmp_path: Path, image: Image) -> None:
     image.save(tmp_path / "film.npz")
     with np.load(tmp_path / "film.npz", allow_pickle=False) as held:

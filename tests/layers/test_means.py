@@ -104,6 +104,17 @@ def test_albedo_of_a_mix_is_that_of_the_material_that_the_path_took():
     )
 
 
+def test_rays_that_pass_a_hole_show_what_is_behind_it():
+    pane = {"kind": "principled", "base_color": 0, "emission": [1, 0, 0], "opacity": 0.5}
+    scene = two_panels("thin_lens", pane, glow([0, 1, 0])) | {"render": {"max_depth": 1}}
+    image = rptcam_cl.render(scene, spp=16, layers=["depth", "coverage"])
+    red, green = np.moveaxis(np.asarray(image).astype(np.float64)[..., :2], -1, 0)
+    seen = image["coverage"] > 0
+    np.testing.assert_allclose(image["coverage"], red + green, atol=3e-6)
+    np.testing.assert_allclose(image["depth"][seen], ((3 * red + 5 * green)[seen] / (red + green)[seen]), rtol=3e-6)
+    assert ((red > 0.2) & (green > 0.2)).sum() > 20
+
+
 def test_picture_is_the_same_with_layers_and_without():
     plain, layered = (rptcam_cl.render(world("double_gauss"), spp=4, layers=names) for names in ([], LAYER_NAMES))
     np.testing.assert_array_equal(np.asarray(plain), np.asarray(layered))
@@ -218,3 +229,22 @@ def test_floor_far_from_the_origin_keeps_its_place():
         {"camera": CAMERAS["pinhole"] | pose, "film": film, "objects": moved}, spp=2, layers=["position"]
     )
     np.testing.assert_allclose(there["position"] - away, here["position"], atol=1e-5)
+
+
+def test_albedo_of_a_named_metal_is_what_it_reflects_head_on():
+    scene = {
+        "camera": {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 5},
+        "objects": [
+            {
+                "shape": "sphere",
+                "center": [0, 0, 0],
+                "radius": 1,
+                "material": {"kind": "conductor", "metal": {"n": [0.3, 0.9, 1.1], "k": [3.2, 2.6, 2.3]}, "alpha": 0.2},
+            }
+        ],
+        "environment": {"kind": "constant", "radiance": 1},
+    }
+    image = rptcam_cl.render(scene, spp=1, size=(8, 8), layers=["albedo"])
+    n, k = np.array([0.3, 0.9, 1.1]), np.array([3.2, 2.6, 2.3])
+    head_on = ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)  # Born and Wolf, section 14.2
+    np.testing.assert_allclose(image["albedo"], np.broadcast_to(head_on, (8, 8, 3)), rtol=1e-5)

@@ -9,9 +9,9 @@ from tests.light.test_alias import WEIGHTS
 
 def cells_of(curve: np.ndarray, numbers: np.ndarray) -> np.ndarray:
     """Return the cells of numbers as ``kernels/light/curve.h`` finds them: from the guide onwards."""
-    count = len(curve) // 2
-    cells = curve[count + 1 :][np.minimum((numbers * count).astype(int), count - 1)].astype(int)
-    while (on := (curve[cells + 1] <= numbers) & (cells < count - 1)).any():
+    count = len(curve) // 2 - 1
+    cells = curve[2 * np.minimum((numbers * count).astype(int), count - 1) + 1].astype(int)
+    while (on := (curve[2 * cells + 2] <= numbers) & (cells < count - 1)).any():
         cells[on] += 1
     return cells
 
@@ -24,8 +24,8 @@ def test_numbers_find_the_cell_whose_share_they_lie_in(name) -> None:
     np.testing.assert_allclose(chance[0], weights / weights.sum(), atol=1.2e-7)
     numbers = (np.random.default_rng(2).integers(0, 1 << 24, 5000) / (1 << 24)).astype(np.float32)
     cells = cells_of(curve, numbers)
-    assert (curve[cells] <= numbers).all()
-    assert ((numbers < curve[cells + 1]) | (cells == len(weights) - 1)).all()
+    assert (curve[2 * cells] <= numbers).all()
+    assert ((numbers < curve[2 * cells + 2]) | (cells == len(weights) - 1)).all()
     assert (weights[cells] > 0).all()
 
 

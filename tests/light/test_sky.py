@@ -7,7 +7,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.plan.colour import LUMINANCE
-from rptcam_cl.plan.sky import LUMENS_PER_WATT, ROWS, SUN_RADIUS_DEGREES, bake_sky, sun_irradiance
+from rptcam_cl.plan.sky import COLUMNS, LUMENS_PER_WATT, ROWS, SUN_RADIUS_DEGREES, bake_sky, sun_irradiance
 from rptcam_cl.scene import SkyEnvironment
 from tests.light.pictures import irradiance
 from tests.render.pictures import MATTE, flat_mean, looking, pixels, scene_of
@@ -29,9 +29,8 @@ def chromaticity(rgb):
 def test_zenith_is_as_the_paper_has_it() -> None:
     # turbidity 3, sun at 45 degrees, by hand: chi = 0.65886, Y = 7.1649 tan(chi) + 1.7727 = 7.3218 kcd/m²
     zenith = bake_sky(sky(sun_elevation_degrees=45, turbidity=3)).radiance[0].mean(axis=0).astype(float)
-    # the first row is a sixth of a degree from the zenith
-    assert zenith @ LUMINANCE * LUMENS_PER_WATT == pytest.approx(7321.8, rel=2e-3)
-    # x: 9 * 0.000132 ... by hand 0.25203; y: 0.26010
+    # the first row is a third of a degree from the zenith
+    assert zenith @ LUMINANCE * LUMENS_PER_WATT == pytest.approx(7321.8, rel=4e-3)
     t = math.pi / 4
     x = 9 * (0.00166 * t**3 - 0.00375 * t**2 + 0.00209 * t) + 3 * (
         -0.02903 * t**3 + 0.06377 * t**2 - 0.03202 * t + 0.00394
@@ -42,9 +41,9 @@ def test_zenith_is_as_the_paper_has_it() -> None:
 
 def test_sky_is_brightest_about_the_sun_and_above_the_horizon_only() -> None:
     baked = bake_sky(sky(sun_elevation_degrees=40, ground_albedo=0.0)).radiance @ LUMINANCE
-    row, column = np.unravel_index(baked[: ROWS // 2 - 40].argmax(), baked[: ROWS // 2 - 40].shape)
+    row, column = np.unravel_index(baked[: ROWS // 2 - 20].argmax(), baked[: ROWS // 2 - 20].shape)
     assert row == pytest.approx(50 / 180 * ROWS, abs=3)
-    assert column == pytest.approx(512, abs=3)
+    assert column == pytest.approx(COLUMNS / 2, abs=3)
     assert (baked[ROWS // 2 :] == 0).all()
     assert (baked[: ROWS // 2] > 0).all()
 
@@ -83,7 +82,7 @@ def test_irradiance_of_the_ground_is_that_of_sky_and_sun(sun) -> None:
     above[ROWS // 2 :] = 0
     expected = irradiance(above, np.array([0.0, 1.0, 0.0]), finer=1)
     expected += math.sin(math.radians(35)) * baked.sun_irradiance * sun
-    # the row of the horizon is mixed with the ground: 1e-3
+    # the row of the horizon is mixed with the ground: 2e-3
     assert_equivalent(mean * math.pi, error * math.pi, expected, 0.012 * expected)
 
 

@@ -157,7 +157,7 @@ def test_pictures_of_one_file_share_their_texels(folder) -> None:
     balls = [{"shape": "sphere", "center": [k, 0, 0], "radius": 1, "material": m} for k, m in enumerate(materials)]
     textures = make_plan(load_scene({"camera": CAMERA, "objects": balls}, base_dir=folder)).textures
     assert len(textures.records) == 3
-    assert len(textures.texels) == 2 * 9 * 15 + 1
+    assert len(textures.texels) == 2 * 9 * 15 + 4
 
 
 def test_gradient_runs_from_start_to_end(session, folder) -> None:

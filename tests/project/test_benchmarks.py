@@ -66,6 +66,23 @@ def test_rays_are_measured_beside_numpy_and_the_peak(checkout: Path, tmp_path: P
     assert results["tracers"]["kernel, float32"]["wall"] > 0
 
 
+def test_another_lens_program_that_is_missing_is_named() -> None:
+    with pytest.raises(WorkerError, match="no-such-program cannot be imported"):
+        Worker(sys.executable, "benchmarks.optics_worker", "no-such-program")
+
+
+def test_pupil_tables_are_timed_for_every_lens(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "pupil_tables")
+    assert len(results) == 3 and "achromat-100mm" in printed
+    assert all(found["tight"] > 0.6 and found["again"] < found["seconds"] for found in results.values())
+
+
+@pytest.mark.slow
+def test_surfaces_of_every_kind_are_compared_with_a_sphere(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "surface_costs")
+    assert results["spheres"]["sphere"] == 1 and results["spheres"]["toroid"] > 1
+
+
 def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "bvh_build")
     assert "wide nodes" in printed

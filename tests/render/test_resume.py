@@ -3,6 +3,7 @@
 import hashlib
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl import saving
 from rptcam_cl.errors import StateError
+from tests.render.pictures import seed_of
 from tests.render.test_determinism import LENS
 from tests.render.test_world import still_life
 
@@ -110,6 +112,33 @@ def test_state_is_saved_now_and_then_and_removed_at_the_end(tmp_path, monkeypatc
     rptcam_cl.render(scene("pinhole"), size=SIZE, spp=64, wave_size=1, checkpoint=state, should_stop=look)
     assert all(seen)
     assert list(tmp_path.iterdir()) == []
+
+
+ENDLESS = """
+import rptcam_cl
+from rptcam_cl import saving
+from tests.render import test_resume as t
+saving.INTERVAL = 0.0
+rptcam_cl.render(t.scene("pinhole"), size=t.SIZE, spp=10**6, wave_size=1, checkpoint={state!r}, resume=True)
+"""
+
+
+@pytest.mark.slow
+def test_killed_render_goes_on_to_the_same_bits(tmp_path):
+    state, root = tmp_path / "a.rpck", Path(__file__).resolve().parents[2]
+    for delay in np.random.default_rng(seed_of("kill")).uniform(0, 1, 4):
+        before = state.stat().st_mtime_ns if state.exists() else None
+        process = subprocess.Popen([sys.executable, "-c", ENDLESS.format(state=str(state))], cwd=root)
+        while process.poll() is None and (not state.exists() or state.stat().st_mtime_ns == before):
+            time.sleep(0.01)
+        time.sleep(delay)
+        process.kill()
+        assert process.wait() < 0
+    saved = rptcam_cl.render(scene("pinhole"), size=SIZE, spp=1, checkpoint=state, resume=True).stats["resumed_from"]
+    part = rptcam_cl.render(scene("pinhole"), size=SIZE, spp=saved + 5, checkpoint=state, resume=True)
+    assert part.stats["resumed_from"] == saved > 16
+    assert bits(part) == bits(rptcam_cl.render(scene("pinhole"), size=SIZE, spp=saved + 5))
+    assert [path.name for path in tmp_path.iterdir()] == ["a.rpck"]  # no half-written ones
 
 
 def test_more_samples_than_asked_for_are_kept(tmp_path):

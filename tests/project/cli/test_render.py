@@ -179,10 +179,13 @@ def test_output_that_fails_at_the_end_does_not_lose_the_others(
     assert names(scene.parent) == ["a.npy", "s.json", "scene.yaml"]
 
 
-def test_interrupt_keeps_the_picture_and_gives_130(scene: Path, renderer: Any, rptcam: Command) -> None:
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_interrupt_keeps_the_picture_and_gives_130(
+    scene: Path, renderer: Any, rptcam: Command, number: signal.Signals
+) -> None:
     def press(options: dict[str, Any]) -> None:
         assert not options["should_stop"]()
-        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), number)
         assert options["should_stop"]()
         renderer.image.stats["interrupted"] = True
 
@@ -192,6 +195,7 @@ def test_interrupt_keeps_the_picture_and_gives_130(scene: Path, renderer: Any, r
     assert "interrupted" in run.err
     assert Path("a.npy").exists()
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    assert signal.getsignal(signal.SIGTERM) is signal.SIG_DFL
 
 
 def test_second_interrupt_leaves_at_once(scene: Path, renderer: Any, rptcam: Command) -> None:
