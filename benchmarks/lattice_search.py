@@ -9,6 +9,9 @@ and Nuyens, «Constructing embedded lattice rules for multivariate integration»
 repeatedly, the weighted sum of P2 over the pairs and triples of components that the light of a path depends on, at 2^2
 to 2^12 samples at once, each relative to what a plain search reaches there. Two more binary digits at a time then suit
 it to more samples: fewer samples see the vector modulo their number, so that the digits found first stay.
+
+The vector in use was found by an earlier form of this search, which broke ties otherwise: its merit, printed beside
+that of the vector found, is 9.29 (less is better) where twelve starts of this one reach 9.36 to 9.55.
 """
 
 from __future__ import annotations
@@ -28,6 +31,8 @@ RANDOM = np.pi**2 / 3  # sum of 1 / h^2: with so much per component, one random 
 COUNT = len(USES)
 FIRST, LAST = 2, 12
 PRIORITY = {2: 0.1, 3: 0.3, 6: 1.5, 8: 1.5, 11: 0.7, 12: 0.6}  # of a size, 1 elsewhere
+IN_USE = [1, 33575, 85533, 236635, 150225, 40171, 197955, 211637,
+          4275, 57953, 148039, 175223, 114053, 38193, 132887, 14637]  # fmt: skip
 EXTENSIONS = ((12, 14), (14, 16), (16, 18))
 
 Vector = list[int]
@@ -64,8 +69,14 @@ def partners(j: int, z: Vector, digits: int, groups: dict[tuple[int, ...], float
     return total
 
 
-def search(seed: int, scale: dict[int, float], tables: dict[int, Floats]) -> tuple[float, Vector, dict[int, float]]:
-    """Return the figure of merit, the vector and its sums of P2 by size, from one random start."""
+def merit(z: Vector, scale: dict[int, float]) -> tuple[float, dict[int, float]]:
+    """Return the figure of merit of a vector and its sums of P2 by size."""
+    reached = {d: _sum(z, d, interactions()) for d in scale}
+    return sum(PRIORITY.get(d, 1.0) * reached[d] / scale[d] for d in scale), reached
+
+
+def search(seed: int, scale: dict[int, float], tables: dict[int, Floats]) -> tuple[float, dict[int, float], Vector]:
+    """Return merit, sums and vector from one random start."""
     rng, groups, z = np.random.default_rng(seed), interactions(), [1]
 
     def merits(j: int) -> Floats:
@@ -85,8 +96,7 @@ def search(seed: int, scale: dict[int, float], tables: dict[int, Floats]) -> tup
             z[j] = 2 * int(np.argmin(merits(j))) + 1
         if z == before:
             break
-    reached = {d: _sum(z, d, groups) for d in tables}
-    return sum(PRIORITY.get(d, 1.0) * reached[d] / scale[d] for d in tables), z, reached
+    return *merit(z, scale), z
 
 
 def _sum(z: Vector, digits: int, groups: dict[tuple[int, ...], float]) -> float:
@@ -115,8 +125,9 @@ def main() -> None:
     parser.add_argument("--starts", type=int, default=80, help="random starts (default 80)")
     starts = parser.parse_args().starts
     tables = {d: kernel(np.arange(1, 2**d, 2), d) for d in range(FIRST, LAST + 1)}
-    scale = search(0, dict.fromkeys(tables, 1.0), tables)[2]
-    _, best, _ = min((search(seed, scale, tables) for seed in range(starts)), key=lambda found: found[0])
+    scale = search(0, dict.fromkeys(tables, 1.0), tables)[1]
+    figure, _, best = min((search(seed, scale, tables) for seed in range(starts)), key=lambda found: found[0])
+    print(f"merit {figure:.3f}; of the vector in use {merit(IN_USE, scale)[0]:.3f}")
     for low, high in EXTENSIONS:
         best = extended(best, low, high)
     print(*best, sep=", ")

@@ -4,8 +4,8 @@
 
 All tiers have the same mean; this measures the share of rays that pass and the variance of one sample, summed over the
 film and in units of the squared mean, and from it how many samples a tier needs for the noise of ``tight``. A white
-world adds no noise of its own. Where the radiance along the rays has the relative variance s2, independent of the
-weights, that of a sample is (1 + v) (1 + s2) - 1; the last column is for s2 = 1.
+world adds no noise of its own, and samples are independent. Where the radiance along the rays has the relative variance
+s2, independent of the weights, that of a sample is (1 + v) (1 + s2) - 1; the last column is for s2 = 1.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ def white_world(lens: str, tier: str) -> dict[str, Any]:
             "target": [0, 0, -1],
             "up": [0, 1, 0],
         },
-        "render": {"max_depth": 1, "roulette_depth": 0},
+        "render": {"max_depth": 1, "roulette_depth": 0, "sampler": "independent"},
         "objects": [],
         "environment": {"kind": "constant", "radiance": 1},
     }

@@ -26,6 +26,7 @@ typedef struct {
     const __global float       *vertices;      // position, normal, texture coordinates
     const __global Instance    *instances;
     int                         mesh_root;
+    float4                      mesh_low, mesh_high;   // bounds of all meshes
 #endif
 } Scene;
 
@@ -36,8 +37,10 @@ typedef struct {
     const __global int4        *triangles,      \
     const __global float       *vertices,       \
     const __global Instance    *instances,      \
-    int                         mesh_root
-#define MESHES , nodes, blocks, triangles, vertices, instances, mesh_root
+    int                         mesh_root,      \
+    float4                      mesh_low,       \
+    float4                      mesh_high
+#define MESHES , nodes, blocks, triangles, vertices, instances, mesh_root, mesh_low, mesh_high
 #else
 #define MESH_PARAMETERS
 #define MESHES
@@ -91,6 +94,8 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.vertices = vertices;
     s.instances = instances;
     s.mesh_root = mesh_root;
+    s.mesh_low = mesh_low;
+    s.mesh_high = mesh_high;
 #endif
     return s;
 }

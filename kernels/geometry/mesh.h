@@ -256,9 +256,34 @@ static int meets_triangle(OneRay ray, float reach, int target, int target_part, 
     }
 }
 
+static F inverse_of_lanes(F d) { return (d < 0.0f ? (F)(-1.0f) : ONE) / absolute(d); }
+
+// Lanes of `on` whose ray meets the box round all meshes before `reach`, as hit_boxes tests it.
+static I meets_bounds(Ray ray, F reach, I on, Scene scene)
+{
+    float4 low = scene.mesh_low, high = scene.mesh_high;
+    F ix = inverse_of_lanes(ray.d.x), iy = inverse_of_lanes(ray.d.y), iz = inverse_of_lanes(ray.d.z);
+    I back_x = ray.d.x < 0.0f, back_y = ray.d.y < 0.0f, back_z = ray.d.z < 0.0f;
+    F x = ((back_x ? (F)(high.x) : (F)(low.x)) - ray.o.x) * ix;
+    F y = ((back_y ? (F)(high.y) : (F)(low.y)) - ray.o.y) * iy;
+    F z = ((back_z ? (F)(high.z) : (F)(low.z)) - ray.o.z) * iz;
+    F X = ((back_x ? (F)(low.x) : (F)(high.x)) - ray.o.x) * ix;
+    F Y = ((back_y ? (F)(low.y) : (F)(high.y)) - ray.o.y) * iy;
+    F Z = ((back_z ? (F)(low.z) : (F)(high.z)) - ray.o.z) * iz;
+    F first = x > y ? x : y;
+    first = first > z ? first : z;
+    first = first > 0.0f ? first : ZERO;
+    F last = X < Y ? X : Y;
+    last = last < Z ? last : Z;
+    last = last * FAR_PAD;
+    last = last < reach ? last : reach;
+    return on & (first <= last);
+}
+
 // Lowers the hits of the lanes `on` to the nearest triangles.
 static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
 {
+    on = meets_bounds(ray, hit->t, on, scene);
     for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
         uint k = LOWEST_BIT(rest);
         TriangleHit best;
@@ -282,6 +307,7 @@ static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
 static I blocked_by_meshes(Ray ray, F reach, I target, I target_part, I on, Scene scene)
 {
     I blocked = FALSE;
+    on = meets_bounds(ray, reach, on, scene);
     for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
         uint k = LOWEST_BIT(rest);
         if (meets_triangle(one_ray(ray, k), LANE_OF(float, reach, k), LANE_OF(int, target, k),

@@ -12,18 +12,60 @@
 #include "geometry/surface_point.h"
 #include "material/opacity.h"
 
-// Takes from the lanes that hit primitive i at t those where it has a hole.
-static I without_holes(I lanes, Ray ray, F t, int i, Scene scene)
+// Where a ray that starts on primitive i meets it again, or not above zero.
+static F root_beyond(Ray ray, int i, Scene scene)
+{
+    const __global Primitive *p = scene.primitives + i;
+    const __global int *kind_end = scene.kind_end;
+#if HAS_SPHERE
+    if (i < kind_end[KIND_SPHERE])
+        return hit_sphere(p, ray, TRUE);
+#endif
+#if HAS_ELLIPSOID
+    if (i < kind_end[KIND_ELLIPSOID])
+        return hit_ellipsoid(p, ray, TRUE);
+#endif
+    if (i < kind_end[KIND_PLANE])
+        return (F)(-1.0f);
+#if HAS_BOX
+    if (i < kind_end[KIND_BOX])
+        return hit_box(p, ray, TRUE);
+#endif
+#if HAS_CYLINDER
+    if (i < kind_end[KIND_CYLINDER])
+        return hit_cylinder(p, ray, TRUE);
+#endif
+#if HAS_CONE
+    return hit_cone(p, ray, TRUE);
+#else
+    return (F)(-1.0f);
+#endif
+}
+
+#define FAR_SIDE  (-2)     // stands for a triangle in what the chance of the second hit hangs on
+
+// Where the lanes that hit primitive i at t find it without a hole: there, on its far side, or nowhere.
+static F past_holes(I lanes, Ray ray, F t, int i, Scene scene)
 {
     const __global Material *material = scene.materials + scene.primitives[i].material;
     if (!has_holes(material) || !ANY(lanes))
-        return lanes;
-    SurfacePoint point = surface_point(i, along(ray.o, ray.d, lanes ? t : ZERO), material->textured, scene);
-    return lanes & is_there(material, point.u, point.v, ray_chance(ray.o, ray.d, (I)(i), (I)(NO_TRIANGLE)), scene);
+        return t;
+    SurfacePoint near = surface_point(i, along(ray.o, ray.d, lanes ? t : ZERO), material->textured, scene);
+    F chance = ray_chance(ray.o, ray.d, (I)(i), (I)(NO_TRIANGLE));
+    I open = lanes & NOT(is_there(material, near.u, near.v, chance, scene));
+    if (!ANY(open))
+        return t;
+    Ray onward = ray;
+    onward.o = near.p;
+    F step = root_beyond(onward, i, scene);
+    I again = open & (step > 0.0f) & (step < NEVER);
+    SurfacePoint far = surface_point(i, along(onward.o, ray.d, again ? step : ZERO), material->textured, scene);
+    again = again & is_there(material, far.u, far.v, ray_chance(ray.o, ray.d, (I)(i), (I)(FAR_SIDE)), scene);
+    return open ? (again ? t + step : (F)(-1.0f)) : t;
 }
-#define WITHOUT_HOLES(lanes) without_holes(lanes, ray, t, i, scene)
+#define PAST_HOLES(lanes) past_holes(lanes, ray, t, i, scene)
 #else
-#define WITHOUT_HOLES(lanes) (lanes)
+#define PAST_HOLES(lanes) t
 #endif
 
 // What the ray meets first.
@@ -36,17 +78,20 @@ static Hit nearest_hit(Ray ray, Scene scene)
 #if HAS_PRIMITIVE_TREE
     I living = ray.self != PATH_ENDED;
     EACH_PLANE(ray,
-        I closer = WITHOUT_HOLES((t > 0.0f) & (t < best));
+        t = PAST_HOLES((t > 0.0f) & (t < best));
+        I closer = (t > 0.0f) & (t < best);
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
     // The tree has an order of its own: of two at the same distance the first of the list counts, as in the loop.
     EACH_IN_TREE(ray, living, best,
-        I closer = WITHOUT_HOLES((t > 0.0f) & ((t < best) | ((t == best) & (index > i))));
+        t = PAST_HOLES((t > 0.0f) & (t <= best));
+        I closer = (t > 0.0f) & ((t < best) | ((t == best) & (index > i)));
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
 #else
     EACH_PRIMITIVE(ray,
-        I closer = WITHOUT_HOLES((t > 0.0f) & (t < best));
+        t = PAST_HOLES((t > 0.0f) & (t < best));
+        I closer = (t > 0.0f) & (t < best);
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
 #endif
@@ -71,14 +116,17 @@ static I any_hit(Ray ray, F reach, I target, I target_part, Scene scene)
     I blocked = FALSE;
 #if HAS_PRIMITIVE_TREE
     EACH_PLANE(ray,
-        blocked |= WITHOUT_HOLES((t > 0.0f) & (t < reach) & (target != i));)
+        t = PAST_HOLES((t > 0.0f) & (t < reach) & (target != i));
+        blocked |= (t > 0.0f) & (t < reach) & (target != i);)
     I open = (reach > 0.0f) & NOT(blocked);
     EACH_IN_TREE(ray, open, reach,
-        blocked |= WITHOUT_HOLES((t > 0.0f) & (t < reach) & (target != i));
+        t = PAST_HOLES((t > 0.0f) & (t < reach) & (target != i));
+        blocked |= (t > 0.0f) & (t < reach) & (target != i);
         open &= NOT(blocked);)
 #else
     EACH_PRIMITIVE(ray,
-        blocked |= WITHOUT_HOLES((t > 0.0f) & (t < reach) & (target != i));)
+        t = PAST_HOLES((t > 0.0f) & (t < reach) & (target != i));
+        blocked |= (t > 0.0f) & (t < reach) & (target != i);)
 #endif
 #if HAS_MESH
     blocked |= blocked_by_meshes(ray, reach, target, target_part, (reach > 0.0f) & NOT(blocked), scene);

@@ -73,8 +73,9 @@ static LensHit meet_conic(const __global Surface *s, F3 p, F3 d)
 // The polynomial part of an asphere and its slope d/ds at s = r^2: even powers by Horner's rule in s, odd ones r times such.
 static void polynomial(const __global Surface *surface, F s, F *value, F *slope)
 {
-    F v = ZERO, dv = ZERO;
-    for (int i = surface->even_terms - 1; i >= 0; --i) {
+    int top = surface->even_terms > 0 ? surface->even_terms - 1 : 0;
+    F v = (F)(surface->even[top]), dv = ZERO;
+    for (int i = top - 1; i >= 0; --i) {
         dv = dv * s + v;
         v = v * s + surface->even[i];
     }

@@ -35,6 +35,8 @@ class SceneTrees:
     instances : array of ``Instance`` records, with their roots
     root : int
         The node at which rays begin.
+    bounds : two (4,) float32 arrays
+        Lowest and highest corner of all meshes, as the root has them.
     facts : dict
         Facts that the kernels are compiled for: children of a node, triangles of a block, entries of the stack.
     """
@@ -44,6 +46,7 @@ class SceneTrees:
     vertices: NDArray[np.float32]
     instances: NDArray[np.void]
     root: int
+    bounds: tuple[NDArray[np.float32], NDArray[np.float32]]
     facts: dict[str, int]
 
 
@@ -72,7 +75,13 @@ def scene_trees(meshes: PackedMeshes, session: Session) -> SceneTrees:
         nodes.append(_top_nodes(top, first_node))
         root, stack = first_node, stack + quality(top).stack
     facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": stack}
-    return SceneTrees(np.concatenate(nodes), np.concatenate(blocks), vertices, instances, root, facts)
+    all_nodes = np.concatenate(nodes)
+    return SceneTrees(all_nodes, np.concatenate(blocks), vertices, instances, root, _bounds(all_nodes[root]), facts)
+
+
+def _bounds(node: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Return the corners (4,) of the box round a node (7, width)."""
+    return np.append(node[:3].min(axis=1), np.float32(0)), np.append(node[3:6].max(axis=1), np.float32(0))
 
 
 def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: int, session: Session) -> Bvh:

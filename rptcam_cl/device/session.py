@@ -14,8 +14,6 @@ from rptcam_cl.device.choose import DeviceInfo, choose_device
 from rptcam_cl.device.program import Program, assemble, pocl_library_arch
 from rptcam_cl.errors import DeviceError
 
-LARGE = 1 << 20  # bytes from which on an array is not copied for a device that shares the host's memory
-
 
 def open_session(spec: str | None = None) -> Session:
     """Return the session of the device that ``spec`` names; kept, so that its programs are built only once."""
@@ -85,11 +83,15 @@ class Session:
                 self._programs[source] = Program(self.context, self.info.handle, source)
         return self._programs[source]
 
-    def upload(self, array: NDArray[Any]) -> Any:
-        """Return a read-only buffer of ``array``, which must not change: a CPU reads a large one where it is."""
+    def upload(self, array: NDArray[Any], *, in_place: bool = False) -> Any:
+        """Return a read-only buffer that holds ``array``.
+
+        With ``in_place`` a device that shares the host's memory reads the array where it is: it must not change, and
+        kernels must not take it for aligned to more than 16 bytes, which is what numpy gives.
+        """
         import pyopencl as cl
 
-        in_place = self.info.type == "cpu" and array.nbytes >= LARGE and array.flags.c_contiguous
+        in_place = in_place and self.info.type == "cpu" and array.flags.c_contiguous
         flags = cl.mem_flags.READ_ONLY | (cl.mem_flags.USE_HOST_PTR if in_place else cl.mem_flags.COPY_HOST_PTR)
         return self._allocated(
             lambda: cl.Buffer(self.context, flags, hostbuf=np.ascontiguousarray(array)), array.nbytes

@@ -29,7 +29,7 @@ DIRECTIONS = 64  # of the table, all round
 FINER = 2  # directions traced per direction of the table
 SCAN = 10  # points along a direction
 LIT_SCAN = 14  # film points
-LIT_BISECTIONS = 10
+LIT_BISECTIONS = 8
 FARTHEST = 1.75  # in the frame of the box round the pupil
 BISECTIONS = 6
 RADIAL_NODES = 41
@@ -39,7 +39,7 @@ FINE = (32, 16)  # half of a pupil, at one film point
 NEAR = 1.0  # sizes of a pupil, round it, in which that of the next film point is sought
 MARGIN = 0.003  # of the radius, beyond what was traced
 EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
-EDGE_MARGIN = 0.25
+EDGE_MARGIN = 0.15
 FILM_MARGIN = 0.01  # the same for a grid over the film, whose nodes stand farther apart
 
 
@@ -168,9 +168,7 @@ def _near(probe: FilmProbe, film: Array, box: Array) -> tuple[Array, bool]:
     """Return the box round the pupil seen from one film point (1, 2), sought near another one's, and if it is open."""
     width, height = box[1] - box[0], box[3]
     around = np.array([[box[0] - NEAR * width, box[1] + NEAR * width, 0.0, (1.0 + NEAR) * height]])
-    for _ in range(2):
-        around, hit = narrowed(probe, film, around, FINE)
-        around = _upper(around, True)
+    around, hit = narrowed(probe, film, around, FINE)
     return around[0], bool(hit[0])
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.camera import Camera
-from rptcam_cl.scene.coverage import has_holes
 from rptcam_cl.scene.environment import (
     ConstantEnvironment,
     Environment,
@@ -25,7 +24,7 @@ from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
-from rptcam_cl.scene.shape import Box, Cone, Cylinder, Object, Plane, Sphere
+from rptcam_cl.scene.shape import Object, Plane
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
 LARGEST_EXTENT_RATIO = 1e7
@@ -42,17 +41,6 @@ def to_world(item: PlacedObject, points: NDArray[np.float64]) -> NDArray[np.floa
 def world_corners(item: PlacedObject) -> NDArray[np.float64]:
     """Return the eight corners of an object's bounds in the world (8, 3)."""
     return to_world(item, np.array(list(product(*zip(*item.bounds(), strict=True)))))
-
-
-def check_holes(item: Object, path: tuple[str | int, ...]) -> None:
-    """Refuse holes in a shape whose far side a ray through a hole would have to be tested for."""
-    if isinstance(item, (Sphere, Box, Cylinder, Cone)) and has_holes(item.material):
-        raise refuse(
-            "has holes, which a shape with two sides cannot have",
-            got=item.shape,
-            allowed="rectangle, disk, plane or mesh for a material with opacity",
-            path=(*path, "material", "opacity"),
-        )
 
 
 def check_extent(item: Object, path: tuple[str | int, ...]) -> None:

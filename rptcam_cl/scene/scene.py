@@ -14,7 +14,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from rptcam_cl.scene.aperture import ImageAperture
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
-from rptcam_cl.scene.checks import check_extent, check_holes, scene_warnings
+from rptcam_cl.scene.checks import check_extent, scene_warnings
 from rptcam_cl.scene.environment import WITH_UP, Environment
 from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
@@ -114,7 +114,6 @@ class Scene(SceneModel):
         for index, item in enumerate(self.objects):
             if not isinstance(item, MeshObject):
                 check_extent(item, path=("objects", index))
-                check_holes(item, path=("objects", index))
         return self
 
     @property

@@ -47,7 +47,8 @@ class SceneBuffers:
             trees = scene_trees(plan.meshes, session)
             self.tree_facts |= trees.facts
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
-            self.scene += (*(upload(array) for array in arrays), np.int32(trees.root))
+            low, high = (bound.tobytes() for bound in trees.bounds)
+            self.scene += (*(upload(array, in_place=True) for array in arrays), np.int32(trees.root), low, high)
         self.filter = upload(plan.camera_filter.table)
         camera = plan.camera
         self.camera: tuple[Any, ...] = (

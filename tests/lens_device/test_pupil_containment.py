@@ -176,7 +176,7 @@ def film_of(name):
     """A lens, its distance to the film, and the radius of the image circle."""
     lens = load_lens(name)
     back = ASSIGNMENT[name][0] if name in ASSIGNMENT else back_distance(lens)
-    # Over the outer half of its circle the pupil of a lens that is not round closes faster than a grid of nodes follows.
+    # Over the outer half of its circle the pupil of a lens that is not round closes faster than its nodes follow.
     lit = image_circle(lens, back) / (1 if lens.is_rotational else 2)
     # a bare lens lights any film
     return lens, back, min(lit, abs(lens.first_order().focal_length_mm))

@@ -65,7 +65,7 @@ def crowd(rng: np.random.Generator, count: int, place: Any = (0, 0, 0), holes: b
     for index, center in enumerate(grid):
         kind, size = KINDS[index % len(KINDS)], float(rng.choice([0.03, 0.125, 0.25]))
         item = upright(kind, place + center, size) if index % 3 == 0 else one(kind, place + center, size, rng)
-        items.append(item | {"material": NET if holes and kind in ("rectangle", "disk") and index % 2 else MATTE})
+        items.append(item | {"material": NET if holes and index % 5 == 0 else MATTE})
     items += items[:: max(count // 15, 1)]  # at equal distance: the first of the list counts
     plane = {"shape": "plane", "point": (place - [0, 1.5, 0]).tolist(), "normal": [0, 1, 0]}
     plane["material"] = NET if holes else MATTE

@@ -66,12 +66,54 @@ def test_rays_are_measured_beside_numpy_and_the_peak(checkout: Path, tmp_path: P
     assert results["tracers"]["kernel, float32"]["wall"] > 0
 
 
+def test_another_lens_program_that_is_missing_is_named() -> None:
+    with pytest.raises(WorkerError, match="no-such-program cannot be imported"):
+        Worker(sys.executable, "benchmarks.optics_worker", "no-such-program")
+
+
+def test_pupil_tables_are_timed_for_every_lens(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "pupil_tables")
+    assert len(results) == 3 and "achromat-100mm" in printed
+    assert all(found["tight"] > 0.6 and found["again"] < found["seconds"] for found in results.values())
+
+
+@pytest.mark.slow
+def test_surfaces_of_every_kind_are_compared_with_a_sphere(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "surface_costs")
+    assert results["spheres"]["sphere"] == 1 and results["spheres"]["toroid"] > 1
+
+
 def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "bvh_build")
     assert "wide nodes" in printed
     for found in results:
         assert found["seconds"]["all"]["wall"] > 0
         assert found["quality"]["fill"] > 0.7
+
+
+def test_rays_at_meshes_agree_with_those_of_others(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "mesh_rays")
+    assert [found["rays"] for found in results] == ["primary", "diffuse bounce", "the same, shuffled", "shadow"]
+    assert "| shadow " in printed
+    for found in results:
+        assert 0.1 < found["hit"] < 0.9
+        assert min(found["agreement"].values()) > 0.99
+
+
+@pytest.mark.slow
+def test_memory_of_meshes_is_told(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "mesh_memory")
+    assert 40 < results["bytes_per_triangle"]["all"] < 200
+    assert 0.05 < results["large"]["built"]["gigabytes"] < 2
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
+@pytest.mark.skipif(find_llvm() is None, reason="no LLVM library for mitsuba's llvm variants")
+def test_noise_is_compared_at_equal_time(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "equal_time", "--scenes", "B")
+    assert [found["renderer"] for found in results] == ["ours"] * 2 + ["Mitsuba"] * 3
+    for found in results:
+        assert found["relmse"] == pytest.approx(found["noise"], rel=0.5)  # no bias
 
 
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")

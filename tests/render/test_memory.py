@@ -30,7 +30,7 @@ def test_every_array_of_a_scene_of_meshes_is_counted(session):
     scene = load_scene(scene_of([ball], VIEW))
     allocated = []
     watched = Session(session.info)
-    watched.upload = lambda array: allocated.append(array.nbytes) or Session.upload(watched, array)
+    watched.upload = lambda array, **keys: allocated.append(array.nbytes) or Session.upload(watched, array, **keys)
     plan = make_plan(scene)
     Wavefront(watched, plan, FilmLayout.of(scene.film), scene.render)
     needs = memory_needs(plan, session, film=0, paths=0)
@@ -60,5 +60,5 @@ def test_host_memory_bounds_what_a_cpu_may_plan_with(session, monkeypatch):
 
 def test_large_arrays_are_not_copied_for_a_cpu(session):
     array = np.arange(1 << 20, dtype=np.float32)
-    buffer = session.upload(array)
+    buffer = session.upload(array, in_place=True)
     assert (session.read(buffer, np.float32, len(array)) == array).all()

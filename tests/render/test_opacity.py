@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 
-import rptcam_cl
-from rptcam_cl.errors import InputError
 from tests.render.pictures import flat_mean, looking, pixels, scene_of, seed_of
 
 CHECKS = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [8, 8]}
@@ -79,8 +77,20 @@ def test_choice_does_not_depend_on_the_wave(monkeypatch):
     assert (films[0] == films[1]).all()
 
 
-@pytest.mark.parametrize("shape", [{"shape": "sphere", "center": [0, 0, 0], "radius": 1}])
-def test_holes_in_a_shape_with_two_sides_are_refused(shape):
-    scene = scene_of([shape | {"material": GREY | {"opacity": 0.5}}], DOWN)
-    with pytest.raises(InputError, match=r"objects\[0\]\.material\.opacity: has holes.*mesh"):
-        rptcam_cl.load_scene(scene)
+SOLIDS = {
+    "sphere": {"shape": "sphere", "center": [0, 0, 0], "radius": 1},
+    "ellipsoid": {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "transform": [{"scale": [1.2, 1, 0.8]}]},
+    "box": {"shape": "box", "min": [-1, -1, -1], "max": [1, 1, 1]},
+    "cylinder": {"shape": "cylinder", "base": [-1, 0, 0], "top": [1, 0, 0], "radius": 1},
+    "cone": {"shape": "cone", "base": [0, 0, -1], "apex": [0, 0, 1], "radius": 1},
+}
+
+
+@pytest.mark.parametrize("solid", SOLIDS)
+def test_both_sides_of_a_solid_have_their_own_holes(solid):
+    body = SOLIDS[solid] | {"material": BLACK | {"opacity": 0.5}}
+    camera = looking([0.02, -0.03, 9], [0, 0, 0], fov=2, up=(0, 1, 0))
+    mean, error = flat_mean(scene_of([body], camera, depth=2, environment={"kind": "constant", "radiance": 1}),
+                            f"solid {solid}", spp=256)  # fmt: skip
+    assert (np.abs(mean - 0.25) < 4 * error).all()
+    assert (error < 0.005).all()
