@@ -74,7 +74,7 @@ def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tup
     placed[:, :3] = rows
     is_sphere = kinds == Kind.SPHERE
     placed[is_sphere] = np.eye(4)
-    inverse: Array = np.linalg.inv(placed)
+    inverse = np.linalg.inv(placed).astype(np.float64)
     linear, origin = inverse[:, :3, :3], inverse[:, :3, 3]
     linear[is_sphere] *= rows[is_sphere, 0, 3, None, None]
     origin[is_sphere] = rows[is_sphere, 0, :3]
