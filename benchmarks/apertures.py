@@ -2,8 +2,8 @@
 
     python -m benchmarks.apertures [--seeds 8] [--json FILE]
 
-Noise is the standard deviation of a pixel over pictures with independent seeds, relative to the mean. The cost is that of
-the pass that makes the camera rays: CPU nanoseconds per sample, or device time of a GPU.
+Noise is the standard deviation of a pixel over pictures with independent seeds, relative to the mean. The cost is that
+of the pass that makes the camera rays: CPU nanoseconds per sample, or device time of a GPU.
 """
 
 from __future__ import annotations
