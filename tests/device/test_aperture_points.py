@@ -1,4 +1,4 @@
-"""Points of an aperture, read off a thin lens's rays: even over its shape, and as evenly spread as the sampler's numbers."""
+"""Points of an aperture, from the rays of a thin lens: even over its shape, and as well spread as the numbers."""
 
 import numpy as np
 import pytest
