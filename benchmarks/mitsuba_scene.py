@@ -2,6 +2,7 @@
 
 Covers what the reference scenes use, in the form that was fastest in Mitsuba: the flat shapes of one plain material as
 one mesh (measured on the Cornell box: 1.1 times the speed of single rectangles), but a lamp as a rectangle (1.2 times).
+Meshes of files are written anew as flat triangles in the world.
 """
 
 from __future__ import annotations
@@ -13,13 +14,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.geometry import mesh_parts
 from rptcam_cl.scene import Scene
+from tests.support.mesh_scene import write_ply
 
 NO_ROULETTE = 1 << 20  # an edge that no path reaches
 Quad = NDArray[np.float64]  # four corners in order, shape (4, 3)
 
 
-def describe(scene: Scene, *, roulette: bool, folder: Path) -> dict[str, Any]:
+def describe(scene: Scene, *, roulette: bool, folder: Path, others: dict[str, Any] | None = None) -> dict[str, Any]:
     """Return a dictionary for Mitsuba's ``load_dict`` in which transforms stand as ``{"matrix": rows}``.
 
     Parameters
@@ -28,6 +31,8 @@ def describe(scene: Scene, *, roulette: bool, folder: Path) -> dict[str, Any]:
         Whether Russian roulette ends paths as it does by Mitsuba's default, or never.
     folder
         Where meshes are written.
+    others
+        Descriptions that stand for the environment and for the meshes of the scene.
     """
     integrator = {"type": "path", "max_depth": scene.render.max_depth}
     description: dict[str, Any] = {
@@ -35,6 +40,9 @@ def describe(scene: Scene, *, roulette: bool, folder: Path) -> dict[str, Any]:
         "integrator": integrator if roulette else integrator | {"rr_depth": NO_ROULETTE},
         "sensor": _sensor(scene),
     }
+    if others is not None:
+        shapes = scene.model_copy(update={"objects": tuple(item for item in scene.objects if item.shape != "mesh")})
+        return description | others | _objects(shapes, folder)
     environment = scene.environment
     if environment is not None:
         assert environment.kind == "constant"
@@ -81,6 +89,8 @@ def _objects(scene: Scene, folder: Path) -> dict[str, Any]:
         plain = isinstance(getattr(item.material, "reflectance", None), tuple)
         if item.shape == "sphere":
             found[f"object_{number}"] = look | {"type": "sphere", "center": list(item.center), "radius": item.radius}
+        elif item.shape == "mesh":
+            found |= _mesh(scene, item, f"object_{number}", folder)
         elif item.shape == "rectangle" and not plain:
             u, v = np.array(item.edge_u), np.array(item.edge_v)
             centre = np.array(item.corner) + u / 2 + v / 2
@@ -97,6 +107,19 @@ def _objects(scene: Scene, folder: Path) -> dict[str, Any]:
     return found
 
 
+def _mesh(scene: Scene, item: Any, name: str, folder: Path) -> dict[str, Any]:
+    """Return the parts of a mesh object, which must be flat."""
+    found = {}
+    for number, part in enumerate(mesh_parts(scene, item)):
+        assert part.mesh.normals is None
+        points = part.mesh.positions + part.mesh.origin
+        path = folder / f"{name}_{number}.ply"
+        write_ply(path, points @ part.placement[:3, :3].T + part.placement[:3, 3], part.mesh.faces)
+        shape = {"type": "ply", "filename": str(path), "face_normals": True}
+        found[f"{name}_{number}"] = _look(part.material) | shape
+    return found
+
+
 def _look(material: Any) -> dict[str, Any]:
     """Return BSDF and emitter of a material."""
     if material.kind == "emissive":
@@ -106,6 +129,10 @@ def _look(material: Any) -> dict[str, Any]:
         return {"bsdf": {"type": "diffuse", "reflectance": _reflectance(material.reflectance)}}
     if material.kind == "mirror":
         return {"bsdf": {"type": "conductor", "material": "none", "specular_reflectance": _rgb(material.reflectance)}}
+    if material.kind == "conductor":
+        along, across = material.alphas
+        metal = {"type": "roughconductor", "material": "none", "specular_reflectance": _rgb(material.reflectance)}
+        return {"bsdf": metal | {"distribution": "ggx", "alpha_u": along, "alpha_v": across}}
     assert material.kind == "dielectric"
     return {"bsdf": {"type": "dielectric", "int_ior": material.index, "ext_ior": 1.0}}
 

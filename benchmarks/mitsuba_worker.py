@@ -1,6 +1,6 @@
 """The worker that renders with Mitsuba 3, variant ``llvm_ad_rgb``; its Python needs nothing else.
 
-Requests: ``load`` a description made by `benchmarks.mitsuba_scene`, ``render`` samples of it.
+Requests: ``load`` a description made by `benchmarks.mitsuba_scene`, ``render`` samples of it and perhaps save them.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ def find_llvm() -> str | None:
     return versions[max(versions)] if versions else None
 
 
-def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
-    """Return the description of the renderer and its answers."""
+def ready_mitsuba() -> Any:
+    """Return the module mitsuba, its variant chosen and tried."""
     if "DRJIT_LIBLLVM_PATH" not in os.environ and (library := find_llvm()):
         os.environ["DRJIT_LIBLLVM_PATH"] = library
     try:
@@ -38,13 +38,19 @@ def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
         mitsuba.Float([1.0]) + 1.0
     except Exception as error:
         raise WorkerError(f"Mitsuba's variant {VARIANT} does not run ({error}); it needs LLVM. {REMEDY}") from error
+    return mitsuba
+
+
+def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
+    """Return the description of the renderer and its answers."""
+    mitsuba = ready_mitsuba()
     loaded: dict[str, Any] = {}
 
     def respond(request: dict[str, Any]) -> dict[str, Any]:
         if request["do"] == "load":
             loaded[request["as"]] = mitsuba.load_dict(_with_transforms(mitsuba, request["description"]))
             return {}
-        return _render(mitsuba, loaded[request["as"]], request["spp"], request["seed"])
+        return _render(mitsuba, loaded[request["as"]], request)
 
     return f"Mitsuba {mitsuba.__version__} {VARIANT}", respond
 
@@ -61,12 +67,18 @@ def _with_transforms(mitsuba: Any, description: dict[str, Any]) -> dict[str, Any
     return found
 
 
-def _render(mitsuba: Any, scene: Any, spp: int, seed: int) -> dict[str, Any]:
-    """Return times and mean colour of a render from nothing to the picture in numpy."""
+def _render(mitsuba: Any, scene: Any, request: dict[str, Any]) -> dict[str, Any]:
+    """Return times and mean colour of a render from nothing to the picture in numpy, which may be saved."""
     import numpy as np
 
     pictures = []
-    times = timed(lambda: pictures.append(np.array(mitsuba.render(scene, spp=spp, seed=seed))))
+
+    def work() -> None:
+        pictures.append(np.array(mitsuba.render(scene, spp=request["spp"], seed=request["seed"])))
+
+    times = timed(work)
+    if "save" in request:
+        np.save(request["save"], pictures[0])
     return {"wall": times.wall, "cpu": times.cpu, "mean": pictures[0].mean(axis=(0, 1), dtype=float).tolist()}
 
 

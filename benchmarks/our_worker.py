@@ -1,10 +1,16 @@
-"""The worker that renders with this package. Requests: ``load`` a reference scene, ``render`` samples of it."""
+"""The worker that renders with this package.
+
+Requests: ``load`` a reference scene, perhaps with other ``settings`` of its render; ``render`` samples of it, perhaps
+``save`` the picture and ``forget`` the scene.
+"""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Callable
 from typing import Any
+
+import numpy as np
 
 from benchmarks.scenes import reference_scene, wavefront_of
 from benchmarks.stopwatch import timed
@@ -21,23 +27,28 @@ def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
 
     def respond(request: dict[str, Any]) -> dict[str, Any]:
         if request["do"] == "load":
-            scene = reference_scene(request["scene"], shrink=request["shrink"], roulette=request["roulette"])
-            loaded[request["as"]] = wavefront_of(scene, session)
+            how = {"shrink": request["shrink"], "roulette": request["roulette"], **request.get("settings", {})}
+            loaded[request["as"]] = wavefront_of(reference_scene(request["scene"], **how), session)
             return {}
-        return _render(loaded[request["as"]], request["spp"])
+        answer = _render(loaded[request["as"]], request)
+        if request.get("forget"):
+            del loaded[request["as"]]
+        return answer
 
     return f"rptcam_cl {__version__} on {session.info.name} ({session.info.platform})", respond
 
 
-def _render(wavefront: Wavefront, spp: int) -> dict[str, Any]:
+def _render(wavefront: Wavefront, request: dict[str, Any]) -> dict[str, Any]:
     """Return times and mean colour of a render from the empty film to the picture in numpy."""
     pictures = []
 
     def work() -> None:
         wavefront.clear()
-        pictures.append(render_plan(wavefront, spp=spp, seconds=None, has_lens=False).pixels)
+        pictures.append(render_plan(wavefront, spp=request["spp"], seconds=None, has_lens=False).pixels)
 
     times = timed(work)
+    if "save" in request:
+        np.save(request["save"], pictures[0])
     return {"wall": times.wall, "cpu": times.cpu, "mean": pictures[0].mean(axis=(0, 1), dtype=float).tolist()}
 
 

@@ -18,7 +18,7 @@ from rptcam_cl.device import Session, choose_device
 from rptcam_cl.scene import change_scene
 from rptcam_cl.wavefront import Wavefront
 
-SCENES = ("A", "A_lens", "B")
+SCENES = ("A", "A_lens", "B", "C")
 PUPILS = ("rear", "thick", "bounds", "tight")
 # Throw-away prototypes, measured before this program was written on two Zen 3 cores with PoCL 3.0: paths of depth 8
 # among three spheres, as 8-lane streams and as waves of passes; rays through the eleven surfaces of the double Gauss.
@@ -51,7 +51,7 @@ def _measure_once(wavefront: Wavefront, spp: int) -> dict[str, Any]:
 
 def prototype(scene: str, organisation: str, name: str) -> float | None:
     """Return what the prototype needed for a pass, or for the total [ns per sample]; None if it had no such thing."""
-    if scene == "B":
+    if scene in ("B", "C"):
         return None
     lens = PROTOTYPE_LENS if scene == "A_lens" else 0.0
     if name == "total":

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan
@@ -32,7 +33,7 @@ def _mesh_folder() -> Path:
     return write_meshes(folder)
 
 
-def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **render: int) -> Scene:
+def reference_scene(name: str, *, shrink: int = 1, roulette: bool = False, **render: Any) -> Scene:
     """Return a reference scene.
 
     Parameters

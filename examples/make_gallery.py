@@ -13,21 +13,26 @@ PAGE = Path(__file__).with_name("README.md")
 
 
 def commands(page: str) -> list[list[str]]:
-    """Return the arguments of every ``rptcam`` command in the shell blocks of a Markdown page."""
+    """Return the words of the command in every shell block of a Markdown page."""
     blocks = re.findall(r"^```sh\n(.*?)^```", page, re.DOTALL | re.MULTILINE)
-    words = [shlex.split(block.replace("\\\n", "")) for block in blocks]
-    return [line[1:] for line in words if line[0] == "rptcam"]
+    return [shlex.split(block.replace("\\\n", "")) for block in blocks]
+
+
+def started(words: list[str]) -> list[str]:
+    """Return what runs a command with the Python that runs this script."""
+    return [sys.executable, *(["-m", "rptcam_cl"] if words[0] == "rptcam" else []), *words[1:]]
 
 
 def main(wanted: list[str]) -> int:
     """Render the pictures whose command holds one of the wanted texts, or all; return the exit code."""
     root = PAGE.parent.parent
-    for arguments in commands(PAGE.read_text("utf-8")):
-        line = shlex.join(["rptcam", *arguments])
+    for words in commands(PAGE.read_text("utf-8")):
+        line = shlex.join(words)
         if wanted and not any(part in line for part in wanted):
             continue
         print(line, flush=True)
-        done = subprocess.run([sys.executable, "-m", "rptcam_cl", *arguments, "--quiet"], cwd=root, check=False)
+        quiet = ["--quiet"] if words[1] == "render" else []
+        done = subprocess.run(started(words) + quiet, cwd=root, check=False)
         if done.returncode:
             return done.returncode
     return 0

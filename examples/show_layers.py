@@ -1,6 +1,6 @@
 """Show six layers of a scene side by side: picture, depth, normal, albedo, objects and circle of confusion.
 
-Run in the folder above: python examples/show_layers.py [SCENE [OUT.png]]
+Run in the folder above: python examples/show_layers.py [SCENE [OUT.png [WIDTHxHEIGHT]]]
 """
 
 import sys
@@ -35,10 +35,11 @@ def panels(image: rptcam_cl.Image) -> list[Panel]:
     ]
 
 
-def main(scene: str = "examples/first_light.yaml", out: str = "docs/images/layers.png") -> None:
-    """Render the layers and write the picture."""
+def main(scene: str = "examples/first_light.yaml", out: str = "docs/images/layers.png", size: str = "320x180") -> None:
+    """Render the layers and write the picture, whose panels have that size."""
+    width, height = map(int, size.split("x"))
     names = ["depth", "normal", "albedo", "object_id", "coc"]
-    shown = panels(rptcam_cl.render(scene, spp=64, size=(320, 180), layers=names))
+    shown = panels(rptcam_cl.render(scene, spp=64, size=(width, height), layers=names))
     rows = [np.concatenate(shown[start : start + 3], axis=1) for start in (0, 3)]
     Image.fromarray((255 * np.clip(np.concatenate(rows), 0, 1) + 0.5).astype(np.uint8)).save(out, optimize=True)
 

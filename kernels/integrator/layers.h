@@ -5,12 +5,26 @@
 #ifndef LAYERS_H
 #define LAYERS_H
 #include "camera/film_point.h"
+#include "material/fresnel.h"
 #include "material/vertex.h"
 
 #define SUM_OF_PASSED 0      // weights of the rays that pass the camera
 #define SUM_OF_HITS   1      // weights of those that hit something
 #define NOT_A_NUMBER  0x7fc00000
 #define SMALLEST_DISTANCE 1e-12f   // [m]; nearer points blur alike
+
+// What a surface reflects of light; a metal, what it reflects head-on.
+static F3 base_color(Vertex vertex)
+{
+    F3 color = keep3(vertex.kind != MATERIAL_EMISSIVE, vertex.color);
+#if HAS_METAL
+    F3 n = vertex.finish.n;
+    F3 k = vertex.finish.k;
+    F3 f = f3(metal_fresnel(ONE, n.x, k.x), metal_fresnel(ONE, n.y, k.y), metal_fresnel(ONE, n.z, k.z));
+    color = select3(vertex.kind == MATERIAL_METAL, mul(color, f), color);
+#endif
+    return color;
+}
 
 typedef struct { F sum[LAYER_SUMS], rest[LAYER_SUMS]; } LayerSums;
 

@@ -79,7 +79,7 @@ __kernel void layers(SCENE_PARAMETERS,
         add_weighted3(&sums, LAYER_GEOMETRIC_NORMAL, behind ? -seen : seen, vertex.ng);
 #endif
 #if LAYER_ALBEDO >= 0
-        add_weighted3(&sums, LAYER_ALBEDO, seen, keep3(vertex.kind != MATERIAL_EMISSIVE, vertex.color));
+        add_weighted3(&sums, LAYER_ALBEDO, seen, base_color(vertex));
 #endif
 #if LAYER_COC >= 0
         F away = view->by_depth ? depth + view->blur.w : dot3(sub(vertex.p, scale(back, (F)(view->blur.w))), ray.d);

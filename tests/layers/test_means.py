@@ -229,3 +229,22 @@ def test_floor_far_from_the_origin_keeps_its_place():
         {"camera": CAMERAS["pinhole"] | pose, "film": film, "objects": moved}, spp=2, layers=["position"]
     )
     np.testing.assert_allclose(there["position"] - away, here["position"], atol=1e-5)
+
+
+def test_albedo_of_a_named_metal_is_what_it_reflects_head_on():
+    scene = {
+        "camera": {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 5},
+        "objects": [
+            {
+                "shape": "sphere",
+                "center": [0, 0, 0],
+                "radius": 1,
+                "material": {"kind": "conductor", "metal": {"n": [0.3, 0.9, 1.1], "k": [3.2, 2.6, 2.3]}, "alpha": 0.2},
+            }
+        ],
+        "environment": {"kind": "constant", "radiance": 1},
+    }
+    image = rptcam_cl.render(scene, spp=1, size=(8, 8), layers=["albedo"])
+    n, k = np.array([0.3, 0.9, 1.1]), np.array([3.2, 2.6, 2.3])
+    head_on = ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)  # Born and Wolf, section 14.2
+    np.testing.assert_allclose(image["albedo"], np.broadcast_to(head_on, (8, 8, 3)), rtol=1e-5)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import rptcam_cl.acceleration.scene_trees
 import rptcam_cl.plan.meshes
 from tests.meshes.probe import MATTE, MeshScene, mesh_object
 from tests.meshes.shapes import directions, globe
@@ -50,9 +51,11 @@ def rays_of(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np
     )
 
 
+@pytest.mark.parametrize("width", [4, 8, 16])
 @pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
 @pytest.mark.parametrize("shape", ["globe", "flat grid"])
-def test_tree_finds_what_every_triangle_finds(session, shape, kind):
+def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind, width):
+    monkeypatch.setattr(rptcam_cl.acceleration.scene_trees, "WIDTH", {"cpu": width, "gpu": width})
     rng = rng_of(f"{shape} {kind}")
     if shape == "globe":
         points, faces = globe(24, 32)

@@ -91,6 +91,31 @@ def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> Non
         assert found["quality"]["fill"] > 0.7
 
 
+def test_rays_at_meshes_agree_with_those_of_others(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "mesh_rays")
+    assert [found["rays"] for found in results] == ["primary", "diffuse bounce", "the same, shuffled", "shadow"]
+    assert "| shadow " in printed
+    for found in results:
+        assert 0.1 < found["hit"] < 0.9
+        assert min(found["agreement"].values()) > 0.99
+
+
+@pytest.mark.slow
+def test_memory_of_meshes_is_told(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "mesh_memory")
+    assert 40 < results["bytes_per_triangle"]["all"] < 200
+    assert 0.05 < results["large"]["built"]["gigabytes"] < 2
+
+
+@pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
+@pytest.mark.skipif(find_llvm() is None, reason="no LLVM library for mitsuba's llvm variants")
+def test_noise_is_compared_at_equal_time(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "equal_time", "--scenes", "B")
+    assert [found["renderer"] for found in results] == ["ours"] * 2 + ["Mitsuba"] * 3
+    for found in results:
+        assert found["relmse"] == pytest.approx(found["noise"], rel=0.5)  # no bias
+
+
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
 @pytest.mark.skipif(find_llvm() is None, reason="no LLVM library for mitsuba's llvm variants")
 def test_both_renderers_do_the_same_work(checkout: Path, tmp_path: Path) -> None:

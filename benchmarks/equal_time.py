@@ -1,0 +1,199 @@
+"""Noise at equal time beside Mitsuba 3: relative mean squared error of scenes B and C after the same time.
+
+    python -m benchmarks.equal_time [--seconds 20] [--seeds 3] [--mitsuba-python PATH] [--json FILE]
+
+Every renderer with every sampler renders each scene with several seeds, with the samples per pixel that take it about
+``--seconds`` of all cores: by CPU time on a processor, which other work on the machine disturbs less. The error is that
+against the other renderer's pictures, which are independent and in two halves, so that their own noise drops out:
+mean((x - r1) (x - r2) / (r^2 + (0.01 mean r)^2)). It counts noise and bias, and is scaled to the exact time as 1/t:
+Mitsuba's stratified samplers choose the number of samples themselves. Beside it stands the noise alone, from the
+differences between seeds.
+"""
+
+from __future__ import annotations
+
+import argparse
+import statistics
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.mitsuba_scene import describe
+from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from benchmarks.scenes import FULL_SIZE, reference_scene
+from benchmarks.stopwatch import cores
+from benchmarks.worker import Worker, WorkerError
+from rptcam_cl.device import choose_device
+
+GOAL = 3.0  # times less error than Mitsuba with any sampler
+OURS = ("lattice", "independent")  # the first is the default
+THEIRS = ("independent", "multijitter", "ldsampler")
+PASS = {"B": 16, "C": 16}  # samples per pixel that Mitsuba takes at once: more would fill the memory
+EDGE = 0.01  # of the mean: what keeps dark pixels from counting beyond measure
+COLUMNS = (
+    "scene", "renderer", "sampler", "spp", "Msamples/s", "relMSE", "noise alone", "variance per sample",
+    "times ours", "of that by speed", "by variance",
+)  # fmt: skip
+Pictures = NDArray[np.float64]
+
+
+@dataclass
+class Runs:
+    """One renderer with one sampler at one scene."""
+
+    renderer: str
+    sampler: str
+    spp: int
+    seconds: list[float] = field(default_factory=list)
+    pictures: list[Pictures] = field(default_factory=list)
+
+    def add(self, answer: dict[str, Any], path: Path, by_cpu: bool) -> None:
+        """Take over a render."""
+        self.seconds.append(answer["cpu"] / cores() if by_cpu else answer["wall"])
+        self.pictures.append(np.load(path).astype(np.float64))
+
+
+class Bench:
+    """Both workers at one scene."""
+
+    def __init__(self, options: argparse.Namespace, ours: Worker, theirs: Worker, scene: str, folder: Path) -> None:
+        self.ours, self.theirs, self.scene, self._folder = ours, theirs, scene, folder
+        self._by_cpu = choose_device(options.device).type == "cpu"
+        self._shrink = 8 if options.quick else 1
+        self._seconds = 0.05 if options.quick else options.seconds
+        self._roulette = options.roulette
+        self.pixels = (FULL_SIZE[scene][0] // self._shrink) * (FULL_SIZE[scene][1] // self._shrink)
+        plain = reference_scene(scene, shrink=self._shrink)
+        self._description = describe(plain, roulette=self._roulette, folder=folder)
+        self._description["integrator"]["samples_per_pass"] = PASS[scene]
+
+    def _render(self, renderer: str, sampler: str, spp: int, seed: int) -> tuple[dict[str, Any], Path]:
+        name, path = f"{self.scene} {sampler} {seed}", self._folder / "picture.npy"
+        if renderer == "ours":
+            how = {"shrink": self._shrink, "roulette": self._roulette, "settings": {"sampler": sampler, "seed": seed}}
+            self.ours.ask(do="load", scene=self.scene, **how, **{"as": name})
+            return self.ours.ask(do="render", spp=spp, save=str(path), forget=True, **{"as": name}), path
+        name = f"{self.scene} {sampler}"
+        return self.theirs.ask(do="render", spp=spp, seed=seed, save=str(path), **{"as": name}), path
+
+    def calibrated(self, renderer: str, sampler: str) -> Runs:
+        """Return no runs yet, with the samples per pixel that take the time."""
+        if renderer != "ours":
+            sensor = self._description["sensor"] | {"sampler": {"type": sampler}}
+            description = self._description | {"sensor": sensor}
+            self.theirs.ask(do="load", description=description, **{"as": f"{self.scene} {sampler}"})
+        unit = 1 if renderer == "ours" else PASS[self.scene]
+        spp = unit
+        for _ in range(3):
+            self._render(renderer, sampler, spp, 0)  # compiles what a number of samples needs
+            answer, _ = self._render(renderer, sampler, spp, 0)
+            rate = spp / (answer["cpu"] / cores() if self._by_cpu else answer["wall"])
+            if spp > rate * self._seconds / 8:
+                break
+            spp = max(round(rate * min(1.0, self._seconds / 4) / unit), 1) * unit
+        spp = max(round(rate * self._seconds / unit), 1) * unit
+        if sampler not in ("lattice", "independent"):
+            spp = max(PASS[self.scene], 1 << round(np.log2(spp)))
+        return Runs(renderer, sampler, spp)
+
+    def play(self, runs: Runs, seed: int) -> None:
+        """Render once for the record."""
+        runs.add(*self._render(runs.renderer, runs.sampler, runs.spp, seed), self._by_cpu)
+
+
+def errors(own: Runs, other: list[Runs], seconds: float) -> dict[str, Any]:
+    """Return what the errors of some runs are, against the pictures of other ones."""
+    every = [picture for runs in other for picture in runs.pictures]
+    first, second = (np.mean(every[half::2], axis=0) for half in (0, 1))
+    scale = ((first + second) / 2) ** 2 + (EDGE * float((first + second).mean()) / 2) ** 2
+    stack = np.array(own.pictures)
+    middle = statistics.median(own.seconds)
+    per_seed = [float(((x - first) * (x - second) / scale).mean()) for x in stack]
+    noise = float((stack.var(axis=0, ddof=1) / scale).mean())
+    return {
+        "relmse": statistics.median(per_seed) * middle / seconds,
+        "relmse_per_seed": per_seed,
+        "noise": noise * middle / seconds,
+        "variance_per_sample": noise * own.spp,
+        "mean_difference": float(np.abs(stack.mean(axis=(0, 1, 2)) / np.mean(every, axis=(0, 1, 2)) - 1).max()),
+        "seconds": middle,
+        "spp": own.spp,
+    }
+
+
+def measure(bench: Bench, seeds: int, seconds: float) -> list[dict[str, Any]]:
+    """Return the results of a scene, ours with the default sampler first."""
+    sides = [("ours", sampler) for sampler in OURS] + [("Mitsuba", sampler) for sampler in THEIRS]
+    every = [bench.calibrated(*side) for side in sides]
+    for seed in range(1, seeds + 1):
+        for runs in every:
+            bench.play(runs, seed)
+    found: list[dict[str, Any]] = []
+    for runs in every:
+        other = [each for each in every if (each.renderer == "ours") != (runs.renderer == "ours")]
+        result = {"scene": bench.scene, "renderer": runs.renderer, "sampler": runs.sampler}
+        result |= errors(runs, other, seconds)
+        result["msamples_per_second"] = bench.pixels * runs.spp / result["seconds"] / 1e6
+        found.append(result)
+    for result in found:
+        result["times_ours"] = result["relmse"] / found[0]["relmse"]
+        result["by_speed"] = found[0]["msamples_per_second"] / result["msamples_per_second"]
+        result["by_variance"] = result["variance_per_sample"] / found[0]["variance_per_sample"]
+    return found
+
+
+def row(found: dict[str, Any]) -> list[str]:
+    """Return the table row of a result."""
+    numbers = (found["relmse"], found["noise"], found["variance_per_sample"])
+    ratios = (found["times_ours"], found["by_speed"], found["by_variance"])
+    return [
+        *(found[key] for key in ("scene", "renderer", "sampler")),
+        str(found["spp"]),
+        f"{found['msamples_per_second']:.2f}",
+        *(f"{number:.3g}" for number in numbers),
+        *(f"{ratio:.2f}" for ratio in ratios),
+    ]
+
+
+def main() -> int:
+    """Run the comparison; the exit code is 2 when a renderer is missing."""
+    parser = arguments("Noise at equal time beside Mitsuba 3.")
+    parser.add_argument("--seconds", type=float, default=20.0, help="time of a render (default 20)")
+    parser.add_argument("--seeds", type=int, default=3, help="renders per renderer, sampler and scene (default 3)")
+    parser.add_argument("--scenes", nargs="+", choices=list(PASS), default=list(PASS), metavar="SCENE")
+    parser.add_argument("--roulette", action="store_true", help="with the Russian roulette of both defaults")
+    parser.add_argument("--mitsuba-python", default=sys.executable, help="interpreter that can import mitsuba")
+    options = parser.parse_args()
+    device = choose_device(options.device)
+    try:
+        theirs = Worker(options.mitsuba_python, "benchmarks.mitsuba_worker")
+        ours = Worker(sys.executable, "benchmarks.our_worker", device.id)
+        facts = machine(device) | {"ours": ours.description, "mitsuba": theirs.description}
+        results = []
+        for scene in options.scenes:
+            with tempfile.TemporaryDirectory() as folder:
+                bench = Bench(options, ours, theirs, scene, Path(folder))
+                results += measure(bench, max(options.seeds, 2), options.seconds)
+            print(f"{scene}: done", file=sys.stderr)
+    except WorkerError as error:
+        print(f"equal_time: {error}", file=sys.stderr)
+        return 2
+    for worker in (ours, theirs):
+        worker.close()
+    print_machine(facts | {"load_average_after": machine(device)["load_average"]})
+    title = f"Relative mean squared error after {options.seconds:g} s of {cores()} cores"
+    print_table(title, COLUMNS, [row(found) for found in results])
+    for scene in options.scenes:
+        least = min(x["times_ours"] for x in results if x["scene"] == scene and x["renderer"] != "ours")
+        print(f"{scene}: Mitsuba's best error is {least:.2f} times ours; the goal is {GOAL:g}.")
+    write_json(options.json, facts, results)
+    return 0
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())
