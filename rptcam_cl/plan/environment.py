@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.curves import curves
 from rptcam_cl.kinds import EnvironmentKind, TexelFormat
 from rptcam_cl.plan.colour import LUMINANCE
-from rptcam_cl.plan.curves import curves
 from rptcam_cl.plan.picture_table import Colours
 from rptcam_cl.plan.sky import bake_sky
 from rptcam_cl.plan.texels import linear_codes
