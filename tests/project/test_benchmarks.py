@@ -38,7 +38,7 @@ def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None
 def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "growth")
     assert printed.count("Msamples/s by wall") == len(results) == 4
-    assert list(results["spheres"]) == ["2", "4"]
+    assert list(results["spheres"]) == ["10", "32"]
 
 
 @pytest.mark.slow
