@@ -44,16 +44,18 @@ class Side:
     worker: Worker
     name: str
     pixels: int
+    by_cpu: bool
     spp: int = 1
 
     def __post_init__(self) -> None:
         self.answers: list[dict[str, Any]] = []
 
     def calibrate(self, seconds: float) -> None:
-        """Warm up, then choose the samples per pixel that take about the given time."""
+        """Warm up, then choose the samples per pixel that take about the given time where nothing else runs."""
         for _ in range(3):
             self._render(self.spp, 0)  # compiles what a number of samples needs
-            rate = self.spp / self._render(self.spp, 0)["wall"]
+            answer = self._render(self.spp, 0)
+            rate = self.spp / (answer["cpu"] / cores() if self.by_cpu else answer["wall"])
             self.spp = max(round(rate * seconds), 1)
         self._render(self.spp, 0)
 
@@ -75,15 +77,18 @@ class Side:
         return np.asarray(np.mean([answer["mean"] for answer in self.answers], axis=0))
 
 
-def load(ours: Worker, theirs: Worker, scene: str, roulette: bool, shrink: int, folder: Path) -> tuple[Side, Side]:
+def load(
+    workers: tuple[Worker, Worker], scene: str, roulette: bool, shrink: int, folder: Path, by_cpu: bool
+) -> tuple[Side, Side]:
     """Return both sides of a scene, loaded."""
+    ours, theirs = workers
     name = f"{scene}{' with roulette' if roulette else ''}"
     width, height = (side // shrink for side in FULL_SIZE[scene])
     folder.mkdir()
     other = reference_scene(THEIRS[scene], shrink=shrink)
     ours.ask(do="load", scene=scene, shrink=shrink, roulette=roulette, **{"as": name})
     theirs.ask(do="load", description=describe(other, roulette=roulette, folder=folder), **{"as": name})
-    return Side(ours, name, width * height), Side(theirs, name, width * height)
+    return Side(ours, name, width * height, by_cpu), Side(theirs, name, width * height, by_cpu)
 
 
 def difference(scene: str, ours: Side, theirs: Side) -> float:
@@ -128,13 +133,13 @@ def table_rows(found: dict[str, Any], clocks: Sequence[str]) -> list[list[str]]:
     return rows
 
 
-def compare(options: argparse.Namespace, ours: Worker, theirs: Worker) -> list[dict[str, Any]]:
+def compare(options: argparse.Namespace, workers: tuple[Worker, Worker], by_cpu: bool) -> list[dict[str, Any]]:
     """Return the results of all scenes, with roulette off and with both defaults."""
     shrink, rounds, seconds = (8, 2, 0.05) if options.quick else (1, options.rounds, options.seconds)
     results = []
     with tempfile.TemporaryDirectory() as folder:
         for number, (scene, roulette) in enumerate(itertools.product(options.scenes, (False, True))):
-            sides = load(ours, theirs, scene, roulette, shrink, Path(folder) / str(number))
+            sides = load(workers, scene, roulette, shrink, Path(folder) / str(number), by_cpu)
             for side in sides:
                 side.calibrate(seconds)
             for seed, side in itertools.product(range(1, rounds + 1), sides):
@@ -162,7 +167,7 @@ def main() -> int:
         theirs = Worker(options.mitsuba_python, "benchmarks.mitsuba_worker")
         ours = Worker(sys.executable, "benchmarks.our_worker", device.id)
         facts = machine(device) | {"ours": ours.description, "mitsuba": theirs.description}
-        results = compare(options, ours, theirs)
+        results = compare(options, (ours, theirs), device.type == "cpu")
     except WorkerError as error:
         print(f"against_mitsuba: {error}", file=sys.stderr)
         return 2
