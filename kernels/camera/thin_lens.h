@@ -1,5 +1,5 @@
 // A perfect thin lens: every ray of a film point meets in one point of the plane of focus. a = (tan x, tan y, distance of
-// that plane, aperture radius); tables = parts of the aperture.
+// that plane, aperture radius); tables = those of the aperture.
 #include "lens/aperture.h"
 #include "camera/film_point.h"
 

@@ -13,7 +13,7 @@ typedef struct {
     const __global uint        *texels;
     const __global Emitter     *emitters;
     const __global Environment *environment;
-    const __global float       *distribution;  // curves of how light sampling picks, kernels/light/curve.h
+    const __global float       *distribution;  // curves of how light sampling picks, common/curve.h
     int                         emitter_count;
 #if HAS_MESH
     const __global float       *nodes;         // of all trees, kernels/geometry/bvh.h

@@ -1,29 +1,26 @@
-// A uniform point of an aperture of radius 1, without rejection: of the disc, or of one of its parts, triangles or cells,
-// picked by area. A part is eight floats: corner, two edges, share of its alias cell that it keeps, index that has the rest.
-// Facts: APERTURE_PARTS (0: a disc), APERTURE_TRIANGLES.
+// A uniform point of an aperture of radius 1, without rejection, by warps that keep areas and tear nothing apart which the
+// sampler spreads evenly: u turns and v goes outwards, through the disc or a fan of triangles; in a mask, u goes through the
+// rows and v along one. Tables come from rptcam_cl/cameras/aperture.py:
+//   APERTURE_PARTS  the curve of so many triangles, and of each one its apex and two edges, from there and then on
+//   APERTURE_ROWS   the curve of so many rows of a mask, from the bottom, and those of as many cells of each row
 #ifndef APERTURE_H
 #define APERTURE_H
-#include "common/math.h"
+#include "common/curve.h"
 
-static void aperture_point(F u, F v, const __global float *parts, F *x, F *y)
+static void aperture_point(F u, F v, const __global float *tables, F *x, F *y)
 {
 #if APERTURE_PARTS
-    F scaled = u * (float)APERTURE_PARTS;
-    I part = MIN(TO_I(scaled), (I)(APERTURE_PARTS - 1));
-    F rest = scaled - TO_F(part);
-    F keep = GATHER(F, parts + 6, part * 8, );
-    I stays = rest < keep;
-    part = stays ? part : TO_I(GATHER(F, parts + 7, part * 8, ));
-    F a = stays ? rest / keep : (rest - keep) / (1.0f - keep);
-    F b = v;
-#if APERTURE_TRIANGLES
-    F s = sqrt(a);
-    a = s * (1.0f - b);
-    b = s * b;
-#endif
-    I at = part * 8;
-    *x = GATHER(F, parts, at, ) + a * GATHER(F, parts + 2, at, ) + b * GATHER(F, parts + 4, at, );
-    *y = GATHER(F, parts + 1, at, ) + a * GATHER(F, parts + 3, at, ) + b * GATHER(F, parts + 5, at, );
+    F along, share;
+    I at = cell_at(tables, FALSE, APERTURE_PARTS, u, &along, &share) * 6 + CURVE(APERTURE_PARTS);
+    F out = sqrt(v);
+    *x = GATHER(F, tables, at, ) + out * (GATHER(F, tables + 2, at, ) + along * GATHER(F, tables + 4, at, ));
+    *y = GATHER(F, tables + 1, at, ) + out * (GATHER(F, tables + 3, at, ) + along * GATHER(F, tables + 5, at, ));
+#elif APERTURE_ROWS
+    F of_row, of_cell, share;
+    I row = cell_at(tables, FALSE, APERTURE_ROWS, u, &of_row, &share);
+    I column = cell_at(tables, (row + 1) * CURVE(APERTURE_ROWS), APERTURE_ROWS, v, &of_cell, &share);
+    *x = (TO_F(column) + of_cell) * (2.0f / APERTURE_ROWS) - 1.0f;
+    *y = (TO_F(row) + of_row) * (2.0f / APERTURE_ROWS) - 1.0f;
 #else
     F s, c;
     sincos_turns(u, &s, &c);

@@ -6,7 +6,7 @@
 #define EMITTERS_H
 #include "common/scene.h"
 #include "geometry/hit.h"
-#include "light/curve.h"
+#include "common/curve.h"
 #include "light/environment.h"
 #include "light/painted.h"
 #include "light/point.h"
@@ -59,8 +59,8 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 #if ONE_EMITTER
     I e = FALSE;
 #else
-    F place, share;
-    I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &place, &share);
+    F inside, share;
+    I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &inside, &share);
 #endif
     I kind = OF_EMITTER(I, kind);
     F pick = OF_EMITTER(F, pick);

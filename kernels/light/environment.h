@@ -4,7 +4,7 @@
 #define ENVIRONMENT_H
 #include "common/scene.h"
 #include "common/angles.h"
-#include "light/curve.h"
+#include "common/curve.h"
 #include "material/image.h"
 
 #if ENVIRONMENT == ENVIRONMENT_GRADIENT
@@ -71,7 +71,9 @@ static F3 environment_sample(F u, F v, Scene scene, F3 *radiance, F *pdf)
     const __global float *tables = ENVIRONMENT_TABLES(scene);
     F x, y, sine, cosine, aside, depth, of_rows, of_columns;
     I row = cell_at(tables, FALSE, e->rows, u, &y, &of_rows);
-    cell_at(tables, CURVE(e->rows) + row * CURVE(e->columns), e->columns, v, &x, &of_columns);
+    I column = cell_at(tables, CURVE(e->rows) + row * CURVE(e->columns), e->columns, v, &x, &of_columns);
+    y = (TO_F(row) + y) * (1.0f / (float)e->rows);
+    x = (TO_F(column) + x) * (1.0f / (float)e->columns);
     sincos_turns(0.5f * y, &aside, &depth);                 // from straight down
     sincos_turns(x, &sine, &cosine);                        // from backward, over the left
     *radiance = environment_texel(x, y, scene);

@@ -105,6 +105,8 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
     return facet;
 }
 
+#define LEAST_COAT 0.25f    // the coat is chosen at least so often: it shows lamps, which outshine what lights the base
+
 #if HAS_BASE
 // The diffuse base (Kelemen and Szirmay-Kalos 2001): rho (1 - E(wi)) (1 - E(wo)) / (pi (1 - mean of E)) is symmetric, and
 // with rho = 1 gives back all that the cover does not. `weight` is about the albedo of all other lobes.
@@ -177,7 +179,8 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     lobes.coat_alpha.y = alpha;
 #endif
     lobes.coat_cover = cover_of((F)(COAT_REFLECTANCE), alpha, coat);
-    lobes.coat = cover_albedo(lobes.coat_cover, wi.z);
+    F share = cover_albedo(lobes.coat_cover, wi.z);
+    lobes.coat = share > 0.0f ? MAX(share, (F)(LEAST_COAT)) : ZERO;
 #endif
     return lobes;
 }

@@ -1,4 +1,4 @@
-"""The shape of an aperture for the device: parts to draw points of a thin lens from, or the shape of a stop."""
+"""The shape of an aperture for the device: tables to draw points of a thin lens from, or the shape of a stop."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.alias import alias_table
+from rptcam_cl.curves import curves
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
 from rptcam_cl.scene import aperture as scene_shapes
 from rptcam_cl.scene.scene import Scene
 
-Array = NDArray[np.float64]
 LARGEST_MASK = 512  # pixels along a side
 
 
@@ -40,28 +39,20 @@ def stop_shape(scene: Scene, aperture: scene_shapes.Aperture) -> StopShape | Sto
     return None
 
 
-def aperture_parts(scene: Scene, aperture: scene_shapes.Aperture) -> tuple[NDArray[np.float32], dict[str, int]]:
-    """Return the parts of an aperture of radius 1 and the facts for `kernels/lens/aperture.h`.
-
-    A part is eight floats: a corner, two edges from it, and its cell of the alias table that picks parts by their area.
-    """
+def aperture_tables(scene: Scene, aperture: scene_shapes.Aperture) -> tuple[NDArray[np.float32], dict[str, int]]:
+    """Return the tables of an aperture of radius 1 and its facts, both as `kernels/lens/aperture.h` describes them."""
     shape = stop_shape(scene, aperture)
+    facts = {"APERTURE_PARTS": 0, "APERTURE_ROWS": 0}
     if shape is None:
-        return np.zeros(1, np.float32), {"APERTURE_PARTS": 0, "APERTURE_TRIANGLES": 0}
+        return np.zeros(1, np.float32), facts
     if isinstance(shape, StopMask):
-        size = 2.0 / len(shape.cells)
-        row, column = np.nonzero(shape.cells)
-        corner = np.stack([-1 + column * size, 1 - (row + 1) * size], axis=1)
-        edges = np.broadcast_to([size, 0.0, 0.0, size], (len(corner), 4))
-        return _table(corner, edges, np.ones(len(corner))), {"APERTURE_PARTS": len(corner), "APERTURE_TRIANGLES": 0}
-    corner, first, second = (shape.triangles[:, k] for k in range(3))
-    table = _table(corner, np.concatenate([first - corner, second - corner], axis=1), shape.triangle_areas)
-    return table, {"APERTURE_PARTS": len(corner), "APERTURE_TRIANGLES": 1}
-
-
-def _table(corner: Array, edges: Array, areas: Array) -> NDArray[np.float32]:
-    keep, other = alias_table(areas)
-    return np.concatenate([corner, edges, np.stack([keep, other], axis=1)], axis=1).astype(np.float32).ravel()
+        cells = shape.cells[::-1].astype(np.float64)
+        tables = np.concatenate([curves(cells.sum(axis=1)[None])[0], curves(cells)[0]])
+        return tables.ravel(), facts | {"APERTURE_ROWS": len(cells)}
+    apex, first, second = (shape.triangles[:, k] for k in range(3))
+    corners = np.concatenate([apex, first - apex, second - first], axis=1).astype(np.float32)
+    curve, _ = curves(shape.triangle_areas[None])
+    return np.concatenate([curve.ravel(), corners.ravel()]), facts | {"APERTURE_PARTS": len(corners)}
 
 
 def _mask(path: Path) -> NDArray[np.bool_]:

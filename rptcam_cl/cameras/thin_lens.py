@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from rptcam_cl.cameras.aperture import aperture_parts
+from rptcam_cl.cameras.aperture import aperture_tables
 from rptcam_cl.cameras.blur import perfect_blur
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
@@ -42,7 +42,7 @@ def build(scene: Scene) -> CameraModel:
         radius = focal_length / camera.f_number / 2
     record = camera_record(camera, scene.film)
     record["a"][0] = (across, down, camera.focus_distance_m, radius)
-    parts, facts = aperture_parts(scene, camera.aperture)
+    tables, facts = aperture_tables(scene, camera.aperture)
     metadata = {
         "camera": "thin_lens",
         "focal_length_mm": focal_length * 1e3,
@@ -55,4 +55,4 @@ def build(scene: Scene) -> CameraModel:
         pupil_radius_m=radius,
         blur=lambda: perfect_blur(2 * radius * pixels_per_tangent, 1 / camera.focus_distance_m),
     )
-    return CameraModel("camera/thin_lens.h", record, facts=facts, tables=parts, metadata=metadata, view=view)
+    return CameraModel("camera/thin_lens.h", record, facts=facts, tables=tables, metadata=metadata, view=view)

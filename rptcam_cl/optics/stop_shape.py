@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 ARC_STEPS = 16  # straight pieces of a curved blade edge
 MOST_VERTICES = 1024
+SMALLEST_VIEW = 1e-6  # area that sees all of a shape, below which rounding might place its middle outside
 
 
 @dataclass(frozen=True)
@@ -40,8 +41,22 @@ class StopShape:
 
     @cached_property
     def triangles(self) -> Array:
-        """Triangles (n, 3, 2) that make up the shape."""
-        return cut_ears(np.array(self.vertices, dtype=np.float64))
+        """Triangles (n, 3, 2) that make up the shape: a fan where one point sees all of it.
+
+        Raises
+        ------
+        InputError
+            When the outline crosses itself.
+        """
+        vertices = np.array(self.vertices, dtype=np.float64)
+        if _crosses_itself(vertices):
+            raise InputError("the outline of a stop shape crosses itself (allowed: a simple polygon)")
+        counter_clockwise = vertices if _signed_area(vertices) > 0 else vertices[::-1]
+        middle = _sees_all(counter_clockwise)
+        if middle is None:
+            return cut_ears(counter_clockwise)
+        apex = np.broadcast_to(middle, counter_clockwise.shape)
+        return np.stack([apex, counter_clockwise, np.roll(counter_clockwise, -1, axis=0)], axis=1)
 
     @cached_property
     def triangle_areas(self) -> Array:
@@ -109,18 +124,8 @@ def fitted(points: ArrayLike) -> Array:
 
 
 def cut_ears(vertices: Array) -> Array:
-    """Return triangles (n, 3, 2) that make up a polygon, cutting off one corner after the other.
-
-    Raises
-    ------
-    InputError
-        When the outline crosses itself.
-    """
-    x, y = vertices.T
-    area = np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
-    if _crosses_itself(vertices):
-        raise InputError("the outline of a stop shape crosses itself (allowed: a simple polygon)")
-    rest = list(vertices if area > 0 else vertices[::-1])
+    """Return triangles (n, 3, 2) that make up a counter-clockwise polygon, cutting off one corner after the other."""
+    rest = list(vertices)
     found = []
     while len(rest) > 3:
         # Corners in one line are no ears; where rounding leaves nothing else, any corner may go.
@@ -128,6 +133,28 @@ def cut_ears(vertices: Array) -> Array:
         found.append([rest[ear - 1], rest[ear], rest[(ear + 1) % len(rest)]])
         del rest[ear]
     return np.array([*found, rest])
+
+
+def _signed_area(vertices: Array) -> float:
+    """Return the area of a polygon, positive counter-clockwise."""
+    x, y = vertices.T
+    return float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) / 2
+
+
+def _sees_all(vertices: Array) -> Array | None:
+    """Return a point (2,) from which all of a counter-clockwise polygon is seen; None where there is next to none."""
+    seen = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])  # what lies left of every edge
+    for start, end in zip(vertices, np.roll(vertices, -1, axis=0), strict=True):
+        along = end - start
+        side = along[0] * (seen[:, 1] - start[1]) - along[1] * (seen[:, 0] - start[0])
+        following, after = np.roll(seen, -1, axis=0), np.roll(side, -1)
+        crossing = (side < 0) != (after < 0)
+        share = np.where(crossing, side / np.where(crossing, side - after, 1.0), 0.0)[:, None]
+        both = np.stack([seen, seen + share * (following - seen)], axis=1)
+        seen = both[np.stack([side >= 0, crossing], axis=1)]
+        if len(seen) < 3:
+            return None
+    return np.asarray(seen.mean(axis=0)) if _signed_area(seen) > SMALLEST_VIEW else None
 
 
 def _crosses_itself(vertices: Array) -> bool:

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.curves import curves
 from rptcam_cl.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.plan.colour import luminance
-from rptcam_cl.plan.curves import curves
 from rptcam_cl.plan.environment import Surroundings
 from rptcam_cl.plan.lights import light_emitter, sun_emitter
 from rptcam_cl.plan.meshes import corners_of_box

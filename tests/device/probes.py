@@ -58,7 +58,13 @@ def wave_record(layout: FilmLayout, samples: int, seed: tuple[int, int]) -> NDAr
 
 
 def camera_slots(
-    session: Session, scene: Scene, samples: int, lanes: int = 8, seed: tuple[int, int] = (7, 11), beyond: float = 0.0
+    session: Session,
+    scene: Scene,
+    samples: int,
+    lanes: int = 8,
+    seed: tuple[int, int] = (7, 11),
+    beyond: float = 0.0,
+    lattice: bool = False,
 ) -> NDArray[np.float64]:
     """Return what the probe writes of every slot, those of padding too, shape (12, slots).
 
@@ -67,7 +73,7 @@ def camera_slots(
     camera = make_plan(scene).camera
     layout = FilmLayout.of(scene.film)
     slots = layout.pixels * samples
-    facts = {**camera.facts, "CAMERA_FILE": camera.kernel, "VW": lanes}
+    facts = {**camera.facts, "CAMERA_FILE": camera.kernel, "VW": lanes, "SAMPLER_LATTICE": int(lattice)}
     tables = np.concatenate([camera.tables, np.full(1 << 20, beyond, np.float32)])
     out = session.allocate(12 * 4 * slots)
     run(
@@ -79,11 +85,16 @@ def camera_slots(
 
 
 def camera_rays(
-    session: Session, given: Scene | Mapping[str, Any], samples: int, lanes: int = 8, seed: tuple[int, int] = (7, 11)
+    session: Session,
+    given: Scene | Mapping[str, Any],
+    samples: int,
+    lanes: int = 8,
+    seed: tuple[int, int] = (7, 11),
+    lattice: bool = False,
 ) -> CameraRays:
     """Return the camera rays of the pixels of a scene's film, ``samples`` per pixel."""
     scene = given if isinstance(given, Scene) else load_scene(given)
-    fields = camera_slots(session, scene, samples, lanes, seed)
+    fields = camera_slots(session, scene, samples, lanes, seed, lattice=lattice)
     fields = fields[:, fields[11] == 1]
     whole = fields[7:11].astype(np.int64)
     return CameraRays(fields[:3].T, fields[3:6].T, fields[6], whole[0], whole[1:3].T, whole[3])

@@ -131,9 +131,9 @@ def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lan
 @pytest.mark.parametrize("stream", [0, 1])
 def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream):
     lens = int(camera == "realistic")
-    for rest in (0, 1):
+    for rest, shape in ((0, "APERTURE_ROWS"), (1, "APERTURE_PARTS")):
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
-        facts |= {"HAS_EMITTERS": rest, "APERTURE_POLYGON": rest, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
+        facts |= {"HAS_EMITTERS": rest, shape: 9, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 

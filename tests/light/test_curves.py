@@ -3,12 +3,24 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.plan.curves import curves
-from tests.light.test_alias import WEIGHTS
+from rptcam_cl.curves import curves
+
+RNG = np.random.default_rng(3)
+WEIGHTS = {
+    "even": np.ones(5),
+    "one": np.array([3.0]),
+    "only the first": np.array([1.0, 0, 0, 0]),
+    "only the last": np.array([0.0, 0, 0, 7]),
+    "one heavy among many light": np.append(np.full(1000, 1e-6), 1.0),
+    "one light among many heavy": np.append(np.ones(1000), 1e-6),
+    "uneven": RNG.random(1000) ** 8,
+    "very uneven": RNG.exponential(size=100_000) ** 3,
+    "even but for rounding": np.full(128, 1.7724128e-07),
+}
 
 
 def cells_of(curve: np.ndarray, numbers: np.ndarray) -> np.ndarray:
-    """Return the cells of numbers as ``kernels/light/curve.h`` finds them: from the guide onwards."""
+    """Return the cells of numbers as ``kernels/common/curve.h`` finds them: from the guide onwards."""
     count = len(curve) // 2 - 1
     cells = curve[2 * np.minimum((numbers * count).astype(int), count - 1) + 1].astype(int)
     while (on := (curve[2 * cells + 2] <= numbers) & (cells < count - 1)).any():

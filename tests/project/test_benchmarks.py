@@ -55,6 +55,14 @@ def test_samplers_are_compared_on_every_scene(checkout: Path, tmp_path: Path) ->
     assert all(variance > 0 for found in results for variance, _ in found["by_spp"].values())
 
 
+@pytest.mark.slow
+def test_noise_behind_every_shape_of_aperture_is_measured(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "apertures", "--seeds", "3")
+    assert "mask" in printed
+    assert all(found["camera_ns_per_sample"] > 0 for found in results if "sampler" not in found)
+    assert all(noise > 0 for found in results if "sampler" in found for noise in found["noise"].values())
+
+
 def test_start_is_measured_cold_and_warm(checkout: Path, tmp_path: Path) -> None:
     _, results = quick(checkout, tmp_path, "startup")
     assert results["cold"][0]["compile"] > results["warm"][0]["compile"] > 0

@@ -1,4 +1,4 @@
-"""Curves that ``kernels/light/curve.h`` picks cells by: running sums of shares, each with a guide into it.
+"""Curves that ``kernels/common/curve.h`` picks cells by: running sums of shares, each with a guide into it.
 
 Their inverse takes evenly spread numbers to evenly spread cells. The alias method does not: with 256 samples of a
 lattice per pixel it was measured to make the light of a sky a hundred times noisier.

@@ -7,9 +7,9 @@
 
 #define CURVE(cells)    (2 * ((cells) + 1))      // numbers of a curve
 
-// The cell where the running sum of the curve that starts at `curve` passes u, its share, and where in 0 … 1 of all cells:
+// The cell where the running sum of the curve that starts at `curve` passes u, its share, and where in 0 … 1 inside of it:
 // the inverse of the sum, so that numbers which are spread evenly stay so (an alias table would tear them apart).
-static I cell_at(const __global float *curves, I curve, int count, F u, F *place, F *share)
+static I cell_at(const __global float *curves, I curve, int count, F u, F *inside, F *share)
 {
     I cell = TO_I(GATHER(F, curves, curve + 2 * MIN(TO_I(u * (float)count), (I)(count - 1)) + 1, ));
     F end = GATHER(F, curves, curve + 2 * cell + 2, );
@@ -22,8 +22,7 @@ static I cell_at(const __global float *curves, I curve, int count, F u, F *place
     }
     F start = GATHER(F, curves, curve + 2 * cell, );
     *share = end - start;
-    F inside = (u - start) / MAX(*share, (F)(SMALLEST));
-    *place = (TO_F(cell) + MIN(MAX(inside, ZERO), ONE)) * (1.0f / (float)count);
+    *inside = MIN(MAX((u - start) / MAX(*share, (F)(SMALLEST)), ZERO), ONE);
     return cell;
 }
 
