@@ -11,8 +11,9 @@ from rptcam_cl.curves import curves
 from rptcam_cl.kinds import EnvironmentKind, TexelFormat
 from rptcam_cl.plan.colour import LUMINANCE
 from rptcam_cl.plan.picture_table import Colours
+from rptcam_cl.plan.remembered import remembered
 from rptcam_cl.plan.sky import bake_sky
-from rptcam_cl.plan.texels import linear_codes
+from rptcam_cl.plan.texels import linear_codes, unpacked
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.records import ENVIRONMENT
 from rptcam_cl.scene.environment import ConstantEnvironment, GradientEnvironment, ImageEnvironment, SkyEnvironment
@@ -61,6 +62,26 @@ class Surroundings:
     sun: DistantSun | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class _Brightness:
+    """What light sampling knows of a picture: rows and columns of cells, tables, integral over the sphere."""
+
+    cells: tuple[int, int]
+    tables: NDArray[np.float32]
+    total: float
+
+    @classmethod
+    def of(cls, colours: Colours) -> _Brightness:
+        shares = cell_shares(brightness_of(colours))
+        tables = sampling_tables(shares)
+        tables.flags.writeable = False
+        return cls((shares.shape[0], shares.shape[1]), tables, float(shares.sum()))
+
+    @property
+    def nbytes(self) -> int:
+        return self.tables.nbytes
+
+
 def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
     """Return the environment of a scene; add its picture to the textures."""
     record = ENVIRONMENT.zeros(1)
@@ -76,29 +97,28 @@ def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
         case ImageEnvironment() as image:
             colours = textures.pictures.colours(image, "rgb", image.color_space)
             record["texture"] = textures.add_sphere(colours, image.gain)
-            return _of_texels(record, brightness_of(colours), axes(image.up, image.rotation_degrees), image.gain)
+            return _of_picture(record, colours, axes(image.up, image.rotation_degrees), image.gain)
         case SkyEnvironment() as sky:
             return _of_sky(record, sky, textures)
     return Surroundings(EnvironmentKind.NONE, record, nothing, 0.0)
 
 
-def _of_texels(record: NDArray[np.void], brightness: Array, directions: Array, gain: float) -> Surroundings:
+def _of_picture(record: NDArray[np.void], colours: Colours, directions: Array, gain: float) -> Surroundings:
     """Return the surroundings of a picture, given where its right, up and forward point."""
     record["right"][0, :3], record["up"][0, :3], record["forward"][0, :3] = directions
-    shares = cell_shares(brightness)
-    if shares.sum() <= 0 or gain <= 0:
+    brightness = remembered(f"brightness {colours.name}", lambda: _Brightness.of(colours))
+    if brightness.total <= 0 or gain <= 0:
         return Surroundings(EnvironmentKind.NONE, record, np.zeros(1, np.float32), 0.0)
-    record["rows"], record["columns"] = shares.shape
-    flux = gain * float(shares.sum())
-    return Surroundings(EnvironmentKind.IMAGE, record, sampling_tables(shares), flux)
+    record["rows"], record["columns"] = brightness.cells
+    return Surroundings(EnvironmentKind.IMAGE, record, brightness.tables, gain * brightness.total)
 
 
 def _of_sky(record: NDArray[np.void], sky: SkyEnvironment, textures: TextureTable) -> Surroundings:
     baked = bake_sky(sky)
-    colours = Colours(baked.radiance, TexelFormat.HALF, f"sky {sky.model_dump_json()}")
+    colours = Colours.of(baked.radiance, TexelFormat.HALF, f"sky {sky.model_dump_json()}")
     record["texture"] = textures.add_sphere(colours)
     directions = axes(sky.up, sky.sun_azimuth_degrees)
-    surroundings = _of_texels(record, brightness_of(colours), directions, 1.0)
+    surroundings = _of_picture(record, colours, directions, 1.0)
     elevation = np.deg2rad(sky.sun_elevation_degrees)
     towards = np.cos(elevation) * directions[2] + np.sin(elevation) * directions[1]
     return replace(surroundings, sun=DistantSun(towards, baked.sun_irradiance)) if sky.sun else surroundings
@@ -177,7 +197,8 @@ def sampling_tables(shares: Array) -> NDArray[np.float32]:
 def brightness_of(colours: Colours) -> Array:
     """Return the luminance of every texel of a picture, shape (height, width)."""
     weights = LUMINANCE.astype(np.float32)
+    texels = unpacked(colours.words, colours.size, colours.form)
     if colours.form is TexelFormat.HALF:
-        return np.asarray(colours.texels @ weights, dtype=np.float64)
+        return np.asarray(colours.scale * (texels.astype(np.float32) @ weights), dtype=np.float64)
     codes = linear_codes(colours.form)
-    return np.asarray(sum(codes[colours.texels[..., index]] * weights[index] for index in range(3)), dtype=np.float64)
+    return np.asarray(sum(codes[texels[..., index]] * weights[index] for index in range(3)), dtype=np.float64)

@@ -84,7 +84,7 @@ def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: Textu
         raise InputError(f"{light.place}{problem}") from None
     intensity, mean = _directions(luminaire)
     texels = np.repeat(intensity.astype(np.float32)[::-1, :, None], 3, axis=2)
-    record["texture"] = textures.add_sphere(Colours(texels, TexelFormat.HALF, f"luminaire {scene.digest_of(light)}"))
+    record["texture"] = textures.add_sphere(Colours.of(texels, TexelFormat.HALF, f"luminaire {scene.digest_of(light)}"))
     record["kind"] = EmitterKind.PROFILE
     colour = np.array(light.color) * (light.gain / max(luminance(light.color), 1e-30))
     record["radiance"][:3] = colour

@@ -1,4 +1,4 @@
-"""The pictures of a scene's textures: each file read once, each way of storing it packed once."""
+"""The pictures of a scene's textures: each file read once, each way of storing it packed once and remembered."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from rptcam_cl.errors import InputError
 from rptcam_cl.kinds import TexelFormat
 from rptcam_cl.pictures import Picture, read_picture
-from rptcam_cl.plan.texels import Texels, colour_texels, packed
+from rptcam_cl.plan.remembered import remembered
+from rptcam_cl.plan.texels import Texels, colour_texels, linear_mean, packed
 from rptcam_cl.scene.file_reference import FileReference
 from rptcam_cl.scene.scene import Scene
 
@@ -24,16 +25,45 @@ class Colours:
 
     Attributes
     ----------
-    texels : (height, width, 3) array
-        The top row first; encoded bytes, bytes or linear floats as ``form`` says.
+    words : array of uint32
+        Texels as `rptcam_cl.plan.texels.packed` returns them.
+    scale : float
+        What a stored 1 stands for.
+    size : (height, width)
+    mean : (3,) array
+        Mean linear colour.
     form : TexelFormat
     name : str
         Tells it from all others.
     """
 
-    texels: Texels
+    words: NDArray[np.uint32]
+    scale: float
+    size: tuple[int, int]
+    mean: NDArray[np.float64]
     form: TexelFormat
     name: str
+
+    @classmethod
+    def of(cls, texels: Texels, form: TexelFormat, name: str) -> Colours:
+        """Return the colours of texels (height, width, 3), the top row first: bytes, or linear floats to be halves."""
+        words, scale = packed(texels, form)
+        words.flags.writeable = False
+        return cls(words, scale, (texels.shape[0], texels.shape[1]), linear_mean(texels, form), form, name)
+
+    @property
+    def nbytes(self) -> int:
+        """Size in memory."""
+        return self.words.nbytes
+
+
+@dataclass(frozen=True)
+class _Traits:
+    """What decides how a picture is stored."""
+
+    has_alpha: bool
+    encoded: bool
+    nbytes: int = 64  # or so
 
 
 class PictureTable:
@@ -42,7 +72,7 @@ class PictureTable:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._pictures: dict[str, Picture] = {}
-        self._places: dict[str, tuple[int, float]] = {}
+        self._places: dict[str, int] = {}
         self._words: list[NDArray[np.uint32]] = []
         self._count = 0
 
@@ -54,21 +84,33 @@ class PictureTable:
         InputError
             When the picture cannot be used, with the place in the scene.
         """
-        name = self._scene.digest_of(reference)
-        if name not in self._pictures:
+        content = self._scene.digest_of(reference)
+        traits = remembered(f"traits {content}", lambda: self._traits(reference, content))
+        if channel == "a" and not traits.has_alpha:
+            raise InputError(f"{reference.place}has no alpha channel (allowed: channel rgb, r, g or b)")
+        encoded = space == "srgb" or (space == "auto" and traits.encoded and channel == "rgb")
+        name = f"{content} {channel} {encoded}"
+
+        def stored() -> Colours:
+            texels, form = colour_texels(self._picture(reference, content), channel, encoded=encoded)
+            return Colours.of(texels, form, name)
+
+        return remembered(f"colours {name}", stored)
+
+    def _traits(self, reference: FileReference, content: str) -> _Traits:
+        picture = self._picture(reference, content)
+        return _Traits(picture.has_alpha, picture.encoded)
+
+    def _picture(self, reference: FileReference, content: str) -> Picture:
+        if content not in self._pictures:
             try:
-                self._pictures[name] = read_picture(self._scene.content_of(reference))
+                self._pictures[content] = read_picture(self._scene.content_of(reference))
             except InputError as problem:
                 raise InputError(f"{reference.place}{problem}") from None
-        picture = self._pictures[name]
-        if channel == "a" and not picture.has_alpha:
-            raise InputError(f"{reference.place}has no alpha channel (allowed: channel rgb, r, g or b)")
-        encoded = space == "srgb" or (space == "auto" and picture.encoded and channel == "rgb")
-        texels, form = colour_texels(picture, channel, encoded=encoded)
-        return Colours(texels, form, f"{name} {channel} {encoded}")
+        return self._pictures[content]
 
-    def place(self, colours: Colours) -> tuple[int, float]:
-        """Return the word where a picture's texels start and what a stored 1 stands for; pack it when it is new.
+    def place(self, colours: Colours) -> int:
+        """Return the word where a picture's texels start.
 
         Raises
         ------
@@ -76,10 +118,9 @@ class PictureTable:
             When the pictures are too many to count their words.
         """
         if colours.name not in self._places:
-            words, scale = packed(colours.texels, colours.form)
-            self._places[colours.name] = self._count, scale
-            self._words.append(words)
-            self._count += len(words)
+            self._places[colours.name] = self._count
+            self._words.append(colours.words)
+            self._count += len(colours.words)
             if self._count >= _MOST_WORDS:
                 raise InputError("the pictures of the scene are too large together (allowed: 16 GiB)")
         return self._places[colours.name]

@@ -45,6 +45,15 @@ def packed(texels: Texels, form: TexelFormat) -> tuple[NDArray[np.uint32], float
     return halves.view(np.uint32).ravel(), 2.0**exponent
 
 
+def unpacked(
+    words: NDArray[np.uint32], size: tuple[int, int], form: TexelFormat
+) -> NDArray[np.uint8] | NDArray[np.float16]:
+    """Return the texels (height, width, 3), the top row first, that `packed` made words of: bytes or scaled halves."""
+    height, width = size
+    numbers = words.view(np.float16 if form is TexelFormat.HALF else np.uint8)  # little-endian, as devices are
+    return np.asarray(numbers.reshape(height, width + 1, 4)[::-1, :-1, :3])
+
+
 def linear_mean(texels: Texels, form: TexelFormat) -> NDArray[np.float64]:
     """Return the mean linear colour of texels."""
     if form is TexelFormat.HALF:

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from rptcam_cl.kinds import TextureKind, Wrap
 from rptcam_cl.plan.picture_table import Colours, PictureTable
-from rptcam_cl.plan.texels import linear_mean
 from rptcam_cl.records import TEXTURE
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Texture
@@ -117,11 +116,14 @@ class TextureTable:
         record["nearest"], record["limit"] = texture.filter == "nearest", limit
 
     def _fill_image(self, record: np.void, colours: Colours, gain: float | tuple[float, float, float]) -> None:
-        first, scale = self.pictures.place(colours)
-        record["kind"], record["format"], record["first"] = TextureKind.IMAGE, colours.form, first
-        record["height"], record["width"] = colours.texels.shape[:2]
-        record["a"][:3] = np.multiply(gain, scale)
-        self._means.append(np.multiply(gain, linear_mean(colours.texels, colours.form)))
+        record["kind"], record["format"], record["first"] = (
+            TextureKind.IMAGE,
+            colours.form,
+            self.pictures.place(colours),
+        )
+        record["height"], record["width"] = colours.size
+        record["a"][:3] = np.multiply(gain, colours.scale)
+        self._means.append(np.multiply(gain, colours.mean))
 
 
 def _mapping(texture: Texture) -> NDArray[np.float64]:
