@@ -56,7 +56,7 @@ def kernel_times(
     session: Session, lens: TraceableLens, origins: NDArray[np.float64], directions: NDArray[np.float64], runs: int
 ) -> Times:
     """Return the times of the kernel alone, compiled as the renderer compiles it."""
-    lanes = 2 * session.lanes if session.lanes > 1 else 1
+    lanes = 16 if session.lanes > 1 else 1
     count = len(origins)
     sense = np.array([1.0, 1.0, -1.0])
     rays = np.zeros((8, count), np.float32)

@@ -69,7 +69,7 @@ class Row:
 
     def __init__(self, session: Session, lens: Lens, beam: NDArray[np.float32]) -> None:
         self.session, self.beam = session, beam
-        lanes = 2 * session.lanes if session.lanes > 1 else 1
+        lanes = 16 if session.lanes > 1 else 1
         records = lens_records(lens, WAVELENGTH_D, "scene", 0.0)
         facts = records.facts | {"VW": lanes, "DOUBLE": 0, "LENS_KEEP_FAILED": 0}
         program = session.program(["pass/trace_rays.cl"], facts, device_declarations())

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device.choose import DeviceInfo, choose_device
-from rptcam_cl.device.program import Program, assemble, pocl_library_arch
+from rptcam_cl.device.program import AVX512_ARCH, Program, assemble, pocl_library_arch
 from rptcam_cl.errors import DeviceError
 
 
@@ -71,8 +71,13 @@ class Session:
 
     @property
     def lanes(self) -> int:
-        """Lanes per work item that suit the device: 8 on CPUs (one AVX register), 1 on GPUs."""
-        return 8 if self.info.type == "cpu" else 1
+        """Lanes per work item that suit the device: a register's on CPUs, 8 or, with AVX-512, 16; 1 on GPUs.
+
+        Measured with AVX-512: 16 render three spheres 1.2 times as fast as 8, a Cornell box and meshes as fast.
+        """
+        if self.info.type != "cpu":
+            return 1
+        return 16 if self._library_arch == AVX512_ARCH else 8
 
     def program(self, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Program:
         """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use."""

@@ -32,6 +32,7 @@ WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last
 STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
 GROUP = {"cpu": 16, "gpu": 64}  # work items per group
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
+LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
 WAVE_OF_GENERATE, WAVE_OF_FILM = 7, 3  # argument indices
 
 
@@ -80,7 +81,7 @@ class Wavefront:
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
         lanes = session.lanes
-        self._lanes = {"trace": lanes, "camera": lanes * 2 if plan.camera.has_lens and lanes > 1 else lanes}
+        self._lanes = {"trace": lanes, "camera": LENS_LANES if plan.camera.has_lens and lanes > 1 else lanes}
         self._allocate(plan)
         self._build(plan)
         self._bind()
