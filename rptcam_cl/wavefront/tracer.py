@@ -28,9 +28,10 @@ from rptcam_cl.wavefront.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout
 from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
 from rptcam_cl.wavefront.memory import check_memory, memory_needs
 
-WAVE_SLOTS = {"cpu": 65536, "gpu": 1 << 20}  # a CPU's state should fit its last-level cache
+# Paths of a wave. On two CPU cores 256k render meshes 1.3 times as fast as 64k, whose ends leave a core idle.
+WAVE_SLOTS = {"cpu": 1 << 18, "gpu": 1 << 20}
 STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
-GROUP = {"cpu": 16, "gpu": 64}  # work items per group
+GROUP = {"cpu": 4, "gpu": 64}  # work items per group; small ones spread evenly over few cores
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
 WAVE_OF_GENERATE, WAVE_OF_FILM = 7, 3  # argument indices
