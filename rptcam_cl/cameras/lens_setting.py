@@ -111,7 +111,11 @@ def _stopped_down(scene: Scene, camera: LensCamera) -> Lens:
     """Return the lens at its focal length and working aperture."""
     source = scene.lens_source()
     assert source is not None
-    lens = load_lens(source)
+    try:
+        lens = load_lens(source)
+    except InputError as problem:
+        place = "camera.lens: " if isinstance(source, str) else ""  # a file's own problem names the file
+        raise InputError(f"{place}{problem}") from None
     if camera.zoom is not None:
         lens = configured(lens, camera.zoom)
     if camera.focal_length_mm is not None:

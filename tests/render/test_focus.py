@@ -220,3 +220,9 @@ def test_what_is_out_of_reach_is_refused_with_what_is_not(kind, lens, focus, opt
 def test_nearest_possible_distance_is_within_reach():
     nearest = nearest_object_distance(load_lens("dgauss-50mm")) * 1e-3
     assert state_of(camera_of("realistic", "dgauss-50mm", {"distance_m": nearest * 1.0001})).film_distance_mm > 80
+
+
+def test_lens_of_an_unknown_name_is_named_with_its_key():
+    scene = scene_of([], camera_of("realistic", "fisheye", {"distance_m": 1}))
+    with pytest.raises(InputError, match=r"^camera\.lens: fisheye: no such lens .* did you mean fisheye-10mm"):
+        rptcam_cl.render(scene, spp=1)
