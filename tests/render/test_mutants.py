@@ -82,7 +82,8 @@ def long_render():
 RIM = "p.y * p.y <= surface->semi_diameter2"
 DEPTH = """#if !HAS_LAMPS
     on = on & (path->edge < rules.max_edges);"""
-MIS = "weight = rival ? own2 / (own2 + other * other)"
+MIS = "return own > 0.0f ? own2 / (own2 + other * other)"
+CLOSER = "EACH_PRIMITIVE(ray,\n        t = PAST_HOLES((t > 0.0f) & (t < best));\n        I closer = (t > 0.0f)"
 SELF = "F c = self ? ZERO : dot3(oc, oc) - r * r;"
 MUTANTS = [
     Mutant("cos^3 for cos^4", "cos2_over_length2 * cos2_over_length2;",
@@ -102,8 +103,8 @@ MUTANTS = [
     Mutant("survivors keep their weight", "path->beta = scale(path->beta, ONE / MAX(survive",
            "path->beta = scale(path->beta, ONE / MAX(ONE", lambda: furnaces.test_roulette_changes_no_mean(1)),
     Mutant("one side of MIS to the first power", MIS,
-           "weight = rival ? path.pdf / (path.pdf + other)", emitters.test_rectangle_above_its_corner),
-    Mutant("MIS without emission's weight", MIS, "weight = rival ? ONE",
+           "return own > 0.0f ? own / (own + other)", emitters.test_rectangle_above_its_corner),
+    Mutant("MIS without emission's weight", MIS, "return own > 0.0f ? ONE",
            emitters.test_disk_beside_the_normal),
     Mutant("light density lacks the pick", "s.pdf = faces ? pick * d2", "s.pdf = faces ? d2",
            emitters.test_emitters_of_every_kind_add_up),
@@ -125,7 +126,7 @@ MUTANTS = [
     Mutant("unit float reaches one", "TO_F(AS_I(x >> 8)) * 5.9604644775390625e-8f",
            "(convert_float(as_uint(x)) * 2.3283064365386963e-10f)",
            lambda: random.test_unit_float_is_below_one_and_hits_zero(open_session())),
-    Mutant("absolute epsilon", "I closer = (t > 0.0f)", "I closer = (t > 1e-4f)",
+    Mutant("absolute epsilon", CLOSER, CLOSER.replace("= (t > 0.0f)", "= (t > 1e-4f)"),
            lambda: furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1e-3, 0.8, 5)),
     Mutant("self-hits of a sphere", SELF, "F c = dot3(oc, oc) - r * r;", white_sphere),
     Mutant("self-hits of a box", "(self ? other : outside)", "outside", white_box),
