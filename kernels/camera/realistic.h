@@ -3,7 +3,7 @@
 // a = (film half width, half height, film distance Z, scale of the weight) in mm; b = (mm to the camera's frame, z of the
 // first vertex in the camera's frame); count = surfaces; pupil and tables as in lens/pupil.h.
 #include "camera/film_point.h"
-#include "camera/half_pupil.h"
+#include "lens/half_pupil.h"
 #include "lens/pupil.h"
 #include "lens/trace.h"
 

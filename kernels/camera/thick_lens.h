@@ -4,7 +4,7 @@
 // the plane of the first vertex [mm], pupil.zw the slope in the scene.
 // a = (film half width, half height [mm], scale of the weight); b.xy = (mm to the camera's frame, z of the first vertex).
 #include "camera/film_point.h"
-#include "camera/half_pupil.h"
+#include "lens/half_pupil.h"
 
 static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables,
                             const __global Surface *surfaces, const __global float *stop)

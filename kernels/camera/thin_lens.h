@@ -1,8 +1,8 @@
 // A perfect thin lens: every ray of a film point meets in one point of the plane of focus. a = (tan x, tan y, distance of
 // that plane, aperture radius); tables = those of the aperture.
-#include "lens/aperture.h"
 #include "camera/film_point.h"
-#include "camera/half_pupil.h"
+#include "lens/aperture.h"
+#include "lens/half_pupil.h"
 
 static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables,
                             const __global Surface *surfaces, const __global float *stop)
