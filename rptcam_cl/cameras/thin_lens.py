@@ -43,6 +43,11 @@ def build(scene: Scene) -> CameraModel:
     """Return the camera for the device."""
     camera = scene.camera
     assert isinstance(camera, ThinLensCamera)
+    return model_of(scene, camera)
+
+
+def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
+    """Return the camera of a scene set in some other way than the scene says."""
     across, down, focal_length = optics_of(camera, scene.film)
     radius = radius_of(camera, focal_length)
     record = camera_record(camera, scene.film)
