@@ -47,6 +47,7 @@ from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
+from rptcam_cl.scene.transmission import Transmission
 
 __all__ = [
     "Aperture",
@@ -117,6 +118,7 @@ __all__ = [
     "ThinGlass",
     "ThinLensCamera",
     "TransformStep",
+    "Transmission",
     "change_scene",
     "load_scene",
     "scene_json_schema",

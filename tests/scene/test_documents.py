@@ -33,6 +33,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Outline aperture": (model.OutlineAperture,),
     "Image aperture": (model.ImageAperture,),
     "Focus": (model.Focus,),
+    "Transmission": (model.Transmission,),
     "Shutter": (model.Shutter,),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
@@ -90,7 +91,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
+IN_WORDS = {"transmission", "film", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
