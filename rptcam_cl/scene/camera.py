@@ -101,8 +101,8 @@ def _keeps_a_view(first: Vector, second: Vector) -> bool:
     ups = [Polynomial([a, b - a]) for a, b in zip(first[2], second[2], strict=True)]
     sides = [ups[k] * views[k - 2] - ups[k - 2] * views[k] for k in (1, 2, 0)]
     side2, view2, up2 = (sum((part * part for part in parts), Polynomial([0.0])) for parts in (sides, views, ups))
-    turning = [root.real for root in side2.deriv().roots() if 0 < root.real < 1]
-    for share in (0.0, 1.0, *turning):
+    turning = np.real(side2.deriv().roots())
+    for share in (0.0, 1.0, *turning[(turning > 0) & (turning < 1)].tolist()):
         if not float(side2(share)) > SMALLEST_ROLL_SINE**2 * float(view2(share) * up2(share)):
             return False
     return True

@@ -32,6 +32,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Image aperture": (model.ImageAperture,),
     "Focus": (model.Focus,),
     "Shutter": (model.Shutter,),
+    "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
     "Normal map": (model.NormalMap, "Every texture"),
@@ -75,6 +76,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
 BASES = {
     SceneModel,
     Pose,
+    model.motion.Keyframe,
     FileReference,
     model.LensCamera,
     model.PlacedObject,
