@@ -70,7 +70,7 @@ class Shutter(SceneModel):
                 path=("kind",),
             )
         for key in ("readout_s", "direction"):
-            if self.kind == "global" and key in self.model_fields_set and getattr(self, key) is not None:
+            if self.kind == "global" and getattr(self, key) != type(self).model_fields[key].default:
                 raise refuse(
                     "belongs to a rolling shutter",
                     got=getattr(self, key),
