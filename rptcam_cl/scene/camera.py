@@ -102,10 +102,8 @@ def _keeps_a_view(first: Vector, second: Vector) -> bool:
     sides = [ups[k] * views[k - 2] - ups[k - 2] * views[k] for k in (1, 2, 0)]
     side2, view2, up2 = (sum((part * part for part in parts), Polynomial([0.0])) for parts in (sides, views, ups))
     turning = np.real(side2.deriv().roots())
-    for share in (0.0, 1.0, *turning[(turning > 0) & (turning < 1)].tolist()):
-        if not float(side2(share)) > SMALLEST_ROLL_SINE**2 * float(view2(share) * up2(share)):
-            return False
-    return True
+    least = SMALLEST_ROLL_SINE**2 * max(view2(0.0), view2(1.0)) * max(up2(0.0), up2(1.0))
+    return all(side2(share) > least for share in (0.0, 1.0, *turning[(turning > 0) & (turning < 1)]))
 
 
 class PinholeCamera(Pose):
