@@ -28,7 +28,7 @@ ALLOWED: dict[str, set[str]] = {
     "geometry": GROUND | {"mesh_files", "records", "scene"},
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
-    "cameras": GROUND | {"curves", "records", "scene", "optics"},
+    "cameras": GROUND | {"curves", "photometry", "records", "scene", "optics"},
     "plan": GROUND
     | {"curves", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"}
     | {"spectra"},
@@ -36,6 +36,7 @@ ALLOWED: dict[str, set[str]] = {
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
+    "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
