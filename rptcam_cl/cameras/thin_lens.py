@@ -39,6 +39,11 @@ def build(scene: Scene) -> CameraModel:
     """
     camera = scene.camera
     assert isinstance(camera, ThinLensCamera)
+    return model_of(scene, camera)
+
+
+def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
+    """Return the camera of a scene set in some other way than the scene says."""
     across, down, focal_length = optics_of(camera, scene.film)
     radius = camera.aperture_radius_m
     if radius is None:
