@@ -36,9 +36,9 @@ ALLOWED: dict[str, set[str]] = {
     "lensview": FILES | {"optics"},
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
-    "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
     "wavefront": GROUND | {"records", "scene", "plan", "cameras", "device", "acceleration"},
     "autofocus": GROUND | {"records", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
+    "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
