@@ -35,6 +35,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Focus": (model.Focus,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
     "Normal map": (model.NormalMap, "Every texture"),
@@ -78,6 +79,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
 BASES = {
     SceneModel,
     Pose,
+    model.motion.Keyframe,
     FileReference,
     model.LensCamera,
     model.PlacedObject,
