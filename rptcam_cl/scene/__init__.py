@@ -36,8 +36,9 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
 from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.sampling import Picture, RenderSettings
+from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
@@ -45,6 +46,7 @@ from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rect
 from rptcam_cl.scene.shutter import Shutter
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
+from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
     "Aperture",
@@ -111,8 +113,11 @@ __all__ = [
     "ThickLensCamera",
     "ThinGlass",
     "ThinLensCamera",
+    "ToneCurve",
     "TransformStep",
+    "WhiteBalance",
     "change_scene",
+    "load_picture",
     "load_scene",
     "scene_json_schema",
 ]

@@ -34,6 +34,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Shutter": (model.Shutter,),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
+    "White balance": (model.WhiteBalance,),
+    "Tone curve": (model.ToneCurve,),
     "Normal map": (model.NormalMap, "Every texture"),
     "Attenuation": (model.dielectric.Attenuation,),
     "Matte": (model.Matte, "Holes", "Normals"),
@@ -88,7 +90,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
+IN_WORDS = {"film", "shutter", "time_s", "render", "picture", "filter", "radius_px", "tone"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
