@@ -262,8 +262,9 @@ CAMERA = Record(
         ("float4", "a"),  # of the camera model, see kernels/camera
         ("float4", "b"),
         ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
+        ("float4", "half_plane"),  # see kernels/lens/half_pupil.h
         ("int", "count"),
-        ("int", "reserved_0"),
+        ("int", "half_beyond"),  # whether the half beyond the line is meant
         ("int", "reserved_1"),
         ("int", "reserved_2"),
     ),

@@ -43,8 +43,8 @@ def _is_smooth(primitive: Primitive) -> bool:
     return primitive.mesh is not None and primitive.mesh.normals is not None
 
 
-def make_plan(scene: Scene) -> Plan:
-    """Return the plan of a scene."""
+def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
+    """Return the plan of a scene, with its own camera unless another one is given."""
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
@@ -67,7 +67,7 @@ def make_plan(scene: Scene) -> Plan:
     }
     return Plan(
         facts=facts,
-        camera=camera_model(scene),
+        camera=camera or camera_model(scene),
         camera_filter=filter_table(scene.film.filter),
         primitives=records,
         kind_end=kind_end,

@@ -44,6 +44,8 @@ from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.shutter import Shutter
+from rptcam_cl.scene.spectrum import SpectralColour
+from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
 from rptcam_cl.scene.white_balance import WhiteBalance
@@ -76,6 +78,7 @@ __all__ = [
     "ImageTexture",
     "LensCamera",
     "Light",
+    "LightSpectrum",
     "Material",
     "Matte",
     "MeshObject",
@@ -105,10 +108,12 @@ __all__ = [
     "SceneObject",
     "Shutter",
     "SkyEnvironment",
+    "SpectralColour",
     "Sphere",
     "SpotLight",
     "StarAperture",
     "SunLight",
+    "TabulatedSpectrum",
     "Texture",
     "ThickLensCamera",
     "ThinGlass",

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import read_number
+from rptcam_cl.scene.numbers import read_number
 from rptcam_cl.scene.refusal import refuse
 
 SHORTEST_S = 1e-9

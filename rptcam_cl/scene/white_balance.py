@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
-from rptcam_cl.scene.quantities import NUMBER, list_of, number_at
+from rptcam_cl.scene.numbers import number_at
+from rptcam_cl.scene.quantities import NUMBER, list_of
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.spectra import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
 

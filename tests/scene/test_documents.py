@@ -17,6 +17,8 @@ from rptcam_cl.scene.file_reference import FileReference
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Scene": (model.Scene,),
+    "Tabulated spectrum": (model.TabulatedSpectrum,),
+    "Light spectrum": (model.LightSpectrum, "Tabulated spectrum"),
     "Film": (model.Film,),
     "Filter": (model.FilmFilter,),
     "Pinhole camera": (model.PinholeCamera, "Pose"),

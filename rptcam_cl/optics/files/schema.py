@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from rptcam_cl.optics.files.keys import GLASS, LAWS, LENS, SURFACE, mapping
+from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, GLASS, LAWS, LENS, SURFACE, mapping
 
 
 def lens_json_schema() -> dict[str, Any]:
@@ -15,13 +15,15 @@ def lens_json_schema() -> dict[str, Any]:
     needs = {"outside": ["clear"], "form": ["radius_x"], "conic_x": ["radius_x"], "shape": ["stop"]}
     surface = mapping(SURFACE, ("diameter",), dependentRequired=needs)
     surface["not"] = {"required": ["cylinder", "radius_x"]}
+    coating = mapping(COATING, minProperties=1, maxProperties=1)
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "Lens",
         "description": "A lens: its surfaces from the scene to the film.",
         **mapping(LENS, ("surfaces",)),
-        "$defs": {"Glass": {"oneOf": [{"type": "string"}, glass]}, "Surface": surface},
-    }
+        "$defs": {"Glass": {"oneOf": [{"type": "string"}, glass]}, "Surface": surface,
+                  "Coating": {"oneOf": [{"enum": list(COATING_WORDS)}, coating]}},
+    }  # fmt: skip
 
 
 def lens_json_schema_text() -> str:
