@@ -36,6 +36,8 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.sampling import RenderSettings
@@ -54,6 +56,7 @@ __all__ = [
     "Aperture",
     "Box",
     "Camera",
+    "CameraKeyframe",
     "Checker",
     "CircularAperture",
     "Conductor",
@@ -121,6 +124,7 @@ __all__ = [
     "ToneCurve",
     "TransformStep",
     "WhiteBalance",
+    "at_opening",
     "change_scene",
     "load_picture",
     "load_scene",

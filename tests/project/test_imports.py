@@ -25,7 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "sensor": GROUND | {"resources", "spectra"},
     "imaging": GROUND | {"sensor"},
     "optics": FILES,
-    "scene": FILES | {"mesh_files", "spectra", "optics"},
+    "scene": FILES | {"mesh_files", "spectra", "optics"},  # optics: a solid's glass is that of lens files
     "geometry": GROUND | {"mesh_files", "records", "scene"},
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
