@@ -25,9 +25,10 @@ from rptcam_cl.scene.material import Material
 from rptcam_cl.scene.material_names import with_material, with_parts
 from rptcam_cl.scene.mesh_library import MeshLibrary
 from rptcam_cl.scene.mesh_shape import LoadedMesh, MeshObject, NamedMesh
+from rptcam_cl.scene.picture import Picture
 from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.refusal import listed, near_name, refuse
-from rptcam_cl.scene.sampling import Picture, RenderSettings
+from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.shape import Object
 from rptcam_cl.scene.shutter import Shutter
 
@@ -54,7 +55,7 @@ class Scene(SceneModel):
     """How the light paths are sampled."""
 
     picture: Picture = Picture()
-    """How the film becomes the tone-mapped picture."""
+    """How the film becomes the picture that a screen shows."""
 
     materials: Mapping[str, Material] = {}
     """Materials by name, for use in `objects`."""
@@ -117,6 +118,7 @@ class Scene(SceneModel):
                 path=("film", "resolution"),
             )
         check_exposure(self.exposure, self.camera)
+        self.picture.check_crop(self.film.crop)
         check_focus(self.camera, self.shutter)
         for index, item in enumerate(self.objects):
             if not isinstance(item, MeshObject):
