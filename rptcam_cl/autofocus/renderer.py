@@ -23,6 +23,7 @@ from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import Scene, change_scene
+from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.buffers import SceneBuffers
 from rptcam_cl.wavefront.film import TILE, FilmLayout
@@ -143,7 +144,8 @@ class ProbeRenderer:
         pixel = min(max(min(min(pair) for pair in sides) / FEWEST_PIXELS, FINEST * circle), COARSEST * circle)
         resolution = tuple(max(round(side / pixel), 1) for side in size_mm)
         changes = {"resolution": resolution, "size_mm": size_mm, "width_mm": None, "diagonal_mm": None, "crop": None}
-        return change_scene(self.scene, film=changes, render={"layers": (), "noise": None})
+        seen = change_scene(self.scene, film=changes, render={"layers": (), "noise": None})
+        return seen.model_copy(update={"exposure": Exposure()})  # measures take the mean off anyway
 
     @cached_property
     def _layout(self) -> FilmLayout:
