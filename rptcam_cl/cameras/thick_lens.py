@@ -117,9 +117,9 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     camera = scene.camera
     assert isinstance(camera, ThickLensCamera)
     thick = thick_lens(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
-    passed = setting.gain * float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
-    on_axis = passed * thick.axial_cone
-    scale = passed * thick.pupil_solid_angle / (on_axis if scene.exposure == "relative" else 1.0)
+    passed = float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
+    on_axis = setting.gain * passed * thick.axial_cone
+    scale = setting.gain * passed * thick.pupil_solid_angle
     width_m, height_m = scene.film.size_m()
     record = camera_record(camera, scene.film)
     record["a"][0] = (width_m / 2 * 1e3, height_m / 2 * 1e3, scale, 0.0)
@@ -131,7 +131,15 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     view = entrance_pupil_view(
         setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene.film, first_vertex_m)
     )
-    return CameraModel("camera/thick_lens.h", record, facts={}, metadata=metadata, view=view)
+    return CameraModel(
+        "camera/thick_lens.h",
+        record,
+        facts={},
+        metadata=metadata,
+        view=view,
+        on_axis_irradiance=on_axis,
+        axial_weight=on_axis,
+    )
 
 
 def _blur(thick: ThickLens, film: Film, first_vertex_m: float) -> Blur:

@@ -34,10 +34,13 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Image aperture": (model.ImageAperture,),
     "Focus": (model.Focus,),
     "Transmission": (model.Transmission,),
+    "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
+    "White balance": (model.WhiteBalance,),
+    "Tone curve": (model.ToneCurve,),
     "Normal map": (model.NormalMap, "Every texture"),
     "Attenuation": (model.dielectric.Attenuation,),
     "Matte": (model.Matte, "Holes", "Normals"),
@@ -93,7 +96,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"transmission", "film", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
+IN_WORDS = {"film", "transmission", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px", "tone"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
