@@ -73,6 +73,8 @@ class CameraModel:
     view : CameraView
     on_axis_irradiance : float or None
         Irradiance of the film's centre in a uniform world of radiance 1; None for a camera without a lens opening.
+    passed : float
+        Share of that light which the lens leaves of what enters it: 1 unless its losses count.
     axial_weight : float
         Mean weight there: the same number, or 1 where the weights leave radiance as it is.
     """
@@ -87,6 +89,7 @@ class CameraModel:
     metadata: dict[str, Any] = field(default_factory=dict)
     view: CameraView = CameraView()
     on_axis_irradiance: float | None = None
+    passed: float = 1.0
     axial_weight: float = 1.0
 
 

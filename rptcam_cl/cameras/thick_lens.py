@@ -138,6 +138,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
         metadata=metadata,
         view=view,
         on_axis_irradiance=on_axis,
+        passed=passed,
         axial_weight=on_axis,
     )
 
