@@ -17,6 +17,7 @@ from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
+from rptcam_cl.metering import settled
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
@@ -115,7 +116,10 @@ def render(
     session = device if isinstance(device, Session) else open_session(device)
     saver = None if checkpoint is None else Saver(checkpoint, scene, session.info.name)
     saved = saver.load() if saver is not None and resume else None
-    plan = make_plan(scene)
+    shot = settled(scene, session, None if saver is None else saver.metered_cd_m2)
+    if saver is not None:
+        saver.metered_cd_m2 = shot.metered_cd_m2
+    plan = make_plan(shot.scene)
     started = time.perf_counter()
     if on_progress is not None:
         on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -139,7 +143,7 @@ def render(
         "render": rendering.seconds,
         "total": time.perf_counter() - begun,
     }
-    metadata = _metadata(scene, rendering, plan, session.info)
+    metadata = _metadata(scene, rendering, plan, session.info) | shot.metadata
     stats = _stats(rendering, wavefront, plan, session.info, times)
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
@@ -220,7 +224,7 @@ def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo
         "seed": scene.render.seed,
         "spp": rendering.spp,
         "device": device.name,
-        "exposure": scene.exposure,
+        "exposure": scene.exposure.mode,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
         **camera_geometry(scene),
         "window": _window(scene),

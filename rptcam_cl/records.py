@@ -263,7 +263,7 @@ CAMERA = Record(
         ("float4", "b"),
         ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
         ("int", "count"),
-        ("int", "reserved_0"),
+        ("float", "exposure"),  # factor of every ray's weight
         ("int", "reserved_1"),
         ("int", "reserved_2"),
     ),

@@ -29,6 +29,7 @@ from rptcam_cl.scene.environment import (
     ImageEnvironment,
     SkyEnvironment,
 )
+from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.film_filter import FilmFilter
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
@@ -62,6 +63,7 @@ __all__ = [
     "Emissive",
     "Environment",
     "EnvironmentCamera",
+    "Exposure",
     "Film",
     "FilmFilter",
     "Focus",

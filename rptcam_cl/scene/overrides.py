@@ -20,6 +20,9 @@ _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
     ("camera", "focus"): (Focus,),
 }
 
+# Parts that a word stands for, and the key whose value that word is.
+_WORDS: dict[KeyPath, str] = {("exposure",): "mode"}
+
 
 def apply_overrides(data: dict[Any, Any], overrides: Iterable[str]) -> dict[KeyPath, str]:
     """Change a scene's data in place; return the text of each override by the key path that it set.
@@ -55,6 +58,8 @@ def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
         if isinstance(value, dict):
             if value.get(_key(value, key)) is None:
                 value[_key(value, key)] = {}
+            if path[:length] in _WORDS and isinstance(value[key], str):
+                value[key] = {_WORDS[path[:length]]: value[key]}
             value = value[_key(value, key)]
         else:
             value = value[_index(value, key, path[: length - 1], text)]

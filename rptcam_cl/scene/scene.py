@@ -7,7 +7,7 @@ import json
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
@@ -16,6 +16,7 @@ from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
 from rptcam_cl.scene.checks import check_extent, scene_warnings
 from rptcam_cl.scene.environment import WITH_UP, Environment
+from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, check_exposure
 from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
 from rptcam_cl.scene.film import Film
@@ -43,8 +44,8 @@ class Scene(SceneModel):
     camera: Camera
     """Camera model and pose."""
 
-    exposure: Literal["relative", "irradiance"] = "relative"
-    """Scale of a lens camera's film: 1 is what a field of radiance 1 gives on the axis, or irradiance itself."""
+    exposure: ExposureOrMode = Exposure()
+    """What a value of 1 on the film stands for."""
 
     shutter: Shutter = Shutter()
     """How long light falls on the film."""
@@ -115,6 +116,7 @@ class Scene(SceneModel):
                 allowed=f"twice as wide as high, for instance [{2 * height}, {height}]",
                 path=("film", "resolution"),
             )
+        check_exposure(self.exposure, self.camera)
         for index, item in enumerate(self.objects):
             if not isinstance(item, MeshObject):
                 check_extent(item, path=("objects", index))

@@ -31,6 +31,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Outline aperture": (model.OutlineAperture,),
     "Image aperture": (model.ImageAperture,),
     "Focus": (model.Focus,),
+    "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
@@ -88,7 +89,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
+IN_WORDS = {"film", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
