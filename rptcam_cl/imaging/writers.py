@@ -116,6 +116,7 @@ _WRITERS: dict[str, Callable[[Path, Pixels, Metadata, float, Layers], None]] = {
 }
 SUFFIXES = tuple(_WRITERS)
 LAYER_SUFFIXES = (".exr", ".npz")
+DEVELOPED_SUFFIXES = (".png",)
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:
@@ -138,6 +139,11 @@ def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
     """
     _suffix(path)
     check_writable(path, inputs)
+
+
+def is_developed(path: str | os.PathLike[str]) -> bool:
+    """Return whether the format of a file's suffix holds the developed picture, and not the film."""
+    return Path(path).suffix.lower() in DEVELOPED_SUFFIXES
 
 
 def holds_layers(path: str | os.PathLike[str]) -> bool:

@@ -42,6 +42,7 @@ from rptcam_cl.scene.sampling import Picture, RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
+from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.shutter import Shutter
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
@@ -103,6 +104,7 @@ __all__ = [
     "Rotation",
     "Scene",
     "SceneObject",
+    "Sensor",
     "Shutter",
     "SkyEnvironment",
     "Sphere",

@@ -33,6 +33,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Focus": (model.Focus,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "Sensor": (model.Sensor,),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
     "Normal map": (model.NormalMap, "Every texture"),
