@@ -14,6 +14,7 @@ import numpy as np
 from rptcam_cl import optics
 from rptcam_cl._version import __version__
 from rptcam_cl.cameras import camera_geometry
+from rptcam_cl.developing import develop, developed_as
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
@@ -26,7 +27,7 @@ from rptcam_cl.sensing import sensor_of
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
-__all__ = ["Image", "Progress", "Scene", "choose_device", "devices", "load_lens", "load_scene", "render"]
+__all__ = ["Image", "Progress", "Scene", "choose_device", "develop", "devices", "load_lens", "load_scene", "render"]
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
 GEOMETRY = ("world_from_camera", "intrinsics", "resolution", "window", "film_size_mm", "near_m")
@@ -155,7 +156,7 @@ def render(
         limit, share = stats["clamp"].values()
         metadata["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
-    image = Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
+    image = developed_as(Image(rendering.pixels, metadata, stats, layers=rendering.layers), scene.picture)
     return replace(image.denoised(), layers={name: image[name] for name in wanted}) if denoise else image
 
 

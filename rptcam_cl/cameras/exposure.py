@@ -14,7 +14,7 @@ from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.errors import InputError
 from rptcam_cl.photometry import LUMENS_PER_WATT
 from rptcam_cl.scene.exposure import Exposure
-from rptcam_cl.scene.quantities import FLOAT32_MAX, FLOAT32_MIN_NORMAL
+from rptcam_cl.scene.numbers import FLOAT32_MAX, FLOAT32_MIN_NORMAL
 from rptcam_cl.scene.scene import Scene
 
 SATURATION_LX_S = 78.0  # of ISO 1

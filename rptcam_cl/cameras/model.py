@@ -99,6 +99,7 @@ def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:
     width, height = film.resolution
     sign = 1.0 if pose.flip else -1.0
     record["resolution"][0] = (width, height, sign / width, sign / height)
+    record["exposure"] = 1.0
     return record
 
 

@@ -37,21 +37,28 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.opening import at_opening
+from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
 from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.sampling import Picture, RenderSettings
+from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
 from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.shutter import Shutter
+from rptcam_cl.scene.spectrum import SpectralColour
+from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
+from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
     "Aperture",
     "Box",
     "Camera",
+    "CameraKeyframe",
     "Checker",
     "CircularAperture",
     "Conductor",
@@ -77,6 +84,7 @@ __all__ = [
     "ImageTexture",
     "LensCamera",
     "Light",
+    "LightSpectrum",
     "Material",
     "Matte",
     "MeshObject",
@@ -107,16 +115,22 @@ __all__ = [
     "Sensor",
     "Shutter",
     "SkyEnvironment",
+    "SpectralColour",
     "Sphere",
     "SpotLight",
     "StarAperture",
     "SunLight",
+    "TabulatedSpectrum",
     "Texture",
     "ThickLensCamera",
     "ThinGlass",
     "ThinLensCamera",
+    "ToneCurve",
     "TransformStep",
+    "WhiteBalance",
+    "at_opening",
     "change_scene",
+    "load_picture",
     "load_scene",
     "scene_json_schema",
 ]

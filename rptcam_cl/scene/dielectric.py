@@ -5,15 +5,20 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
-from rptcam_cl.scene.quantities import NUMBER, Albedo, Colour, Radiance
+from rptcam_cl.scene.glass import LARGEST_INDEX, SMALLEST_INDEX, Glass, nearest_to_one
+from rptcam_cl.scene.quantities import NUMBER, Albedo, Coefficient
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.roughness import RoughMaterial
+from rptcam_cl.scene.spectrum import SpectralColour
 
-Index = Annotated[float, Field(ge=0.2, le=5), NUMBER]
+Index = Annotated[float, Field(ge=SMALLEST_INDEX, le=LARGEST_INDEX), NUMBER]
 
 # A rough surface whose index is nearer to 1 bends light by less than its facets' normals can be told from in float32.
 LEAST_BEND = 0.01
@@ -35,7 +40,7 @@ class Attenuation(SceneModel):
 class AbsorbingMaterial(SceneModel):
     """A solid that may absorb light on its way inside (Beer and Lambert)."""
 
-    absorption_per_m: Radiance | None = None
+    absorption_per_m: Coefficient | None = None
     """Absorption coefficient [1/m]; a colour."""
 
     attenuation: Attenuation | None = None
@@ -48,9 +53,15 @@ class AbsorbingMaterial(SceneModel):
             return self.absorption_per_m
         if self.attenuation is None:
             return (0.0, 0.0, 0.0)
-        red, green, blue = (max(share, DARKEST) for share in self.attenuation.color)
-        distance = self.attenuation.distance_m
-        return (-math.log(red) / distance, -math.log(green) / distance, -math.log(blue) / distance)
+        return _depth(self.attenuation.color, self.attenuation.distance_m)
+
+
+def _depth(left: Colour, distance: float) -> Colour:
+    """Return the coefficient of absorption that leaves a share of light after a distance."""
+    red, green, blue = (-math.log(max(share, DARKEST)) / distance for share in left)
+    if isinstance(left, SpectralColour):
+        return SpectralColour((red, green, blue), -np.log(np.maximum(left.samples, DARKEST)) / distance)
+    return (red, green, blue)
 
 
 ABSORPTION = Alternatives(("absorption_per_m", "attenuation"), required=False)
@@ -66,14 +77,24 @@ class Dielectric(RoughMaterial, AbsorbingMaterial, BumpyMaterial):
     index: Index = 1.5
     """Refractive index inside, relative to the outside."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (ROUGHNESS, ABSORPTION)
+    glass: Glass | None = None
+    """What is inside instead, with its dispersion: a name, or a law as lens files have them."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("index", "glass"), False), ROUGHNESS, ABSORPTION)
+
+    @property
+    def n_d(self) -> float:
+        """Refractive index at 587.56 nm."""
+        return self.index if self.glass is None else float(self.glass.index(WAVELENGTH_D))
 
     @model_validator(mode="after")
     def _check_bend(self) -> Self:
-        if self.alphas is not None and abs(self.index - 1) < LEAST_BEND:
+        nearest = self.index if self.glass is None else nearest_to_one(self.glass)
+        if self.alphas is not None and abs(nearest - 1) < LEAST_BEND:
             raise refuse(
-                "bends light too little for a rough surface", got=self.index, path=("index",),
+                "bends light too little for a rough surface", got=nearest,
                 allowed=f"1 +- {LEAST_BEND:g} or farther from 1; or a smooth surface",
+                path=("index" if self.glass is None else "glass",),
             )  # fmt: skip
         return self
 
@@ -93,5 +114,4 @@ class ThinGlass(CoveringMaterial):
     @property
     def depth(self) -> Colour:
         """Optical depth per channel at normal incidence."""
-        red, green, blue = (-math.log(max(share, DARKEST)) for share in self.transmittance)
-        return (red, green, blue)
+        return _depth(self.transmittance, 1.0)

@@ -11,6 +11,7 @@ from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Focus, LensCamera, ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.problems import shown
+from rptcam_cl.scene.white_balance import WhiteBalance
 from rptcam_cl.strict_yaml import KeyPath, dotted, read_yaml
 
 # Where keys that exclude each other live, and the models that say which they are.
@@ -18,6 +19,7 @@ _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
     ("film",): (Film,),
     ("camera",): (ThinLensCamera, LensCamera),
     ("camera", "focus"): (Focus,),
+    ("picture", "white_balance"): (WhiteBalance,),
 }
 
 # Parts that a word stands for, and the key whose value that word is.

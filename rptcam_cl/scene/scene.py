@@ -14,7 +14,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from rptcam_cl.scene.aperture import ImageAperture
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
-from rptcam_cl.scene.checks import check_extent, scene_warnings
+from rptcam_cl.scene.checks import check_extent, check_focus, scene_warnings
 from rptcam_cl.scene.environment import WITH_UP, Environment
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, check_exposure
 from rptcam_cl.scene.file_reference import FileReference, file_references
@@ -25,9 +25,10 @@ from rptcam_cl.scene.material import Material
 from rptcam_cl.scene.material_names import with_material, with_parts
 from rptcam_cl.scene.mesh_library import MeshLibrary
 from rptcam_cl.scene.mesh_shape import LoadedMesh, MeshObject, NamedMesh
+from rptcam_cl.scene.picture import Picture
 from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.refusal import listed, near_name, refuse
-from rptcam_cl.scene.sampling import Picture, RenderSettings
+from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Object
 from rptcam_cl.scene.shutter import Shutter
@@ -58,7 +59,7 @@ class Scene(SceneModel):
     """How the light paths are sampled."""
 
     picture: Picture = Picture()
-    """How the film becomes the tone-mapped picture."""
+    """How the film becomes the picture that a screen shows."""
 
     materials: Mapping[str, Material] = {}
     """Materials by name, for use in `objects`."""
@@ -121,6 +122,8 @@ class Scene(SceneModel):
                 path=("film", "resolution"),
             )
         check_exposure(self.exposure, self.camera)
+        self.picture.check_crop(self.film.crop)
+        check_focus(self.camera, self.shutter)
         for index, item in enumerate(self.objects):
             if not isinstance(item, MeshObject):
                 check_extent(item, path=("objects", index))
@@ -155,7 +158,7 @@ class Scene(SceneModel):
     def warnings(self) -> tuple[str, ...]:
         """What is allowed but probably not meant, one sentence each."""
         self.mesh_objects()
-        return scene_warnings(self.camera, self.film, self.objects, self.lights, self.environment)
+        return scene_warnings(self.camera, self.film, self.shutter, self.objects, self.lights, self.environment)
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
         """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""

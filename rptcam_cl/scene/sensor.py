@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, number_at, read_number
+from rptcam_cl.scene.numbers import number_at, read_number
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.sampling import MAX_SEED
 from rptcam_cl.scene.sensor_presets import PRESETS

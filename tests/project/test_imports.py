@@ -25,7 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "sensor": GROUND | {"resources", "spectra"},
     "imaging": GROUND | {"sensor"},
     "optics": FILES,
-    "scene": FILES | {"mesh_files", "spectra", "optics"},
+    "scene": FILES | {"mesh_files", "spectra", "optics"},  # optics: a solid's glass is that of lens files
     "geometry": GROUND | {"mesh_files", "records", "scene"},
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
@@ -40,6 +40,7 @@ ALLOWED: dict[str, set[str]] = {
     "autofocus": GROUND | {"records", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
     "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
     "sensing": GROUND | {"scene", "sensor"},
+    "developing": GROUND | {"imaging", "scene"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}

@@ -17,6 +17,8 @@ from rptcam_cl.scene.file_reference import FileReference
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Scene": (model.Scene,),
+    "Tabulated spectrum": (model.TabulatedSpectrum,),
+    "Light spectrum": (model.LightSpectrum, "Tabulated spectrum"),
     "Film": (model.Film,),
     "Filter": (model.FilmFilter,),
     "Pinhole camera": (model.PinholeCamera, "Pose"),
@@ -34,8 +36,11 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
     "Sensor": (model.Sensor,),
+    "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
+    "White balance": (model.WhiteBalance,),
+    "Tone curve": (model.ToneCurve,),
     "Normal map": (model.NormalMap, "Every texture"),
     "Attenuation": (model.dielectric.Attenuation,),
     "Matte": (model.Matte, "Holes", "Normals"),
@@ -77,6 +82,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
 BASES = {
     SceneModel,
     Pose,
+    model.motion.Keyframe,
     FileReference,
     model.LensCamera,
     model.PlacedObject,
@@ -90,7 +96,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
+IN_WORDS = {"film", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px", "tone"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
