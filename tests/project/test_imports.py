@@ -34,7 +34,7 @@ ALLOWED: dict[str, set[str]] = {
     | {"curves", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"}
     | {"spectra"},
     "lensview": FILES | {"optics"},
-    "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
+    "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures", "spectra"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "cameras", "device", "acceleration"},
     "autofocus": GROUND | {"records", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
