@@ -173,6 +173,11 @@ def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
     check_writable(path, inputs)
 
 
+def is_developed(path: str | os.PathLike[str]) -> bool:
+    """Return whether the format of a file's suffix holds the developed picture, and not the film."""
+    return Path(path).suffix.lower() in DEVELOPED_SUFFIXES
+
+
 def holds_layers(path: str | os.PathLike[str]) -> bool:
     """Return whether the format of a file's suffix has a place for layers."""
     return Path(path).suffix.lower() in LAYER_SUFFIXES
