@@ -1,51 +1,71 @@
-"""Show a film with each tone curve side by side, and one white balance: what docs/picture.md compares.
+"""Develop a film six times, by tone curve or by white balance: the comparisons of docs/picture.md.
 
-Run in the folder above: python examples/show_tones.py [SCENE [OUT.png [WIDTHxHEIGHT [EV]]]]
+Run in the folder above: python examples/show_pictures.py [tones | white_balance]
 """
 
 import sys
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 import rptcam_cl
 
-PANELS: dict[str, dict[str, Any]] = {
-    "srgb": {},
-    "srgb, gamut: desaturate": {"gamut": "desaturate"},
-    "reinhard": {"tone": "reinhard"},
-    "filmic": {"tone": "filmic"},
-    "agx": {"tone": "agx"},
-    "agx, white_balance: auto": {"tone": "agx", "white_balance": "auto"},
+SIZE = (320, 180)
+
+# Lamps and sky of the fifteen balls, all of tungsten.
+TUNGSTEN = [
+    "objects.16.material.radiance={illuminant: A, luminance: 14}",
+    "objects.17.material.radiance={illuminant: A, luminance: 8}",
+    "environment={kind: constant, radiance: {illuminant: A, luminance: 0.4}}",
+]
+
+COMPARISONS: dict[str, tuple[str, list[str], dict[str, dict[str, Any]]]] = {
+    "tones": (
+        "examples/first_light.yaml",
+        ["picture.ev=1"],
+        {
+            "srgb": {},
+            "srgb, gamut: desaturate": {"gamut": "desaturate"},
+            "reinhard": {"tone": "reinhard"},
+            "filmic": {"tone": "filmic"},
+            "agx": {"tone": "agx"},
+            "agx, white_balance: auto": {"tone": "agx", "white_balance": "auto"},
+        },
+    ),
+    "white_balance": (
+        "examples/materials.yaml",
+        ["picture={tone: agx, ev: 1}", *TUNGSTEN],
+        {
+            "none": {},
+            "A": {"white_balance": "A"},
+            "{temperature_k: 3600}": {"white_balance": {"temperature_k": 3600}},
+            "{grey: [0.45, 0.2]}, on the table": {"white_balance": {"grey": [0.45, 0.2]}},
+            "auto": {"white_balance": "auto"},
+            "{light: A, adaptation: bradford}": {"white_balance": {"light": "A", "adaptation": "bradford"}},
+        },
+    ),
 }
 
 
-def panel(film: rptcam_cl.Image, name: str, settings: dict[str, Any]) -> np.ndarray:
-    """Return a developed picture with its name in a corner, (height, width, 3) in 8 bits."""
+def panel(film: rptcam_cl.Image, name: str, settings: dict[str, Any]) -> NDArray[np.uint8]:
+    """Return a developed picture with its name in a corner, (height, width, 3)."""
     developed = rptcam_cl.develop(film, **settings).developed()
     picture = Image.fromarray((255 * developed + 0.5).astype(np.uint8))
-    ImageDraw.Draw(picture).text(
-        (6, 4), name, font=ImageFont.load_default(13), fill="white", stroke_width=1, stroke_fill="black"
-    )
+    font = ImageFont.load_default(13)
+    ImageDraw.Draw(picture).text((6, 4), name, "white", font, stroke_width=1, stroke_fill="black")
     return np.asarray(picture)
 
 
-def main(
-    scene: str = "examples/first_light.yaml",
-    out: str = "docs/images/tones.png",
-    size: str = "320x180",
-    ev: str = "1",
-) -> None:
-    """Render the film once, or read one that was saved, and develop it six times."""
-    if scene.endswith((".exr", ".npz")):
-        film = rptcam_cl.develop(scene)
-    else:
-        width, height = map(int, size.split("x"))
-        film = rptcam_cl.render(scene, spp=512, size=(width, height))
-    shown = [panel(film, name, {"ev": float(ev), **settings}) for name, settings in PANELS.items()]
-    rows = [np.concatenate(shown[start : start + 3], axis=1) for start in (0, 3)]
-    Image.fromarray(np.concatenate(rows)).save(out, optimize=True)
+def main(*names: str) -> None:
+    """Write the comparisons of these names, or all, each of a film that is rendered once."""
+    for name in names or COMPARISONS:
+        scene, changes, developments = COMPARISONS[name]
+        film = rptcam_cl.render(rptcam_cl.load_scene(scene, changes), spp=512, size=SIZE)
+        panels = [panel(film, title, settings) for title, settings in developments.items()]
+        rows = [np.concatenate(panels[start : start + 3], axis=1) for start in (0, 3)]
+        Image.fromarray(np.concatenate(rows)).save(f"docs/images/{name}.png", optimize=True)
 
 
 if __name__ == "__main__":
