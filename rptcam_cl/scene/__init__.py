@@ -36,7 +36,7 @@ from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLi
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
-from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
 from rptcam_cl.scene.motion import CameraKeyframe
 from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
@@ -87,6 +87,8 @@ __all__ = [
     "Material",
     "Matte",
     "MeshObject",
+    "MetalSpectrum",
+    "MetalTable",
     "Mirror",
     "Mix",
     "NamedMesh",

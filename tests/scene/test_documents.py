@@ -46,6 +46,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Mirror": (model.Mirror, "Holes"),
     "Conductor": (model.Conductor, "Holes", "Normals", "Roughness"),
     "Optical constants": (model.OpticalConstants,),
+    "Metal table": (model.MetalTable,),
     "Dielectric": (model.Dielectric, "Holes", "Normals", "Roughness", "Absorption"),
     "Thin glass": (model.ThinGlass, "Holes"),
     "Plastic": (model.Plastic, "Holes", "Normals", "Roughness"),
