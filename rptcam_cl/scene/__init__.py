@@ -36,7 +36,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, OpticalConstants
-from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.motion import CameraKeyframe, Course, ObjectKeyframe
 from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.sampling import Picture, RenderSettings
@@ -60,6 +60,7 @@ __all__ = [
     "Conductor",
     "Cone",
     "ConstantEnvironment",
+    "Course",
     "Cylinder",
     "Dielectric",
     "DirectionalLight",
@@ -89,6 +90,7 @@ __all__ = [
     "Noise",
     "NormalMap",
     "Object",
+    "ObjectKeyframe",
     "OpticalConstants",
     "OutlineAperture",
     "Picture",

@@ -35,6 +35,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Focus": (model.Focus,),
     "Shutter": (model.Shutter,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
+    "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
     "Normal map": (model.NormalMap, "Every texture"),
