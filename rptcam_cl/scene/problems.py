@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene.colours import SPECTRUM
-from rptcam_cl.scene.metal import WRITTEN_OUT
+from rptcam_cl.scene.metal import MEASURED, WRITTEN_OUT
 from rptcam_cl.scene.refusal import REFUSED, listed, near_name
 from rptcam_cl.scene.texture import CONSTANT
 from rptcam_cl.strict_yaml import KeyPath, dotted
@@ -20,7 +20,7 @@ from rptcam_cl.strict_yaml import KeyPath, dotted
 MAX_REPORTED = 5
 
 # Names of forms that a value without a kind may have; no keys.
-FORMS = (CONSTANT, SPECTRUM)
+FORMS = (CONSTANT, SPECTRUM, MEASURED)
 
 Where = Callable[[KeyPath, bool], str]
 
