@@ -23,6 +23,7 @@ from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.scene.sampling import ADAPTIVE_SPP
+from rptcam_cl.sensing import sensor_of
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -145,6 +146,8 @@ def render(
         "total": time.perf_counter() - begun,
     }
     metadata = _metadata(scene, rendering, plan, session.info) | shot.metadata
+    if (sensor := sensor_of(shot.scene, metadata)) is not None:
+        metadata["sensor"] = sensor.described()
     stats = _stats(rendering, wavefront, plan, session.info, times)
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)

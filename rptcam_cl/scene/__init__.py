@@ -45,6 +45,7 @@ from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
+from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.shutter import Shutter
 from rptcam_cl.scene.spectrum import SpectralColour
@@ -115,6 +116,7 @@ __all__ = [
     "Rotation",
     "Scene",
     "SceneObject",
+    "Sensor",
     "Shutter",
     "SkyEnvironment",
     "SpectralColour",

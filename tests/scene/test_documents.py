@@ -35,6 +35,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Focus": (model.Focus,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "Sensor": (model.Sensor,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
