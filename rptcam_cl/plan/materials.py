@@ -15,7 +15,7 @@ from rptcam_cl.records import MATERIAL, MaterialKind
 from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
-from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.metal import Conductor, MetalSpectrum, OpticalConstants
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE
 from rptcam_cl.scene.roughness import alpha_pair
@@ -131,7 +131,7 @@ class _Filler:
         record["coat_alpha"] = alpha_pair(material.clearcoat_roughness, 0.0)[0]
 
 
-def _constants(metal: str | OpticalConstants) -> tuple[tuple[float, ...], tuple[float, ...]]:
+def _constants(metal: str | OpticalConstants | MetalSpectrum) -> tuple[tuple[float, ...], tuple[float, ...]]:
     return (metal.n, metal.k) if isinstance(metal, OpticalConstants) else metal_constants(metal)
 
 

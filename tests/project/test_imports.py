@@ -39,6 +39,7 @@ ALLOWED: dict[str, set[str]] = {
     "wavefront": GROUND | {"records", "scene", "plan", "cameras", "device", "acceleration"},
     "autofocus": GROUND | {"records", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
     "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
+    "sensing": GROUND | {"scene", "sensor"},
     "developing": GROUND | {"imaging", "scene"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
 }
