@@ -216,6 +216,10 @@ ENVIRONMENT = Record(
 
 EVEN_TERMS = 12
 ODD_TERMS = 12
+DISPERSION_TERMS = 12
+DISPERSION_NM = (380.0, 780.0)  # wavelengths that the polynomials in x = scale / wavelength - shift, -1 to 1, are for
+DISPERSION_SCALE = 2.0 / (1.0 / DISPERSION_NM[0] - 1.0 / DISPERSION_NM[1])
+DISPERSION_SHIFT = (DISPERSION_NM[1] + DISPERSION_NM[0]) / (DISPERSION_NM[1] - DISPERSION_NM[0])
 
 SURFACE = Record(
     "Surface",
@@ -236,11 +240,12 @@ SURFACE = Record(
         ("real", "edge_x"),
         ("real", "edge_y"),
         ("real", "stop_radius"),  # half the side of a mask
-        ("real", "reserved_0"),
+        ("real", "refracts"),  # 0 where the media before and after are the same
         ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
         ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
         ("real", "offset[4]"),  # pose
         ("real", "rotation[12]"),  # rows of a 3x3 matrix
+        ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
         ("int", "kind"),
         ("int", "even_terms"),
         ("int", "odd_terms"),
@@ -263,9 +268,9 @@ CAMERA = Record(
         ("float4", "b"),
         ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
         ("int", "count"),
+        ("float", "wavelength"),  # of all rays, where they have one [nm]
         ("int", "reserved_0"),
         ("int", "reserved_1"),
-        ("int", "reserved_2"),
     ),
 )
 
@@ -309,24 +314,27 @@ VIEW = Record(
 RECORDS = (PRIMITIVE, INSTANCE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
-CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the stream reads per slot
+CAMERA_RAY_FLOATS = 8  # origin, weight, direction and hue: what the stream reads per slot
 PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
-STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS
+COLOUR_FIELDS = ("HUE",)
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + COLOUR_FIELDS
 
 
-def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool) -> int:
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, colours: bool) -> int:
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample and with
-    triangles where it has meshes.
+    triangles where it has meshes and a wavelength where paths have one.
     """
     if stream:
         return CAMERA_RAY_FLOATS
-    if meshes:
+    if colours:
         return len(STATE_FIELDS)
+    if meshes:
+        return len(PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS)
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
 
 
@@ -337,5 +345,7 @@ def device_declarations() -> str:
     lines += [record.typedef for record in RECORDS]
     lines += kind_constants()
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
+    lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
+    lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
     return "\n".join(lines) + "\n"

@@ -15,6 +15,9 @@ typedef struct {
     const __global Environment *environment;
     const __global float       *distribution;  // curves of how light sampling picks, common/curve.h
     int                         emitter_count;
+#if SPECTRUM
+    const __global float       *colours;       // wavelengths, common/wavelength.h
+#endif
 #if HAS_PRIMITIVE_TREE
     const __global float4      *primitive_nodes;    // kernels/geometry/primitive_tree.h
     const __global int         *primitive_leaves;
@@ -56,6 +59,15 @@ typedef struct {
 #define PRIMITIVE_TREE
 #endif
 
+#if SPECTRUM
+#define COLOUR_PARAMETERS ,                     \
+    const __global float       *colours
+#define COLOURS_HERE , colours
+#else
+#define COLOUR_PARAMETERS
+#define COLOURS_HERE
+#endif
+
 #define SCENE_PARAMETERS                        \
     const __global Primitive   *primitives,     \
     const __global int         *kind_end,       \
@@ -66,10 +78,10 @@ typedef struct {
     const __global Environment *environment,    \
     const __global float       *distribution,   \
     int                         emitter_count   \
-    TREE_PARAMETERS MESH_PARAMETERS
+    COLOUR_PARAMETERS TREE_PARAMETERS MESH_PARAMETERS
 
 #define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, distribution, \
-                       emitter_count PRIMITIVE_TREE MESHES)
+                       emitter_count COLOURS_HERE PRIMITIVE_TREE MESHES)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -83,6 +95,9 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.environment = environment;
     s.distribution = distribution;
     s.emitter_count = emitter_count;
+#if SPECTRUM
+    s.colours = colours;
+#endif
 #if HAS_PRIMITIVE_TREE
     s.primitive_nodes = primitive_nodes;
     s.primitive_leaves = primitive_leaves;

@@ -6,6 +6,7 @@
 #if HAS_ABSORPTION
 #include "material/absorption.h"
 #endif
+#include "common/wavelength.h"
 #include "light/infinity.h"
 #if HAS_EMITTERS
 #include "light/emitters.h"
@@ -33,6 +34,9 @@ typedef struct {
     F3  radiance;   // gathered so far
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
     U   pixel, sample, edge;
+#if SPECTRUM
+    F   hue;        // chooses the wavelength, common/wavelength.h
+#endif
 } Path;
 
 typedef struct {

@@ -1,9 +1,10 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
-// records (o, weight, d, 0), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, and clears L, PDF and REACH.
-// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER.
+// records (o, weight, d, hue), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, and clears L, PDF and REACH.
+// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER, SPECTRUM.
 #include CAMERA_FILE
 #include "camera/filter.h"
 #include "common/transpose.h"
+#include "common/wavelength.h"
 #include "integrator/state.h"
 
 static F3 in_world(const __global Camera *c, F3 v)
@@ -21,7 +22,8 @@ __kernel void generate(const __global Camera  *camera,
                        uint                    capacity,   // slots in the state
                        Wave                    wave,
                        const __global uint    *tiles,      // that are rendered
-                       const __global float   *filter)     // of the film
+                       const __global float   *filter,     // of the film
+                       const __global float   *colours)    // wavelengths, common/wavelength.h
 {
     uint slot = get_global_id(0) * VW;
     Lane lane = lane_of(slot, wave, tiles);
@@ -29,7 +31,14 @@ __kernel void generate(const __global Camera  *camera,
 #if FILTER
     F sign = filter_sign(&u.a, filter) * filter_sign(&u.b, filter);
 #endif
-    CameraRay ray = camera_ray(lane, u, camera, tables, surfaces, stop);
+#if SPECTRUM
+    F hue = path_numbers(lane.pixel, lane.sample, wave.seed).a;
+    F wavelength = wavelength_of(hue, colours);
+#else
+    F hue = ZERO;
+    F wavelength = (F)(camera->wavelength);
+#endif
+    CameraRay ray = camera_ray(lane, u, wavelength, camera, tables, surfaces, stop);
     I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
     if (ANY(ray.status != RAY_OK))                              // those that passed are the rest
@@ -48,7 +57,7 @@ __kernel void generate(const __global Camera  *camera,
 #if STREAM
     Eight record;
     record.f[0] = o.x; record.f[1] = o.y; record.f[2] = o.z; record.f[3] = weight;
-    record.f[4] = d.x; record.f[5] = d.y; record.f[6] = d.z; record.f[7] = ZERO;
+    record.f[4] = d.x; record.f[5] = d.y; record.f[6] = d.z; record.f[7] = hue;
     store_eight(state, slot, record);
 #else
     WRITE_F3(O, slot, o);
@@ -58,6 +67,9 @@ __kernel void generate(const __global Camera  *camera,
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
     WRITE_PART(PART, slot, (I)(NO_TRIANGLE));
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
+#if SPECTRUM
+    WRITE_F(HUE, slot, hue);
+#endif
 #if HAS_EMITTERS
     WRITE_F(REACH, slot, ZERO);
     WRITE_F(PDF, slot, ZERO);

@@ -1,6 +1,6 @@
 // One vertex of every living path: emission and environment, a light sample for the shadow pass, the next direction,
 // Russian roulette. Reads the path, HIT and T; writes the path and the shadow ray.
-// Facts: HAS_<material>, HAS_TEXTURE, HAS_EMITTERS, ENVIRONMENT.
+// Facts: HAS_<material>, HAS_TEXTURE, HAS_EMITTERS, ENVIRONMENT, SPECTRUM.
 #include "integrator/path.h"
 #include "integrator/state.h"
 
@@ -25,6 +25,9 @@ __kernel void shade(SCENE_PARAMETERS,
     path.ray.o = READ_F3(O, slot);
     path.ray.d = READ_F3(D, slot);
     path.beta = READ_F3(B, slot);
+#if SPECTRUM
+    path.hue = READ_F(HUE, slot);
+#endif
     path.radiance = READ_F3(L, slot);
 #if HAS_EMITTERS
     path.pdf = READ_F(PDF, slot);

@@ -1,7 +1,7 @@
 // Carries VW pixels through all their samples of a wave: every lane takes its path from vertex to vertex and, when it ends,
 // adds it to the film and starts the next camera ray of its pixel, so that lanes are hardly ever idle. The same steps as
 // intersect, shade, shadow and film, without state in memory between them.
-// Reads the camera rays that generate wrote: records (o, weight, d, 0).
+// Reads the camera rays that generate wrote: records (o, weight, d, hue).
 #include "integrator/film.h"
 #include "integrator/path.h"
 #include "common/transpose.h"
@@ -30,6 +30,9 @@ __kernel void stream(SCENE_PARAMETERS,
     path.ray.self = (I)(PATH_ENDED);
     path.ray.part = (I)(NO_TRIANGLE);
     path.weight = ZERO;
+#if SPECTRUM
+    path.hue = ZERO;
+#endif
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
     path.pdf = ZERO;
@@ -54,6 +57,9 @@ __kernel void stream(SCENE_PARAMETERS,
             path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
             path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
             path.weight = started ? ray.f[3] : path.weight;
+#if SPECTRUM
+            path.hue = started ? ray.f[7] : path.hue;
+#endif
             path.beta = select3(started, f3(ONE, ONE, ONE), path.beta);
             path.radiance = keep3(NOT(started), path.radiance);
             path.ray.self = started ? (I)(NO_PRIMITIVE) : path.ray.self;
@@ -74,7 +80,12 @@ __kernel void stream(SCENE_PARAMETERS,
 #endif
         I ended = running & (path.ray.self == PATH_ENDED);
         if (ANY(ended)) {
-            film = add_sample(film, ended, scale(path.radiance, path.weight), counters);
+#if SPECTRUM
+            F3 value = film_value(path.radiance, path.hue, scene.colours);
+#else
+            F3 value = path.radiance;
+#endif
+            film = add_sample(film, ended, scale(value, path.weight), counters);
             running = running & NOT(ended);
         }
     }

@@ -7,6 +7,8 @@ from collections.abc import Callable
 from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_lens
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.model import CameraModel
+from rptcam_cl.cameras.realistic import LensColour
+from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
 
 _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
@@ -14,13 +16,20 @@ _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
     "environment": environment.build,
     "thin_lens": thin_lens.build,
     "thick_lens": thick_lens.build,
-    "realistic": realistic.build,
 }
 
 
-def camera_model(scene: Scene) -> CameraModel:
-    """Return what the camera of a scene needs on the device."""
+def camera_model(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
+    """Return what the camera of a scene needs on the device.
+
+    Parameters
+    ----------
+    lens_colour
+        Whether the lens bends each wavelength by itself: only where a picture of this size shows it with ``auto``.
+    """
+    if isinstance(scene.camera, RealisticCamera):
+        return realistic.build(scene, lens_colour)
     return _MODELS[scene.camera.kind](scene)
 
 
-__all__ = ["CameraModel", "camera_geometry", "camera_model"]
+__all__ = ["CameraModel", "LensColour", "camera_geometry", "camera_model"]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.blur import Blur
 from rptcam_cl.optics import FirstOrder
-from rptcam_cl.records import CAMERA, SURFACE, VIEW
+from rptcam_cl.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
 from rptcam_cl.scene.camera import Pose
 from rptcam_cl.scene.film import Film
 
@@ -71,6 +71,11 @@ class CameraModel:
     metadata : dict
         What the picture's metadata should say about the camera.
     view : CameraView
+    usable_nm : (low, high)
+        Wavelengths that its lens is known for [nm].
+    axial_colour : (wavelengths, irradiances) or None
+        What its lens leaves of light of each wavelength [nm] on the axis, relative to the scale of the exposure; None
+        where paths have no wavelength, and where exposures show what is left.
     """
 
     kernel: str
@@ -82,6 +87,8 @@ class CameraModel:
     has_lens: bool = False
     metadata: dict[str, Any] = field(default_factory=dict)
     view: CameraView = CameraView()
+    usable_nm: tuple[float, float] = DISPERSION_NM
+    axial_colour: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
 
 
 def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:

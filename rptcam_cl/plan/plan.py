@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.cameras import CameraModel
 from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
@@ -15,6 +15,7 @@ from rptcam_cl.plan.environment import Surroundings, pack_environment
 from rptcam_cl.plan.materials import pack_materials
 from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import Primitive, pack_primitives, scene_primitives, with_meshes
+from rptcam_cl.plan.spectrum import Spectrum, seen_by
 from rptcam_cl.plan.textures import Textures, TextureTable
 from rptcam_cl.records import Kind
 from rptcam_cl.scene.scene import Scene
@@ -26,6 +27,7 @@ class Plan:
 
     facts: dict[str, int]
     camera: CameraModel
+    spectrum: Spectrum
     camera_filter: FilterTable
     primitives: NDArray[np.void]
     kind_end: NDArray[np.int32]
@@ -45,6 +47,7 @@ def _is_smooth(primitive: Primitive) -> bool:
 
 def make_plan(scene: Scene) -> Plan:
     """Return the plan of a scene."""
+    camera, spectrum = seen_by(scene)
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
@@ -63,11 +66,13 @@ def make_plan(scene: Scene) -> Plan:
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
+        **spectrum.facts,
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
     }
     return Plan(
         facts=facts,
-        camera=camera_model(scene),
+        camera=camera,
+        spectrum=spectrum,
         camera_filter=filter_table(scene.film.filter),
         primitives=records,
         kind_end=kind_end,

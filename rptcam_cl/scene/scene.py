@@ -28,6 +28,7 @@ from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.refusal import listed, near_name, refuse
 from rptcam_cl.scene.sampling import Picture, RenderSettings
 from rptcam_cl.scene.shape import Object
+from rptcam_cl.scene.spectrum_mode import SpectrumSettings
 
 
 class Scene(SceneModel):
@@ -44,6 +45,9 @@ class Scene(SceneModel):
 
     exposure: Literal["relative", "irradiance"] = "relative"
     """Scale of a lens camera's film: 1 is what a field of radiance 1 gives on the axis, or irradiance itself."""
+
+    spectrum: SpectrumSettings = SpectrumSettings()
+    """How the colour of light is carried along paths."""
 
     render: RenderSettings = RenderSettings()
     """How the light paths are sampled."""

@@ -85,7 +85,7 @@ class Wavefront:
         self._lanes = {"trace": lanes, "camera": LENS_LANES if plan.camera.has_lens and lanes > 1 else lanes}
         self._allocate(plan)
         self._build(plan)
-        self._bind()
+        self._bind(plan)
 
     def _size_wave(self, slots: int) -> None:
         at_least = STREAM_SAMPLES if self.organisation == "stream" else 1
@@ -112,6 +112,7 @@ class Wavefront:
             "SAMPLER_LATTICE": plan.facts["SAMPLER_LATTICE"],
             "HAS_MESH": plan.facts["HAS_MESH"],
             "FILTER": plan.camera_filter.cells,
+            **plan.spectrum.facts,
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }
@@ -119,7 +120,10 @@ class Wavefront:
 
     def _allocate(self, plan: Plan) -> None:
         floats = floats_per_slot(
-            stream=self.organisation == "stream", emitters=self._emitters > 0, meshes=plan.facts["HAS_MESH"] > 0
+            stream=self.organisation == "stream",
+            emitters=self._emitters > 0,
+            meshes=plan.facts["HAS_MESH"] > 0,
+            colours=plan.facts["SPECTRUM"] > 0,
         )
         state_bytes = 4 * floats * self.capacity
         planes = LayerPlanes(self.settings.layers)
@@ -143,12 +147,12 @@ class Wavefront:
                 tiles=self._tile_list, capacity=self.capacity, stream=self.organisation == "stream",
             )  # fmt: skip
 
-    def _bind(self) -> None:
+    def _bind(self, plan: Plan) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
         scene, pixels = self._buffers.scene, np.uint32(self.layout.pixels)
         self._generate = session.bind(
             self._camera, "generate", *self._buffers.camera, self._counters, self._state, capacity, empty,
-            self._tile_list, self._buffers.filter,
+            self._tile_list, self._buffers.filter, self._buffers.colours,
         )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(
@@ -166,8 +170,9 @@ class Wavefront:
             for edge in range(1, self.settings.max_depth + 1)
         ]  # fmt: skip
         self._develop = session.bind(
-            self._trace, "film", self._state, self._film, self._counters, empty, capacity, pixels, self._tile_list
-        )
+            self._trace, "film", self._state, self._film, self._counters, empty, capacity, pixels, self._tile_list,
+            *((self._buffers.colours,) if plan.facts["SPECTRUM"] else ()),
+        )  # fmt: skip
 
     def _limits(self) -> bytes:
         record = LIMITS.zeros(1)
