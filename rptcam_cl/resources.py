@@ -24,3 +24,8 @@ def kernels_dir() -> Path:
 def lenses_dir() -> Path:
     """Folder of the lens files that come with the package."""
     return _folder("lenses")
+
+
+def spectra_dir() -> Path:
+    """Folder of the tables of spectra."""
+    return _PACKAGE / "spectra" / "tables"

@@ -21,10 +21,11 @@ from rptcam_cl.plan.primitives import Primitive, sphere_of
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.plan.triangle_emitters import triangle_emitters
 from rptcam_cl.records import EMITTER, Kind
+from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.coverage import has_holes
 from rptcam_cl.scene.material import Emissive, Material
 from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import LARGEST_RADIANCE, Colour
+from rptcam_cl.scene.quantities import LARGEST_RADIANCE
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.texture import Texture
 

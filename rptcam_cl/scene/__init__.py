@@ -42,6 +42,9 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
+from rptcam_cl.scene.shutter import Shutter
+from rptcam_cl.scene.spectrum import SpectralColour
+from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
 
@@ -73,6 +76,7 @@ __all__ = [
     "ImageTexture",
     "LensCamera",
     "Light",
+    "LightSpectrum",
     "Material",
     "Matte",
     "MeshObject",
@@ -100,11 +104,14 @@ __all__ = [
     "Rotation",
     "Scene",
     "SceneObject",
+    "Shutter",
     "SkyEnvironment",
+    "SpectralColour",
     "Sphere",
     "SpotLight",
     "StarAperture",
     "SunLight",
+    "TabulatedSpectrum",
     "Texture",
     "ThickLensCamera",
     "ThinGlass",

@@ -34,7 +34,7 @@ def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:
     for name, changes in parts.items():
         data[name] = _fields(getattr(scene, name)) | dict(changes)
     try:
-        changed = Scene.model_validate(data)
+        changed = Scene.model_validate(data, context={"folders": scene._folders})
     except ValidationError as problem:
         raise input_error(problem, data, lambda path, at_key: "") from None
     changed._folders = scene._folders

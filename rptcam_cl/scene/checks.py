@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.camera import Camera
+from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.environment import (
     ConstantEnvironment,
     Environment,
@@ -21,7 +22,7 @@ from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLi
 from rptcam_cl.scene.material import Emissive
 from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
 from rptcam_cl.scene.shape import Object, Plane

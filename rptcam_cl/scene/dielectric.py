@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 from typing import Annotated, ClassVar, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
-from rptcam_cl.scene.quantities import NUMBER, Albedo, Colour, Radiance
+from rptcam_cl.scene.quantities import NUMBER, Albedo, Coefficient
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.roughness import RoughMaterial
+from rptcam_cl.scene.spectrum import SpectralColour
 
 Index = Annotated[float, Field(ge=0.2, le=5), NUMBER]
 
@@ -35,7 +38,7 @@ class Attenuation(SceneModel):
 class AbsorbingMaterial(SceneModel):
     """A solid that may absorb light on its way inside (Beer and Lambert)."""
 
-    absorption_per_m: Radiance | None = None
+    absorption_per_m: Coefficient | None = None
     """Absorption coefficient [1/m]; a colour."""
 
     attenuation: Attenuation | None = None
@@ -48,9 +51,15 @@ class AbsorbingMaterial(SceneModel):
             return self.absorption_per_m
         if self.attenuation is None:
             return (0.0, 0.0, 0.0)
-        red, green, blue = (max(share, DARKEST) for share in self.attenuation.color)
-        distance = self.attenuation.distance_m
-        return (-math.log(red) / distance, -math.log(green) / distance, -math.log(blue) / distance)
+        return _depth(self.attenuation.color, self.attenuation.distance_m)
+
+
+def _depth(left: Colour, distance: float) -> Colour:
+    """Return the coefficient of absorption that leaves a share of light after a distance."""
+    red, green, blue = (-math.log(max(share, DARKEST)) / distance for share in left)
+    if isinstance(left, SpectralColour):
+        return SpectralColour((red, green, blue), -np.log(np.maximum(left.samples, DARKEST)) / distance)
+    return (red, green, blue)
 
 
 ABSORPTION = Alternatives(("absorption_per_m", "attenuation"), required=False)
@@ -93,5 +102,4 @@ class ThinGlass(CoveringMaterial):
     @property
     def depth(self) -> Colour:
         """Optical depth per channel at normal incidence."""
-        red, green, blue = (-math.log(max(share, DARKEST)) for share in self.transmittance)
-        return (red, green, blue)
+        return _depth(self.transmittance, 1.0)

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import NUMBER, Albedo, Direction, Gain, Radiance, Turn
+from rptcam_cl.scene.quantities import NUMBER, Direction, Gain, PatternAlbedo, Radiance, Turn
 
 WITH_UP = ("gradient", "image", "sky")  # kinds whose `up` is the camera's by default
 
@@ -73,7 +73,7 @@ class SkyEnvironment(SceneModel):
     turbidity: Annotated[float, Field(ge=2, le=10), NUMBER] = 3.0
     """Haziness of the air: 2 is very clear, 3 clear, 10 hazy."""
 
-    ground_albedo: Albedo = (0.3, 0.3, 0.3)
+    ground_albedo: PatternAlbedo = (0.3, 0.3, 0.3)
     """Share of light that the ground reflects; a colour of channels 0 to 1."""
 
     sun: bool = Field(default=True, strict=True)

@@ -5,14 +5,12 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
-from pydantic import Field, PrivateAttr
+from pydantic import PrivateAttr
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.files import Folders, digest
-
-FileName = Annotated[str, Field(min_length=1, max_length=1000)]
+from rptcam_cl.scene.files import FileName, Folders, digest
 
 
 class FileReference(SceneModel):

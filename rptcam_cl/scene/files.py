@@ -6,8 +6,13 @@ import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field
 
 from rptcam_cl.errors import InputError, StateError
+
+FileName = Annotated[str, Field(min_length=1, max_length=1000)]
 
 LENS_SUFFIXES = (".yaml", ".yml", ".json", ".dat")
 

@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.film_filter import FilmFilter
+from rptcam_cl.scene.film_format import FormatName, size_in_format
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, list_of
 from rptcam_cl.scene.refusal import refuse
 
@@ -22,14 +23,17 @@ Millimetres = Annotated[float, Field(ge=1e-6, le=1e9), NUMBER]
 
 
 class Film(SceneModel):
-    """The film. At most one of `size_mm`, `width_mm` and `diagonal_mm`; without any, 36 mm wide."""
+    """The film. Its size is said in at most one way; without any, it is 36 mm wide."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("size_mm", "width_mm", "diagonal_mm"), required=False),
+        Alternatives(("format", "size_mm", "width_mm", "diagonal_mm", "pixel_pitch_um"), required=False),
     )
 
     resolution: Annotated[tuple[Pixels, Pixels], BeforeValidator(list_of(2, PAIR))] = (640, 360)
     """Width and height of the whole film [pixels]; fewer than 2^31 pixels together."""
+
+    format: FormatName | None = None
+    """Film or sensor format by name; the largest picture in it, of square pixels, upright where the resolution is."""
 
     size_mm: Annotated[tuple[Millimetres, Millimetres], BeforeValidator(list_of(2, PAIR))] | None = None
     """Width and height [mm]."""
@@ -39,6 +43,9 @@ class Film(SceneModel):
 
     diagonal_mm: Millimetres | None = None
     """Diagonal [mm]; pixels are square."""
+
+    pixel_pitch_um: Annotated[float, Field(ge=1e-3, le=1e9), NUMBER] | None = None
+    """Distance between the centres of neighbouring pixels [µm], which are square."""
 
     crop: Annotated[tuple[Fraction, Fraction, Fraction, Fraction], BeforeValidator(list_of(4, CROP))] | None = None
     """Part to render, [x0, x1, y0, y1] as fractions of the film from its left and top edges; the whole by default."""
@@ -67,6 +74,11 @@ class Film(SceneModel):
         width, height = self.resolution
         if self.size_mm is not None:
             return (self.size_mm[0] * 1e-3, self.size_mm[1] * 1e-3)
+        if self.format is not None:
+            across_mm, down_mm = size_in_format(self.format, self.resolution)
+            return (across_mm * 1e-3, down_mm * 1e-3)
+        if self.pixel_pitch_um is not None:
+            return (width * self.pixel_pitch_um * 1e-6, height * self.pixel_pitch_um * 1e-6)
         if self.diagonal_mm is not None:
             pixel = self.diagonal_mm * 1e-3 / math.hypot(width, height)
             return (width * pixel, height * pixel)

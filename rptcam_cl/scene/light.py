@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import NUMBER, Direction, Gain, Position, Radiance, Turn
+from rptcam_cl.scene.quantities import NUMBER, Direction, Gain, LightColour, Position, Radiance, Turn
 from rptcam_cl.scene.refusal import refuse
 
 
@@ -81,7 +81,7 @@ class ProfileLight(FileReference):
     gain: Gain = Field(default=1.0)
     """Factor on the intensities of the file."""
 
-    color: Radiance = (1.0, 1.0, 1.0)
+    color: LightColour = (1.0, 1.0, 1.0)
     """Colour of the light; made to have luminance 1."""
 
 

@@ -62,7 +62,7 @@ def load_scene(
     where = _locator(document, labels)
     folders = Folders(Path(base_dir) if base_dir is not None else folder, tuple(Path(item) for item in allow_folders))
     try:
-        scene = Scene.model_validate(data)
+        scene = Scene.model_validate(data, context={"folders": folders})
     except ValidationError as problem:
         raise input_error(problem, data, where) from None
     scene._folders = folders

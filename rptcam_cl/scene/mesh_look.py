@@ -9,12 +9,13 @@ from pydantic import ValidationError
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files import Look, Painting, has_alpha
+from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.coverage import NormalMap
 from rptcam_cl.scene.dielectric import LEAST_BEND, Attenuation, Dielectric, ThinGlass
 from rptcam_cl.scene.files import Folders
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mix
 from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE, Colour
+from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE
 from rptcam_cl.scene.texture import ImageTexture
 
 # Below this a number is 0; what float32 cannot hold the scene refuses.

@@ -11,12 +11,16 @@ from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.scene.colours import SPECTRUM
 from rptcam_cl.scene.metal import WRITTEN_OUT
 from rptcam_cl.scene.refusal import REFUSED, listed, near_name
 from rptcam_cl.scene.texture import CONSTANT
 from rptcam_cl.strict_yaml import KeyPath, dotted
 
 MAX_REPORTED = 5
+
+# Names of forms that a value without a kind may have; no keys.
+FORMS = (CONSTANT, SPECTRUM)
 
 Where = Callable[[KeyPath, bool], str]
 
@@ -99,7 +103,7 @@ def _follow(location: tuple[Any, ...], data: Any) -> tuple[KeyPath, Any]:
             if not passed_tag and key in (value.get("kind"), value.get("shape"), WRITTEN_OUT):
                 passed_tag = True
                 continue
-            if isinstance(key, int) and key not in value:
+            if key not in value and (isinstance(key, int) or key in FORMS):
                 continue
         elif not (isinstance(value, (list, tuple)) and isinstance(key, int)):
             continue

@@ -8,7 +8,8 @@ from typing import Annotated, Any, ClassVar
 from pydantic import BeforeValidator, WithJsonSchema
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
-from rptcam_cl.scene.quantities import Fraction, read_number
+from rptcam_cl.scene.numbers import read_number
+from rptcam_cl.scene.quantities import Fraction
 from rptcam_cl.scene.refusal import refuse
 
 SMALLEST_ALPHA = 1e-3  # what float32 still resolves about a highlight

@@ -28,6 +28,7 @@ from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.refusal import listed, near_name, refuse
 from rptcam_cl.scene.sampling import Picture, RenderSettings
 from rptcam_cl.scene.shape import Object
+from rptcam_cl.scene.shutter import Shutter
 from rptcam_cl.scene.spectrum_mode import SpectrumSettings
 
 
@@ -45,6 +46,9 @@ class Scene(SceneModel):
 
     exposure: Literal["relative", "irradiance"] = "relative"
     """Scale of a lens camera's film: 1 is what a field of radiance 1 gives on the axis, or irradiance itself."""
+
+    shutter: Shutter = Shutter()
+    """How long light falls on the film."""
 
     spectrum: SpectrumSettings = SpectrumSettings()
     """How the colour of light is carried along paths."""

@@ -8,9 +8,21 @@ from pydantic import Discriminator, Field, Tag
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Albedo, Fraction, GainColour, Radiance, TexturePair, Turn
+from rptcam_cl.scene.quantities import (
+    NUMBER,
+    WHOLE_NUMBER,
+    Albedo,
+    Fraction,
+    GainColour,
+    PatternAlbedo,
+    Radiance,
+    TexturePair,
+    Turn,
+)
+from rptcam_cl.scene.spectrum_forms import LightSpectrum
 
 CONSTANT = "constant colour"
+SPECTRUM_KEYS = LightSpectrum.model_fields.keys() - {"scale"}  # textures have a scale, too
 
 
 class Pattern(SceneModel):
@@ -32,10 +44,10 @@ class Checker(Pattern):
     kind: Literal["checker"]
     """Kind of texture."""
 
-    even: Albedo
+    even: PatternAlbedo
     """Colour of even cells; channels 0 to 1."""
 
-    odd: Albedo
+    odd: PatternAlbedo
     """Colour of odd cells; channels 0 to 1."""
 
 
@@ -45,10 +57,10 @@ class Grid(Pattern):
     kind: Literal["grid"]
     """Kind of texture."""
 
-    background: Albedo
+    background: PatternAlbedo
     """Colour between the lines; channels 0 to 1."""
 
-    line: Albedo
+    line: PatternAlbedo
     """Colour of the lines; channels 0 to 1."""
 
     line_width: Fraction
@@ -61,10 +73,10 @@ class Gradient(Pattern):
     kind: Literal["gradient"]
     """Kind of texture."""
 
-    start: Albedo
+    start: PatternAlbedo
     """Colour at 0; channels 0 to 1."""
 
-    end: Albedo
+    end: PatternAlbedo
     """Colour at 1; channels 0 to 1."""
 
 
@@ -74,10 +86,10 @@ class Noise(Pattern):
     kind: Literal["noise"]
     """Kind of texture."""
 
-    low: Albedo
+    low: PatternAlbedo
     """Colour where the noise is lowest; channels 0 to 1."""
 
-    high: Albedo
+    high: PatternAlbedo
     """Colour where the noise is highest; channels 0 to 1."""
 
     octaves: Annotated[int, Field(ge=1, le=12), WHOLE_NUMBER] = 4
@@ -119,8 +131,10 @@ Texture = Checker | Grid | Gradient | Noise | ImageTexture
 
 
 def _form(value: Any) -> str | None:
-    """Return which form a textured parameter has: a constant, or the kind of texture."""
+    """Return which form a textured parameter has: a constant (also as a spectrum), or the kind of texture."""
     if isinstance(value, dict):
+        if "kind" not in value and not SPECTRUM_KEYS.isdisjoint(value):
+            return CONSTANT
         kind = value.get("kind")
         return kind if isinstance(kind, str) else None
     return str(getattr(value, "kind", CONSTANT))

@@ -22,13 +22,16 @@ ALLOWED: dict[str, set[str]] = {
     "mesh_files": GROUND,
     "photometry": GROUND,
     "pictures": GROUND,
-    "scene": FILES | {"mesh_files"},
+    "spectra": GROUND | {"resources"},
     "optics": FILES,
+    "scene": FILES | {"mesh_files", "spectra", "optics"},
     "geometry": GROUND | {"mesh_files", "records", "scene"},
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
     "cameras": GROUND | {"curves", "records", "scene", "optics"},
-    "plan": GROUND | {"curves", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"},
+    "plan": GROUND
+    | {"curves", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"}
+    | {"spectra"},
     "lensview": FILES | {"optics"},
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},

@@ -17,6 +17,8 @@ from rptcam_cl.scene.file_reference import FileReference
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Scene": (model.Scene,),
+    "Tabulated spectrum": (model.TabulatedSpectrum,),
+    "Light spectrum": (model.LightSpectrum, "Tabulated spectrum"),
     "Film": (model.Film,),
     "Filter": (model.FilmFilter,),
     "Pinhole camera": (model.PinholeCamera, "Pose"),
@@ -31,6 +33,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Outline aperture": (model.OutlineAperture,),
     "Image aperture": (model.ImageAperture,),
     "Focus": (model.Focus,),
+    "Shutter": (model.Shutter,),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
     "Normal map": (model.NormalMap, "Every texture"),
@@ -87,7 +90,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "render", "picture", "filter", "radius_px"}
+IN_WORDS = {"film", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),

@@ -1,0 +1,126 @@
+"""Tables of spectra, from a scene or from a file of two columns."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.scene.files import Folders
+from rptcam_cl.scene.numbers import number_at, read_number
+from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.scene.spectrum import Lines
+from rptcam_cl.spectra import WAVELENGTHS_NM, Spectrum
+
+SUFFIXES = (".csv", ".txt", ".tsv", ".spd")
+LARGEST_VALUE = 1e30
+MOST_ROWS = 10_000
+LARGEST_FILE = 4_000_000  # bytes
+_SHORTEST, _LONGEST = WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1]
+
+
+class Rows(NamedTuple):
+    """A table that is checked: wavelengths [nm] that rise, and values."""
+
+    wavelengths: Spectrum
+    values: Spectrum
+
+
+def numbers_of(value: Any) -> tuple[float, ...]:
+    """Return a list of at least two numbers."""
+    items = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(items, (list, tuple)):
+        raise refuse("must be a list of numbers", allowed="a list of at least 2 numbers")
+    if not 2 <= len(items) <= MOST_ROWS:
+        raise refuse(f"has {len(items)} numbers", allowed=f"2 to {MOST_ROWS} numbers")
+    return tuple(number_at(item, (index,)) for index, item in enumerate(items))
+
+
+def read_lines(value: Any) -> Lines:
+    """Return lines, sorted, from a mapping of wavelength [nm] to amount."""
+    if not isinstance(value, dict) or not value:
+        raise refuse("must be a mapping from wavelength to amount", allowed="for instance {546.1: 1, 577: 0.5}")
+    lines = []
+    for key, item in value.items():
+        try:
+            wavelength = float(key)
+        except (TypeError, ValueError):
+            raise refuse("is no wavelength", got=key, allowed="a number of nm", path=(key,)) from None
+        if isinstance(key, bool) or not _SHORTEST <= wavelength <= _LONGEST:
+            span = f"{_SHORTEST:g} to {_LONGEST:g} nm"
+            raise refuse("has a wavelength out of range", got=key, allowed=span, path=(key,))
+        amount = read_number(item) if not isinstance(item, str) else -1.0
+        if not 0 < amount <= LARGEST_VALUE:
+            raise refuse("is no amount of light", got=item, allowed=f"above 0 to {LARGEST_VALUE:g}", path=(key,))
+        lines.append((wavelength, amount))
+    return tuple(sorted(lines))
+
+
+def is_table_file(name: object) -> bool:
+    """Return whether a name is that of a file that may hold a table."""
+    return isinstance(name, str) and name.lower().endswith(SUFFIXES)
+
+
+def read_rows(name: str, folders: Folders) -> Rows:
+    """Return the table of a file: a wavelength [nm] and a value a line; comments begin with #, one heading may lead.
+
+    Raises
+    ------
+    InputError
+        When it is no such table; the message does not name the file.
+    """
+    if not is_table_file(name):
+        raise InputError(f"is not a table of a spectrum (allowed: files {', '.join(SUFFIXES)}; a picture is a texture "
+                         "of `kind: image`)")  # fmt: skip
+    lines = _text(folders.find(name)).splitlines()
+    given = [(number, text) for number, line in enumerate(lines, 1) if (text := line.partition("#")[0].strip())]
+    if given and _pair(given[0][1]) is None:
+        given = given[1:]
+    pairs = []
+    for number, text in given:
+        pair = _pair(text)
+        if pair is None or not np.isfinite(pair).all():
+            raise InputError(f"line {number} holds no wavelength and value (got {text[:40]!r})")
+        pairs.append(pair)
+    if not 2 <= len(pairs) <= MOST_ROWS:
+        raise InputError(f"holds {len(pairs)} rows (allowed: 2 to {MOST_ROWS})")
+    wavelengths, values = np.array(pairs, np.float64).T
+    fault = fault_of(wavelengths)
+    if fault is not None:
+        index, problem = fault
+        raise InputError(f"line {given[index][0]} {problem}")
+    return Rows(wavelengths, values)
+
+
+def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:
+    """Return what is wrong with the wavelengths of a table and at which row, None if nothing."""
+    falls = np.flatnonzero(np.diff(wavelengths) <= 0)
+    if len(falls):
+        return int(falls[0]) + 1, "has a wavelength that is not longer than the one before it"
+    if wavelengths[0] > _LONGEST or wavelengths[-1] < _SHORTEST:
+        hint = "; these look like micrometres" if wavelengths[-1] < 20 else ""
+        return 0, f"begins a table without a wavelength from {_SHORTEST:g} to {_LONGEST:g} nm{hint}"
+    return None
+
+
+def _pair(text: str) -> tuple[float, float] | None:
+    words = text.replace(",", " ").replace(";", " ").split()
+    try:
+        wavelength, value = map(float, words)
+    except ValueError:
+        return None
+    return wavelength, value
+
+
+def _text(path: Path) -> str:
+    try:
+        if (size := path.stat().st_size) > LARGEST_FILE:
+            raise InputError(f"is too large (got {size} bytes; allowed: at most {LARGEST_FILE})")
+        return path.read_text("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError("is not text in UTF-8") from None
+    except OSError as problem:
+        raise InputError(f"cannot be read ({problem.strerror})") from None
