@@ -151,6 +151,7 @@ _PREFIXES: dict[str, type[IntEnum]] = {
     "WRAP": Wrap,
     "EMITTER": EmitterKind,
     "ENVIRONMENT": EnvironmentKind,
+    "SPECTRUM": SpectrumKind,
     "RAY": RayStatus,
 }
 

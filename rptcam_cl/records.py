@@ -75,6 +75,11 @@ def _split(member: str) -> tuple[str, tuple[int, ...]]:
     return match[1], (int(match[2]),) if match[2] else ()
 
 
+DISPERSION_TERMS = 12
+DISPERSION_NM = (380.0, 780.0)  # wavelengths that the polynomials in x = scale / wavelength - shift, -1 to 1, are for
+DISPERSION_SCALE = 2.0 / (1.0 / DISPERSION_NM[0] - 1.0 / DISPERSION_NM[1])
+DISPERSION_SHIFT = (DISPERSION_NM[1] + DISPERSION_NM[0]) / (DISPERSION_NM[1] - DISPERSION_NM[0])
+
 PRIMITIVE = Record(
     "Primitive",
     (
@@ -107,6 +112,7 @@ INSTANCE = Record(
 MATERIAL = Record(
     "Material",
     (
+        # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
         ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
         ("float4", "metal_n"),  # refractive index n + i k of a metal
         ("float4", "metal_k"),
@@ -138,9 +144,10 @@ MATERIAL = Record(
         ("int", "factor_texture"),
         ("int", "normal_texture"),
         ("float", "normal_strength"),
+        ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
         ("int", "reserved_0"),
         ("int", "reserved_1"),
-        ("int", "reserved_2"),
+        ("float", f"dispersion[{DISPERSION_TERMS}]"),
     ),
 )
 
@@ -216,10 +223,6 @@ ENVIRONMENT = Record(
 
 EVEN_TERMS = 12
 ODD_TERMS = 12
-DISPERSION_TERMS = 12
-DISPERSION_NM = (380.0, 780.0)  # wavelengths that the polynomials in x = scale / wavelength - shift, -1 to 1, are for
-DISPERSION_SCALE = 2.0 / (1.0 / DISPERSION_NM[0] - 1.0 / DISPERSION_NM[1])
-DISPERSION_SHIFT = (DISPERSION_NM[1] + DISPERSION_NM[0]) / (DISPERSION_NM[1] - DISPERSION_NM[0])
 
 SURFACE = Record(
     "Surface",

@@ -4,6 +4,7 @@
 #ifndef SCENE_H
 #define SCENE_H
 #include "common/records.h"
+#include "common/wavelength.h"
 
 typedef struct {
     const __global Primitive   *primitives;    // sorted by kind
@@ -17,6 +18,12 @@ typedef struct {
     int                         emitter_count;
 #if SPECTRUM
     const __global float       *colours;       // wavelengths, common/wavelength.h
+#endif
+#if HUES
+    Hues                        hues;          // of the lanes at hand
+#endif
+#if HAS_DISPERSION
+    F                           inverse;       // wavelength of the lanes at hand, as inverse_wavelength has it
 #endif
 #if HAS_PRIMITIVE_TREE
     const __global float4      *primitive_nodes;    // kernels/geometry/primitive_tree.h

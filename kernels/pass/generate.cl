@@ -33,6 +33,9 @@ __kernel void generate(const __global Camera  *camera,
 #endif
 #if SPECTRUM
     F hue = path_numbers(lane.pixel, lane.sample, wave.seed).a;
+#if LENS_SPLITS
+    hue = AS_F(AS_I(hue) | SIGN_BIT);
+#endif
     F wavelength = wavelength_of(hue, colours);
 #else
     F hue = ZERO;
@@ -63,7 +66,7 @@ __kernel void generate(const __global Camera  *camera,
     WRITE_F3(O, slot, o);
     WRITE_F3(D, slot, d);
     WRITE_F(WEIGHT, slot, weight);
-    WRITE_F3(B, slot, f3(ONE, ONE, ONE));
+    WRITE_F3(B, slot, FIRST_BETA);
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
     WRITE_PART(PART, slot, (I)(NO_TRIANGLE));
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));

@@ -40,7 +40,17 @@ __kernel void shade(SCENE_PARAMETERS,
     hit.b1 = READ_F(B1, slot);
     hit.b2 = READ_F(B2, slot);
 #endif
-    ShadowRay shadow = shade_vertex(&path, hit, SCENE, rules_of(wave, limits));
+    Scene scene = SCENE;
+#if HUES
+    scene.hues = hues_of(path.hue, scene.colours);
+#endif
+#if HAS_DISPERSION
+    scene.inverse = inverse_wavelength(path.hue, scene.colours);
+#endif
+    ShadowRay shadow = shade_vertex(&path, hit, scene, rules_of(wave, limits));
+#if HUES
+    WRITE_F(HUE, slot, path.hue);
+#endif
     WRITE_F3(L, slot, path.radiance);
     WRITE_I(SELF, slot, path.ray.self);
     WRITE_PART(PART, slot, path.ray.part);

@@ -60,7 +60,13 @@ __kernel void stream(SCENE_PARAMETERS,
 #if SPECTRUM
             path.hue = started ? ray.f[7] : path.hue;
 #endif
-            path.beta = select3(started, f3(ONE, ONE, ONE), path.beta);
+#if HUES
+            scene.hues = hues_of(path.hue, scene.colours);
+#endif
+#if HAS_DISPERSION
+            scene.inverse = inverse_wavelength(path.hue, scene.colours);
+#endif
+            path.beta = select3(started, FIRST_BETA, path.beta);
             path.radiance = keep3(NOT(started), path.radiance);
             path.ray.self = started ? (I)(NO_PRIMITIVE) : path.ray.self;
             path.ray.part = started ? (I)(NO_TRIANGLE) : path.ray.part;

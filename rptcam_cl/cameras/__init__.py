@@ -7,9 +7,9 @@ from collections.abc import Callable
 from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_lens
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.model import CameraModel
-from rptcam_cl.cameras.realistic import LensColour
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.spectrum_mode import LensColour
 
 _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
     "pinhole": pinhole.build,
@@ -32,4 +32,4 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
     return _MODELS[scene.camera.kind](scene)
 
 
-__all__ = ["CameraModel", "LensColour", "camera_geometry", "camera_model"]
+__all__ = ["CameraModel", "camera_geometry", "camera_model"]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +22,8 @@ from rptcam_cl.optics import Lens
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.spectrum_mode import LensColour
 
-LensColour = Literal["off", "auto", "on"]
 SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
 AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
 

@@ -12,6 +12,7 @@ from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
+from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.materials import pack_materials
 from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import Primitive, pack_primitives, scene_primitives, with_meshes
@@ -47,13 +48,15 @@ def _is_smooth(primitive: Primitive) -> bool:
 
 def make_plan(scene: Scene) -> Plan:
     """Return the plan of a scene."""
-    camera, spectrum = seen_by(scene)
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
-    shown = pack_materials(materials, table)
-    surroundings = pack_environment(scene, table)
-    emitters = pack_emitters(scene, primitives, meshes.first_triangles if meshes else (), table, surroundings)
+    spectra = KnownSpectra()
+    shown = pack_materials(materials, table, spectra)
+    surroundings = pack_environment(scene, table, spectra)
+    first_triangles = meshes.first_triangles if meshes else ()
+    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
+    camera, spectrum = seen_by(scene, spectra, shown)
     textures = table.pack()
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     kinds = {primitive.kind for primitive in primitives}
