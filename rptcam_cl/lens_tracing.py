@@ -14,6 +14,7 @@ from rptcam_cl.device import Session, open_session
 from rptcam_cl.errors import DeviceError, InputError
 from rptcam_cl.optics import Lens, Rays
 from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.optics.transmission import Transmission
 from rptcam_cl.records import device_declarations
 
 Precision = Literal["single", "double"]
@@ -38,6 +39,8 @@ class TraceableLens(Lens):
         start: str = "film",
         device: str | Session | None = None,
         precision: Precision = "single",
+        *,
+        transmission: Transmission | None = None,
     ) -> Rays:
         """Return rays traced through every surface.
 
@@ -52,6 +55,8 @@ class TraceableLens(Lens):
             None for the float64 reference on the host; else as ``--device`` on the command line, or a session.
         precision : "single" or "double"
             Arithmetic of the device.
+        transmission : Transmission, optional
+            Losses to count; on the host only.
 
         Returns
         -------
@@ -60,7 +65,9 @@ class TraceableLens(Lens):
             ``optical_path`` is empty.
         """
         if device is None:
-            return super().trace(origins, directions, wavelength_nm, start)
+            return super().trace(origins, directions, wavelength_nm, start, transmission=transmission)
+        if transmission:
+            raise InputError("losses of rays are counted by the float64 reference (leave out the device)")
         session = device if isinstance(device, Session) else open_session(device)
         return trace_on_device(self, session, origins, directions, wavelength_nm, start, precision)
 

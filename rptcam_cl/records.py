@@ -270,9 +270,10 @@ CAMERA = Record(
         ("float4", "a"),  # of the camera model, see kernels/camera
         ("float4", "b"),
         ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
+        ("float4", "half_plane"),  # see kernels/lens/half_pupil.h
         ("int", "count"),
+        ("int", "half_beyond"),  # whether the half beyond the line is meant
         ("float", "wavelength"),  # of all rays, where they have one [nm]
-        ("int", "reserved_0"),
         ("int", "reserved_1"),
     ),
 )
@@ -317,25 +318,28 @@ VIEW = Record(
 RECORDS = (PRIMITIVE, INSTANCE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
-CAMERA_RAY_FLOATS = 8  # origin, weight, direction and hue: what the stream reads per slot
+CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot
 PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
+TIME_FIELDS = ("TIME",)
 COLOUR_FIELDS = ("HUE",)
-STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + COLOUR_FIELDS
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS
 
 
-def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, colours: bool) -> int:
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool, colours: bool) -> int:
     """Return how many 4-byte numbers a slot holds.
 
-    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample and with
-    triangles where it has meshes and a wavelength where paths have one.
+    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
+    triangles where it has meshes, with the time where something moves and with the hue where paths have a wavelength.
     """
     if stream:
         return CAMERA_RAY_FLOATS
     if colours:
         return len(STATE_FIELDS)
+    if moves:
+        return len(STATE_FIELDS) - len(COLOUR_FIELDS)
     if meshes:
         return len(PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS)
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)

@@ -29,3 +29,8 @@ def lenses_dir() -> Path:
 def spectra_dir() -> Path:
     """Folder of the tables of spectra."""
     return _PACKAGE / "spectra" / "tables"
+
+
+def response_curves_dir() -> Path:
+    """Folder of the response curves of cameras."""
+    return _PACKAGE / "sensor" / "curves"

@@ -3,6 +3,7 @@
 // a = (film half width, half height, film distance Z, scale of the weight) in mm; b = (mm to the camera's frame, z of the
 // first vertex in the camera's frame); count = surfaces; pupil and tables as in lens/pupil.h.
 #include "camera/film_point.h"
+#include "lens/half_pupil.h"
 #include "lens/pupil.h"
 #include "lens/trace.h"
 
@@ -25,6 +26,9 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     r.o = keep3(out.passed, f3(out.p.x * mm, out.p.y * mm, camera->b.y - out.p.z * mm));
     r.d = select3(out.passed, f3(out.d.x, out.d.y, -out.d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z
     r.weight = out.passed ? weight : ZERO;
+#if HALF_PUPIL
+    r.weight = of_half(r.weight, at.x, at.y, fx, fy, camera);
+#endif
     r.status = at.inverse_density > 0.0f ? out.status : (I)(RAY_CLIPPED);
     return r;
 }

@@ -4,6 +4,7 @@
 // the plane of the first vertex [mm], pupil.zw the slope in the scene.
 // a = (film half width, half height [mm], scale of the weight); b.xy = (mm to the camera's frame, z of the first vertex).
 #include "camera/film_point.h"
+#include "lens/half_pupil.h"
 
 static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
                             const __global float *tables, const __global Surface *surfaces,
@@ -25,6 +26,9 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
              (F)(camera->b.y));
     r.d = normalized(f3(camera->pupil.z * fx + camera->pupil.w * px, camera->pupil.z * fy + camera->pupil.w * py, -ONE));
     r.weight = camera->a.z * cos2 * cos2;
+#if HALF_PUPIL
+    r.weight = of_half(r.weight, px, py, ZERO, ZERO, camera);
+#endif
     r.status = (I)(RAY_OK);
     return r;
 }

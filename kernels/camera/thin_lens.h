@@ -1,7 +1,8 @@
 // A perfect thin lens: every ray of a film point meets in one point of the plane of focus. a = (tan x, tan y, distance of
 // that plane, aperture radius); tables = those of the aperture.
-#include "lens/aperture.h"
 #include "camera/film_point.h"
+#include "lens/aperture.h"
+#include "lens/half_pupil.h"
 
 static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
                             const __global float *tables, const __global Surface *surfaces,
@@ -15,6 +16,9 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     F3 target = f3(film_x(lane, u.a, camera) * camera->a.x * focus, film_y(lane, u.b, camera) * camera->a.y * focus, -focus);
     r.d = normalized(sub(target, r.o));
     r.weight = ONE;
+#if HALF_PUPIL
+    r.weight = of_half(r.weight, lx, ly, ZERO, ZERO, camera);
+#endif
     r.status = (I)(RAY_OK);
     return r;
 }

@@ -8,6 +8,7 @@
 #ifndef WAVELENGTH_H
 #define WAVELENGTH_H
 #include "common/math.h"
+#include "common/sampler.h"
 
 #if LENS_SPLITS
 #define FIRST_BETA f3((F)(3.0f), ZERO, ZERO)      // the lens lets one of three wavelengths pass on a path
@@ -16,6 +17,15 @@
 #endif
 
 #if SPECTRUM
+static F hue_of(U pixel, U sample, uint2 seed)
+{
+    F hue = path_numbers(pixel, sample, seed).a;
+#if LENS_SPLITS
+    hue = AS_F(AS_I(hue) | SIGN_BIT);
+#endif
+    return hue;
+}
+
 static F wavelength_of(F hue, const __global float *colours)
 {
     F place = absolute(hue) * (float)HUE_CELLS;

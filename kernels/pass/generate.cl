@@ -1,8 +1,12 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
-// records (o, weight, d, hue), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, and clears L, PDF and REACH.
-// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER, SPECTRUM.
+// records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, TIME, HUE, and clears
+// L, PDF and REACH.
+// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
 #include CAMERA_FILE
 #include "camera/filter.h"
+#if MOVES
+#include "camera/course.h"
+#endif
 #include "common/transpose.h"
 #include "common/wavelength.h"
 #include "integrator/state.h"
@@ -23,7 +27,11 @@ __kernel void generate(const __global Camera  *camera,
                        Wave                    wave,
                        const __global uint    *tiles,      // that are rendered
                        const __global float   *filter,     // of the film
-                       const __global float   *colours)    // wavelengths, common/wavelength.h
+                       const __global float   *colours     // wavelengths, common/wavelength.h
+#if MOVES
+                     , const __global float4  *course      // of shutter and camera
+#endif
+                       )
 {
     uint slot = get_global_id(0) * VW;
     Lane lane = lane_of(slot, wave, tiles);
@@ -32,13 +40,9 @@ __kernel void generate(const __global Camera  *camera,
     F sign = filter_sign(&u.a, filter) * filter_sign(&u.b, filter);
 #endif
 #if SPECTRUM
-    F hue = path_numbers(lane.pixel, lane.sample, wave.seed).a;
-#if LENS_SPLITS
-    hue = AS_F(AS_I(hue) | SIGN_BIT);
-#endif
+    F hue = hue_of(lane.pixel, lane.sample, wave.seed);
     F wavelength = wavelength_of(hue, colours);
 #else
-    F hue = ZERO;
     F wavelength = (F)(camera->wavelength);
 #endif
     CameraRay ray = camera_ray(lane, u, wavelength, camera, tables, surfaces, stop);
@@ -51,8 +55,17 @@ __kernel void generate(const __global Camera  *camera,
                 atomic_add(counters + status, n);
         }
 #endif
+#if MOVES
+    F time = moment_of(lane, path_numbers(lane.pixel, lane.sample, wave.seed).b, course);
+#endif
+#if CAMERA_LEGS
+    Stand stand = stand_at(time, course);
+    F3 o = add(stand.eye, from_frame(stand.right, stand.up, stand.back, ray.o));
+    F3 d = from_frame(stand.right, stand.up, stand.back, ray.d);
+#else
     F3 o = in_world(camera, ray.o);
     F3 d = in_world(camera, ray.d);
+#endif
     F weight = alive ? ray.weight : ZERO;
 #if FILTER
     weight *= sign;
@@ -60,7 +73,10 @@ __kernel void generate(const __global Camera  *camera,
 #if STREAM
     Eight record;
     record.f[0] = o.x; record.f[1] = o.y; record.f[2] = o.z; record.f[3] = weight;
-    record.f[4] = d.x; record.f[5] = d.y; record.f[6] = d.z; record.f[7] = hue;
+    record.f[4] = d.x; record.f[5] = d.y; record.f[6] = d.z; record.f[7] = ZERO;
+#if MOVES
+    record.f[7] = time;
+#endif
     store_eight(state, slot, record);
 #else
     WRITE_F3(O, slot, o);
@@ -69,6 +85,9 @@ __kernel void generate(const __global Camera  *camera,
     WRITE_F3(B, slot, FIRST_BETA);
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
     WRITE_PART(PART, slot, (I)(NO_TRIANGLE));
+#if MOVES
+    WRITE_F(TIME, slot, time);
+#endif
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if SPECTRUM
     WRITE_F(HUE, slot, hue);

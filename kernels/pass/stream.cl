@@ -1,7 +1,7 @@
 // Carries VW pixels through all their samples of a wave: every lane takes its path from vertex to vertex and, when it ends,
 // adds it to the film and starts the next camera ray of its pixel, so that lanes are hardly ever idle. The same steps as
 // intersect, shade, shadow and film, without state in memory between them.
-// Reads the camera rays that generate wrote: records (o, weight, d, hue).
+// Reads the camera rays that generate wrote: records (o, weight, d, time).
 #include "integrator/film.h"
 #include "integrator/path.h"
 #include "common/transpose.h"
@@ -58,7 +58,7 @@ __kernel void stream(SCENE_PARAMETERS,
             path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
             path.weight = started ? ray.f[3] : path.weight;
 #if SPECTRUM
-            path.hue = started ? ray.f[7] : path.hue;
+            path.hue = started ? hue_of(path.pixel, path.sample, wave.seed) : path.hue;
 #endif
 #if HUES
             scene.hues = hues_of(path.hue, scene.colours);

@@ -78,36 +78,43 @@ def lens_setting(scene: Scene) -> LensSetting:
     """
     camera = scene.camera
     assert isinstance(camera, LensCamera)
-    lens, focus = _stopped_down(scene, camera), camera.focus
+    lens, focus = lens_to_focus(scene, camera), camera.focus
     if focus.film_distance_mm is not None:
         return LensSetting(lens, focus.film_distance_mm, _sharp_at(lens, focus.film_distance_mm, camera), camera)
     if focus.front_distance_m is not None:
         front_mm = focus.front_distance_m * 1e3
-        lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm, _film_point(scene, camera))
+        lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
         return LensSetting(lens, back_mm, front_mm + lens.length + back_mm, camera)
     if focus.point is not None:
         distance_mm = camera.ahead(focus.point) * scene.metres_per_unit * 1e3
     else:
         assert focus.distance_m is not None
         distance_mm = focus.distance_m * 1e3
-    lens, back_mm = focused(lens, distance_mm, "film", focus.method, camera.wavelength_nm, _film_point(scene, camera))
+    lens, back_mm = focused(lens, distance_mm, "film", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
     return LensSetting(lens, back_mm, distance_mm, camera)
 
 
-def _film_point(scene: Scene, camera: LensCamera) -> tuple[float, float] | None:
-    """Return where on the film the picture is to be sharpest [mm]; None for the axis.
+def _sharpest(scene: Scene, camera: LensCamera) -> tuple[float, float] | None:
+    """Return where on the film the picture is to be sharpest [mm]; None for the axis."""
+    return None if camera.focus.field is None else film_point(scene, camera, *camera.focus.field)
+
+
+def film_point(scene: Scene, camera: LensCamera, right: float, down: float) -> tuple[float, float]:
+    """Return where on the film a point of the picture lies [mm], in the frame of the lens.
 
     A lens inverts: right and up in an upright picture are left and down on the film.
+
+    Parameters
+    ----------
+    right, down
+        Fractions of the picture from its left and top edges.
     """
-    if camera.focus.field is None:
-        return None
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    right, down = camera.focus.field
     sense = -1.0 if camera.flip else 1.0
     return sense * (right - 0.5) * width_mm, sense * (0.5 - down) * height_mm
 
 
-def _stopped_down(scene: Scene, camera: LensCamera) -> Lens:
+def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     """Return the lens at its focal length and working aperture."""
     source = scene.lens_source()
     assert source is not None

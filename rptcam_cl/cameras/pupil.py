@@ -61,9 +61,13 @@ def pupil_sampling(
         where it would lose light. ``bounds``: a box per film cell (pbrt). ``tight``: the outline of the true pupil.
         ``auto``: tight, which needs the fewest samples on the four lenses it was measured on.
     """
-    if lens.stop is not None and lens.stop.stop_shape is not None:
-        lens = lens.with_stop_shape(None)  # what holds the round stop holds every shape in it
-    return _remembered(_ByContent(lens), film_distance_mm, half_film_mm, wavelength_nm, tier)
+    return _remembered(_ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, tier)
+
+
+def without_shape(lens: Lens) -> Lens:
+    """Return the lens with a round stop: what holds it holds every shape in it."""
+    shaped = lens.stop is not None and lens.stop.stop_shape is not None
+    return lens.with_stop_shape(None) if shaped else lens
 
 
 @dataclass(frozen=True)

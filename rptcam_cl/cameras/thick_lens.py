@@ -9,7 +9,7 @@ import numpy as np
 
 from rptcam_cl.cameras.blur import Blur, perfect_blur
 from rptcam_cl.cameras.geometry import intrinsics
-from rptcam_cl.cameras.lens_setting import lens_setting
+from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
@@ -108,9 +108,13 @@ def build(scene: Scene) -> CameraModel:
     InputError
         When the lens cannot be set as asked, or is not one that a thick lens stands for.
     """
+    return model_of(scene, lens_setting(scene))
+
+
+def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
+    """Return the camera of a scene with its lens set in some other way than the scene says."""
     camera = scene.camera
     assert isinstance(camera, ThickLensCamera)
-    setting = lens_setting(scene)
     thick = thick_lens(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
     on_axis = setting.gain * thick.axial_cone
     scale = setting.gain * thick.pupil_solid_angle / (on_axis if scene.exposure == "relative" else 1.0)

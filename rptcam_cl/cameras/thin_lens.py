@@ -31,15 +31,25 @@ def optics_of(camera: ThinLensCamera, film: Film) -> tuple[float, float, float]:
     return across, down, 1 / (1 / distance + 1 / focus)
 
 
+def radius_of(camera: ThinLensCamera, focal_length_m: float) -> float:
+    """Return the radius of the opening [m]."""
+    if camera.aperture_radius_m is not None:
+        return camera.aperture_radius_m
+    assert camera.f_number is not None
+    return focal_length_m / camera.f_number / 2
+
+
 def build(scene: Scene) -> CameraModel:
     """Return the camera for the device."""
     camera = scene.camera
     assert isinstance(camera, ThinLensCamera)
+    return model_of(scene, camera)
+
+
+def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
+    """Return the camera of a scene set in some other way than the scene says."""
     across, down, focal_length = optics_of(camera, scene.film)
-    radius = camera.aperture_radius_m
-    if radius is None:
-        assert camera.f_number is not None
-        radius = focal_length / camera.f_number / 2
+    radius = radius_of(camera, focal_length)
     record = camera_record(camera, scene.film)
     record["a"][0] = (across, down, camera.focus_distance_m, radius)
     tables, facts = aperture_tables(scene, camera.aperture)

@@ -4,14 +4,16 @@ import argparse
 import math
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import lens_convert, lens_design, lens_draw, lens_field, lens_spots, lens_trace
+from rptcam_cl.cli import lens_convert, lens_design, lens_draw, lens_field, lens_losses, lens_spots, lens_trace
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import D_LINE, add_lens, zoomed_lens
+from rptcam_cl.cli.lens_options import D_LINE, add_coating, add_lens, coated_lens, zoomed_lens
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
+from rptcam_cl.errors import InputError
 
 if TYPE_CHECKING:
     from rptcam_cl.optics import Lens
+    from rptcam_cl.optics.transmission import Transmission
 
 
 def add_to(commands: Commands) -> None:
@@ -30,9 +32,14 @@ def add_to(commands: Commands) -> None:
         "--wavelength-nm", type=values.positive, metavar="W", default=D_LINE,
         help="wavelength in nanometres (default: %(default)s)",
     )  # fmt: skip
+    info.add_argument(
+        "--transmission", choices=("ideal", "bare", "coated"),
+        help="light lost in the lens: none, by bare surfaces and glass, or by coated ones (default: ideal)",
+    )  # fmt: skip
+    add_coating(info)
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info, parser=info)
-    for command in (lens_draw, lens_spots, lens_field, lens_trace, lens_convert, lens_design):
+    for command in (lens_draw, lens_spots, lens_field, lens_losses, lens_trace, lens_convert, lens_design):
         command.add_to(inner)
 
 
@@ -91,12 +98,24 @@ def _lines(facts: dict[str, Any], indent: str = "") -> list[str]:
     return lines
 
 
+def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "Transmission":
+    """The losses that the options ask for."""
+    from rptcam_cl.optics.transmission import BY_NAME, has_coatings
+
+    name = arguments.transmission or ("ideal" if arguments.coating is None else "coated")
+    if name != "coated" and arguments.coating is not None:
+        raise InputError(f"--coating: says nothing with --transmission {name} (allowed with coated)")
+    if name == "coated" and not has_coatings(lens):
+        raise InputError(f"--transmission: {lens.name} does not say how it is coated (give --coating, such as mgf2)")
+    return BY_NAME[name]
+
+
 def _info(arguments: argparse.Namespace) -> int:
     from rptcam_cl.optics.summary import lens_info
 
-    lens = zoomed_lens(arguments, arguments.wavelength_nm)
+    lens = coated_lens(arguments, zoomed_lens(arguments, arguments.wavelength_nm))
     distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m
-    facts = lens_info(lens, arguments.f_number, distance, arguments.wavelength_nm)
+    facts = lens_info(lens, arguments.f_number, distance, arguments.wavelength_nm, _transmission(arguments, lens))
     if arguments.json:
         print(as_json(facts))
     else:

@@ -33,6 +33,7 @@ def add_to(commands: Commands) -> None:
 def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.lensview.pbrt_table import loses_dispersion, pbrt_text
     from rptcam_cl.lensview.prescription import lens_text
+    from rptcam_cl.optics.transmission import has_coatings
     from rptcam_cl.optics.variable import zoomed
 
     suffix = arguments.output.suffix.lower()
@@ -55,6 +56,8 @@ def _run(arguments: argparse.Namespace) -> int:
         if loses_dispersion(lens):
             print(f"a .dat table has no dispersion: its indices are those at {arguments.wavelength_nm:g} nm",
                   file=sys.stderr)  # fmt: skip
+        if has_coatings(lens):
+            print("a .dat table has no coatings: they are left out", file=sys.stderr)
         if lens.focusing is not None:
             print("a .dat table has no focusing group: the lens is written focused at infinity", file=sys.stderr)
     write(text.encode(), arguments.output)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rptcam_cl.lensview.ray_paths import Tracer
     from rptcam_cl.lensview.setting import Setting
     from rptcam_cl.optics import Lens
+    from rptcam_cl.optics.coating import Coating
 
 D_LINE = 587.5618  # [nm], of helium, where n_d is measured
 FDC = (486.1327, 587.5618, 656.2725)  # [nm], the F, d and C lines
@@ -78,6 +79,37 @@ def add_lens(parser: argparse.ArgumentParser) -> None:
     zoom.add_argument(
         "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens, between its positions too"
     )
+
+
+def coating(text: str) -> "Coating":
+    """The coating of a word, or of a reflectance such as 0.005."""
+    from rptcam_cl.optics.coating import MeasuredReflectance
+    from rptcam_cl.optics.files.coatings import WORDS
+
+    if text in WORDS:
+        return WORDS[text]
+    try:
+        share = float(text)
+    except ValueError:
+        share = math.nan
+    if not 0 <= share < 1:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed {', '.join(WORDS)} or a reflectance from 0 to below 1")
+    return MeasuredReflectance((0.0,), (share,))
+
+
+def add_coating(parser: argparse.ArgumentParser) -> None:
+    """Add what lies on the surfaces between glass and air."""
+    parser.add_argument(
+        "--coating", type=coating, metavar="C",
+        help="of all surfaces between glass and air: bare, mgf2 or a reflectance as 0.005 (default: as in the file)",
+    )  # fmt: skip
+
+
+def coated_lens(arguments: argparse.Namespace, lens: "Lens") -> "Lens":
+    """The lens with the coating that the options ask for."""
+    from rptcam_cl.optics.transmission import with_coating
+
+    return lens if arguments.coating is None else with_coating(lens, arguments.coating)
 
 
 def add_fields(parser: argparse.ArgumentParser) -> None:

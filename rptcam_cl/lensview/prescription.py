@@ -12,12 +12,15 @@ import numpy as np
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, Surface
-from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, PowerSeries, Sellmeier
+from rptcam_cl.optics.absorption import Absorption
+from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Coating, MeasuredReflectance, QuarterWave
+from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, Medium, PowerSeries, Sellmeier
 from rptcam_cl.optics.glass_table import GLASSES
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopShape
 
+WRITTEN_THICKNESS_MM = 10.0
 SCHOTT_POWERS = (0.0, 2.0, -2.0, -4.0, -6.0, -8.0)
 
 
@@ -36,7 +39,7 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
     if lens.published:
         lines.append(f"published: {_flow(lens.published)}")
     if lens.object_medium != AIR:
-        lines.append(f"object_medium: {_flow(_glass(lens.object_medium))}")
+        lines.append(f"object_medium: {_flow(_medium(lens.object_medium))}")
     lines.append("surfaces:")
     last = len(lens.surfaces) - 1
     lines += [f"  - {_flow(_surface(lens, k, k == last))}" for k in range(last + 1)]
@@ -77,8 +80,10 @@ def _surface(lens: Lens, k: int, last: bool) -> dict[str, Any]:
     if not last:
         row["thickness"] = surface.thickness
     if surface.glass != AIR:
-        row["glass"] = _glass(surface.glass)
+        row["glass"] = _medium(surface.glass)
     row["diameter"] = 2 * surface.semi_diameter
+    if surface.coating is not None:
+        row["coating"] = _coating(surface.coating, where)
     row |= _shape(surface)
     if surface.pose is not None:
         row |= _pose(surface.pose)
@@ -127,6 +132,34 @@ def _region(region: Region, where: str) -> dict[str, Any]:
     if region.normal_degrees is not None:
         clear |= {"half_plane_degrees": region.normal_degrees, "edge": region.edge}
     return {"clear": clear} if region.blocks else {"clear": clear, "outside": "pass"}
+
+
+def _coating(coating: Coating, where: str) -> Any:
+    if coating == BARE:
+        return "bare"
+    if coating == MAGNESIUM_FLUORIDE:
+        return "mgf2"
+    if isinstance(coating, QuarterWave):
+        return {"quarter_wave": {"index": coating.index, "wavelength_nm": coating.wavelength_nm}}
+    if not isinstance(coating, MeasuredReflectance):
+        raise InputError(f"{where}: has a coating that a lens file cannot say ({type(coating).__name__})")
+    if len(coating.values) == 1:
+        return {"reflectance": coating.values[0]}
+    return {"reflectance": {"wavelengths_nm": list(coating.wavelengths_nm), "values": list(coating.values)}}
+
+
+def _medium(medium: Medium) -> Any:
+    """Return a glass with what it absorbs, where its name does not say that."""
+    entry = _glass(medium)
+    if medium.absorption is None or isinstance(entry, str):
+        return entry
+    return entry | {"transmittance": _transmittance(medium.absorption)}
+
+
+def _transmittance(absorption: Absorption) -> dict[str, Any]:
+    """Return the internal transmittance over 10 mm."""
+    values = np.exp(-WRITTEN_THICKNESS_MM * np.asarray(absorption.per_mm)).tolist()
+    return {"thickness_mm": WRITTEN_THICKNESS_MM, "wavelengths_nm": list(absorption.wavelengths_nm), "values": values}
 
 
 @singledispatch

@@ -5,13 +5,14 @@ Wavelengths are in nanometres in air, indices relative to air. Dispersion formul
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.optics.absorption import Absorption
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -28,12 +29,23 @@ class Medium(Protocol):
     def name(self) -> str:
         """Short text for tables and messages."""
 
+    @property
+    def absorption(self) -> Absorption | None:
+        """What it swallows; None when that is not known."""
+
     def index(self, wavelength_nm: ArrayLike) -> Array:
         """Return the refractive index, of the shape of the wavelengths [nm]."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class Absorbing:
+    """A medium whose absorption may be known."""
+
+    absorption: Absorption | None = field(default=None, repr=False)
+
+
 @dataclass(frozen=True)
-class ConstantIndex:
+class ConstantIndex(Absorbing):
     """The same index at every wavelength."""
 
     value: float
@@ -48,7 +60,7 @@ AIR = ConstantIndex(1.0, "air")
 
 
 @dataclass(frozen=True)
-class AbbeCauchy:
+class AbbeCauchy(Absorbing):
     """Two-term Cauchy law n = A + B / L^2 through n_d and V_d = (n_d - 1) / (n_F - n_C), close to real glass."""
 
     nd: float
@@ -64,7 +76,7 @@ class AbbeCauchy:
 
 
 @dataclass(frozen=True)
-class AbbeLinear:
+class AbbeLinear(Absorbing):
     """Index linear in wavelength: n = n_D + (n_D - 1) / V * (589.3 - L) / (656.3 - 486.1).
 
     The dispersion of the rptcam paper (Kumar, Kumar, Meng, Yu 2024, eq. 2), kept for its figures; not that of glass.
@@ -81,7 +93,7 @@ class AbbeLinear:
 
 
 @dataclass(frozen=True)
-class Sellmeier:
+class Sellmeier(Absorbing):
     """n^2 = 1 + c0 + sum of b L^2 / (L^2 - c), L in micrometres and c in square micrometres."""
 
     b: tuple[float, ...]
@@ -98,7 +110,7 @@ class Sellmeier:
 
 
 @dataclass(frozen=True)
-class PowerSeries:
+class PowerSeries(Absorbing):
     """n or n^2 as a sum of coefficient * L^power, L in micrometres: Cauchy, Schott and similar polynomials."""
 
     terms: tuple[tuple[float, float], ...]
@@ -116,7 +128,7 @@ class PowerSeries:
 
 
 @dataclass(frozen=True)
-class TabulatedIndex:
+class TabulatedIndex(Absorbing):
     """Index interpolated linearly between measured wavelengths [nm], which rise."""
 
     wavelengths_nm: tuple[float, ...]
@@ -134,10 +146,37 @@ class TabulatedIndex:
         return np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
 
 
+Law = ConstantIndex | AbbeCauchy | AbbeLinear | Sellmeier | PowerSeries | TabulatedIndex
+
+
+def held_index(medium: Law, wavelength_nm: ArrayLike) -> Array:
+    """Return the index at each wavelength [nm]; beyond those at which it is known, that of the nearest of them."""
+    wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+    limits = known_range(medium)
+    return medium.index(wavelength if limits is None else np.clip(wavelength, *limits))
+
+
+def known_range(medium: Law) -> Range | None:
+    """Return the shortest and longest wavelength at which a law holds [nm], None where it holds everywhere."""
+    match medium:
+        case Sellmeier() | PowerSeries():
+            return medium.range_nm
+        case TabulatedIndex():
+            return medium.wavelengths_nm[0], medium.wavelengths_nm[-1]
+    return None
+
+
 def abbe_number(medium: Medium) -> float:
     """Return V_d = (n_d - 1) / (n_F - n_C), infinite without dispersion."""
     d, f, c = medium.index([WAVELENGTH_D, WAVELENGTH_F, WAVELENGTH_C])
     return float((d - 1) / (f - c)) if f != c else float("inf")
+
+
+def attenuation(medium: Medium, wavelength_nm: ArrayLike) -> Array:
+    """Return the absorption coefficient of a medium [1/mm] at each wavelength [nm]; 0 where it is not known."""
+    if medium.absorption is None:
+        return np.zeros(np.shape(wavelength_nm))
+    return medium.absorption.at(wavelength_nm, medium.name)
 
 
 def _inverse_square(wavelength_nm: ArrayLike) -> Array:

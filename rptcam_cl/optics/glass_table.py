@@ -6,6 +6,7 @@ Daimon and Masumura, Appl. Opt. 46, 3811 (2007).
 """
 
 from rptcam_cl.optics.glass import Sellmeier
+from rptcam_cl.optics.glass_absorption import ABSORPTIONS
 
 _SELLMEIER: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, float]]] = {
     "N-BK7": ((1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), (300, 2500)),
@@ -40,4 +41,7 @@ _SELLMEIER: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, f
     ),
 }
 
-GLASSES = {name: Sellmeier(b, c, range_nm=limits, name=name) for name, (b, c, limits) in _SELLMEIER.items()}
+GLASSES = {
+    name: Sellmeier(b, c, range_nm=limits, name=name, absorption=ABSORPTIONS.get(name))
+    for name, (b, c, limits) in _SELLMEIER.items()
+}

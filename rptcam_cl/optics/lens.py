@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.first_order import FirstOrder
     from rptcam_cl.optics.stop_shape import StopMask, StopShape
     from rptcam_cl.optics.trace import Rays
+    from rptcam_cl.optics.transmission import Transmission
     from rptcam_cl.optics.variable import Configuration, FocusingGroup
 
 Array = NDArray[np.float64]
@@ -73,10 +74,14 @@ class Lens:
         """The surface that is the stop, if there is one."""
         return None if self.stop_index is None else self.surfaces[self.stop_index]
 
+    @property
+    def media(self) -> tuple[Medium, ...]:
+        """The medium before the first surface and after each one."""
+        return (self.object_medium, *(surface.glass for surface in self.surfaces))
+
     def indices(self, wavelength_nm: ArrayLike = WAVELENGTH_D) -> Array:
         """Return the index before the first surface and after each one, shape (n + 1, *wavelengths)."""
-        media = [self.object_medium, *(surface.glass for surface in self.surfaces)]
-        return np.stack([medium.index(wavelength_nm) for medium in media])
+        return np.stack([medium.index(wavelength_nm) for medium in self.media])
 
     @property
     def known_nm(self) -> tuple[float, float]:
@@ -97,11 +102,13 @@ class Lens:
         directions: ArrayLike,
         wavelength_nm: ArrayLike = WAVELENGTH_D,
         start: str = "film",
+        *,
+        transmission: Transmission | None = None,
     ) -> Rays:
         """Return rays traced through every surface in float64, from the film or from the scene. See `optics.trace`."""
         from rptcam_cl.optics.trace import trace
 
-        return trace(self, origins, directions, wavelength_nm, start)
+        return trace(self, origins, directions, wavelength_nm, start, transmission)
 
     @property
     def has_power(self) -> bool:

@@ -12,6 +12,7 @@ from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
+from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -26,6 +27,7 @@ def lens_info(
     f_number: float | None = None,
     object_distance_mm: float = np.inf,
     wavelength_nm: float = WAVELENGTH_D,
+    transmission: Transmission = IDEAL,
 ) -> dict[str, Any]:
     """Return first-order data and working state as plain values, for JSON; None where there is no such number.
 
@@ -37,6 +39,8 @@ def lens_info(
     object_distance_mm : float
         From the film to the object plane.
     wavelength_nm : float
+    transmission : Transmission
+        Losses that the T-number counts.
     """
     if f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
@@ -50,11 +54,12 @@ def lens_info(
             raise
         film = None
     result["film_distance_mm"] = film
+    result["axial_transmittance"] = float(axial_transmittance(lens, wavelength_nm, transmission))
     for key in ("working_f_number", "t_number", "image_circle_mm", "field_of_view_degrees"):
         result[key] = None
     if film is not None:
         result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
-        result["t_number"] = t_number(lens, film, wavelength_nm)
+        result["t_number"] = t_number(lens, film, wavelength_nm, transmission)
         circle = image_circle(lens, film, wavelength_nm)
         result["image_circle_mm"] = 2 * circle
         result["field_of_view_degrees"] = field_of_view(lens, film, circle * 0.999, wavelength_nm)
@@ -71,9 +76,11 @@ def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float =
     return float(abs(away) / (index * data.exit_pupil.diameter_mm))
 
 
-def t_number(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+def t_number(
+    lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D, transmission: Transmission = IDEAL
+) -> float:
     """Return the f-number of an ideal lens that would give the centre of the film the same light: E = pi / (4 T^2)."""
-    return float(np.sqrt(np.pi / (4.0 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm))))
+    return float(np.sqrt(np.pi / (4.0 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm, transmission))))
 
 
 def image_circle(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:

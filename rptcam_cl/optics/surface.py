@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.optics.coating import Coating
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
@@ -53,6 +54,8 @@ class Surface:
         A further limit of the clear area, and what happens outside.
     stop_shape : StopShape, StopMask or None
         Shape of the opening of a stop inside its semi-diameter; None for a round one.
+    coating : Coating or None
+        What lies on the surface; None where nothing is said.
     """
 
     curvature: float = 0.0
@@ -69,6 +72,7 @@ class Surface:
     pose: Pose | None = None
     region: Region | None = None
     stop_shape: StopShape | StopMask | None = None
+    coating: Coating | None = None
 
     @property
     def radius(self) -> float:

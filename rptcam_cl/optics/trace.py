@@ -10,10 +10,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.optics.coating import Interface
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.region import Region, sides
 from rptcam_cl.optics.shapes import WORTH_MOVING, meet
+from rptcam_cl.optics.transmission import Losses, Transmission
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -49,6 +51,9 @@ class Rays:
         Index of the surface where the ray failed, -1 if it did not.
     optical_path : (n,) array
         Sum of index times length from the start to the origin [mm].
+    transmittance : (n,) array or None
+        Share of the light that is left after the last surface, counted from the first one met; 0 for a failed ray. None
+        when no losses were asked for.
     """
 
     origins: Array
@@ -56,6 +61,7 @@ class Rays:
     status: NDArray[np.int32]
     surface: NDArray[np.int32]
     optical_path: Array
+    transmittance: Array | None = None
 
     @property
     def passed(self) -> Mask:
@@ -67,7 +73,12 @@ class Rays:
 
 
 def trace(
-    lens: Lens, origins: ArrayLike, directions: ArrayLike, wavelength_nm: ArrayLike = WAVELENGTH_D, start: str = "film"
+    lens: Lens,
+    origins: ArrayLike,
+    directions: ArrayLike,
+    wavelength_nm: ArrayLike = WAVELENGTH_D,
+    start: str = "film",
+    transmission: Transmission | None = None,
 ) -> Rays:
     """Return the rays after they have crossed every surface.
 
@@ -79,6 +90,8 @@ def trace(
     wavelength_nm : float or (n,) array
     start : "film" or "scene"
         Side where the rays begin: from the film they travel to -z, from the scene to +z.
+    transmission : Transmission, optional
+        Losses to count.
     """
     if start not in ("film", "scene"):
         raise InputError(f'start must be "film" or "scene" (got {start!r})')
@@ -88,7 +101,7 @@ def trace(
     if points.ndim != 2 or points.shape[1] != 3:
         raise InputError(f"rays need origins and directions of shape (n, 3) (got {points.shape})")
     wavelengths = np.asarray(wavelength_nm, dtype=np.float64)
-    return _trace(lens, points, vectors, wavelengths, start == "scene")
+    return _trace(lens, points, vectors, wavelengths, start == "scene", transmission)
 
 
 def passing(lens: Lens, origins: Array, directions: Array, wavelength_nm: float = WAVELENGTH_D) -> Mask:
@@ -136,32 +149,41 @@ def _region_of(lens: Lens, k: int) -> Region | None:
     return lens.surfaces[k].region if 0 <= k < len(lens.surfaces) else None
 
 
-def _trace(lens: Lens, points: Array, vectors: Array, wavelengths: Array, forward: bool) -> Rays:
+def _trace(
+    lens: Lens, points: Array, vectors: Array, wavelengths: Array, forward: bool, transmission: Transmission | None
+) -> Rays:
     """Return the rays after they have crossed every surface in turn."""
     indices = lens.indices(wavelengths)
     count = len(points)
-    rays = Rays(points.copy(), vectors.copy(), np.zeros(count, np.int32), np.full(count, -1, np.int32), np.zeros(count))
+    rays = Rays(points.copy(), vectors.copy(), np.zeros(count, np.int32), np.full(count, -1, np.int32), np.zeros(count),
+                np.zeros(count) if transmission else None)  # fmt: skip
     with np.errstate(all="ignore"):
         for low in range(0, count, CHUNK):
             part = slice(low, min(low + CHUNK, count))
-            _trace_part(lens, rays, part, indices if indices.ndim == 1 else indices[:, part], forward)
+            of_part = wavelengths[part] if wavelengths.ndim else wavelengths
+            losses = Losses(lens, transmission, of_part, part.stop - low) if transmission else None
+            _trace_part(lens, rays, part, indices if indices.ndim == 1 else indices[:, part], forward, losses)
     return rays
 
 
-def _trace_part(lens: Lens, rays: Rays, part: slice, indices: Array, forward: bool) -> None:
+def _trace_part(lens: Lens, rays: Rays, part: slice, indices: Array, forward: bool, losses: Losses | None) -> None:
     """Trace some of the rays and write the results in their place."""
-    beam = _Beam(rays, part, indices)
+    beam = _Beam(rays, part, indices, losses)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
         previous = _region_of(lens, k - 1 if forward else k + 1)
         beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), forward, previous)
     beam.store(slice(None), Status.ok, -1)
+    if losses is not None and rays.transmittance is not None:
+        rays.transmittance[beam.rows] = losses.share
 
 
 class _Beam:
     """Rays still under way, by components; those that fail are stored and dropped."""
 
-    def __init__(self, rays: Rays, part: slice, indices: Array) -> None:
+    def __init__(self, rays: Rays, part: slice, indices: Array, losses: Losses | None) -> None:
         self.rays = rays
+        self.losses = losses
+        self.entered = False
         self.rows = np.arange(part.start, part.stop)
         self.p = np.ascontiguousarray(rays.origins[part].T)
         d = np.ascontiguousarray(rays.directions[part].T)
@@ -188,6 +210,8 @@ class _Beam:
         good = ~bad
         self.rows, self.p, self.d, self.path = self.rows[good], self.p[:, good], self.d[:, good], self.path[good]
         self.beside = self.beside[good]
+        if self.losses:
+            self.losses.keep(good)
         if self.indices.ndim > 1:
             self.indices, self.outside_index = self.indices[:, good], self.outside_index[good]
         return tuple(array[..., good] for array in others)
@@ -207,6 +231,9 @@ class _Beam:
         at, length, normal, cosine, directions = self.drop(~met, Status.missed, number, *kept)
         before, after = (number, number + 1) if forward else (number + 1, number)
         self.path = self.path + np.where(self.beside, self.outside_index, self.indices[before]) * length
+        if self.losses and self.entered:
+            self.losses.through(before, length, self.beside)
+        self.entered = True
         self.p = (pose.outward(at, at)[0] if surface.pose else at) + shift
         opens = surface.region is not None and surface.region != previous
         self.beside, apart = sides(surface.region, previous, at[0], at[1], self.beside)
@@ -218,7 +245,12 @@ class _Beam:
             return
         bent, through = refract(directions, normal, cosine, self.indices[before] / self.indices[after])
         bent = np.where(self.beside, directions, bent)
-        (bent,) = self.drop(~(through | self.beside), Status.total_internal_reflection, number, bent)
+        bent, normal, cosine = self.drop(
+            ~(through | self.beside), Status.total_internal_reflection, number, bent, normal, cosine
+        )
+        if self.losses:
+            cosines = np.abs(cosine), np.abs(np.sum(bent * normal, axis=0))
+            self.losses.across(surface, Interface(self.indices[before], self.indices[after], *cosines), self.beside)
         self.d = pose.matrix() @ bent if surface.pose else bent
 
 

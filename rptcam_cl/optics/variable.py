@@ -105,6 +105,19 @@ def moved(lens: Lens, shift_mm: float) -> Lens:
     return replace(lens, surfaces=tuple(surfaces))
 
 
+def film_behind(lens: Lens, shift_mm: float, film_distance_mm: float) -> float:
+    """Return the distance from the last vertex to a film that stays when the focusing group shifts [mm]."""
+    return film_distance_mm - shift_mm if _group(lens).last == len(lens.surfaces) - 1 else film_distance_mm
+
+
+def shift_of(lens: Lens, state: Lens) -> float:
+    """Return how far the focusing group of a lens has shifted in one of its states [mm]."""
+    group = _group(lens)
+    if group.first > 0:
+        return state.surfaces[group.first - 1].thickness - lens.surfaces[group.first - 1].thickness
+    return lens.surfaces[group.last].thickness - state.surfaces[group.last].thickness
+
+
 def focused_by_group(
     lens: Lens, object_distance_mm: float, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D
 ) -> tuple[Lens, float]:
@@ -142,12 +155,12 @@ def focused_by_group(
         same = np.sign(_defocus(lens, middle, object_distance_mm, film_distance_mm, wavelength_nm)) == sign
         low, high = (middle, high) if same else (low, middle)
     shift = (low + high) / 2
-    return moved(lens, shift), _film_after(lens, shift, film_distance_mm)
+    return moved(lens, shift), film_behind(lens, shift, film_distance_mm)
 
 
 def _defocus(lens: Lens, shift: float, distance: float, film: float, wavelength: float) -> float:
     """Return how far behind the film the image of an object plane lies [mm]; NaN when there is none."""
-    state, back = moved(lens, shift), _film_after(lens, shift, film)
+    state, back = moved(lens, shift), film_behind(lens, shift, film)
     front = distance - state.length - back
     if not front > 0:
         return float("nan")
@@ -162,16 +175,12 @@ def _reach(lens: Lens, film: float, wavelength: float) -> tuple[float, float]:
     found = []
     for shift in np.linspace(*_group(lens).travel_mm, 2 * STEPS + 1):
         try:
-            found.append(object_distance(moved(lens, float(shift)), _film_after(lens, float(shift), film), wavelength))
+            found.append(object_distance(moved(lens, float(shift)), film_behind(lens, float(shift), film), wavelength))
         except InputError:
             continue
     if not found:
         raise InputError(f"{lens.name}: no shift of its group makes anything sharp {film:g} mm behind the lens")
     return min(found), max(found)
-
-
-def _film_after(lens: Lens, shift: float, film: float) -> float:
-    return film - shift if _group(lens).last == len(lens.surfaces) - 1 else film
 
 
 def _group(lens: Lens) -> FocusingGroup:

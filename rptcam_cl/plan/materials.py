@@ -108,7 +108,7 @@ class _Filler:
         if isinstance(material, (Conductor, Dielectric, Plastic)):
             record["alpha"], record["alpha_across"] = material.alphas or (0.0, 0.0)
         if isinstance(material, (Dielectric, Plastic, ThinGlass)):
-            record["parameter"] = material.index
+            record["parameter"] = material.n_d if isinstance(material, Dielectric) else material.index
         if isinstance(material, Conductor) and material.metal is not None:
             self._metal(record, material.metal)
         if isinstance(material, Plastic):

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel
+from rptcam_cl.cameras.course import camera_course
 from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
@@ -19,6 +20,7 @@ from rptcam_cl.plan.primitives import Primitive, pack_primitives, scene_primitiv
 from rptcam_cl.plan.spectrum import Spectrum, seen_by
 from rptcam_cl.plan.textures import Textures, TextureTable
 from rptcam_cl.records import Kind
+from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.scene import Scene
 
 
@@ -30,6 +32,7 @@ class Plan:
     camera: CameraModel
     spectrum: Spectrum
     camera_filter: FilterTable
+    course: NDArray[np.float32]
     primitives: NDArray[np.void]
     kind_end: NDArray[np.int32]
     materials: NDArray[np.void]
@@ -46,8 +49,10 @@ def _is_smooth(primitive: Primitive) -> bool:
     return primitive.mesh is not None and primitive.mesh.normals is not None
 
 
-def make_plan(scene: Scene) -> Plan:
-    """Return the plan of a scene."""
+def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
+    """Return the plan of a scene, with its own camera unless another one is given."""
+    scene = at_opening(scene)
+    course, legs = camera_course(scene)
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
@@ -56,7 +61,7 @@ def make_plan(scene: Scene) -> Plan:
     surroundings = pack_environment(scene, table, spectra)
     first_triangles = meshes.first_triangles if meshes else ()
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
-    camera, spectrum = seen_by(scene, spectra, shown)
+    camera, spectrum = seen_by(scene, camera, spectra, shown)
     textures = table.pack()
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     kinds = {primitive.kind for primitive in primitives}
@@ -67,6 +72,8 @@ def make_plan(scene: Scene) -> Plan:
         "HAS_SHADING_NORMAL": int(shown.facts["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+        "CAMERA_LEGS": min(legs, 2),
+        "MOVES": int(legs > 0),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
         **spectrum.facts,
@@ -77,6 +84,7 @@ def make_plan(scene: Scene) -> Plan:
         camera=camera,
         spectrum=spectrum,
         camera_filter=filter_table(scene.film.filter),
+        course=course,
         primitives=records,
         kind_end=kind_end,
         materials=shown.records,

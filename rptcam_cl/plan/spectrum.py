@@ -82,13 +82,15 @@ def hue_table(spectra: Array, density: Array, low_nm: float, high_nm: float) -> 
     return np.concatenate([starts[None], weights]).T.astype(np.float32)
 
 
-def seen_by(scene: Scene, spectra: KnownSpectra, materials: Materials) -> tuple[CameraModel, Spectrum]:
-    """Return the camera of a scene and the kind of light that its paths carry: what was asked for, or what is needed.
+def seen_by(
+    scene: Scene, camera: CameraModel | None, spectra: KnownSpectra, materials: Materials
+) -> tuple[CameraModel, Spectrum]:
+    """Return the camera of a scene, or the one given, and the kind of light of its paths: as asked for, or as needed.
 
     A mode that nothing in the scene calls for is not compiled: without dispersion, `dispersive` is RGB.
     """
     settings = scene.spectrum
-    camera = camera_model(scene, settings.lens_colour)
+    camera = camera or camera_model(scene, settings.lens_colour)
     lens = camera.facts.get("LENS_DISPERSION", 0) > 0
     low, high = max(camera.usable_nm[0], materials.usable_nm[0]), min(camera.usable_nm[1], materials.usable_nm[1])
     if low >= GREEN_NM or high <= GREEN_NM:

@@ -36,6 +36,8 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.sampling import Picture, RenderSettings
 from rptcam_cl.scene.scene import Scene
@@ -52,6 +54,7 @@ __all__ = [
     "Aperture",
     "Box",
     "Camera",
+    "CameraKeyframe",
     "Checker",
     "CircularAperture",
     "Conductor",
@@ -117,6 +120,7 @@ __all__ = [
     "ThinGlass",
     "ThinLensCamera",
     "TransformStep",
+    "at_opening",
     "change_scene",
     "load_scene",
     "scene_json_schema",

@@ -14,7 +14,7 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from rptcam_cl.scene.aperture import ImageAperture
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
-from rptcam_cl.scene.checks import check_extent, scene_warnings
+from rptcam_cl.scene.checks import check_extent, check_focus, scene_warnings
 from rptcam_cl.scene.environment import WITH_UP, Environment
 from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
@@ -119,6 +119,7 @@ class Scene(SceneModel):
                 allowed=f"twice as wide as high, for instance [{2 * height}, {height}]",
                 path=("film", "resolution"),
             )
+        check_focus(self.camera, self.shutter)
         for index, item in enumerate(self.objects):
             if not isinstance(item, MeshObject):
                 check_extent(item, path=("objects", index))
@@ -153,7 +154,7 @@ class Scene(SceneModel):
     def warnings(self) -> tuple[str, ...]:
         """What is allowed but probably not meant, one sentence each."""
         self.mesh_objects()
-        return scene_warnings(self.camera, self.film, self.objects, self.lights, self.environment)
+        return scene_warnings(self.camera, self.film, self.shutter, self.objects, self.lights, self.environment)
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
         """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""

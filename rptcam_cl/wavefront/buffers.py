@@ -8,6 +8,7 @@ import numpy as np
 
 from rptcam_cl.acceleration.primitive_tree import primitive_tree
 from rptcam_cl.acceleration.scene_trees import scene_trees
+from rptcam_cl.cameras import CameraModel
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 
@@ -25,6 +26,8 @@ class SceneBuffers:
         Wavelengths of paths; a single 0 where they have none.
     camera : tuple
         The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
+    course : tuple
+        Its last: when the shutter is open and where the camera is, if anything moves.
     """
 
     def __init__(self, session: Session, plan: Plan) -> None:
@@ -54,11 +57,11 @@ class SceneBuffers:
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             low, high = (bound.tobytes() for bound in trees.bounds)
             self.scene += (*(upload(array, in_place=True) for array in arrays), np.int32(trees.root), low, high)
+        self.course = (upload(plan.course),) if plan.facts["MOVES"] else ()
         self.filter = upload(plan.camera_filter.table)
-        camera = plan.camera
-        self.camera: tuple[Any, ...] = (
-            upload(camera.record),
-            upload(camera.tables),
-            upload(camera.surfaces),
-            upload(camera.stop),
-        )
+        self.camera = camera_buffers(session, plan.camera)
+
+
+def camera_buffers(session: Session, camera: CameraModel) -> tuple[Any, ...]:
+    """Return the first arguments of the pass ``generate``: record, tables, surfaces and stop of a camera, uploaded."""
+    return tuple(session.upload(array) for array in (camera.record, camera.tables, camera.surfaces, camera.stop))

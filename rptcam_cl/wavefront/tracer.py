@@ -18,12 +18,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.cameras import CameraModel
 from rptcam_cl.device import Session
 from rptcam_cl.device.session import Launch
 from rptcam_cl.plan import Plan
 from rptcam_cl.records import LIMITS, WAVE, RayStatus, device_declarations, floats_per_slot
 from rptcam_cl.scene.sampling import RenderSettings
-from rptcam_cl.wavefront.buffers import SceneBuffers
+from rptcam_cl.wavefront.buffers import SceneBuffers, camera_buffers
 from rptcam_cl.wavefront.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout
 from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
 from rptcam_cl.wavefront.memory import check_memory, memory_needs
@@ -54,6 +55,8 @@ class Wavefront:
         Slots of a wave; rounded to a multiple of 256. The film does not depend on it.
     organisation
         "stream" or "passes"; by default what suits the device.
+    buffers
+        The scene on the device, where it is there already; by default that of the plan is uploaded.
 
     Raises
     ------
@@ -69,10 +72,12 @@ class Wavefront:
         settings: RenderSettings,
         wave_size: int | None = None,
         organisation: str | None = None,
+        buffers: SceneBuffers | None = None,
     ) -> None:
         self.session = session
         self.layout = layout
         self.settings = settings
+        self.seed = settings.seed
         self.organisation = organisation or ORGANISATION[session.info.type]
         self._emitters = plan.emitters.count
         self._size_wave(wave_size or WAVE_SLOTS[session.info.type])
@@ -83,7 +88,7 @@ class Wavefront:
         self.passes: dict[str, float] = {}
         lanes = session.lanes
         self._lanes = {"trace": lanes, "camera": LENS_LANES if plan.camera.has_lens and lanes > 1 else lanes}
-        self._allocate(plan)
+        self._allocate(plan, buffers)
         self._build(plan)
         self._bind(plan)
 
@@ -113,16 +118,19 @@ class Wavefront:
             "HAS_MESH": plan.facts["HAS_MESH"],
             "FILTER": plan.camera_filter.cells,
             **plan.spectrum.facts,
+            "MOVES": plan.facts["MOVES"],
+            "CAMERA_LEGS": plan.facts["CAMERA_LEGS"],
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }
         self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
 
-    def _allocate(self, plan: Plan) -> None:
+    def _allocate(self, plan: Plan, buffers: SceneBuffers | None) -> None:
         floats = floats_per_slot(
             stream=self.organisation == "stream",
             emitters=self._emitters > 0,
             meshes=plan.facts["HAS_MESH"] > 0,
+            moves=plan.facts["MOVES"] > 0,
             colours=plan.facts["SPECTRUM"] > 0,
         )
         state_bytes = 4 * floats * self.capacity
@@ -138,7 +146,8 @@ class Wavefront:
         self._counters = session.allocate(4 * len(self._counts), zeroed=True)
         self._tile_list = session.allocate(self.tiles.nbytes)
         session.write(self._tile_list, self.tiles)
-        self._buffers = SceneBuffers(session, plan)
+        self._buffers = buffers or SceneBuffers(session, plan)
+        self._camera_buffers = self._buffers.camera
         self._after_scene = len(self._buffers.scene)  # index of the first argument behind the scene
         self._layers = None
         if planes.names:
@@ -151,8 +160,8 @@ class Wavefront:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
         scene, pixels = self._buffers.scene, np.uint32(self.layout.pixels)
         self._generate = session.bind(
-            self._camera, "generate", *self._buffers.camera, self._counters, self._state, capacity, empty,
-            self._tile_list, self._buffers.filter, self._buffers.colours,
+            self._camera, "generate", *self._camera_buffers, self._counters, self._state, capacity, empty,
+            self._tile_list, self._buffers.filter, self._buffers.colours, *self._buffers.course,
         )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(
@@ -202,6 +211,12 @@ class Wavefront:
         if len(self.tiles):
             self.session.write(self._tile_list, self.tiles)
 
+    def use_camera(self, camera: CameraModel) -> None:
+        """Look through another state of the camera from now on; its kernel and its facts are those of the plan."""
+        self._camera_buffers = camera_buffers(self.session, camera)
+        for index, buffer in enumerate(self._camera_buffers):
+            self._generate.set(index, buffer)
+
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
         found, pixels = [], len(self.tiles) * TILE_PIXELS
@@ -250,7 +265,7 @@ class Wavefront:
     def _wave_bytes(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> bytes:
         layout = self.layout
         record = WAVE.zeros(1)
-        record["seed"][0] = seed_words(self.settings.seed)
+        record["seed"][0] = seed_words(self.seed)
         record["first_pixel"], record["pixels"] = first_pixel, pixels
         record["first_sample"], record["samples"] = first_sample, samples
         record["tiles_across"], record["full_width"] = layout.tiles_across, layout.full_width

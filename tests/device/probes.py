@@ -4,7 +4,7 @@
 whose own includes are found in ``kernels/`` again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.cameras import CameraModel
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import WAVE, device_declarations
@@ -65,12 +66,13 @@ def camera_slots(
     seed: tuple[int, int] = (7, 11),
     beyond: float = 0.0,
     lattice: bool = False,
+    change: Callable[[CameraModel], CameraModel] = lambda camera: camera,
 ) -> NDArray[np.float64]:
     """Return what the probe writes of every slot, those of padding too, shape (12, slots).
 
     The camera's tables are followed by a million values ``beyond``: what reads past their end depends on them.
     """
-    camera = make_plan(scene).camera
+    camera = change(make_plan(scene).camera)
     layout = FilmLayout.of(scene.film)
     slots = layout.pixels * samples
     facts = {**camera.facts, "CAMERA_FILE": camera.kernel, "VW": lanes, "SAMPLER_LATTICE": int(lattice)}
@@ -91,10 +93,11 @@ def camera_rays(
     lanes: int = 8,
     seed: tuple[int, int] = (7, 11),
     lattice: bool = False,
+    change: Callable[[CameraModel], CameraModel] = lambda camera: camera,
 ) -> CameraRays:
     """Return the camera rays of the pixels of a scene's film, ``samples`` per pixel."""
     scene = given if isinstance(given, Scene) else load_scene(given)
-    fields = camera_slots(session, scene, samples, lanes, seed, lattice=lattice)
+    fields = camera_slots(session, scene, samples, lanes, seed, lattice=lattice, change=change)
     fields = fields[:, fields[11] == 1]
     whole = fields[7:11].astype(np.int64)
     return CameraRays(fields[:3].T, fields[3:6].T, fields[6], whole[0], whole[1:3].T, whole[3])

@@ -18,7 +18,7 @@ from tests.render.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
 CAMERAS = sorted(
-    path.stem for path in (kernels_dir() / "camera").glob("*.h") if path.stem not in ("film_point", "filter")
+    path.stem for path in (kernels_dir() / "camera").glob("*.h") if path.stem not in ("film_point", "filter", "course")
 )
 # How calls pass wide vectors is moot, as every helper is static. Compilers that are not clang ignore the pragma.
 NO_ABI = '#ifdef __clang__\n#pragma clang diagnostic ignored "-Wpsabi"\n#endif\n'
@@ -81,7 +81,8 @@ def all_facts():
     scene |= {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials}
     scene |= {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"], "render": {"clamp": 9.0}}
     scene |= {"spectrum": "spectral"}
-    return facts_of(scene)
+    leaning = [{"time_s": 0}, {"time_s": 1e-3}, {"time_s": 1, "up": [0.1, 0, 1]}]
+    return facts_of(scene | {"camera": scene["camera"] | {"motion": leaning}})
 
 
 def least_facts():
@@ -144,6 +145,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
         facts |= {"HAS_EMITTERS": rest, shape: 9, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
         facts |= {"SPECTRUM": rest, "HUE_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
+        facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream)}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 

@@ -43,6 +43,7 @@ def test_bundled_lenses_follow_it(name: str) -> None:
     SCHEMA.validate(as_json(read_yaml(lenses_dir() / f"{name}.yaml").data))
 
 
+INSIDE = {"thickness_mm": 10, "wavelengths_nm": [400, 700], "values": [0.9, 0.99]}
 GOOD = [
     lens_with(aspheric={4: 1e-5, 6: -2e-8}, conic=-1.0),
     lens_with(radius_x=40.0, form="toroid"),
@@ -56,6 +57,10 @@ GOOD = [
     lens_with(stop=True, shape={"star": 5, "inner": 0.4}),
     lens_with(stop=True, shape={"polygon": [[1, 0], [0, 1], [-0.6, -0.6]]}),
     lens_with(glass={"nd": 1.6, "vd": 40}),
+    lens_with(coating="mgf2", glass={"index": 1.5, "transmittance": INSIDE}),
+    lens_with(coating={"quarter_wave": {"index": 1.38, "wavelength_nm": 550}}) | {"coating": "bare"},
+    lens_with() | {"coating": {"reflectance": 0.005}},
+    lens_with(coating={"reflectance": {"wavelengths_nm": [400, 700], "values": [0.01, 0.02]}}),
     lens_with(glass={"linear_abbe": {"n": 1.6, "v": 40}}),
     lens_with(glass={"sellmeier": {"b": [1.0], "c": [0.01]}, "range_nm": [300, 2000]}),
     lens_with(glass={"cauchy": [1.5, 0.004]}),
@@ -94,6 +99,12 @@ BAD = [
     lens_with(form="toroid"),
     lens_with(radius_x=20.0, form="cone"),
     lens_with(conic_x=1.0),
+    lens_with(coating="shiny"),
+    lens_with(coating={}),
+    lens_with(coating={"reflectance": 1.5}),
+    lens_with(coating={"quarter_wave": {"index": 1.38}}),
+    lens_with(coating={"quarter_wave": {"index": 1.38, "wavelength_nm": 550}, "reflectance": 0.1}),
+    lens_with(glass={"index": 1.5, "transmittance": {"thickness_mm": 1}}),
     lens_with(outside="pass"),
     lens_with(clear={"circle": 1}),
     lens_with(clear={"rectangle": [1]}),

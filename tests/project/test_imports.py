@@ -18,13 +18,14 @@ ALLOWED: dict[str, set[str]] = {
     "records": {"kinds"},
     "resources": GROUND,
     "strict_yaml": GROUND,
-    "imaging": GROUND,
     "mesh_files": GROUND,
     "photometry": GROUND,
     "pictures": GROUND,
     "spectra": GROUND | {"resources"},
+    "sensor": GROUND | {"resources", "spectra"},
+    "imaging": GROUND | {"sensor"},
     "optics": FILES,
-    "scene": FILES | {"mesh_files", "spectra", "optics"},
+    "scene": FILES | {"mesh_files", "spectra", "optics"},  # optics: a solid's glass is that of lens files
     "geometry": GROUND | {"mesh_files", "records", "scene"},
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
@@ -35,7 +36,8 @@ ALLOWED: dict[str, set[str]] = {
     "lensview": FILES | {"optics"},
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
-    "wavefront": GROUND | {"records", "scene", "plan", "device", "acceleration"},
+    "wavefront": GROUND | {"records", "scene", "plan", "cameras", "device", "acceleration"},
+    "autofocus": GROUND | {"records", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}

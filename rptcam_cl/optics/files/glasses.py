@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import difflib
+from dataclasses import replace
 from pathlib import Path
 
+from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
+from rptcam_cl.optics.files.coatings import read_spectrum
 from rptcam_cl.optics.files.fields import Fields, problem
-from rptcam_cl.optics.files.keys import GLASS, HIGHEST_INDEX, LAWS, LINEAR_ABBE, LOWEST_INDEX, SELLMEIER
-from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, Medium, PowerSeries, Sellmeier
+from rptcam_cl.optics.files.keys import GLASS, HIGHEST_INDEX, LAWS, LINEAR_ABBE, LOWEST_INDEX, SELLMEIER, TRANSMITTANCE
+from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, Law, Medium, PowerSeries, Sellmeier
 from rptcam_cl.optics.glass_table import GLASSES
 from rptcam_cl.strict_yaml import Document, KeyPath
 
@@ -26,7 +29,13 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
     given = [law for law in LAWS if law in fields]
     if len(given) != 1:
         raise fields.fail(None, f"needs exactly one of {', '.join(LAWS)} (has {', '.join(given) or 'none'})")
-    return _LAWS[given[0]](fields)
+    medium = _LAWS[given[0]](fields)
+    return replace(medium, absorption=_absorption(fields)) if "transmittance" in fields else medium
+
+
+def _absorption(fields: Fields) -> Absorption:
+    inner = Fields(fields.document, (*fields.path, "transmittance"), TRANSMITTANCE)
+    return Absorption.from_transmittance(*read_spectrum(inner, "transmittance"), inner.positive("thickness_mm"))
 
 
 def _named(document: Document, path: KeyPath, name: str) -> Medium:
@@ -46,25 +55,25 @@ def _checked(fields: Fields, key: str, value: float) -> float:
     return value
 
 
-def _constant(fields: Fields) -> Medium:
+def _constant(fields: Fields) -> Law:
     value = _checked(fields, "index", fields.number("index"))
     return ConstantIndex(value, fields.text("name", f"n = {value:g}"))
 
 
-def _abbe(fields: Fields) -> Medium:
+def _abbe(fields: Fields) -> Law:
     nd = _checked(fields, "nd", fields.number("nd"))
     vd = fields.positive("vd")
     return AbbeCauchy(nd, vd, fields.text("name", f"{nd:g} / {vd:g}"))
 
 
-def _linear(fields: Fields) -> Medium:
+def _linear(fields: Fields) -> Law:
     inner = Fields(fields.document, (*fields.path, "linear_abbe"), LINEAR_ABBE)
     n = _checked(inner, "n", inner.number("n"))
     v = inner.positive("v")
     return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
 
-def _sellmeier(fields: Fields) -> Medium:
+def _sellmeier(fields: Fields) -> Law:
     inner = Fields(fields.document, (*fields.path, "sellmeier"), SELLMEIER)
     b, c = inner.numbers("b"), inner.numbers("c")
     if len(b) != len(c):
@@ -72,12 +81,12 @@ def _sellmeier(fields: Fields) -> Medium:
     return Sellmeier(b, c, inner.number("c0", 0.0), _range(fields), fields.text("name", "Sellmeier glass"))
 
 
-def _cauchy(fields: Fields) -> Medium:
+def _cauchy(fields: Fields) -> Law:
     terms = tuple((-2.0 * i, a) for i, a in enumerate(fields.numbers("cauchy")))
     return PowerSeries(terms, False, _range(fields), fields.text("name", "Cauchy glass"))
 
 
-def _schott(fields: Fields) -> Medium:
+def _schott(fields: Fields) -> Law:
     values = fields.numbers("schott")
     if len(values) != 6:
         raise fields.fail(
@@ -98,7 +107,7 @@ def _range(fields: Fields) -> tuple[float, float] | None:
     return limits[0], limits[1]
 
 
-def _catalogue(fields: Fields) -> Medium:
+def _catalogue(fields: Fields) -> Law:
     path = _beside(fields, fields.text("catalogue"))
     glasses, name = read_agf(path), fields.text("name")
     for known, medium in glasses.items():
@@ -108,7 +117,7 @@ def _catalogue(fields: Fields) -> Medium:
     raise fields.fail("name", f"no such glass in {path.name}; did you mean {', '.join(near) or next(iter(glasses))}?")
 
 
-def _refractive_index(fields: Fields) -> Medium:
+def _refractive_index(fields: Fields) -> Law:
     return read_refractive_index(_beside(fields, fields.text("refractiveindex")))
 
 

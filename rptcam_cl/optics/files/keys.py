@@ -65,8 +65,35 @@ LAWS = {
     "refractiveindex": Key("A file of refractiveindex.info beside the lens file.", TEXT),
 }
 
+SHARES = {"type": "array", "items": {"type": "number", "minimum": 0, "maximum": 1}, "minItems": 2}
+REFLECTANCE = {
+    "wavelengths_nm": Key("Rising wavelengths [nm].", _numbers(2)),
+    "values": Key("Share of the light at each, 0 to 1.", SHARES),
+}
+TRANSMITTANCE = REFLECTANCE | {"thickness_mm": Key("Length of the way in the glass [mm].", POSITIVE)}
+
+QUARTER_WAVE = {
+    "index": Key("Index of the layer.", {"type": "number", "minimum": 1, "maximum": HIGHEST_INDEX}),
+    "wavelength_nm": Key("Four times its index times its thickness [nm].", POSITIVE),
+}
+
+COATING = {
+    "quarter_wave": Key("A single layer.", mapping(QUARTER_WAVE, ("index", "wavelength_nm"))),
+    "reflectance": Key(
+        "Measured at normal incidence: a number, a spectrum, or a CSV file of wavelength and reflectance.",
+        {"oneOf": [{"type": "number", "minimum": 0, "exclusiveMaximum": 1}, TEXT,
+                   mapping(REFLECTANCE, ("wavelengths_nm", "values"))]},
+    ),
+}  # fmt: skip
+COATING_WORDS = ("bare", "mgf2")
+COATING_VALUE = {"$ref": "#/$defs/Coating"}
+
 GLASS = LAWS | {
     "vd": Key("Abbe number, beside nd.", POSITIVE),
+    "transmittance": Key(
+        "Internal transmittance, surfaces left out, over a thickness.",
+        mapping(TRANSMITTANCE, ("thickness_mm", "wavelengths_nm", "values")),
+    ),
     "range_nm": Key("Shortest and longest wavelength at which the law holds [nm].", _numbers(2, 2)),
     "name": Key("Label; of a catalogue the glass.", TEXT),
 }
@@ -116,6 +143,7 @@ SURFACE = {
     "glass": Key("What fills the space behind the surface; air by default.", GLASS_VALUE),
     "diameter": Key("Full clear diameter [unit].", POSITIVE),
     "stop": Key("Whether this is the aperture stop; at most one is.", {"type": "boolean"}),
+    "coating": Key("What lies on the surface; as the lens says by default.", COATING_VALUE),
     **SHAPED,
 }
 
@@ -142,6 +170,7 @@ LENS = {
     "published": Key("What the source claims, such as focal_length_mm and f_number.", {"type": "object"}),
     "unit": Key("Of all lengths; mm by default.", {"enum": list(UNITS_MM)}),
     "object_medium": Key("Glass in front of the lens; air by default.", GLASS_VALUE),
+    "coating": Key("Of every surface between glass and air that has none of its own; bare by default.", COATING_VALUE),
     "surfaces": Key(
         "The surfaces, scene side first.", {"type": "array", "items": {"$ref": "#/$defs/Surface"}, "minItems": 1}
     ),

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.optics.files.checks import check_lens
+from rptcam_cl.optics.files.coatings import coated
 from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GROUP, LENS, LONGEST_MM, SHORTEST_MM, SURFACE, UNITS_MM
@@ -49,6 +50,7 @@ def read_native(document: Document) -> Lens:
         raise top.fail("surfaces" if "surfaces" in top else None, "a lens needs a list of surfaces")
     surfaces = tuple(_surface(document, i, i == len(rows) - 1, scale) for i in range(len(rows)))
     surfaces = _grouped(document, top, surfaces, scale)
+    object_medium = read_glass(document, ("object_medium",)) if "object_medium" in top else AIR
     stops = [i for i, surface in enumerate(surfaces) if surface.is_stop]
     if len(stops) > 1:
         raise problem(
@@ -59,11 +61,11 @@ def read_native(document: Document) -> Lens:
         raise top.fail("published", "expected a mapping such as {focal_length_mm: 50, f_number: 2}")
     lens = Lens(
         name=top.text("name") or document.name,
-        surfaces=surfaces,
+        surfaces=coated(document, surfaces, object_medium),
         stop_index=stops[0] if stops else None,
         source=top.text("source"),
         published=dict(published),
-        object_medium=read_glass(document, ("object_medium",)) if "object_medium" in top else AIR,
+        object_medium=object_medium,
         configurations=read_configurations(document, top, len(surfaces), scale),
         focusing=read_focusing(document, top, len(surfaces), scale),
     )

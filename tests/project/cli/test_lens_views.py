@@ -15,12 +15,14 @@ QUICK = {
     "mtf": ["--rays", "24", "--fields", "0,5", "--wavelengths", "550"],
     "vignette": ["--steps", "2"],
     "distortion": ["--fields", "0,5,10", "--wavelengths", "486,656"],
+    "transmittance": ["--wavelengths", "450,650", "--coating", "mgf2"],
 }
 KEYS = {
     "spot": ("spots", {"rms_um", "centroid_y_mm"}),
     "mtf": ("mtf", {"tangential", "sagittal", "diffraction_limit"}),
     "vignette": ("vignetting", {"film_radius_mm", "relative", "cos4", "pass_area_mm2"}),
     "distortion": ("distortion", {"height_mm", "distortion_percent", "lateral_colour_um"}),
+    "transmittance": ("transmittance", {"glass", "bare", "coated", "t_number_bare", "t_number_coated"}),
 }
 
 
@@ -111,6 +113,10 @@ def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_p
         (["psf", "dgauss-50mm", "--field", "90"], "allowed between"),
         (["vignette", "biconcave"], "no real image"),
         (["distortion", "biconcave"], "no real image"),
+        (["transmittance", "ball", "--coating", "shiny"], "allowed bare, mgf2 or a reflectance"),
+        (["transmittance", "planar-1897", "--wavelengths", "1200"], "is known from 300 to 1060 nm"),
+        (["info", "ball", "--transmission", "coated"], "does not say how it is coated"),
+        (["info", "ball", "--transmission", "bare", "--coating", "mgf2"], "says nothing with --transmission bare"),
         (["distortion", "dgauss-50mm", "--fields", "80"], "reaches the centre of the stop"),
     ],
 )

@@ -1,0 +1,135 @@
+"""What autofocus asks of a camera: set a focus state, look at some zones of the film."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of linear RGB, ITU-R BT.709-6
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A rectangle of the picture, in fractions of its width and height from its left and top edges.
+
+    Attributes
+    ----------
+    left, right, top, bottom : float
+        0 <= left < right <= 1 and 0 <= top < bottom <= 1.
+    """
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Middle of the zone, from the left and the top."""
+        return (self.left + self.right) / 2, (self.top + self.bottom) / 2
+
+
+@dataclass(frozen=True)
+class ZoneImage:
+    """What a zone shows in one focus state.
+
+    Attributes
+    ----------
+    parts : (count, height, width, 3) float32 array
+        Linear film values, rendered `count` times with independent random numbers.
+    samples : int
+        Per pixel, of all parts together.
+    """
+
+    parts: NDArray[np.float32]
+    samples: int
+
+    @property
+    def pixels(self) -> NDArray[np.float32]:
+        """Mean film values (height, width, 3)."""
+        return np.asarray(self.parts.mean(axis=0, dtype=np.float64), np.float32)
+
+    @property
+    def luminance(self) -> NDArray[np.float64]:
+        """Luminance of each part (count, height, width)."""
+        return np.asarray(self.parts.astype(np.float64) @ LUMINANCE)
+
+    @property
+    def variance(self) -> NDArray[np.float64]:
+        """Variance of the mean luminance (height, width); each value is rough, their mean over the zone is not."""
+        return np.asarray(self.luminance.var(axis=0, ddof=1) / len(self.parts))
+
+
+class FocusProbe(Protocol):
+    """A camera whose focus can be moved and that shows what its zones look like.
+
+    A *state* is the film distance [mm] of a lens that is focused as a whole, the shift of its group towards the film
+    [mm] where a group focuses, and the distance of the plane of focus [m] of a thin lens. Searches walk along a
+    *coordinate* [mm] in which the blur on the film grows evenly with the distance from the focus: the state itself of a
+    lens of surfaces, the image distance of a thin lens. It grows as nearer objects become sharp where `nearer` is 1.
+    """
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest state."""
+
+    @property
+    def state(self) -> float:
+        """Where the camera stands now."""
+
+    @property
+    def depth_of_focus(self) -> float:
+        """2 N c in units of the coordinate: so far apart are the ends of what counts as sharp at full aperture."""
+
+    @property
+    def nearer(self) -> int:
+        """1 or -1: the sense along the coordinate in which nearer objects become sharp."""
+
+    def coordinate(self, state: float) -> float:
+        """Return the coordinate of a state."""
+
+    def state_at(self, coordinate: float) -> float:
+        """Return the state of a coordinate."""
+
+    def measure(
+        self, state: float, zones: Sequence[Zone], samples: int, seed: int, stop: float = 1.0
+    ) -> list[ZoneImage]:
+        """Return what the zones show.
+
+        Parameters
+        ----------
+        state
+            Within `limits`; the camera's own state stays as it is.
+        zones
+            Where to look.
+        samples
+            Per pixel.
+        seed
+            Of the random numbers: the same for two states makes their noise alike.
+        stop
+            Share of the diameter of the opening at which the camera takes its picture.
+        """
+
+    def object_distance(self, state: float) -> float | None:
+        """Return the distance from the plane in focus to the film (thin lens: to the lens) [m]; None where none is."""
+
+    def film_distance(self, state: float) -> float:
+        """Return the distance from the last vertex to the film, or of a thin lens to the film [mm]."""
+
+    def state_for(self, distance_m: float, zone: Zone) -> float:
+        """Return the state that makes a plane sharpest in the middle of a zone, by the lens alone.
+
+        Parameters
+        ----------
+        distance_m
+            From the film (thin lens: from the lens) along the axis.
+
+        Raises
+        ------
+        InputError
+            When the plane is out of reach.
+        """

@@ -1,0 +1,190 @@
+"""The renderer as a focus probe: zones of the film seen through the scene's camera in any focus state.
+
+Programs, trees and textures are made once; a look replaces the camera's records and nothing else.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.autofocus.drives import circle_of_confusion
+from rptcam_cl.autofocus.probe import Zone, ZoneImage
+from rptcam_cl.autofocus.thin_drive import focus_drive
+from rptcam_cl.cameras import CameraModel
+from rptcam_cl.device import Session
+from rptcam_cl.errors import InputError
+from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.scene import Scene, change_scene
+from rptcam_cl.wavefront import Wavefront
+from rptcam_cl.wavefront.buffers import SceneBuffers
+from rptcam_cl.wavefront.film import TILE, FilmLayout
+
+PARTS = 4  # independent pictures that a look consists of
+FEWEST_PIXELS = 40  # across the shorter side of a zone, if its pixels then are not smaller than
+FINEST, COARSEST = 0.5, 1.5  # circles of confusion
+
+
+class ProbeRenderer:
+    """A camera of a scene on a device as a `FocusProbe`.
+
+    The zones are rendered with pixels that suit the circle of confusion, whatever the resolution of the picture.
+
+    Parameters
+    ----------
+    scene
+        Its camera must be one that has a focus.
+    session
+        The device.
+
+    Attributes
+    ----------
+    state : float
+        Focus state, to begin with that of the scene.
+    samples, seconds : int, float
+        What the looks so far have taken: camera samples, and time from their start to their end [s].
+    """
+
+    def __init__(self, scene: Scene, session: Session, state: float | None = None) -> None:
+        self.scene, self.session = scene, session
+        self.drive = focus_drive(scene)
+        self.state = self.drive.start if state is None else state
+        self.samples, self.seconds = 0, 0.0
+        self._buffers: SceneBuffers | None = None
+        self._zones: tuple[Zone, ...] = ()
+        self._wavefronts: dict[tuple[tuple[str, int], ...], Wavefront] = {}
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest state."""
+        return self.drive.limits
+
+    @property
+    def depth_of_focus(self) -> float:
+        """2 N c in units of the coordinate."""
+        return self.drive.depth_of_focus
+
+    @property
+    def nearer(self) -> int:
+        """The sense along the coordinate in which nearer objects become sharp."""
+        return self.drive.nearer
+
+    def coordinate(self, state: float) -> float:
+        """Return the coordinate of a state."""
+        return self.drive.coordinate(state)
+
+    def state_at(self, coordinate: float) -> float:
+        """Return the state of a coordinate."""
+        return self.drive.state_at(coordinate)
+
+    def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
+        """Return the distance of the plane that is sharpest in a zone, by default on the axis [m]."""
+        return self.drive.object_distance(state, zone)
+
+    def film_distance(self, state: float) -> float:
+        """Return the distance to the film [mm]."""
+        return self.drive.film_distance(state)
+
+    def state_for(self, distance_m: float, zone: Zone) -> float:
+        """Return the state that makes a plane sharpest in the middle of a zone, by the lens alone."""
+        return self.drive.state_for(distance_m, zone)
+
+    def measure(
+        self, state: float, zones: Sequence[Zone], samples: int, seed: int, stop: float = 1.0
+    ) -> list[ZoneImage]:
+        """Return what the zones show; see `FocusProbe`. `samples` is rounded up to a multiple of `PARTS`."""
+        low, high = self.limits
+        if not low - 1e-9 * abs(low) <= state <= high + 1e-9 * abs(high):
+            raise InputError(f"focus state {state:g} lies outside its range ({low:g} to {high:g})")
+        self.look_at(zones)
+        return self.render(self.drive.camera(self._seen, state, stop, self._zones), samples, seed)
+
+    def look_at(self, zones: Sequence[Zone]) -> None:
+        """Choose the zones of the looks that follow."""
+        if tuple(zones) != self._zones:
+            self._zones = tuple(zones)
+            self._wavefronts.clear()
+            self.__dict__.pop("_seen", None)
+            self.__dict__.pop("_layout", None)
+
+    @cached_property
+    def _seen(self) -> Scene:
+        """The scene with a film whose pixels suit the zones."""
+        film = self.scene.film
+        size_mm = tuple(side * 1e3 for side in film.size_m())
+        sides = [((z.right - z.left) * size_mm[0], (z.bottom - z.top) * size_mm[1]) for z in self._zones]
+        circle = circle_of_confusion(self.scene)
+        pixel = min(max(min(min(pair) for pair in sides) / FEWEST_PIXELS, FINEST * circle), COARSEST * circle)
+        resolution = tuple(max(round(side / pixel), 1) for side in size_mm)
+        changes = {"resolution": resolution, "size_mm": size_mm, "width_mm": None, "diagonal_mm": None, "crop": None}
+        return change_scene(self.scene, film=changes, render={"layers": (), "noise": None})
+
+    @cached_property
+    def _layout(self) -> FilmLayout:
+        """The part of the film that holds all zones."""
+        width, height = self._seen.film.resolution
+        corners = np.array([self._pixels_of(zone) for zone in self._zones])
+        (x0, _, y0, _), (_, x1, _, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
+        return FilmLayout(width, height, x0, y0, x1 - x0, y1 - y0)
+
+    def _pixels_of(self, zone: Zone) -> tuple[int, int, int, int]:
+        """Return the columns and rows of a zone: first, behind the last, first, behind the last."""
+        width, height = self._seen.film.resolution
+        x0, y0 = min(math.floor(zone.left * width), width - 1), min(math.floor(zone.top * height), height - 1)
+        return x0, max(math.ceil(zone.right * width), x0 + 1), y0, max(math.ceil(zone.bottom * height), y0 + 1)
+
+    def _tiles(self) -> NDArray[np.uint32]:
+        """Return the tiles of the layout that zones touch."""
+        layout = self._layout
+        touched = np.zeros((-(-layout.height // TILE), layout.tiles_across), np.bool_)
+        for zone in self._zones:
+            x0, x1, y0, y1 = self._pixels_of(zone)
+            rows = slice((y0 - layout.y) // TILE, (y1 - layout.y - 1) // TILE + 1)
+            touched[rows, (x0 - layout.x) // TILE : (x1 - layout.x - 1) // TILE + 1] = True
+        return np.flatnonzero(touched).astype(np.uint32)
+
+    def render(self, camera: CameraModel, samples: int, seed: int) -> list[ZoneImage]:
+        """Return what the zones show through a camera."""
+        begun = time.perf_counter()
+        wavefront = self._wavefront(camera)
+        wavefront.use_camera(camera)
+        count = -(-samples // PARTS)
+        parts = []
+        for part in range(PARTS):
+            wavefront.clear()
+            wavefront.seed = seed * PARTS + part
+            for wave in wavefront.waves(0, count):
+                wavefront.enqueue(*wave)
+            wavefront.finish()
+            self.samples += wavefront.camera_rays
+            parts.append(wavefront.picture(count))
+        self.seconds += time.perf_counter() - begun
+        return [self._cut(np.stack(parts), zone, count * PARTS) for zone in self._zones]
+
+    def _cut(self, parts: NDArray[np.float32], zone: Zone, samples: int) -> ZoneImage:
+        x0, x1, y0, y1 = self._pixels_of(zone)
+        x, y = self._layout.x, self._layout.y
+        return ZoneImage(np.ascontiguousarray(parts[:, y0 - y : y1 - y, x0 - x : x1 - x]), samples)
+
+    def _wavefront(self, camera: CameraModel) -> Wavefront:
+        """Return the wavefront for a camera of these facts, made at first use."""
+        facts = tuple(sorted(camera.facts.items()))
+        if facts not in self._wavefronts:
+            plan = replace(self._plan, camera=camera)
+            if self._buffers is None:
+                self._buffers = SceneBuffers(self.session, plan)
+            self._wavefronts[facts] = Wavefront(
+                self.session, plan, self._layout, self._seen.render, buffers=self._buffers
+            )
+            self._wavefronts[facts].choose_tiles(self._tiles())
+        return self._wavefronts[facts]
+
+    @cached_property
+    def _plan(self) -> Plan:
+        return make_plan(self._seen, self.drive.camera(self._seen, self.state, 1.0, self._zones))

@@ -1,0 +1,100 @@
+"""What an autofocus found, and what it took."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from rptcam_cl.autofocus.probe import Zone
+from rptcam_cl.errors import InputError
+
+
+class NoContrast(InputError):  # noqa: N818  (a refusal, as photographers call it)
+    """Nothing in the zone tells focus from blur; the camera stays as it was."""
+
+
+@dataclass(frozen=True)
+class ProbeRecord:
+    """One look through the lens.
+
+    Attributes
+    ----------
+    state : float
+        Focus state, see `FocusProbe`.
+    film_distance_mm : float
+        Distance to the film in that state.
+    value, error : float
+        Measure and its standard error, of the zone that decided.
+    stop : float
+        Share of the opening's diameter.
+    samples : int
+        Of all pixels of all zones.
+    seconds : float
+        Wall clock.
+    """
+
+    state: float
+    film_distance_mm: float
+    value: float
+    error: float
+    stop: float
+    samples: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class FocusReport:
+    """The focus that was found.
+
+    Attributes
+    ----------
+    method : str
+    state : float
+        Focus state, see `FocusProbe`.
+    film_distance_mm : float
+        Last vertex (thin lens: lens) to film.
+    focus_distance_m : float or None
+        Plane in focus to film by first-order optics (thin lens: to the lens); None where none is.
+    confidence : float
+        Probability, from 0 to 1, that the state lies within a quarter of the depth of focus of where the measure is
+        greatest, as far as noise is concerned.
+    error : float
+        Standard error of the state's coordinate [mm], from noise.
+    depth_of_focus_mm : float
+        2 N c along the coordinate.
+    zone : Zone
+        The zone that decided.
+    probes : list of ProbeRecord
+        In the order in which they were made.
+    notes : dict
+        What else the method has to say.
+    """
+
+    method: str
+    state: float
+    film_distance_mm: float
+    focus_distance_m: float | None
+    confidence: float
+    error: float
+    depth_of_focus_mm: float
+    zone: Zone
+    probes: list[ProbeRecord] = field(default_factory=list)
+    notes: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def samples(self) -> int:
+        """Samples that all probes took together."""
+        return sum(probe.samples for probe in self.probes)
+
+    @property
+    def seconds(self) -> float:
+        """Time that all probes took together [s]."""
+        return sum(probe.seconds for probe in self.probes)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain values, with ``probes`` as pairs of film distance and measure."""
+        plain = asdict(self)
+        plain["probes"] = [[probe.film_distance_mm, probe.value] for probe in self.probes]
+        plain["details"] = [asdict(probe) for probe in self.probes]
+        plain["samples"], plain["seconds"] = self.samples, self.seconds
+        return plain

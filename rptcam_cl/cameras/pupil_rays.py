@@ -1,0 +1,141 @@
+"""The rays that points of the film receive, in float64: what `kernels/camera` draws at random, on a grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras.aperture import stop_shape
+from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
+from rptcam_cl.cameras.thick_lens import thick_lens
+from rptcam_cl.cameras.thin_lens import optics_of, radius_of
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics.probe import cells, grid
+from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
+from rptcam_cl.scene.camera import RealisticCamera, ThickLensCamera, ThinLensCamera
+from rptcam_cl.scene.scene import Scene
+
+Array = NDArray[np.float64]
+
+ACROSS = 40  # rays across a pupil
+
+
+@dataclass(frozen=True)
+class PupilRays:
+    """Rays of m film points, n each, in the camera's frame.
+
+    Attributes
+    ----------
+    origins : (m, n, 3) array
+        Where they leave the lens [m].
+    slopes : (m, n, 2) array
+        Sideways per metre ahead.
+    weights : (m, n) array
+        Their shares in the light of the film point; 0 for those that the lens blocks. A row sums to 1.
+    pupil : (m, n, 2) array
+        The point of the pupil as the camera's kernel chooses it: of the plane of the last vertex [mm] or a unit disk.
+    cell : (m, 2) array
+        How far these points stand apart.
+    film : (m, 2) array
+        The film points [mm]; zero where the pupil's coordinates do not depend on them.
+    """
+
+    origins: Array
+    slopes: Array
+    weights: Array
+    pupil: Array
+    cell: Array
+    film: Array
+
+    def seen(self, vergence: float) -> Array:
+        """Return where rays meet the plane at 1 / vergence [m] in front of the eye, over that distance (m, n, 2)."""
+        ahead = 1.0 + vergence * self.origins[..., 2:]
+        return np.asarray(vergence * self.origins[..., :2] + ahead * self.slopes)
+
+
+def pupil_rays(scene: Scene, places: Array, setting: LensSetting | None = None) -> PupilRays:
+    """Return the rays of places of the picture (m, 2), right and down in pixels.
+
+    Parameters
+    ----------
+    setting
+        The lens as it is focused, where that is not as the scene says.
+
+    Raises
+    ------
+    InputError
+        When the camera has no aperture, or a place receives no light.
+    """
+    camera = scene.camera
+    film = 2.0 * np.asarray(places, np.float64) / scene.film.resolution - 1.0
+    film = film * (1.0, -1.0) * (1.0 if camera.flip else -1.0)  # right and up in the upright picture, to 1 at the edge
+    if isinstance(camera, ThinLensCamera):
+        return _thin(scene, camera, film)
+    if not isinstance(camera, ThickLensCamera | RealisticCamera):
+        raise InputError(f"camera.kind: {camera.kind} has no pupil (allowed: thin_lens, thick_lens, realistic)")
+    setting = setting or lens_setting(scene)
+    film_mm = -film * np.array(scene.film.size_m()) * 500.0  # a lens inverts
+    return _thick(setting, film_mm) if isinstance(camera, ThickLensCamera) else _traced(scene, setting, film_mm)
+
+
+def _unit_grid() -> Array:
+    steps = (np.arange(ACROSS) + 0.5) * 2 / ACROSS - 1
+    return np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+
+
+def _thin(scene: Scene, camera: ThinLensCamera, film: Array) -> PupilRays:
+    across, down, focal_length = optics_of(camera, scene.film)
+    points, shape = _unit_grid(), stop_shape(scene, camera.aperture)
+    x, y = points.T
+    points = points[np.hypot(x, y) <= 1.0 if shape is None else shape.holds(x, y)]
+    many = (len(film), len(points), 2)
+    on_lens = np.broadcast_to(points * radius_of(camera, focal_length), many)
+    slopes = film[:, None] * (across, down) - on_lens / camera.focus_distance_m
+    origins = np.concatenate([on_lens, np.zeros((*many[:2], 1))], axis=-1)
+    weights = np.full(many[:2], 1.0 / len(points))
+    cell = np.full((len(film), 2), 2.0 / ACROSS)
+    return PupilRays(origins, slopes, weights, np.broadcast_to(points, many), cell, np.zeros_like(film))
+
+
+def _thick(setting: LensSetting, film_mm: Array) -> PupilRays:
+    thick = thick_lens(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+    points = _unit_grid()
+    points = points[np.hypot(*points.T) <= 1.0]
+    many = (len(film_mm), len(points), 2)
+
+    def together(factors: tuple[float, float]) -> Array:
+        return np.asarray(factors[0] * film_mm[:, None] + factors[1] * points)
+
+    z = np.full((*many[:2], 1), -(setting.film_distance_mm + setting.lens.length) * 1e-3)
+    origins = np.concatenate([together(thick.height) * 1e-3, z], axis=-1)
+    cos4 = (1.0 + np.sum(together(thick.film_slope) ** 2, axis=-1)) ** -2
+    cell = np.full((len(film_mm), 2), 2.0 / ACROSS)
+    weights = cos4 / cos4.sum(axis=1, keepdims=True)
+    film = np.zeros_like(film_mm)
+    return PupilRays(origins, together(thick.slope), weights, np.broadcast_to(points, many), cell, film)
+
+
+def _traced(scene: Scene, setting: LensSetting, film_mm: Array) -> PupilRays:
+    lens, back, wavelength = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+    assert isinstance(setting.camera, RealisticCamera)
+    shape = stop_shape(scene, setting.camera.aperture)
+    lens = lens if shape is None else lens.with_stop_shape(shape)
+    boxes, lit = pupil_boxes(narrowing_probes(lens, back, wavelength), film_mm)
+    if not lit.all():
+        x, y = film_mm[~lit][0]
+        raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
+    rear = grid(boxes, ACROSS, ACROSS)
+    start = np.empty((*rear.shape[:2], 3))
+    start[..., :2], start[..., 2] = film_mm[:, None], lens.length + back
+    away = np.concatenate([rear - film_mm[:, None], np.full((*rear.shape[:2], 1), -back)], axis=-1)
+    rays = lens.trace(start.reshape(-1, 3), away.reshape(-1, 3), wavelength)
+    passed = rays.passed.reshape(rear.shape[:2])
+    origins, directions = (v.reshape(start.shape) for v in (rays.origins, rays.directions))
+    weights = np.where(passed, np.sum(away * away, axis=-1) ** -2, 0.0)  # cos^4, as Z is the same
+    weights /= weights.sum(axis=1, keepdims=True)
+    keep = passed[..., None]
+    origins = np.where(keep, (origins - [0.0, 0.0, lens.length + back]) * 1e-3, 0.0)
+    slopes = np.where(keep, directions[..., :2] / -np.where(keep, directions[..., 2:], -1.0), 0.0)
+    return PupilRays(origins, slopes, weights, rear, cells(boxes, ACROSS, ACROSS), film_mm)

@@ -1,0 +1,126 @@
+"""Light that an interface lets through: bare (Fresnel), with a quarter-wave layer, or with a measured coating.
+
+Nothing is swallowed at an interface, so what is not reflected passes, and light may be followed either way (Stokes):
+swapping the two sides changes nothing. Unpolarised light: the mean of both polarisations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.optics.absorption import interpolated
+
+Array = NDArray[np.float64]
+
+
+class Interface(NamedTuple):
+    """Rays that cross from one medium into another; arrays that broadcast together.
+
+    Attributes
+    ----------
+    before, after : float or array
+        Indices of refraction.
+    cosine_before, cosine_after : array
+        Of the angles to the normal on both sides, by Snell's law.
+    """
+
+    before: ArrayLike
+    after: ArrayLike
+    cosine_before: ArrayLike = 1.0
+    cosine_after: ArrayLike = 1.0
+
+    @property
+    def head_on(self) -> Interface:
+        """The same two media met at a right angle."""
+        return Interface(self.before, self.after)
+
+
+class Coating(Protocol):
+    """What lies on a surface."""
+
+    def transmittance(self, interface: Interface, wavelength_nm: ArrayLike) -> Array:
+        """Return the share of unpolarised light that passes, at wavelengths [nm]."""
+
+
+def amplitudes(interface: Interface) -> tuple[Array, Array]:
+    """Return the reflected amplitudes of s and p polarised light (Born and Wolf, Principles of Optics, 1.5.2)."""
+    n, m, c, d = (np.asarray(value, dtype=np.float64) for value in interface)
+    return (n * c - m * d) / (n * c + m * d), (m * c - n * d) / (m * c + n * d)
+
+
+@dataclass(frozen=True)
+class Bare:
+    """No coating: Fresnel's equations."""
+
+    def transmittance(self, interface: Interface, wavelength_nm: ArrayLike) -> Array:
+        """Return the share of unpolarised light that passes; it depends on the wavelength by the indices alone."""
+        s, p = amplitudes(interface)
+        return np.asarray(1.0 - (s * s + p * p) / 2 + np.zeros(np.shape(wavelength_nm)))
+
+
+BARE = Bare()
+
+
+@dataclass(frozen=True)
+class QuarterWave:
+    """One layer whose optical thickness is a quarter of a wavelength.
+
+    The film of the textbooks (Born and Wolf, 1.6.4): with the amplitudes r and t at its two faces and the phase
+    2 b = 4 pi n d cos(theta) / L, it reflects (r^2 + t^2 + 2 r t cos 2b) / (1 + r^2 t^2 + 2 r t cos 2b).
+
+    Attributes
+    ----------
+    index : float
+        Of the layer, at every wavelength; not below those of both media.
+    wavelength_nm : float
+        Four times the index times the thickness [nm].
+    """
+
+    index: float
+    wavelength_nm: float
+
+    def transmittance(self, interface: Interface, wavelength_nm: ArrayLike) -> Array:
+        """Return the share of unpolarised light that passes, at wavelengths [nm]."""
+        n, m, c, d = (np.asarray(value, dtype=np.float64) for value in interface)
+        inside = np.sqrt(np.maximum(1.0 - (n / self.index) ** 2 * (1.0 - c * c), 0.0))
+        front, back = amplitudes(Interface(n, self.index, c, inside)), amplitudes(Interface(self.index, m, inside, d))
+        turn = np.cos(np.pi * (self.wavelength_nm / np.asarray(wavelength_nm, dtype=np.float64)) * inside)
+        passed: Array = np.zeros(())
+        for r, t in zip(front, back, strict=True):
+            both = r * t
+            passed = passed + (1.0 - r * r) * (1.0 - t * t) / (1.0 + both * both + 2.0 * both * turn) / 2
+        return passed
+
+
+@dataclass(frozen=True)
+class MeasuredReflectance:
+    """A coating by its reflectance at normal incidence.
+
+    Away from the normal it passes less in the proportion in which the bare surface does:
+    T(angle) = (1 - R) F(angle) / F(0), F being Fresnel's transmittance. That keeps the limits (R on the axis, nothing
+    at grazing incidence, the same in both directions), but not the shift of a multilayer's colours with the angle.
+
+    Attributes
+    ----------
+    wavelengths_nm, values : tuple of float
+        Reflectance 0 to 1 at rising wavelengths; a single value holds at every wavelength.
+    """
+
+    wavelengths_nm: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def reflectance(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the reflectance at normal incidence at each wavelength [nm]."""
+        return interpolated(wavelength_nm, self.wavelengths_nm, self.values, "reflectance of a coating")
+
+    def transmittance(self, interface: Interface, wavelength_nm: ArrayLike) -> Array:
+        """Return the share of unpolarised light that passes, at wavelengths [nm]."""
+        slanted = BARE.transmittance(interface, wavelength_nm) / BARE.transmittance(interface.head_on, wavelength_nm)
+        return (1.0 - self.reflectance(wavelength_nm)) * np.minimum(slanted, 1.0)
+
+
+MAGNESIUM_FLUORIDE = QuarterWave(1.38, 550.0)  # Macleod, Thin-Film Optical Filters, 4th ed., table of materials

@@ -1,0 +1,143 @@
+"""The `coating` key of a lens file: a word, a quarter-wave layer, or a measured reflectance."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+
+from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Bare, Coating, MeasuredReflectance, QuarterWave
+from rptcam_cl.optics.files.fields import Fields, problem
+from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, QUARTER_WAVE, REFLECTANCE
+from rptcam_cl.optics.glass import WAVELENGTH_D, Medium
+from rptcam_cl.optics.surface import Surface
+from rptcam_cl.optics.transmission import meets_air
+from rptcam_cl.strict_yaml import Document, KeyPath
+
+WORDS: dict[str, Coating] = dict(zip(COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE), strict=True))
+FORMS = f"{', '.join(COATING_WORDS)}, {{quarter_wave: …}} or {{reflectance: …}}"
+
+
+def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: Medium) -> tuple[Surface, ...]:
+    """Return the surfaces with their coatings: their own, or between glass and air that of the lens."""
+    common = read_coating(document, ("coating",)) if "coating" in document.data else None
+    result, before = [], object_medium
+    for k, surface in enumerate(surfaces):
+        coating = common if meets_air(before, surface.glass) else None
+        if "coating" in document.data["surfaces"][k]:
+            path: KeyPath = ("surfaces", k, "coating")
+            coating = read_coating(document, path)
+            fault = _misfit(coating, before, surface.glass)
+            if fault:
+                raise problem(document, path, fault)
+        elif fault := _misfit(coating, before, surface.glass):
+            raise problem(document, ("coating",), f"does not suit surface {k}: {fault}")
+        result.append(replace(surface, coating=coating) if coating else surface)
+        before = surface.glass
+    return tuple(result)
+
+
+def _misfit(coating: Coating | None, before: Medium, after: Medium) -> str:
+    """Return why a coating cannot lie between two media, nothing when it can."""
+    if coating is None or isinstance(coating, Bare):
+        return ""
+    if before == after:
+        return f"has {after.name or 'the same medium'} on both sides, so there is nothing to coat"
+    least = min(float(medium.index(WAVELENGTH_D)) for medium in (before, after))
+    if isinstance(coating, QuarterWave) and coating.index < least:
+        return f"a layer of index {coating.index:g} is less dense than both media (from {least:.4g}); cement has none"
+    return ""
+
+
+def read_coating(document: Document, path: KeyPath) -> Coating:
+    """Return the coating at a key path of a lens file."""
+    value = document.data
+    for part in path:
+        value = value[part]
+    if isinstance(value, str):
+        if value not in WORDS:
+            raise problem(document, path, f"unknown coating; allowed: {FORMS}", value)
+        return WORDS[value]
+    if not isinstance(value, dict):
+        raise problem(document, path, f"allowed: {FORMS}", value)
+    fields = Fields(document, path, COATING)
+    if len(value) != 1:
+        raise fields.fail(None, f"needs exactly one of {', '.join(COATING)}")
+    return _quarter_wave(fields) if "quarter_wave" in fields else _measured(fields)
+
+
+def _quarter_wave(fields: Fields) -> Coating:
+    inner = Fields(fields.document, (*fields.path, "quarter_wave"), QUARTER_WAVE)
+    index = inner.number("index")
+    if not 1 <= index <= 5:
+        raise inner.fail("index", "the index of a layer lies between 1 and 5")
+    return QuarterWave(index, inner.positive("wavelength_nm"))
+
+
+def _measured(fields: Fields) -> Coating:
+    value = fields.get("reflectance")
+    if isinstance(value, str):
+        return read_reflectance(Path(fields.document.name).parent / value)
+    if isinstance(value, dict):
+        inner = Fields(fields.document, (*fields.path, "reflectance"), REFLECTANCE)
+        return MeasuredReflectance(*read_spectrum(inner, "reflectance"))
+    share = fields.number("reflectance")
+    if not 0 <= share < 1:
+        raise fields.fail("reflectance", "lies between 0 and 1, not in percent")
+    return MeasuredReflectance((0.0,), (share,))
+
+
+def read_spectrum(fields: Fields, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return `wavelengths_nm`, which rise, and `values` from 0 to 1, as many."""
+    wavelengths, values = fields.numbers("wavelengths_nm"), fields.numbers("values")
+    fault = spectrum_fault(wavelengths, values, what)
+    if fault:
+        raise fields.fail(*fault)
+    return wavelengths, values
+
+
+def spectrum_fault(wavelengths: tuple[float, ...], values: tuple[float, ...], what: str) -> tuple[str, str] | None:
+    """Return the key at fault and what is wrong, None when a spectrum is as it should be."""
+    if len(wavelengths) < 2:
+        return "wavelengths_nm", "needs at least two wavelengths"
+    if wavelengths[0] <= 0 or any(b <= a for a, b in pairwise(wavelengths)):
+        return "wavelengths_nm", "must rise, above 0"
+    if len(values) != len(wavelengths):
+        return "values", f"needs as many numbers as wavelengths_nm ({len(values)} and {len(wavelengths)})"
+    if not all(0 <= value <= 1 for value in values):
+        return "values", f"a {what} lies between 0 and 1, not in percent"
+    return None
+
+
+def read_reflectance(path: Path) -> MeasuredReflectance:
+    """Return the coating of a CSV file: wavelength [nm] and reflectance (0 to 1) in each line, perhaps under a head.
+
+    Raises
+    ------
+    InputError
+        When it holds anything else.
+    StateError
+        When it cannot be read.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+    except (OSError, UnicodeDecodeError) as trouble:
+        raise StateError(f"{path}: cannot be read ({getattr(trouble, 'strerror', trouble)})") from None
+    rows: list[tuple[float, float]] = []
+    for number, line in enumerate(text.splitlines(), start=1):
+        words = line.split("#")[0].replace(",", " ").replace(";", " ").split()
+        try:
+            pair = tuple(float(word) for word in words)
+        except ValueError:
+            if rows:
+                raise InputError(f"{path}:{number}: expected a wavelength and a reflectance (got {line!r})") from None
+            continue
+        if pair and len(pair) != 2:
+            raise InputError(f"{path}:{number}: expected a wavelength and a reflectance (got {line!r})")
+        rows += [(pair[0], pair[1])] if pair else []
+    wavelengths, values = tuple(row[0] for row in rows), tuple(row[1] for row in rows)
+    fault = spectrum_fault(wavelengths, values, "reflectance")
+    if fault:
+        raise InputError(f"{path}: {fault[0]}: {fault[1]}")
+    return MeasuredReflectance(wavelengths, values)

@@ -1,0 +1,139 @@
+"""What a lens takes from the light that crosses it: reflection at its surfaces and absorption in its glass.
+
+Reflected light is lost; it makes no ghosts. Each surface counts with the mean of both polarisations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.optics.coating import BARE, Coating, Interface
+from rptcam_cl.optics.glass import WAVELENGTH_D, Medium, attenuation
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.lens import Lens
+    from rptcam_cl.optics.surface import Surface
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+AIR_LIKE = 1e-3  # a medium whose index is nearer to 1 takes a lens's own coating like air
+
+
+@dataclass(frozen=True)
+class Transmission:
+    """Which losses count.
+
+    Attributes
+    ----------
+    fresnel : bool
+        Whether surfaces reflect.
+    coatings : bool
+        Whether they do so through their coatings, where they have any; otherwise every surface is bare.
+    absorption : bool
+        Whether glass absorbs, where it is known how much.
+    """
+
+    fresnel: bool = True
+    coatings: bool = True
+    absorption: bool = True
+
+    def __bool__(self) -> bool:
+        """Whether anything is lost."""
+        return self.fresnel or self.absorption
+
+    def coating_of(self, surface: Surface) -> Coating:
+        """Return what a surface lets through."""
+        return surface.coating if self.coatings and surface.coating is not None else BARE
+
+
+IDEAL = Transmission(fresnel=False, coatings=False, absorption=False)
+UNCOATED = Transmission(coatings=False)
+COATED = Transmission()
+BY_NAME = {"ideal": IDEAL, "bare": UNCOATED, "coated": COATED}
+
+
+def meets_air(before: Medium, after: Medium) -> bool:
+    """Return whether a surface between two media lies between glass and air: where a coating of a whole lens goes."""
+    close = [abs(float(medium.index(WAVELENGTH_D)) - 1.0) < AIR_LIKE for medium in (before, after)]
+    return any(close) and not all(close)
+
+
+def with_coating(lens: Lens, coating: Coating) -> Lens:
+    """Return the lens with a coating on every surface between glass and air."""
+    sides = zip(lens.media, lens.media[1:], strict=False)
+    surfaces = [
+        replace(surface, coating=coating) if meets_air(*media) else surface
+        for surface, media in zip(lens.surfaces, sides, strict=True)
+    ]
+    return replace(lens, surfaces=tuple(surfaces))
+
+
+def has_coatings(lens: Lens) -> bool:
+    """Return whether the lens says what lies on any of its surfaces."""
+    return any(surface.coating is not None for surface in lens.surfaces)
+
+
+class Losses:
+    """What is left of rays on their way through a lens.
+
+    Parameters
+    ----------
+    lens : Lens
+    transmission : Transmission
+    wavelengths : float or (n,) array
+        Of the rays [nm].
+    count : int
+        Number of rays.
+    """
+
+    def __init__(self, lens: Lens, transmission: Transmission, wavelengths: Array, count: int) -> None:
+        self.transmission = transmission
+        self.wavelengths = np.broadcast_to(wavelengths, (count,))
+        self.attenuations = [
+            np.broadcast_to(attenuation(medium, wavelengths) if transmission.absorption else 0.0, (count,))
+            for medium in lens.media
+        ]
+        self.share = np.ones(count)
+
+    def through(self, medium: int, length: Array, beside: Mask) -> None:
+        """Take away what a medium (0 in front of the lens) absorbs over a length [mm], but beside a half lens."""
+        if self.transmission.absorption:
+            self.share = self.share * np.where(beside, 1.0, np.exp(-self.attenuations[medium] * length))
+
+    def across(self, surface: Surface, interface: Interface, beside: Mask) -> None:
+        """Take away what a surface reflects, but beside a half lens."""
+        if self.transmission.fresnel:
+            passed = self.transmission.coating_of(surface).transmittance(interface, self.wavelengths)
+            self.share = self.share * np.where(beside, 1.0, passed)
+
+    def keep(self, good: Mask) -> None:
+        """Forget the other rays."""
+        self.share, self.wavelengths = self.share[good], self.wavelengths[good]
+        self.attenuations = [values[good] for values in self.attenuations]
+
+
+def axial_transmittance(
+    lens: Lens, wavelength_nm: ArrayLike = WAVELENGTH_D, transmission: Transmission = COATED
+) -> Array:
+    """Return the share of light that passes along the axis, from the first vertex to the last, at wavelengths [nm]."""
+    wavelengths = np.asarray(wavelength_nm, dtype=np.float64)
+    indices = lens.indices(wavelengths)
+    passed = np.ones(wavelengths.shape)
+    for k, surface in enumerate(lens.surfaces):
+        if transmission.fresnel and np.any(indices[k] != indices[k + 1]):
+            interface = Interface(indices[k], indices[k + 1])
+            passed = passed * transmission.coating_of(surface).transmittance(interface, wavelengths)
+        if transmission.absorption and k + 1 < len(lens.surfaces):
+            passed = passed * np.exp(-attenuation(surface.glass, wavelengths) * surface.thickness)
+    return passed
+
+
+def axial_t_number(lens: Lens, wavelength_nm: float = WAVELENGTH_D, transmission: Transmission = COATED) -> float:
+    """Return the f-number over the root of the axial transmittance (W. Smith, Modern Optical Engineering)."""
+    passed = float(axial_transmittance(lens, wavelength_nm, transmission))
+    return lens.first_order(wavelength_nm).f_number / float(np.sqrt(passed))

@@ -1,0 +1,91 @@
+"""From a linear film to the numbers of a raw file: photons, electrons, noise, and the converter (EMVA 1288, part 2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.sensor.model import Sensor
+from rptcam_cl.sensor.mosaic import is_mosaic, mosaic
+
+Array = NDArray[np.float64]
+
+MOST_ELECTRONS = 1e15  # of a pixel; beyond any well, and within what random numbers of a Poisson law are made for
+_PHOTONS, _READING, _SENSITIVITY, _OFFSET = range(4)
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """What a sensor puts out.
+
+    Attributes
+    ----------
+    numbers : uint16 array, (height, width) or (height, width, 3)
+        The raw numbers [DN].
+    sensor : Sensor
+    """
+
+    numbers: NDArray[np.uint16]
+    sensor: Sensor
+
+
+def exposed(film: NDArray[np.floating], sensor: Sensor) -> Frame:
+    """Return the raw frame of a linear film; the same seeds give the same numbers with one version of NumPy.
+
+    Parameters
+    ----------
+    film : (height, width, 3) array
+        Linear film; not-a-number counts as 0, and so does light that a channel would see as less than nothing.
+    sensor : Sensor
+
+    Raises
+    ------
+    InputError
+        The picture is too small for a Bayer mosaic.
+    """
+    mean = mean_electrons(film, sensor) * (1.0 + sensor.prnu * _pattern(_SENSITIVITY, film.shape, sensor))
+    light = np.clip(mean + sensor.dark_e, 0.0, MOST_ELECTRONS)
+    charge = _generator(_PHOTONS, sensor.seed).poisson(light).astype(np.float64)
+    charge += sensor.dsnu_e * _pattern(_OFFSET, film.shape, sensor)
+    np.minimum(charge, sensor.full_well_e, out=charge)
+    if sensor.read_noise_e:
+        charge += sensor.read_noise_e * _generator(_READING, sensor.seed).standard_normal(charge.shape)
+    level = np.floor(sensor.black_level_dn + sensor.system_gain_dn_per_e * charge + 0.5)
+    return Frame(np.clip(level, 0, sensor.top_dn).astype(np.uint16), sensor)
+
+
+def mean_electrons(film: NDArray[np.floating], sensor: Sensor) -> Array:
+    """Return the mean electrons that light sets free in each pixel, (height, width) or (height, width, 3)."""
+    if is_mosaic(sensor.bayer) and min(film.shape[:2]) < 2:
+        raise InputError(
+            f"sensor.bayer: a mosaic needs more pixels (got {film.shape[1]} x {film.shape[0]}; allowed: at least "
+            "2 x 2, or bayer: none)"
+        )
+    largest = float(np.finfo(np.float32).max)
+    light = np.nan_to_num(np.asarray(film, np.float64), nan=0.0, posinf=largest, neginf=-largest)
+    electrons = np.maximum(light @ sensor.electrons, 0.0)
+    if sensor.bayer == "monochrome":
+        return np.asarray(electrons.sum(axis=2))
+    return mosaic(electrons, sensor.pattern) if is_mosaic(sensor.bayer) else electrons
+
+
+def _generator(stream: int, seed: int, *more: int) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(stream, *more))))
+
+
+def _pattern(stream: int, shape: tuple[int, ...], sensor: Sensor) -> Array:
+    """Return standard normal numbers that belong to the pixels of the whole film, whatever part of it is seen."""
+    amount = sensor.prnu if stream == _SENSITIVITY else sensor.dsnu_e
+    height, width = shape[:2]
+    depth = 3 if sensor.bayer == "none" else 1
+    if not amount:
+        return np.zeros((1, 1, 1) if depth == 3 else (1, 1))
+    left, top = sensor.origin
+    rows = np.empty((height, width, depth))
+    for row in range(height):
+        numbers = _generator(stream, sensor.pattern_seed, top + row).standard_normal((left + width, depth))
+        rows[row] = numbers[left:]
+    return rows if depth == 3 else rows[..., 0]

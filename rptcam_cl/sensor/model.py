@@ -1,0 +1,114 @@
+"""A sensor with everything known that turns one film into numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.errors import InputError
+
+
+@dataclass(frozen=True, eq=False)
+class Sensor:
+    """A sensor during one exposure.
+
+    Attributes
+    ----------
+    electrons : (3, 3) array
+        Mean electrons in each channel of the sensor (columns) for a value 1 in each channel of the film (rows).
+    full_well_e : float
+        Most electrons that a pixel holds.
+    read_noise_e : float
+        Standard deviation of the noise of reading [electrons].
+    dark_e : float
+        Mean electrons that come without light during the exposure.
+    system_gain_dn_per_e : float
+    black_level_dn : float
+    bit_depth : int
+    prnu : float
+        Standard deviation of the sensitivity from pixel to pixel, as a share.
+    dsnu_e : float
+        Standard deviation of the dark signal from pixel to pixel [electrons].
+    bayer : str
+        Colours of the upper left 2 x 2 pixels of the whole film by rows, ``none`` or ``monochrome``.
+    demosaic : str
+        ``malvar`` or ``bilinear``.
+    seed, pattern_seed : int
+        Seeds of the noise and of the fixed pattern.
+    origin : pair of int
+        Column and row of the upper left pixel in the whole film.
+    srgb_from_film : (3, 3) array
+        Matrix to linear sRGB; not the identity where the film's channels are those of a camera.
+    """
+
+    electrons: NDArray[np.float64]
+    full_well_e: float
+    read_noise_e: float
+    system_gain_dn_per_e: float
+    black_level_dn: float
+    bit_depth: int
+    bayer: str
+    dark_e: float = 0.0
+    prnu: float = 0.0
+    dsnu_e: float = 0.0
+    demosaic: str = "malvar"
+    seed: int = 0
+    pattern_seed: int = 0
+    origin: tuple[int, int] = (0, 0)
+    srgb_from_film: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
+
+    @property
+    def pattern(self) -> str:
+        """Colours of the picture's own upper left 2 x 2 pixels, ``none`` or ``monochrome``."""
+        if len(self.bayer) != 4 or self.bayer == "none":
+            return self.bayer
+        x, y = self.origin
+        return "".join(self.bayer[2 * ((row + y) % 2) + (column + x) % 2] for row in (0, 1) for column in (0, 1))
+
+    @property
+    def top_dn(self) -> int:
+        """Highest number of the converter."""
+        return int(2**self.bit_depth - 1)
+
+    @property
+    def dark_level_dn(self) -> float:
+        """Mean number without light, dark current included."""
+        return self.black_level_dn + self.system_gain_dn_per_e * min(self.dark_e, self.full_well_e)
+
+    @property
+    def white_level_dn(self) -> float:
+        """Number at which a channel saturates: of a full well, or the converter's highest."""
+        return min(self.black_level_dn + self.system_gain_dn_per_e * self.full_well_e, float(self.top_dn))
+
+    @property
+    def white_electrons(self) -> NDArray[np.float64]:
+        """Electrons for a film of white 1: (3,) per channel, (1,) of a monochrome sensor."""
+        total = self.electrons.sum(axis=0)
+        return np.asarray(total.sum(keepdims=True) if self.bayer == "monochrome" else total)
+
+    def described(self) -> dict[str, Any]:
+        """Return the sensor as a mapping for JSON, from which `from_description` makes it again."""
+        values = {item.name: getattr(self, item.name) for item in fields(self)}
+        return {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()}
+
+    @classmethod
+    def from_description(cls, description: Mapping[str, Any]) -> Sensor:
+        """Return the sensor of a mapping that `described` made, maybe in another version or edited since.
+
+        Raises
+        ------
+        InputError
+            When it does not describe a sensor.
+        """
+        try:
+            values: dict[str, Any] = dict(description)
+            for name in ("electrons", "srgb_from_film"):
+                values[name] = np.array(values[name], np.float64).reshape(3, 3)
+            values["origin"] = (int(values["origin"][0]), int(values["origin"][1]))
+            return cls(**values)
+        except (KeyError, TypeError, ValueError, IndexError) as error:
+            raise InputError(f"the metadata describe no sensor ({error!r}; render the scene anew)") from None

@@ -1,0 +1,91 @@
+"""What an interface lets through: closed forms of Fresnel's equations and of a quarter-wave layer, limits, symmetry."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Interface, MeasuredReflectance, QuarterWave, amplitudes
+
+BK7 = 1.5168
+MEASURED = MeasuredReflectance((400.0, 700.0), (0.004, 0.010))
+COATINGS = [BARE, MAGNESIUM_FLUORIDE, QuarterWave(1.9, 480.0), MEASURED]
+
+
+def met_at(degrees, before, after):
+    """The interface met at angles in the medium before it."""
+    sine = np.sin(np.radians(degrees))
+    return Interface(before, after, np.sqrt(1 - sine**2), np.sqrt(1 - (sine * before / after) ** 2))
+
+
+def by_matrices(interface, coating, wavelength_nm):
+    """Unpolarised reflectance of one layer by characteristic matrices (Macleod, Thin-Film Optical Filters, ch. 2)."""
+    n, m, c, d = interface
+    inside = np.sqrt(1 - (n / coating.index) ** 2 * (1 - c * c))
+    phase = np.pi / 2 * coating.wavelength_nm / wavelength_nm * inside
+    total = 0.0
+    for admittance in (lambda n, c: n * c, lambda n, c: n / c):  # s, p
+        layer, behind, front = admittance(coating.index, inside), admittance(m, d), admittance(n, c)
+        b = np.cos(phase) + 1j * np.sin(phase) / layer * behind
+        c_ = 1j * layer * np.sin(phase) + np.cos(phase) * behind
+        total += abs((front * b - c_) / (front * b + c_)) ** 2 / 2
+    return total
+
+
+def test_bare_glass_reflects_what_the_catalogues_say():
+    assert 1 - BARE.transmittance(Interface(1.0, BK7), 587.6) == pytest.approx(0.04216, abs=1e-5)
+    assert 1 - BARE.transmittance(Interface(1.0, 1.5), 587.6) == pytest.approx(0.04, rel=1e-12)
+
+
+def test_p_polarised_light_is_not_reflected_at_brewsters_angle():
+    s, p = amplitudes(met_at(np.degrees(np.arctan(BK7)), 1.0, BK7))
+    assert p == pytest.approx(0, abs=1e-12)
+    assert s == pytest.approx(-(BK7**2 - 1) / (BK7**2 + 1), rel=1e-12)
+
+
+def test_quarter_wave_has_its_closed_form_at_its_wavelength():
+    expected = ((1.38**2 - BK7) / (1.38**2 + BK7)) ** 2
+    assert 1 - MAGNESIUM_FLUORIDE.transmittance(Interface(1.0, BK7), 550.0) == pytest.approx(expected, rel=1e-12)
+    assert 0.0126 < expected < 0.0130  # the 1.3 % of the catalogues
+    perfect = QuarterWave(np.sqrt(1.9), 500.0)
+    assert perfect.transmittance(Interface(1.0, 1.9), 500.0) == pytest.approx(1, abs=1e-14)
+
+
+def test_half_wave_layer_changes_nothing():
+    half = QuarterWave(1.38, 1100.0)
+    bare = BARE.transmittance(Interface(1.0, BK7), 550.0)
+    assert half.transmittance(Interface(1.0, BK7), 550.0) == pytest.approx(bare, rel=1e-12)
+
+
+@pytest.mark.parametrize("coating", [MAGNESIUM_FLUORIDE, QuarterWave(1.9, 480.0), QuarterWave(1.38, 1300.0)])
+@pytest.mark.parametrize("media", [(1.0, BK7), (BK7, 1.0), (1.333, 1.8)])
+def test_layer_agrees_with_characteristic_matrices(coating, media):
+    limit = 89.9 if media[0] < media[1] else np.degrees(np.arcsin(media[1] / media[0])) * 0.999
+    for degrees in np.linspace(0, limit, 12):
+        interface = met_at(degrees, *media)
+        for wavelength in (380.0, 550.0, 780.0):
+            expected = 1 - by_matrices(interface, coating, wavelength)
+            assert coating.transmittance(interface, wavelength) == pytest.approx(expected, abs=1e-12)
+
+
+@pytest.mark.parametrize("coating", COATINGS)
+def test_light_passes_either_way_alike_and_never_more_than_whole(coating):
+    degrees = np.linspace(0, 89.999, 500)
+    there = met_at(degrees, 1.0, BK7)
+    back = Interface(there.after, there.before, there.cosine_after, there.cosine_before)
+    passed = coating.transmittance(there, 520.0)
+    np.testing.assert_allclose(coating.transmittance(back, 520.0), passed, rtol=1e-12)
+    assert np.all((passed > 0) & (passed <= 1))
+    assert passed[-1] < 1e-3
+
+
+def test_measured_coating_has_its_reflectance_and_the_angles_of_bare_glass():
+    straight = MEASURED.transmittance(Interface(1.0, BK7), np.array([400.0, 550.0, 700.0]))
+    np.testing.assert_allclose(straight, [0.996, 0.993, 0.990], rtol=1e-12)
+    slanted = met_at(60.0, 1.0, BK7)
+    same = MeasuredReflectance((0.0,), (1 - float(BARE.transmittance(slanted.head_on, 500.0)),))
+    assert same.transmittance(slanted, 500.0) == pytest.approx(float(BARE.transmittance(slanted, 500.0)), rel=1e-12)
+
+
+def test_measured_coating_does_not_guess_beyond_what_was_measured():
+    with pytest.raises(InputError, match=r"reflectance of a coating is known from 400 to 700 nm \(asked for 720 nm\)"):
+        MEASURED.transmittance(Interface(1.0, BK7), 720.0)
