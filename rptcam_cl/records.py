@@ -272,9 +272,9 @@ CAMERA = Record(
         ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
         ("float4", "half_plane"),  # see kernels/lens/half_pupil.h
         ("int", "count"),
+        ("float", "exposure"),  # factor of every ray's weight
         ("int", "half_beyond"),  # whether the half beyond the line is meant
         ("float", "wavelength"),  # of all rays, where they have one [nm]
-        ("int", "reserved_1"),
     ),
 )
 

@@ -66,7 +66,7 @@ __kernel void generate(const __global Camera  *camera,
     F3 o = in_world(camera, ray.o);
     F3 d = in_world(camera, ray.d);
 #endif
-    F weight = alive ? ray.weight : ZERO;
+    F weight = alive ? ray.weight * camera->exposure : ZERO;
 #if FILTER
     weight *= sign;
 #endif

@@ -14,14 +14,16 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.autofocus.drives import circle_of_confusion
+from rptcam_cl.autofocus.drive import circle_of_confusion
+from rptcam_cl.autofocus.drives import focus_drive
 from rptcam_cl.autofocus.probe import Zone, ZoneImage
-from rptcam_cl.autofocus.thin_drive import focus_drive
 from rptcam_cl.cameras import CameraModel
+from rptcam_cl.cameras.exposure import exposed
 from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import Scene, change_scene
+from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.buffers import SceneBuffers
 from rptcam_cl.wavefront.film import TILE, FilmLayout
@@ -83,6 +85,10 @@ class ProbeRenderer:
         """Return the state of a coordinate."""
         return self.drive.state_at(coordinate)
 
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in the state of reference, against that one."""
+        return self.drive.image_scale(state, reference)
+
     def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
         """Return the distance of the plane that is sharpest in a zone, by default on the axis [m]."""
         return self.drive.object_distance(state, zone)
@@ -96,14 +102,29 @@ class ProbeRenderer:
         return self.drive.state_for(distance_m, zone)
 
     def measure(
-        self, state: float, zones: Sequence[Zone], samples: int, seed: int, stop: float = 1.0
+        self,
+        state: float,
+        zones: Sequence[Zone],
+        samples: int,
+        seed: int,
+        stop: float = 1.0,
+        reference: float | None = None,
     ) -> list[ZoneImage]:
         """Return what the zones show; see `FocusProbe`. `samples` is rounded up to a multiple of `PARTS`."""
         low, high = self.limits
         if not low - 1e-9 * abs(low) <= state <= high + 1e-9 * abs(high):
             raise InputError(f"focus state {state:g} lies outside its range ({low:g} to {high:g})")
         self.look_at(zones)
-        return self.render(self.drive.camera(self._seen, state, stop, self._zones), samples, seed)
+        return self.render(self.drive.camera(self._scaled(state, reference), state, stop, self._zones), samples, seed)
+
+    def _scaled(self, state: float, reference: float | None) -> Scene:
+        """Return the scene with a film that shows the same part of it as in the state of reference."""
+        if reference is None:
+            return self._seen
+        scale = self.drive.image_scale(state, reference)
+        width, height = self._seen.film.size_m()
+        film = self._seen.film.model_copy(update={"size_mm": (width * 1e3 * scale, height * 1e3 * scale)})
+        return self._seen.model_copy(update={"film": film})
 
     def look_at(self, zones: Sequence[Zone]) -> None:
         """Choose the zones of the looks that follow."""
@@ -123,7 +144,8 @@ class ProbeRenderer:
         pixel = min(max(min(min(pair) for pair in sides) / FEWEST_PIXELS, FINEST * circle), COARSEST * circle)
         resolution = tuple(max(round(side / pixel), 1) for side in size_mm)
         changes = {"resolution": resolution, "size_mm": size_mm, "width_mm": None, "diagonal_mm": None, "crop": None}
-        return change_scene(self.scene, film=changes, render={"layers": (), "noise": None})
+        seen = change_scene(self.scene, film=changes, render={"layers": (), "noise": None})
+        return seen.model_copy(update={"exposure": Exposure()})  # measures take the mean off anyway
 
     @cached_property
     def _layout(self) -> FilmLayout:
@@ -152,6 +174,7 @@ class ProbeRenderer:
     def render(self, camera: CameraModel, samples: int, seed: int) -> list[ZoneImage]:
         """Return what the zones show through a camera."""
         begun = time.perf_counter()
+        camera = exposed(camera, self._seen)
         wavefront = self._wavefront(camera)
         wavefront.use_camera(camera)
         count = -(-samples // PARTS)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_lens
+from rptcam_cl.cameras.exposure import exposed
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.scene.camera import RealisticCamera
@@ -28,8 +29,8 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
         Whether the lens bends each wavelength by itself: only where a picture of this size shows it with ``auto``.
     """
     if isinstance(scene.camera, RealisticCamera):
-        return realistic.build(scene, lens_colour)
-    return _MODELS[scene.camera.kind](scene)
+        return exposed(realistic.build(scene, lens_colour), scene)
+    return exposed(_MODELS[scene.camera.kind](scene), scene)
 
 
 __all__ = ["CameraModel", "camera_geometry", "camera_model"]

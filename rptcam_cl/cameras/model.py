@@ -74,8 +74,12 @@ class CameraModel:
     usable_nm : (low, high)
         Wavelengths that its lens is known for [nm].
     axial_colour : (wavelengths, irradiances) or None
-        What its lens leaves of light of each wavelength [nm] on the axis, relative to the scale of the exposure; None
-        where paths have no wavelength, and where exposures show what is left.
+        What its lens lets pass of light of each wavelength [nm] on the axis, relative to `on_axis_irradiance`; None
+        where paths have no wavelength.
+    on_axis_irradiance : float or None
+        Irradiance of the film's centre in a uniform world of radiance 1; None for a camera without a lens opening.
+    axial_weight : float
+        Mean weight there: the same number, or 1 where the weights leave radiance as it is.
     """
 
     kernel: str
@@ -89,6 +93,8 @@ class CameraModel:
     view: CameraView = CameraView()
     usable_nm: tuple[float, float] = DISPERSION_NM
     axial_colour: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
+    on_axis_irradiance: float | None = None
+    axial_weight: float = 1.0
 
 
 def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:
@@ -100,6 +106,7 @@ def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:
     width, height = film.resolution
     sign = 1.0 if pose.flip else -1.0
     record["resolution"][0] = (width, height, sign / width, sign / height)
+    record["exposure"] = 1.0
     return record
 
 

@@ -71,9 +71,8 @@ def model_of(
         pupil = pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
     else:
         pupil = pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
-    scale = setting.gain / (on_axis if scene.exposure == "relative" else 1.0)
     record = camera_record(camera, scene.film)
-    record["a"][0] = (*half_film_mm, back_mm, scale)
+    record["a"][0] = (*half_film_mm, back_mm, setting.gain)
     record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, 0.0, 0.0)
     record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
@@ -92,8 +91,10 @@ def model_of(
         | colour.metadata
         | _projection(scene, camera, setting),
         view=_view(scene, setting),
+        on_axis_irradiance=on_axis,
+        axial_weight=on_axis,
         usable_nm=(low, high),
-        axial_colour=_axial_colour(lens, back_mm, scale, (low, high)) if colour.dispersive else None,
+        axial_colour=_axial_colour(lens, back_mm, on_axis, (low, high)) if colour.dispersive else None,
     )
 
 
@@ -115,10 +116,10 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
 
 
 def _axial_colour(
-    lens: Lens, back_mm: float, scale: float, range_nm: tuple[float, float]
+    lens: Lens, back_mm: float, on_axis: float, range_nm: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES)
-    return wavelengths, scale * np.array([on_axis_irradiance(lens, back_mm, nm) for nm in wavelengths.tolist()])
+    return wavelengths, np.array([on_axis_irradiance(lens, back_mm, nm) for nm in wavelengths.tolist()]) / on_axis
 
 
 def _view(scene: Scene, setting: LensSetting) -> CameraView:

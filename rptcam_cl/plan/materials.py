@@ -10,19 +10,18 @@ from numpy.typing import NDArray
 
 from rptcam_cl.plan.covers import cover_mean, internal_reflectance, rough_cover, smooth_mean
 from rptcam_cl.plan.known_spectra import KnownSpectra
-from rptcam_cl.plan.metals import metal_constants
+from rptcam_cl.plan.metals import metal_constants, metal_spectra
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.records import MATERIAL, MaterialKind
 from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
-from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.metal import Conductor, MetalSpectrum, OpticalConstants
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE
 from rptcam_cl.scene.roughness import alpha_pair
 from rptcam_cl.scene.texture import Texture
-from rptcam_cl.spectra import metal_optics
 
 _TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "opacity_texture", "factor_texture",
              "normal_texture")  # fmt: skip
@@ -120,13 +119,13 @@ class _Filler:
             record["absorption"][:3] = material.depth
         self._coverage(record, material)
 
-    def _metal(self, record: np.void, metal: str | OpticalConstants) -> None:
-        """Write the index n + i k of a metal: of each channel, and of a metal by its name the measured spectra."""
+    def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:
+        """Write the index n + i k of a metal: of each channel, and of one that was measured the spectra."""
         if isinstance(metal, OpticalConstants):
             record["metal_n"][:3], record["metal_k"][:3] = metal.n, metal.k
             return
         record["metal_n"][:3], record["metal_k"][:3] = metal_constants(metal)
-        record["metal_n"][3], record["metal_k"][3] = map(self._spectra.add, metal_optics(metal))
+        record["metal_n"][3], record["metal_k"][3] = map(self._spectra.add, metal_spectra(metal))
 
     def _coverage(self, record: np.void, material: Material) -> None:
         if isinstance(material, CoveringMaterial):

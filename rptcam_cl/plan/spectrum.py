@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 
 HUE_CELLS = 528  # a multiple of 3, for three wavelengths per path
 GREEN_NM = 550.0
+WHITE_ON_AXIS = ("relative", "auto")  # exposures that divide out what the lens leaves of white
+
+AxialColour = tuple[Array, Array] | None
 
 
 @dataclass(frozen=True)
@@ -97,11 +100,12 @@ def seen_by(
         raise InputError(
             f"spectrum: the glasses of lens and scene have no green light in common ({low:g} to {high:g} nm)"
         )
+    axial = camera.axial_colour if scene.exposure.mode in WHITE_ON_AXIS else None
     glass = materials.facts["HAS_DISPERSION"] > 0
     if settings.mode == "spectral" or (settings.mode == "auto" and spectra.colours > 0):
-        spectrum = _spectral(camera, spectra, (low, high), lens=lens)
+        spectrum = _spectral(axial, spectra, (low, high), lens=lens)
     elif settings.mode != "rgb" and (lens or glass):
-        spectrum = _dispersive(camera, (low, high))
+        spectrum = _dispersive(axial, (low, high))
     else:
         spectrum = Spectrum(SpectrumKind.RGB)
     told = {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
@@ -109,15 +113,15 @@ def seen_by(
     return camera, replace(spectrum, facts=facts, metadata=told)
 
 
-def _dispersive(camera: CameraModel, range_nm: tuple[float, float]) -> Spectrum:
+def _dispersive(axial: AxialColour, range_nm: tuple[float, float]) -> Spectrum:
     """Return the spectrum of RGB light whose paths have a wavelength each."""
     spectra = primary_spectra()
     table = hue_table(spectra, spectra.mean(axis=1), *range_nm)
-    table[:, 1:] /= _left_of_white(table, np.ones(HUE_CELLS), camera)
+    table[:, 1:] /= _left_of_white(table, np.ones(HUE_CELLS), axial)
     return Spectrum(SpectrumKind.DISPERSIVE, table.ravel())
 
 
-def _spectral(camera: CameraModel, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
+def _spectral(axial: AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
     """Return the spectrum of light at three wavelengths per path, seen by the CIE 1931 observer.
 
     The weights of cells are corrected, by about one part in a thousand, so that the primaries that colours are made of
@@ -130,7 +134,7 @@ def _spectral(camera: CameraModel, spectra: KnownSpectra, range_nm: tuple[float,
     colours = cell_means(colours, edges)
     seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / HUE_CELLS
     table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
-    table[:, 1:] /= _left_of_white(table, colours[3], camera)
+    table[:, 1:] /= _left_of_white(table, colours[3], axial)
     known = cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, HUE_CELLS))
     parts = (table, colours.T, known)
     facts = {"HUES": 1, "HAS_SPECTRA": int(len(known) > 0), "LENS_SPLITS": int(lens)}
@@ -159,11 +163,11 @@ def cell_means(spectra: Array, edges_nm: Array) -> Array:
     return np.asarray(np.diff(sums[:, places], axis=1) / np.where(widths > 0, widths, 1.0))
 
 
-def _left_of_white(table: NDArray[np.float32], white: Array, camera: CameraModel) -> Array:
+def _left_of_white(table: NDArray[np.float32], white: Array, axial: AxialColour) -> Array:
     """Return what a lens leaves of white on its axis, as a factor on each channel; 1s where the exposure shows it."""
-    if camera.axial_colour is None:
+    if axial is None:
         return np.ones(3)
     middles = (table[:-1, 0] + table[1:, 0]) / 2
-    seen = np.interp(middles, *camera.axial_colour)
+    seen = np.interp(middles, *axial)
     weights = table[:-1, 1:].astype(np.float64) * white[:, None]
     return np.asarray((weights * seen[:, None]).mean(axis=0) / weights.mean(axis=0))

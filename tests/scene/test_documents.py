@@ -33,16 +33,22 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Outline aperture": (model.OutlineAperture,),
     "Image aperture": (model.ImageAperture,),
     "Focus": (model.Focus,),
+    "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "spectrum": (model.SpectrumSettings,),
+    "Sensor": (model.Sensor,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
+    "White balance": (model.WhiteBalance,),
+    "Tone curve": (model.ToneCurve,),
     "Normal map": (model.NormalMap, "Every texture"),
     "Attenuation": (model.dielectric.Attenuation,),
     "Matte": (model.Matte, "Holes", "Normals"),
     "Mirror": (model.Mirror, "Holes"),
     "Conductor": (model.Conductor, "Holes", "Normals", "Roughness"),
     "Optical constants": (model.OpticalConstants,),
+    "Metal table": (model.MetalTable,),
     "Dielectric": (model.Dielectric, "Holes", "Normals", "Roughness", "Absorption"),
     "Thin glass": (model.ThinGlass, "Holes"),
     "Plastic": (model.Plastic, "Holes", "Normals", "Roughness"),
@@ -92,7 +98,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
+IN_WORDS = {"film", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
