@@ -25,6 +25,10 @@ typedef struct {
 #if HAS_DISPERSION
     F                           inverse;       // wavelength of the lanes at hand, as inverse_wavelength has it
 #endif
+#if HAS_MOTION
+    const __global Leg         *legs;          // of what moves, kernels/geometry/movement.h
+    const __global int2        *movement_of;
+#endif
 #if HAS_PRIMITIVE_TREE
     const __global float4      *primitive_nodes;    // kernels/geometry/primitive_tree.h
     const __global int         *primitive_leaves;
@@ -74,6 +78,15 @@ typedef struct {
 #define COLOUR_PARAMETERS
 #define COLOURS_HERE
 #endif
+#if HAS_MOTION
+#define MOTION_PARAMETERS ,                     \
+    const __global Leg         *legs,           \
+    const __global int2        *movement_of
+#define MOVEMENTS , legs, movement_of
+#else
+#define MOTION_PARAMETERS
+#define MOVEMENTS
+#endif
 
 #define SCENE_PARAMETERS                        \
     const __global Primitive   *primitives,     \
@@ -85,10 +98,10 @@ typedef struct {
     const __global Environment *environment,    \
     const __global float       *distribution,   \
     int                         emitter_count   \
-    COLOUR_PARAMETERS TREE_PARAMETERS MESH_PARAMETERS
+    COLOUR_PARAMETERS MOTION_PARAMETERS TREE_PARAMETERS MESH_PARAMETERS
 
 #define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, distribution, \
-                       emitter_count COLOURS_HERE PRIMITIVE_TREE MESHES)
+                       emitter_count COLOURS_HERE MOVEMENTS PRIMITIVE_TREE MESHES)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -104,6 +117,10 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.emitter_count = emitter_count;
 #if SPECTRUM
     s.colours = colours;
+#endif
+#if HAS_MOTION
+    s.legs = legs;
+    s.movement_of = movement_of;
 #endif
 #if HAS_PRIMITIVE_TREE
     s.primitive_nodes = primitive_nodes;

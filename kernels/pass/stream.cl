@@ -29,6 +29,9 @@ __kernel void stream(SCENE_PARAMETERS,
     path.ray.d = f3(ZERO, ZERO, ONE);
     path.ray.self = (I)(PATH_ENDED);
     path.ray.part = (I)(NO_TRIANGLE);
+#if HAS_MOTION
+    path.ray.time = ZERO;
+#endif
     path.weight = ZERO;
 #if SPECTRUM
     path.hue = ZERO;
@@ -56,6 +59,9 @@ __kernel void stream(SCENE_PARAMETERS,
             Eight ray = load_eight(rays, source * 8);
             path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
             path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
+#if HAS_MOTION
+            path.ray.time = started ? ray.f[7] : path.ray.time;
+#endif
             path.weight = started ? ray.f[3] : path.weight;
 #if SPECTRUM
             path.hue = started ? hue_of(path.pixel, path.sample, wave.seed) : path.hue;

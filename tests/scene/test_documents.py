@@ -38,6 +38,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "spectrum": (model.SpectrumSettings,),
     "Sensor": (model.Sensor,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
+    "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
     "White balance": (model.WhiteBalance,),
