@@ -36,6 +36,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Transmission": (model.Transmission,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "spectrum": (model.SpectrumSettings,),
     "Sensor": (model.Sensor,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
@@ -99,7 +100,9 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "transmission", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px", "tone"}
+IN_WORDS = {
+    "film", "transmission", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"
+}  # fmt: skip
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
