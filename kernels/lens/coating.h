@@ -1,12 +1,12 @@
 // Light that surfaces and glass of a lens leave to a ray, the mean of both polarisations: the closed forms of
 // rptcam_cl/optics/coating.py. Facts: LENS_FRESNEL (surfaces reflect), LENS_LAYERS (some through a quarter-wave layer),
-// LENS_ABSORPTION (glass absorbs), LENS_TABLES (what they do depends on the wavelengths of the lanes: tables of one number
+// LENS_ABSORPTION (glass absorbs), LENS_TINTED (what they do depends on the wavelengths of the lanes: tables of one number
 // per nm from LOSS_TABLE_NM on, LOSS_TABLE_LENGTH long).
 #ifndef LENS_COATING_H
 #define LENS_COATING_H
 #include "common/math.h"
 
-#if LENS_TABLES
+#if LENS_TINTED
 // A value at a wavelength [nm] from the table that begins at `first`; where there is none, one value holds for all.
 static F over_wavelength(real value, int first, const __global real *tables, F wavelength)
 {
@@ -57,10 +57,10 @@ static F surface_share(const __global Surface *s, const __global real *tables, F
 #if LENS_LAYERS
     if (s->layer > 0.0f) {
         F n = over_wavelength(s->index, s->index_table, tables, wavelength);
-#if LENS_TABLES
-        F turns = s->layer_nm / wavelength;
+#if LENS_TINTED
+        F turns = s->layer_turns / wavelength;
 #else
-        F turns = (F)(s->layer_nm);
+        F turns = (F)(s->layer_turns);
 #endif
         return layer_share(n, n / eta, s->layer, turns, c, d);
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,7 @@ Array = NDArray[np.float64]
 Values = Callable[[Array], Array]  # of wavelengths [nm]
 
 TABLE_NM = LOSS_TABLE_NM + np.arange(float(LOSS_TABLE_LENGTH))  # catalogues measure at whole nanometres
-NO_LOSSES = {"LENS_FRESNEL": 0, "LENS_LAYERS": 0, "LENS_ABSORPTION": 0, "LENS_TABLES": 0}
+NO_LOSSES = {"LENS_FRESNEL": 0, "LENS_LAYERS": 0, "LENS_ABSORPTION": 0, "LENS_TINTED": 0}
 
 
 @dataclass
@@ -78,19 +79,20 @@ class LossFiller:
             if self.transmission.fresnel:
                 self._fill_surface(record, before, after, self.transmission.coating_of(lens.surfaces[k]))
             if self.transmission.absorption and number > 0 and before.absorption is not None:
-                self._put(record, "attenuation", lambda nm, medium=before: attenuation(medium, nm))
+                self._put(record, "attenuation", partial(attenuation, before))
+        layers = bool(np.any(records["layer"] > 0))
         return {
             "LENS_FRESNEL": int(self.transmission.fresnel),
-            "LENS_LAYERS": int(bool(np.any(records["layer"] > 0))),
+            "LENS_LAYERS": int(layers),
             "LENS_ABSORPTION": int(bool(np.any((records["attenuation"] > 0) | (records["attenuation_table"] >= 0)))),
-            "LENS_TABLES": int(self.tables is not None),
+            "LENS_TINTED": int(self.tables is not None and (layers or bool(self.tables.rows))),
         }
 
     def _fill_surface(self, record: np.void, before: Medium, after: Medium, coating: Coating) -> None:
         record["gain"] = 1.0
         if isinstance(coating, QuarterWave):
             record["layer"] = coating.index
-            record["layer_nm"] = 0.5 * coating.wavelength_nm / (1.0 if self.tables else self.wavelength_nm)
+            record["layer_turns"] = 0.5 * coating.wavelength_nm / (self.wavelength_nm if self.tables is None else 1.0)
             self._put(record, "index", before.index)
         elif coating != BARE:
 

@@ -100,9 +100,8 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {
-    "film", "transmission", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"
-}  # fmt: skip
+IN_WORDS = {"film", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"}
+IN_WORDS |= {"transmission"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
