@@ -140,6 +140,8 @@ def test_saved_film_gives_the_same_picture_and_raw_file(tmp_path: Path, suffix: 
         (["--raw", "x.png"], "the suffix decides the raw format"),
         (["--raw", "x.dng", "--set", "sensor=null"], "--raw: the scene has no sensor"),
         (["--raw", "nowhere/x.dng"], "there is no folder"),
+        (["--size", "1x5"], "sensor.bayer: a mosaic needs more pixels (got 1 x 5; allowed: at least 2 x 2, or"),
+        (["--crop", "0,0.1,0,1"], "sensor.bayer: a mosaic needs more pixels (got 1 x 8"),
         (["--raw", "x.dng", "--raw", "x.dng"], "-o, --raw: the same file twice"),
     ],
 )
