@@ -37,7 +37,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
-from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.motion import CameraKeyframe, Course, ObjectKeyframe
 from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
 from rptcam_cl.scene.principled import Principled
@@ -64,6 +64,7 @@ __all__ = [
     "Conductor",
     "Cone",
     "ConstantEnvironment",
+    "Course",
     "Cylinder",
     "Dielectric",
     "DirectionalLight",
@@ -96,6 +97,7 @@ __all__ = [
     "Noise",
     "NormalMap",
     "Object",
+    "ObjectKeyframe",
     "OpticalConstants",
     "OutlineAperture",
     "Picture",
