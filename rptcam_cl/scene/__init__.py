@@ -9,6 +9,7 @@ from rptcam_cl.scene.aperture import (
     PolygonAperture,
     StarAperture,
 )
+from rptcam_cl.scene.autofocus import AutoFocus, OnlyAuto, ZonesFile
 from rptcam_cl.scene.camera import (
     Camera,
     EnvironmentCamera,
@@ -55,6 +56,7 @@ from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
     "Aperture",
+    "AutoFocus",
     "Box",
     "Camera",
     "CameraKeyframe",
@@ -95,6 +97,7 @@ __all__ = [
     "Noise",
     "NormalMap",
     "Object",
+    "OnlyAuto",
     "OpticalConstants",
     "OutlineAperture",
     "Picture",
@@ -128,6 +131,7 @@ __all__ = [
     "ToneCurve",
     "TransformStep",
     "WhiteBalance",
+    "ZonesFile",
     "at_opening",
     "change_scene",
     "load_picture",
