@@ -25,6 +25,7 @@ from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.scene.sampling import ADAPTIVE_SPP
+from rptcam_cl.sensing import check_sensor, sensor_of
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -125,6 +126,7 @@ def render(
     """
     begun = time.perf_counter()
     scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers, noise)
+    check_sensor(scene, *_window(scene)[2:])
     wanted = scene.render.layers
     if denoise:
         check_denoiser()
@@ -162,6 +164,8 @@ def render(
     }
     metadata = _metadata(scene, rendering, plan, session.info) | shot.metadata
     metadata |= {} if focus is None else focus["metadata"]
+    if (sensor := sensor_of(shot.scene, metadata)) is not None:
+        metadata["sensor"] = sensor.described()
     stats = _stats(rendering, wavefront, plan, session.info, times)
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)

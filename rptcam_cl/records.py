@@ -104,6 +104,17 @@ INSTANCE = Record(
     ),
 )
 
+LEG = Record(
+    "Leg",  # of the way of an object that moves, see kernels/geometry/movement.h
+    (
+        ("float4", "pivot"),  # of its turns, at rest [m]; w: when the leg begins [s]
+        ("float4", "shift"),  # at the beginning [m]; w: 1 / duration [1/s]
+        ("float4", "travel"),  # during the leg [m]; w: turns
+        ("float4", "axis"),
+        ("float4", "turn"),  # at the beginning: quaternion x, y, z, w
+    ),
+)
+
 MATERIAL = Record(
     "Material",
     (
@@ -307,7 +318,7 @@ VIEW = Record(
     ),
 )
 
-RECORDS = (PRIMITIVE, INSTANCE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
+RECORDS = (PRIMITIVE, INSTANCE, LEG, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot

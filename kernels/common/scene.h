@@ -15,6 +15,10 @@ typedef struct {
     const __global Environment *environment;
     const __global float       *distribution;  // curves of how light sampling picks, common/curve.h
     int                         emitter_count;
+#if HAS_MOTION
+    const __global Leg         *legs;          // of what moves, kernels/geometry/movement.h
+    const __global int2        *movement_of;
+#endif
 #if HAS_PRIMITIVE_TREE
     const __global float4      *primitive_nodes;    // kernels/geometry/primitive_tree.h
     const __global int         *primitive_leaves;
@@ -56,6 +60,16 @@ typedef struct {
 #define PRIMITIVE_TREE
 #endif
 
+#if HAS_MOTION
+#define MOTION_PARAMETERS ,                     \
+    const __global Leg         *legs,           \
+    const __global int2        *movement_of
+#define MOVEMENTS , legs, movement_of
+#else
+#define MOTION_PARAMETERS
+#define MOVEMENTS
+#endif
+
 #define SCENE_PARAMETERS                        \
     const __global Primitive   *primitives,     \
     const __global int         *kind_end,       \
@@ -66,10 +80,10 @@ typedef struct {
     const __global Environment *environment,    \
     const __global float       *distribution,   \
     int                         emitter_count   \
-    TREE_PARAMETERS MESH_PARAMETERS
+    MOTION_PARAMETERS TREE_PARAMETERS MESH_PARAMETERS
 
 #define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, distribution, \
-                       emitter_count PRIMITIVE_TREE MESHES)
+                       emitter_count MOVEMENTS PRIMITIVE_TREE MESHES)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -83,6 +97,10 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.environment = environment;
     s.distribution = distribution;
     s.emitter_count = emitter_count;
+#if HAS_MOTION
+    s.legs = legs;
+    s.movement_of = movement_of;
+#endif
 #if HAS_PRIMITIVE_TREE
     s.primitive_nodes = primitive_nodes;
     s.primitive_leaves = primitive_leaves;

@@ -84,6 +84,9 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
     shadow.ray.d = light.direction;
     shadow.ray.self = hit.primitive;
     shadow.ray.part = hit.part;
+#if HAS_MOTION
+    shadow.ray.time = path.ray.time;
+#endif
     shadow.target = light.primitive;
     shadow.target_part = light.part;
     shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;

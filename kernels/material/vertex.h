@@ -131,15 +131,29 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         I mine = hit.primitive == index;
         const __global Primitive *primitive = scene.primitives + index;
         const __global Material *material = scene.materials + primitive->material;
+        F3 there = p;
+#if HAS_MOTION
+        Placing placing;
+        if (moves(index, scene)) {
+            placing = placing_of(index, ray.time, scene);
+            there = point_at_rest(placing, p);
+        }
+#endif
 #if HAS_MESH
         SurfacePoint point;
         if (index >= first_mesh)
             point = on_mesh;
         else
-            point = other_point(index, p, material->textured, scene);
-        vertex.offset = mine ? point.offset : vertex.offset;
+            point = other_point(index, there, material->textured, scene);
 #else
-        SurfacePoint point = other_point(index, p, material->textured, scene);
+        SurfacePoint point = other_point(index, there, material->textured, scene);
+#endif
+#if HAS_MOTION
+        if (moves(index, scene))
+            point = surface_in_world(placing, point);
+#endif
+#if HAS_MESH
+        vertex.offset = mine ? point.offset : vertex.offset;
 #endif
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);

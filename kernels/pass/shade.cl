@@ -24,6 +24,9 @@ __kernel void shade(SCENE_PARAMETERS,
     path.ray.part = READ_PART(PART, slot);
     path.ray.o = READ_F3(O, slot);
     path.ray.d = READ_F3(D, slot);
+#if HAS_MOTION
+    path.ray.time = READ_TIME(slot);
+#endif
     path.beta = READ_F3(B, slot);
     path.radiance = READ_F3(L, slot);
 #if HAS_EMITTERS

@@ -1,7 +1,7 @@
 // Carries VW pixels through all their samples of a wave: every lane takes its path from vertex to vertex and, when it ends,
 // adds it to the film and starts the next camera ray of its pixel, so that lanes are hardly ever idle. The same steps as
 // intersect, shade, shadow and film, without state in memory between them.
-// Reads the camera rays that generate wrote: records (o, weight, d, 0).
+// Reads the camera rays that generate wrote: records (o, weight, d, time).
 #include "integrator/film.h"
 #include "integrator/path.h"
 #include "common/transpose.h"
@@ -29,6 +29,9 @@ __kernel void stream(SCENE_PARAMETERS,
     path.ray.d = f3(ZERO, ZERO, ONE);
     path.ray.self = (I)(PATH_ENDED);
     path.ray.part = (I)(NO_TRIANGLE);
+#if HAS_MOTION
+    path.ray.time = ZERO;
+#endif
     path.weight = ZERO;
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
@@ -53,6 +56,9 @@ __kernel void stream(SCENE_PARAMETERS,
             Eight ray = load_eight(rays, source * 8);
             path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
             path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
+#if HAS_MOTION
+            path.ray.time = started ? ray.f[7] : path.ray.time;
+#endif
             path.weight = started ? ray.f[3] : path.weight;
             path.beta = select3(started, f3(ONE, ONE, ONE), path.beta);
             path.radiance = keep3(NOT(started), path.radiance);

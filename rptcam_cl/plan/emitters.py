@@ -214,6 +214,8 @@ def _surface_emitters(
         glow = _glow(primitive.material, textures)
         if has_holes(primitive.material):  # a sample would have to ask whether it lies in one; paths find what shines
             continue
+        if primitive.course is not None:  # a sample would have to follow it; paths find what shines
+            continue
         if primitive.mesh is None:
             found = _surface_emitter(index, primitive, glow)
         else:

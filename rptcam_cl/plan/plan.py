@@ -10,10 +10,12 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras import CameraModel, camera_model
 from rptcam_cl.cameras.course import camera_course
 from rptcam_cl.cameras.filter import FilterTable, filter_table
+from rptcam_cl.geometry.movement import Movements
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
 from rptcam_cl.plan.materials import pack_materials
+from rptcam_cl.plan.motion import pack_movements
 from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import Primitive, pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.textures import Textures, TextureTable
@@ -31,6 +33,7 @@ class Plan:
     camera_filter: FilterTable
     course: NDArray[np.float32]
     primitives: NDArray[np.void]
+    movements: Movements
     kind_end: NDArray[np.int32]
     materials: NDArray[np.void]
     textures: Textures
@@ -61,13 +64,14 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
     kinds = {primitive.kind for primitive in primitives}
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind}
     facts |= shown.facts | textures.facts | emitters.facts
-    facts |= {
+    movements = pack_movements(scene, primitives)
+    facts |= movements.facts | {
         "HAS_TANGENT": int(shown.facts["HAS_ANISOTROPY"] or shown.facts["HAS_NORMAL_MAP"]),
         "HAS_SHADING_NORMAL": int(shown.facts["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
         "CAMERA_LEGS": min(legs, 2),
-        "MOVES": int(legs > 0),
+        "MOVES": int(legs > 0 or movements.facts["HAS_MOTION"] > 0),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
@@ -78,6 +82,7 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
         camera_filter=filter_table(scene.film.filter),
         course=course,
         primitives=records,
+        movements=movements,
         kind_end=kind_end,
         materials=shown.records,
         textures=textures,

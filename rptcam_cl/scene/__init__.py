@@ -38,7 +38,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
-from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.motion import CameraKeyframe, Course, ObjectKeyframe
 from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
 from rptcam_cl.scene.principled import Principled
@@ -46,6 +46,7 @@ from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
+from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.shutter import Shutter
 from rptcam_cl.scene.spectrum import SpectralColour
@@ -65,6 +66,7 @@ __all__ = [
     "Conductor",
     "Cone",
     "ConstantEnvironment",
+    "Course",
     "Cylinder",
     "Dielectric",
     "DirectionalLight",
@@ -97,6 +99,7 @@ __all__ = [
     "Noise",
     "NormalMap",
     "Object",
+    "ObjectKeyframe",
     "OnlyAuto",
     "OpticalConstants",
     "OutlineAperture",
@@ -116,6 +119,7 @@ __all__ = [
     "Rotation",
     "Scene",
     "SceneObject",
+    "Sensor",
     "Shutter",
     "SkyEnvironment",
     "SpectralColour",

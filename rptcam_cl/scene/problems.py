@@ -132,7 +132,8 @@ def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _F
     if kind in ("missing", "union_tag_not_found"):
         return _Finding("is required but missing", at_key=True)
     if kind in ("literal_error", "union_tag_invalid"):
-        names = _QUOTED.findall(str(context.get("expected", context.get("expected_tags"))))
+        expected = str(context.get("expected", context.get("expected_tags")))
+        names = _QUOTED.findall(expected) or re.findall(r"\d+", expected)
         choices = [name for name in names if name != CONSTANT]
         return _Finding(f"is not a known choice{near_name(value, choices)}", got, listed(choices))
     if kind in _TOO_LONG:

@@ -42,12 +42,14 @@ class SceneBuffers:
             np.int32(plan.emitters.count),
         )
         self.tree_facts: dict[str, int] = {}
-        tree = primitive_tree(plan.primitives, plan.kind_end, session)
+        if plan.facts["HAS_MOTION"]:
+            self.scene += (upload(plan.movements.legs), upload(plan.movements.of_primitive))
+        tree = primitive_tree(plan.primitives, plan.kind_end, session, plan.movements)
         if tree is not None:
             self.tree_facts |= tree.facts
             self.scene += (upload(tree.nodes), upload(tree.leaves))
         if plan.meshes is not None:
-            trees = scene_trees(plan.meshes, session)
+            trees = scene_trees(plan.meshes, session, plan.movements)
             self.tree_facts |= trees.facts
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             low, high = (bound.tobytes() for bound in trees.bounds)

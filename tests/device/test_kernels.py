@@ -80,6 +80,8 @@ def all_facts():
     scene |= {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials}
     scene |= {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"], "render": {"clamp": 9.0}}
     leaning = [{"time_s": 0}, {"time_s": 1e-3}, {"time_s": 1, "up": [0.1, 0, 1]}]
+    turning = [{"time_s": 0}, {"time_s": 1e-3, "rotate": {"axis": [0, 0, 1], "degrees": 90}}, {"time_s": 1}]
+    scene["objects"] = [item | {"motion": turning} for item in scene["objects"][:1]] + scene["objects"][1:]
     return facts_of(scene | {"camera": scene["camera"] | {"motion": leaning}})
 
 

@@ -40,6 +40,7 @@ ALLOWED: dict[str, set[str]] = {
     "autofocus": GROUND
     | {"records", "imaging", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
     "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
+    "sensing": GROUND | {"scene", "sensor"},
     "developing": GROUND | {"imaging", "scene"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
 }
