@@ -231,6 +231,7 @@ def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo
         "device": device.name,
         "exposure": scene.exposure.mode,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
+        **plan.spectrum.metadata,
         **camera_geometry(scene),
         "window": _window(scene),
         **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
