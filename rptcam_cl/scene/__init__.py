@@ -9,6 +9,7 @@ from rptcam_cl.scene.aperture import (
     PolygonAperture,
     StarAperture,
 )
+from rptcam_cl.scene.autofocus import AutoFocus, OnlyAuto, ZonesFile
 from rptcam_cl.scene.camera import (
     Camera,
     EnvironmentCamera,
@@ -58,6 +59,7 @@ from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
     "Aperture",
+    "AutoFocus",
     "Box",
     "Camera",
     "CameraKeyframe",
@@ -100,6 +102,7 @@ __all__ = [
     "NormalMap",
     "Object",
     "ObjectKeyframe",
+    "OnlyAuto",
     "OpticalConstants",
     "OutlineAperture",
     "Picture",
@@ -136,6 +139,7 @@ __all__ = [
     "TransformStep",
     "Transmission",
     "WhiteBalance",
+    "ZonesFile",
     "at_opening",
     "change_scene",
     "load_picture",
