@@ -103,13 +103,15 @@ def seen_by(
         )
     axial = camera.axial_colour if scene.exposure.mode in WHITE_ON_AXIS else None
     glass = materials.facts["HAS_DISPERSION"] > 0
+    told = {}
     if settings.mode == "spectral" or (settings.mode == "auto" and spectra.colours > 0):
-        spectrum = _spectral(_observer(scene), axial, spectra, (low, high), lens=lens)
+        told["observer"], matching = _observer(scene)
+        spectrum = _spectral(matching, axial, spectra, (low, high), lens=lens)
     elif settings.mode != "rgb" and (lens or glass):
         spectrum = _dispersive(axial, (low, high))
     else:
         spectrum = Spectrum(SpectrumKind.RGB)
-    told = {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
+    told |= {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
     facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
     return camera, replace(spectrum, facts=facts, metadata=told)
 
@@ -122,17 +124,17 @@ def _dispersive(axial: AxialColour, range_nm: tuple[float, float]) -> Spectrum:
     return Spectrum(SpectrumKind.DISPERSIVE, table.ravel())
 
 
-def _observer(scene: Scene) -> Array:
-    """Return what a light at each wavelength adds to red, green and blue (401, 3): as the eye or the sensor sees it."""
+def _observer(scene: Scene) -> tuple[str, Array]:
+    """Return who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
     if scene.sensor is not None and scene.sensor.response is not None:
-        return response_curves(scene.sensor.response)
-    return np.asarray(cie_1931() @ srgb_from_xyz().T)
+        return scene.sensor.response, response_curves(scene.sensor.response)
+    return "cie_1931", cie_1931() @ srgb_from_xyz().T
 
 
 def _spectral(
     matching: Array, axial: AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool
 ) -> Spectrum:
-    """Return the spectrum of light at three wavelengths per path, seen by matching functions (401, 3).
+    """Return the spectrum of light at three wavelengths per path, which ``matching`` (401, 3) makes linear sRGB of.
 
     The weights of cells are corrected, by about one part in a thousand, so that the primaries that colours are made of
     come out exactly.
