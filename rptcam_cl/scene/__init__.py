@@ -37,7 +37,7 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
-from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.motion import CameraKeyframe, Course, ObjectKeyframe
 from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
 from rptcam_cl.scene.principled import Principled
@@ -50,6 +50,7 @@ from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rect
 from rptcam_cl.scene.shutter import Shutter
 from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
+from rptcam_cl.scene.spectrum_mode import SpectrumSettings
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
 from rptcam_cl.scene.white_balance import WhiteBalance
@@ -64,6 +65,7 @@ __all__ = [
     "Conductor",
     "Cone",
     "ConstantEnvironment",
+    "Course",
     "Cylinder",
     "Dielectric",
     "DirectionalLight",
@@ -96,6 +98,7 @@ __all__ = [
     "Noise",
     "NormalMap",
     "Object",
+    "ObjectKeyframe",
     "OpticalConstants",
     "OutlineAperture",
     "Picture",
@@ -118,6 +121,7 @@ __all__ = [
     "Shutter",
     "SkyEnvironment",
     "SpectralColour",
+    "SpectrumSettings",
     "Sphere",
     "SpotLight",
     "StarAperture",

@@ -35,8 +35,10 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Focus": (model.Focus,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "spectrum": (model.SpectrumSettings,),
     "Sensor": (model.Sensor,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
+    "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
     "White balance": (model.WhiteBalance,),
@@ -97,7 +99,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px", "tone"}
+IN_WORDS = {"film", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),
