@@ -23,7 +23,7 @@ from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.scene.sampling import ADAPTIVE_SPP
-from rptcam_cl.sensing import sensor_of
+from rptcam_cl.sensing import check_sensor, sensor_of
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -111,6 +111,7 @@ def render(
     """
     begun = time.perf_counter()
     scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers, noise)
+    check_sensor(scene, *_window(scene)[2:])
     wanted = scene.render.layers
     if denoise:
         check_denoiser()
@@ -230,6 +231,7 @@ def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo
         "device": device.name,
         "exposure": scene.exposure.mode,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
+        **plan.spectrum.metadata,
         **camera_geometry(scene),
         "window": _window(scene),
         **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),

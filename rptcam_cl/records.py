@@ -75,6 +75,11 @@ def _split(member: str) -> tuple[str, tuple[int, ...]]:
     return match[1], (int(match[2]),) if match[2] else ()
 
 
+DISPERSION_TERMS = 12
+DISPERSION_NM = (380.0, 780.0)  # wavelengths that the polynomials in x = scale / wavelength - shift, -1 to 1, are for
+DISPERSION_SCALE = 2.0 / (1.0 / DISPERSION_NM[0] - 1.0 / DISPERSION_NM[1])
+DISPERSION_SHIFT = (DISPERSION_NM[1] + DISPERSION_NM[0]) / (DISPERSION_NM[1] - DISPERSION_NM[0])
+
 PRIMITIVE = Record(
     "Primitive",
     (
@@ -118,6 +123,7 @@ LEG = Record(
 MATERIAL = Record(
     "Material",
     (
+        # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
         ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
         ("float4", "metal_n"),  # refractive index n + i k of a metal
         ("float4", "metal_k"),
@@ -149,9 +155,10 @@ MATERIAL = Record(
         ("int", "factor_texture"),
         ("int", "normal_texture"),
         ("float", "normal_strength"),
+        ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
         ("int", "reserved_0"),
         ("int", "reserved_1"),
-        ("int", "reserved_2"),
+        ("float", f"dispersion[{DISPERSION_TERMS}]"),
     ),
 )
 
@@ -247,11 +254,12 @@ SURFACE = Record(
         ("real", "edge_x"),
         ("real", "edge_y"),
         ("real", "stop_radius"),  # half the side of a mask
-        ("real", "reserved_0"),
+        ("real", "refracts"),  # 0 where the media before and after are the same
         ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
         ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
         ("real", "offset[4]"),  # pose
         ("real", "rotation[12]"),  # rows of a 3x3 matrix
+        ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
         ("int", "kind"),
         ("int", "even_terms"),
         ("int", "odd_terms"),
@@ -277,7 +285,7 @@ CAMERA = Record(
         ("int", "count"),
         ("float", "exposure"),  # factor of every ray's weight
         ("int", "half_beyond"),  # whether the half beyond the line is meant
-        ("int", "reserved_2"),
+        ("float", "wavelength"),  # of all rays, where they have one [nm]
     ),
 )
 
@@ -327,21 +335,24 @@ SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
 TIME_FIELDS = ("TIME",)
-STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS
+COLOUR_FIELDS = ("HUE",)
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS
 
 
-def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool) -> int:
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool, colours: bool) -> int:
     """Return how many 4-byte numbers a slot holds.
 
-    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample and with
-    triangles where it has meshes and with the time where something moves.
+    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
+    triangles where it has meshes, with the time where something moves and with the hue where paths have a wavelength.
     """
     if stream:
         return CAMERA_RAY_FLOATS
-    if moves:
+    if colours:
         return len(STATE_FIELDS)
+    if moves:
+        return len(STATE_FIELDS) - len(COLOUR_FIELDS)
     if meshes:
-        return len(STATE_FIELDS) - len(TIME_FIELDS)
+        return len(PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS)
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
 
 
@@ -352,5 +363,7 @@ def device_declarations() -> str:
     lines += [record.typedef for record in RECORDS]
     lines += kind_constants()
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
+    lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
+    lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
     return "\n".join(lines) + "\n"

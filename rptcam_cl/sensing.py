@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.scene import Scene
-from rptcam_cl.sensor import Sensor, electrons_per_joule, system_gain, white_electrons_at_iso
+from rptcam_cl.sensor import Sensor, check_size, electrons_per_joule, system_gain, white_electrons_at_iso
 
 WELL_E_PER_UM2 = 2000.0  # a usual density; of the presets, from 720 (kac-12040) to 3400 (imx477)
 
@@ -62,6 +62,18 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> Sensor | None:
         pattern_seed=settings.pattern_seed,
         origin=(int(x), int(y)),
     )
+
+
+def check_sensor(scene: Scene, width: int, height: int) -> None:
+    """Raise an error, before anything is rendered, when a picture of so many pixels is too small for the sensor.
+
+    Raises
+    ------
+    InputError
+        It says what would be large enough.
+    """
+    if scene.sensor is not None:
+        check_size(scene.sensor.bayer, width, height)
 
 
 def _pixel_area_m2(scene: Scene) -> float:

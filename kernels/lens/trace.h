@@ -1,6 +1,7 @@
 // A ray through every surface of a lens, in order of travel. Coordinates in millimetres, z along the direction of travel
 // and relative to the vertex of the current surface. Snell's law is exact in vector form. A ray that fails keeps the
-// state in which it failed. Facts: those of lens/surface.h, and LENS_POSE.
+// state in which it failed. Facts: those of lens/surface.h, LENS_POSE, and LENS_DISPERSION: how many coefficients give the
+// ratio of the indices at a wavelength, 0 where one ratio holds for all rays.
 #ifndef LENS_TRACE_H
 #define LENS_TRACE_H
 #include "lens/surface.h"
@@ -30,7 +31,7 @@ static F3 offset_of(const __global Surface *s) { return f3((F)(s->offset[0]), (F
 #endif
 
 // Direction after a surface by Snell's law, and whether the ray is bent and not totally reflected.
-static F3 refracted(F3 d, F3 n, F cosine, real eta, I *bends)
+static F3 refracted(F3 d, F3 n, F cosine, F eta, I *bends)
 {
     F3 along_surface = scale(along(d, n, -cosine), eta);       // formed first: 1 - cosine^2 would lose it near grazing
     F cosine2_after = 1.0f - dot3(along_surface, along_surface);
@@ -38,11 +39,25 @@ static F3 refracted(F3 d, F3 n, F cosine, real eta, I *bends)
     return along(along_surface, n, root(cosine2_after));
 }
 
+#if LENS_DISPERSION
+// Index before a surface over index after it, as a polynomial in the inverse wavelength, scaled to -1 … 1.
+static F eta_of(const __global Surface *s, F x)
+{
+    F eta = (F)(s->dispersion[LENS_DISPERSION - 1]);
+    for (int i = LENS_DISPERSION - 2; i >= 0; --i)
+        eta = eta * x + s->dispersion[i];
+    return eta;
+}
+#endif
+
 // A ray on its way. Lanes that have failed go on for nothing; masks remember why, and a count how far they came.
 typedef struct {
     F3 p, d;
     I  passed, missed, clipped;
     I  crossed;      // surfaces behind the ray
+#if LENS_DISPERSION
+    F  colour;       // inverse wavelength, as eta_of takes it
+#endif
 #if LENS_GENERAL
     I  undecided;
 #endif
@@ -54,12 +69,15 @@ typedef struct {
 #endif
 } LensPath;
 
-static LensPath enter_lens(F3 p, F3 d)
+static LensPath enter_lens(F3 p, F3 d, F wavelength)
 {
     LensPath path;
     path.p = p;
     path.d = d;
     path.passed = TRUE;
+#if LENS_DISPERSION
+    path.colour = DISPERSION_SCALE / wavelength - DISPERSION_SHIFT;
+#endif
     path.missed = path.clipped = path.crossed = FALSE;
 #if LENS_GENERAL
     path.undecided = FALSE;
@@ -100,8 +118,14 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
 #endif
     F3 bent = v;
     I bends = TRUE;
-    if (s->eta != 1.0f)
-        bent = refracted(v, hit.n, hit.cosine, s->eta, &bends);
+    if (s->refracts != 0.0f) {
+#if LENS_DISPERSION
+        F eta = eta_of(s, path->colour);
+#else
+        F eta = (F)(s->eta);
+#endif
+        bent = refracted(v, hit.n, hit.cosine, eta, &bends);
+    }
 #if LENS_REGION
     bent = select3(path->beside, v, bent);
     bends = bends | path->beside;
@@ -152,9 +176,11 @@ static LensRay leave_lens(const LensPath *path)
     return ray;
 }
 
-static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int count, const __global real *stop)
+// `wavelength` in nanometres.
+static LensRay trace_lens(F3 p, F3 d, F wavelength, const __global Surface *surfaces, int count,
+                          const __global real *stop)
 {
-    LensPath path = enter_lens(p, d);
+    LensPath path = enter_lens(p, d, wavelength);
     for (int k = 0; k < count; ++k)
         cross_surface(&path, surfaces + k, stop);
     return leave_lens(&path);

@@ -21,6 +21,9 @@ typedef struct {
     F  parameter;   // index of refraction; of an emissive material whether it shines on both sides
     I  kind;        // MATERIAL_…
     I  emitter;     // index of the emitter that light sampling chooses for this primitive, or -1
+#if HAS_DISPERSION
+    I  splits;      // glass that bends each wavelength by itself
+#endif
 #if HAS_FINISH
     Finish finish;
 #endif
@@ -47,11 +50,34 @@ static F3 mapped_normal(const __global Material *material, SurfacePoint point, S
 }
 #endif
 
+#if HAS_DISPERSION
+// Index of refraction, a polynomial in the inverse wavelength.
+static F index_at(const __global Material *material, F inverse)
+{
+    F index = (F)(material->dispersion[material->dispersion_terms - 1]);
+    for (int i = material->dispersion_terms - 2; i >= 0; --i)
+        index = index * inverse + material->dispersion[i];
+    return index;
+}
+#endif
+
 // Fills the lanes `mine`, which share a material.
 static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, Scene scene)
 {
-    vertex->color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex->color);
-    vertex->parameter = mine ? (F)(material->parameter) : vertex->parameter;
+    F3 color = reflectance_at(material, point.u, point.v, scene);
+#if HUES
+    color = material->kind == MATERIAL_EMISSIVE ? light_colour(scene.hues, color, material->color.w, scene.colours)
+                                                : surface_colour(scene.hues, color, material->color.w, scene.colours);
+#endif
+    vertex->color = select3(mine, color, vertex->color);
+    F parameter = (F)(material->parameter);
+#if HAS_DISPERSION
+    if (material->dispersion_terms > 0) {
+        parameter = index_at(material, scene.inverse);
+        vertex->splits |= mine;
+    }
+#endif
+    vertex->parameter = mine ? parameter : vertex->parameter;
     vertex->kind = mine ? (I)(material->kind) : vertex->kind;
 #if HAS_FINISH
     take_finish(&vertex->finish, mine, material, point.u, point.v, scene);
@@ -119,6 +145,9 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
     vertex.parameter = ONE;
     vertex.kind = (I)(-1);
     vertex.emitter = (I)(-1);
+#if HAS_DISPERSION
+    vertex.splits = FALSE;
+#endif
 #if HAS_FINISH
     vertex.finish = no_finish();
 #endif

@@ -33,6 +33,9 @@ __kernel void stream(SCENE_PARAMETERS,
     path.ray.time = ZERO;
 #endif
     path.weight = ZERO;
+#if SPECTRUM
+    path.hue = ZERO;
+#endif
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
     path.pdf = ZERO;
@@ -60,7 +63,16 @@ __kernel void stream(SCENE_PARAMETERS,
             path.ray.time = started ? ray.f[7] : path.ray.time;
 #endif
             path.weight = started ? ray.f[3] : path.weight;
-            path.beta = select3(started, f3(ONE, ONE, ONE), path.beta);
+#if SPECTRUM
+            path.hue = started ? hue_of(path.pixel, path.sample, wave.seed) : path.hue;
+#endif
+#if HUES
+            scene.hues = hues_of(path.hue, scene.colours);
+#endif
+#if HAS_DISPERSION
+            scene.inverse = inverse_wavelength(path.hue, scene.colours);
+#endif
+            path.beta = select3(started, FIRST_BETA, path.beta);
             path.radiance = keep3(NOT(started), path.radiance);
             path.ray.self = started ? (I)(NO_PRIMITIVE) : path.ray.self;
             path.ray.part = started ? (I)(NO_TRIANGLE) : path.ray.part;
@@ -80,7 +92,12 @@ __kernel void stream(SCENE_PARAMETERS,
 #endif
         I ended = running & (path.ray.self == PATH_ENDED);
         if (ANY(ended)) {
-            film = add_sample(film, ended, scale(path.radiance, path.weight), counters);
+#if SPECTRUM
+            F3 value = film_value(path.radiance, path.hue, scene.colours);
+#else
+            F3 value = path.radiance;
+#endif
+            film = add_sample(film, ended, scale(value, path.weight), counters);
             running = running & NOT(ended);
         }
     }

@@ -1,12 +1,17 @@
 // Traces given rays through a lens with the code that renders: rays in, rays with status and surface out. A work item has
 // two packets of lanes under way, since a surface is a long chain of roots and divisions that leaves room for another.
+// Fact: LENS_DISPERSION; with it, every ray brings its wavelength [nm] in the row of the status.
 #include "lens/trace.h"
 
 static LensPath load_path(const __global real *rays, uint capacity, uint i)
 {
     F3 p = f3(LOAD_F(rays, i), LOAD_F(rays + capacity, i), LOAD_F(rays + 2 * capacity, i));
     F3 d = f3(LOAD_F(rays + 3 * capacity, i), LOAD_F(rays + 4 * capacity, i), LOAD_F(rays + 5 * capacity, i));
-    return enter_lens(p, d);
+#if LENS_DISPERSION
+    return enter_lens(p, d, LOAD_F(rays + 6 * capacity, i));
+#else
+    return enter_lens(p, d, ONE);
+#endif
 }
 
 static void store_ray(__global real *rays, uint capacity, uint i, LensRay out)

@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.cameras.dispersion import fill_dispersion
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.placement import Pose
@@ -29,7 +30,13 @@ class LensRecords:
 
 
 def lens_records(
-    lens: Lens, wavelength_nm: float, start: Literal["film", "scene"], first_gap_mm: float, *, double: bool = False
+    lens: Lens,
+    wavelength_nm: float,
+    start: Literal["film", "scene"],
+    first_gap_mm: float,
+    *,
+    double: bool = False,
+    dispersive: bool = False,
 ) -> LensRecords:
     """Return the records of a lens for rays that start on one side.
 
@@ -42,6 +49,8 @@ def lens_records(
         Distance along the travel from the plane z = 0 of the rays to the first vertex they meet.
     double
         Whether the records are for the float64 tracer.
+    dispersive
+        Whether every ray has its own wavelength, in place of ``wavelength_nm``.
     """
     indices = lens.indices(wavelength_nm)
     count = len(lens.surfaces)
@@ -54,7 +63,7 @@ def lens_records(
     for record, k in zip(records, order, strict=True):
         surface = lens.surfaces[k]
         before, after = (indices[k + 1], indices[k]) if backwards else (indices[k], indices[k + 1])
-        record["eta"] = before / after
+        record["eta"], record["refracts"] = before / after, before != after
         sense = -1.0 if backwards else 1.0
         record["gap"] = first_gap_mm if previous is None else sense * (lens.vertices[k] - lens.vertices[previous])
         record["semi_diameter2"] = min(np.square(surface.semi_diameter), float(np.finfo(np.float32).max))
@@ -67,7 +76,8 @@ def lens_records(
             joins = previous is not None and _same_half_lens(lens.surfaces[previous], surface)
             _fill_region(record, surface.region, joins)
         previous = k
-    return LensRecords(records, stop.astype(real), _facts(lens, records))
+    terms = fill_dispersion(records, lens, backwards) if dispersive else 0
+    return LensRecords(records, stop.astype(real), _facts(lens, records) | {"LENS_DISPERSION": terms})
 
 
 def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.blur import traced_blur
+from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
@@ -21,20 +24,26 @@ from rptcam_cl.optics import Lens
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.spectrum_mode import LensColour
+
+SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
+AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
 
 
-def build(scene: Scene) -> CameraModel:
-    """Return the camera for the device.
+def build(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
+    """Return the camera for the device; ``lens_colour`` as in `camera_model`.
 
     Raises
     ------
     InputError
         When the lens cannot be focused or stopped as asked, or lets no light through to the centre of the film.
     """
-    return model_of(scene, lens_setting(scene))
+    return model_of(scene, lens_setting(scene), lens_colour=lens_colour)
 
 
-def model_of(scene: Scene, setting: LensSetting, windows: Sequence[Window] = ()) -> CameraModel:
+def model_of(
+    scene: Scene, setting: LensSetting, windows: Sequence[Window] = (), *, lens_colour: LensColour = "off"
+) -> CameraModel:
     """Return the camera of a scene with its lens set in some other way than the scene says.
 
     Parameters
@@ -55,16 +64,20 @@ def model_of(scene: Scene, setting: LensSetting, windows: Sequence[Window] = ())
             f" (film distance {back_mm:g} mm)"
         )
     half_film_mm = (width_mm / 2, height_mm / 2)
+    colour = _colour(scene, setting, lens_colour)
+    low, high = usable_nm(lens)
+    sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
     if windows:
         pupil = pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
     else:
-        pupil = pupil_sampling(lens, back_mm, half_film_mm, camera.wavelength_nm, camera.pupil)
+        pupil = pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
     record = camera_record(camera, scene.film)
     record["a"][0] = (*half_film_mm, back_mm, setting.gain)
     record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, 0.0, 0.0)
     record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
-    traced = lens_records(lens, camera.wavelength_nm, "film", back_mm)
+    record["wavelength"] = camera.wavelength_nm
+    traced = lens_records(lens, camera.wavelength_nm, "film", back_mm, dispersive=colour.dispersive)
     return CameraModel(
         "camera/realistic.h",
         record,
@@ -75,11 +88,38 @@ def model_of(scene: Scene, setting: LensSetting, windows: Sequence[Window] = ())
         has_lens=True,
         metadata={"camera": "realistic", **setting.metadata, "on_axis_irradiance": on_axis}
         | pupil.metadata
+        | colour.metadata
         | _projection(scene, camera, setting),
         view=_view(scene, setting),
         on_axis_irradiance=on_axis,
         axial_weight=on_axis,
+        usable_nm=(low, high),
+        axial_colour=_axial_colour(lens, back_mm, on_axis, (low, high)) if colour.dispersive else None,
     )
+
+
+@dataclass(frozen=True)
+class _Colour:
+    """Whether a lens bends each wavelength by itself, and what the picture's metadata should say of it."""
+
+    dispersive: bool
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+
+def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
+    if wanted == "off" or not disperses(setting.lens):
+        return _Colour(False)
+    error_px = colour_error_px(
+        setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm
+    )
+    return _Colour(wanted == "on" or error_px > SHOWS_PX, {"lens_colour_px": round(error_px, 4)})
+
+
+def _axial_colour(
+    lens: Lens, back_mm: float, on_axis: float, range_nm: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES)
+    return wavelengths, np.array([on_axis_irradiance(lens, back_mm, nm) for nm in wavelengths.tolist()]) / on_axis
 
 
 def _view(scene: Scene, setting: LensSetting) -> CameraView:

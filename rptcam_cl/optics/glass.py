@@ -135,10 +135,14 @@ class TabulatedIndex(Absorbing):
     values: tuple[float, ...]
     name: str = ""
 
+    @property
+    def range_nm(self) -> Range:
+        """Wavelengths that it is known for."""
+        return self.wavelengths_nm[0], self.wavelengths_nm[-1]
+
     def index(self, wavelength_nm: ArrayLike) -> Array:
         """Return the index at each wavelength [nm]."""
-        limits = (self.wavelengths_nm[0], self.wavelengths_nm[-1])
-        wavelength = _in_range(wavelength_nm, limits, self.name)
+        wavelength = _in_range(wavelength_nm, self.range_nm, self.name)
         return np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
 
 

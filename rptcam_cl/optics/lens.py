@@ -83,6 +83,13 @@ class Lens:
         """Return the index before the first surface and after each one, shape (n + 1, *wavelengths)."""
         return np.stack([medium.index(wavelength_nm) for medium in self.media])
 
+    @property
+    def known_nm(self) -> tuple[float, float]:
+        """Wavelengths that every medium is known for [nm]; without limits, 0 and infinity."""
+        media = [self.object_medium, *(surface.glass for surface in self.surfaces)]
+        limits = [limit for medium in media if (limit := getattr(medium, "range_nm", None)) is not None]
+        return max((low for low, _ in limits), default=0.0), min((high for _, high in limits), default=float("inf"))
+
     def first_order(self, wavelength_nm: float = WAVELENGTH_D, section: str = "y") -> FirstOrder:
         """Return focal length, cardinal points and pupils at a wavelength [nm], in the "y" or "x" section."""
         from rptcam_cl.optics.first_order import first_order

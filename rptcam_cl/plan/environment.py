@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.curves import curves
 from rptcam_cl.kinds import EnvironmentKind, TexelFormat
 from rptcam_cl.plan.colour import LUMINANCE
+from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.picture_table import Colours
 from rptcam_cl.plan.remembered import remembered
 from rptcam_cl.plan.sky import bake_sky
@@ -82,7 +83,7 @@ class _Brightness:
         return self.tables.nbytes
 
 
-def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
+def pack_environment(scene: Scene, textures: TextureTable, spectra: KnownSpectra) -> Surroundings:
     """Return the environment of a scene; add its picture to the textures."""
     record = ENVIRONMENT.zeros(1)
     nothing = np.zeros(1, np.float32)
@@ -93,6 +94,7 @@ def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
             return Surroundings(EnvironmentKind.GRADIENT, record, nothing, 0.0)
         case ConstantEnvironment() as constant:
             record["bottom"][0, :3] = constant.radiance
+            record["bottom"][0, 3] = spectra.number(constant.radiance, light=True)
             return Surroundings(EnvironmentKind.CONSTANT, record, nothing, 0.0)
         case ImageEnvironment() as image:
             colours = textures.pictures.colours(image, "rgb", image.color_space)

@@ -50,6 +50,7 @@ from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rect
 from rptcam_cl.scene.shutter import Shutter
 from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
+from rptcam_cl.scene.spectrum_mode import SpectrumSettings
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
 from rptcam_cl.scene.white_balance import WhiteBalance
@@ -120,6 +121,7 @@ __all__ = [
     "Shutter",
     "SkyEnvironment",
     "SpectralColour",
+    "SpectrumSettings",
     "Sphere",
     "SpotLight",
     "StarAperture",

@@ -32,6 +32,7 @@ from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Object
 from rptcam_cl.scene.shutter import Shutter
+from rptcam_cl.scene.spectrum_mode import SpectrumSettings
 
 
 class Scene(SceneModel):
@@ -54,6 +55,8 @@ class Scene(SceneModel):
 
     sensor: Sensor | None = None
     """What turns light on the film into numbers, for pictures and raw files; none by default."""
+    spectrum: SpectrumSettings = SpectrumSettings()
+    """How the colour of light is carried along paths."""
 
     render: RenderSettings = RenderSettings()
     """How the light paths are sampled."""

@@ -22,6 +22,8 @@ class SceneBuffers:
         Values of ``SCENE_PARAMETERS`` (``kernels/common/scene.h``), in its order.
     tree_facts : dict
         Facts of the trees for the compilation; none where there are none.
+    colours : buffer
+        Wavelengths of paths; a single 0 where they have none.
     camera : tuple
         The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
     course : tuple
@@ -41,6 +43,9 @@ class SceneBuffers:
             upload(np.concatenate([plan.emitters.curve, plan.surroundings.distribution])),
             np.int32(plan.emitters.count),
         )
+        self.colours = upload(plan.spectrum.table)
+        if plan.facts["SPECTRUM"]:
+            self.scene += (self.colours,)
         self.tree_facts: dict[str, int] = {}
         if plan.facts["HAS_MOTION"]:
             self.scene += (upload(plan.movements.legs), upload(plan.movements.of_primitive))

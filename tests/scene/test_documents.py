@@ -35,6 +35,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Focus": (model.Focus,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "spectrum": (model.SpectrumSettings,),
     "Sensor": (model.Sensor,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
@@ -98,7 +99,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px", "tone"}
+IN_WORDS = {"film", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),

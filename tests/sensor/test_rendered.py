@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 import rawpy
 
@@ -119,12 +120,28 @@ def test_command_writes_raw_files_the_same_for_the_same_seed(tmp_path: Path, cap
         assert np.array_equal(file.raw_image, np.load(tmp_path / "a.npy"))
 
 
+@pytest.mark.parametrize("suffix", [".exr", ".npz"])
+def test_saved_film_gives_the_same_picture_and_raw_file(tmp_path: Path, suffix: str) -> None:
+    (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")
+    film, names = (
+        str(tmp_path / f"film{suffix}"),
+        [str(tmp_path / name) for name in ("a.png", "a.npy", "b.png", "b.npy")],
+    )
+    assert main(["render", str(tmp_path / "scene.yaml"), "-o", names[0], "-o", film, "--raw", names[1]]) == 0
+    assert main(["develop", film, "-o", names[2], "--raw", names[3]]) == 0
+    assert Path(names[1]).read_bytes() == Path(names[3]).read_bytes()
+    with PIL.Image.open(names[0]) as first, PIL.Image.open(names[2]) as second:
+        assert np.array_equal(np.asarray(first), np.asarray(second))
+
+
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
         (["--raw", "x.png"], "the suffix decides the raw format"),
         (["--raw", "x.dng", "--set", "sensor=null"], "--raw: the scene has no sensor"),
         (["--raw", "nowhere/x.dng"], "there is no folder"),
+        (["--size", "1x5"], "sensor.bayer: a mosaic needs more pixels (got 1 x 5; allowed: at least 2 x 2, or"),
+        (["--crop", "0,0.1,0,1"], "sensor.bayer: a mosaic needs more pixels (got 1 x 8"),
         (["--raw", "x.dng", "--raw", "x.dng"], "-o, --raw: the same file twice"),
     ],
 )
