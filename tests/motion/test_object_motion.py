@@ -128,7 +128,7 @@ def test_camera_that_moves_is_the_world_that_moves_back(session):
     back = [{"time_s": 0}, {"time_s": 1, "translate": [-0.4, -0.2, 0.5]}]
     by_camera = film(scene_with(objects, camera, {"time_s": 1}), session)
     by_objects = film(scene_with([item | {"motion": back} for item in objects], shutter={"time_s": 1}), session)
-    assert np.isclose(by_camera, by_objects, rtol=1e-4, atol=1e-5).mean() > 0.97
+    assert np.isclose(by_camera, by_objects, rtol=1e-4, atol=1e-5).mean() > 0.95
     assert not np.isclose(by_camera, film(scene_with(objects), session), rtol=1e-2).mean() > 0.8
 
 
@@ -137,7 +137,7 @@ def test_mesh_and_primitive_on_the_same_way_agree(session):
     pictures = [
         film(scene_with([FLOOR, item | {"motion": WAY}], shutter={"time_s": 2}), session) for item in (box, CUBE)
     ]
-    assert np.isclose(*pictures, rtol=1e-3, atol=1e-4).mean() > 0.97
+    assert np.isclose(*pictures, rtol=1e-3, atol=1e-4).mean() > 0.95
 
 
 def test_far_from_the_origin_of_the_scene(session):
@@ -151,14 +151,14 @@ def test_far_from_the_origin_of_the_scene(session):
     camera = PINHOLE | {"eye": at([0, 1, 5]), "target": at([0, 1, 0])}
     objects = [item | {"transform": [{"translate": there.tolist()}]} for item in objects]
     far = film(scene_with(objects, camera, {"time_s": 2}), session)
-    assert np.isclose(near, far, rtol=1e-3, atol=1e-4).mean() > 0.97
+    assert np.isclose(near, far, rtol=1e-3, atol=1e-4).mean() > 0.95
     # a turn is about the origin of the object; its motion takes it there
     spin = [{"time_s": 0}, {"time_s": 2, "rotate": {"axis": [0, 1, 0], "degrees": 400}}]
     near = film(scene_with([FLOOR, CUBE | {"motion": spin}], shutter={"time_s": 2}), session)
     spin = [frame | {"translate": there.tolist()} for frame in spin]
     floor = FLOOR | {"transform": [{"translate": there.tolist()}]}
     far = film(scene_with([floor, CUBE | {"motion": spin}], camera, {"time_s": 2}), session)
-    assert np.isclose(near, far, rtol=1e-3, atol=1e-4).mean() > 0.97
+    assert np.isclose(near, far, rtol=1e-3, atol=1e-4).mean() > 0.95
 
 
 @pytest.mark.parametrize("item", [BALL | {"material": GLASS}, CUBE | {"material": GLASS}, SHAPES["cone"]])
@@ -231,7 +231,7 @@ def test_passes_and_stream_and_every_width_agree(session, lanes, monkeypatch):
     other = open_session()
     for organisation in ("passes", "stream"):
         monkeypatch.setattr(tracer, "ORGANISATION", {"cpu": organisation, "gpu": organisation})
-        assert np.isclose(film(scene, other), plain, rtol=1e-4, atol=1e-5).mean() > 0.97
+        assert np.isclose(film(scene, other), plain, rtol=1e-4, atol=1e-5).mean() > 0.95
 
 
 def test_interruption_changes_no_bit(session, tmp_path):
