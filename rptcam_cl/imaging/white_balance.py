@@ -26,6 +26,7 @@ Adaptation = Literal["channels", "bradford"]
 
 WHOLE: Part = (0.0, 1.0, 0.0, 1.0)
 _NEIGHBOURS = 2  # pixels on each side of a point that are averaged with it
+_ROUNDING = 1e-6  # pixels: a point between two belongs to the same one in a part of the film as in the whole
 _LEAST = 1e-3  # of a light's luminance that each of three responses must have to be scaled to white
 
 
@@ -52,12 +53,15 @@ class Grey:
 
     def _window(self, shape: tuple[int, ...], part: Part) -> tuple[slice, slice]:
         """Return rows and columns of the pixels in the place, at least one."""
-        x0, x1, y0, y1 = part
-        place = self.place if len(self.place) == 4 else (self.place[0], self.place[0], self.place[1], self.place[1])
-        margin = 0 if len(self.place) == 4 else _NEIGHBOURS
-        across = _pixels((place[0] - x0) / (x1 - x0), (place[1] - x0) / (x1 - x0), shape[1], margin)
-        down = _pixels((place[2] - y0) / (y1 - y0), (place[3] - y0) / (y1 - y0), shape[0], margin)
-        return down, across
+        half = len(self.place) // 2
+        across, down = (
+            [(edge - start) / (end - start) * count for edge in edges]
+            for edges, start, end, count in (
+                (self.place[:half], *part[:2], shape[1]),
+                (self.place[half:], *part[2:], shape[0]),
+            )
+        )
+        return _pixels(down, shape[0]), _pixels(across, shape[1])
 
 
 @dataclass(frozen=True)
@@ -110,11 +114,13 @@ def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adapta
     return adapted
 
 
-def _pixels(start: float, end: float, count: int, margin: int) -> slice:
-    """Return the pixels of a row or column that a span of fractions touches."""
-    first = min(max(int(start * count), 0), count - 1)
-    last = min(max(int(np.ceil(end * count)), first + 1), count)
-    return slice(max(first - margin, 0), last + margin)
+def _pixels(edges: list[float], count: int) -> slice:
+    """Return the pixels of a row or column between two edges, or round a point, in pixels."""
+    if len(edges) == 2:
+        first = min(max(round(edges[0]), 0), count - 1)
+        return slice(first, max(round(edges[1]), first + 1))
+    middle = min(max(int(edges[0] + _ROUNDING), 0), count - 1)
+    return slice(max(middle - _NEIGHBOURS, 0), middle + _NEIGHBOURS + 1)
 
 
 def _mean(colours: Pixels) -> Colour:

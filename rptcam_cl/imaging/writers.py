@@ -16,6 +16,7 @@ from rptcam_cl.imaging.atomic import check_writable, replacing
 from rptcam_cl.imaging.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.imaging.develop import Development, develop, quantised
 from rptcam_cl.imaging.layers import Layer, exr_channels
+from rptcam_cl.imaging.marks import MARKED, with_rectangles
 from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes
 from rptcam_cl.imaging.png import write_png_to
 from rptcam_cl.imaging.tiff import write_tiff_to
@@ -84,7 +85,10 @@ def film_part(metadata: Metadata, pixels: Pixels) -> Part:
 
 def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, picture: Development, bits: int) -> None:
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
-    codes = quantised(develop(pixels, picture, film_part(metadata, pixels)), bits)
+    part = film_part(metadata, pixels)
+    codes = quantised(develop(pixels, picture, part), bits)
+    if MARKED in metadata:
+        codes = with_rectangles(codes, metadata[MARKED], part)
     texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
     encoded = picture.tone != "linear"
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)

@@ -9,6 +9,7 @@ from rptcam_cl.scene.aperture import (
     PolygonAperture,
     StarAperture,
 )
+from rptcam_cl.scene.autofocus import AutoFocus, OnlyAuto, ZonesFile
 from rptcam_cl.scene.camera import (
     Camera,
     EnvironmentCamera,
@@ -57,6 +58,7 @@ from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
     "Aperture",
+    "AutoFocus",
     "Box",
     "Camera",
     "CameraKeyframe",
@@ -99,6 +101,7 @@ __all__ = [
     "NormalMap",
     "Object",
     "ObjectKeyframe",
+    "OnlyAuto",
     "OpticalConstants",
     "OutlineAperture",
     "Picture",
@@ -134,6 +137,7 @@ __all__ = [
     "ToneCurve",
     "TransformStep",
     "WhiteBalance",
+    "ZonesFile",
     "at_opening",
     "change_scene",
     "load_picture",

@@ -167,6 +167,8 @@ def test_black_frame_and_exposures_out_of_reach_are_refused():
     dark = {"mode": "auto", "lock_cd_m2": 1e-10, "iso": 1e-3}
     with pytest.raises(InputError, match=r"^exposure: auto metering asks for an exposure time in s out of range \(got"):
         rptcam_cl.render(world(exposure=dark), spp=1)
+    with pytest.raises(InputError, match=r"asks for an exposure compensation in stops out of range \(got 103"):
+        rptcam_cl.render(world(PINHOLE, {"mode": "auto", "lock_cd_m2": 1e-12, "ev": 56}), spp=1)
     bright = {"mode": "auto", "lock_cd_m2": 1e18, "priority": "shutter"}
     with pytest.raises(InputError, match=r"^exposure: auto metering asks for an ISO out of range \(got"):
         rptcam_cl.render(world(exposure=bright), spp=1)

@@ -117,11 +117,15 @@ def test_place_that_is_told_becomes_grey(grey: list[float], column: int, other: 
     assert shown[5, column].mean() == pytest.approx(scene()[5, column] @ WEIGHTS, abs=1e-3)
 
 
-def test_place_is_of_the_whole_film_also_in_a_part_of_it() -> None:
-    picture = Development(tone="linear", white_balance=Grey((0.75, 0.5)))
-    metadata = {"resolution": [20, 10], "window": [8, 2, 12, 6]}
-    part = Image(scene()[2:8, 8:], metadata, picture=picture).developed()
-    np.testing.assert_allclose(part, Image(scene(), picture=picture).developed()[2:8, 8:], atol=1e-6)
+@pytest.mark.parametrize(
+    "place", [(0.4, 0.5, 0.3, 0.7), (0.5, 0.5), (0.55, 0.4), (0.61, 0.47), (0.41, 0.415, 0.3, 0.301)]
+)
+def test_place_is_of_the_whole_film_also_in_a_part_of_it(place: tuple[float, ...]) -> None:
+    picture = Development(tone="linear", white_balance=Grey(place))
+    metadata = {"resolution": [20, 10], "window": [8, 2, 12, 7]}
+    pixels = np.random.default_rng(4).random((10, 20, 3), dtype=np.float32)
+    part = Image(pixels[2:9, 8:], metadata, picture=picture).developed()
+    np.testing.assert_allclose(part, Image(pixels, picture=picture).developed()[2:9, 8:], atol=1e-6)
 
 
 def test_mean_of_the_picture_becomes_grey_without_its_lamps() -> None:
