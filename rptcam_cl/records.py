@@ -156,8 +156,8 @@ MATERIAL = Record(
         ("int", "normal_texture"),
         ("float", "normal_strength"),
         ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
+        ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
+        ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
     ),
 )

@@ -96,10 +96,10 @@ def seen_by(
     settings = scene.spectrum
     camera = camera or camera_model(scene, settings.lens_colour)
     lens = camera.facts.get("LENS_DISPERSION", 0) > 0
-    low, high = max(camera.usable_nm[0], materials.usable_nm[0]), min(camera.usable_nm[1], materials.usable_nm[1])
+    low, high = camera.usable_nm
     if low >= GREEN_NM or high <= GREEN_NM:
         raise InputError(
-            f"spectrum: the glasses of lens and scene have no green light in common ({low:g} to {high:g} nm)"
+            f"spectrum: the glasses of the lens are not all known for green light ({low:g} to {high:g} nm)"
         )
     axial = camera.axial_colour if scene.exposure.mode in WHITE_ON_AXIS else None
     glass = materials.facts["HAS_DISPERSION"] > 0
