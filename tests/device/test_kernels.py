@@ -43,7 +43,7 @@ IMAGE = PATTERNS["image"]
 EVERY_MATERIAL = {
     "metal": {"kind": "conductor", "metal": "gold", "alpha": [0.1, 0.3]},
     "frosted": {"kind": "dielectric", "alpha": 0.2, "absorption_per_m": 1, "opacity": 0.5},
-    "prism": {"kind": "dielectric", "glass": "BK7"},
+    "prism": {"kind": "dielectric", "glass": "N-BK7"},
     "pane": {"kind": "thin_glass"},
     "plastic": {"kind": "plastic", "reflectance": 0.5},
     "rough plastic": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.3},
