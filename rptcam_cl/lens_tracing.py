@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.cameras.dispersion import disperses, usable_nm
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.device import Session, open_session
 from rptcam_cl.errors import DeviceError, InputError
@@ -133,7 +134,11 @@ def trace_on_device(
     rays = Rays(np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int32), np.empty(count, np.int32),
                 np.empty(0), np.empty(count) if transmission else None)  # fmt: skip
     wavelengths = np.asarray(wavelength_nm, float)
-    different = np.unique(wavelengths) if count else ()
+    different = np.unique(wavelengths) if count else np.zeros(0)
+    if len(different) > 1 and precision == "single" and not transmission and _has_polynomials(lens, different):
+        tracer = _Tracer(lens, session, different[0], start, precision, IDEAL, dispersive=True)
+        tracer.trace(points, vectors, rays, slice(0, count), np.broadcast_to(wavelengths, (count,)))
+        return rays
     for wavelength in different:
         tracer = _Tracer(lens, session, float(wavelength), start, precision, transmission)
         if len(different) == 1:
@@ -143,8 +148,14 @@ def trace_on_device(
     return rays
 
 
+def _has_polynomials(lens: Lens, wavelengths_nm: Array) -> bool:
+    """Return whether renderers know a lens by polynomials over wavelengths, and those given are among them."""
+    low, high = usable_nm(lens)
+    return bool(low <= wavelengths_nm.min() and wavelengths_nm.max() <= high) and disperses(lens)
+
+
 class _Tracer:
-    """A lens at one wavelength on the device, which traces rays a block at a time."""
+    """A lens on the device, at one wavelength or with one for every ray, which traces rays a block at a time."""
 
     def __init__(
         self,
@@ -154,6 +165,8 @@ class _Tracer:
         start: str,
         precision: Precision,
         transmission: Transmission,
+        *,
+        dispersive: bool = False,
     ) -> None:
         double = precision == "double"
         self.session = session
@@ -165,11 +178,20 @@ class _Tracer:
         self.first, self.last = (lens.length, 0.0) if self.backwards else (0.0, lens.length)
         self.far = FAR * (lens.length + max(min(surface.semi_diameter, 1e6) for surface in lens.surfaces))
         side: Literal["film", "scene"] = "film" if self.backwards else "scene"
-        traced = lens_records(lens, wavelength_nm, side, 0.0, double=double, transmission=transmission)
+        traced = lens_records(
+            lens, wavelength_nm, side, 0.0, double=double, dispersive=dispersive, transmission=transmission
+        )
         self.facts = traced.facts | {"VW": self.lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
         self.tables = (session.upload(traced.surfaces), np.int32(len(traced.surfaces)), session.upload(traced.stop))
 
-    def trace(self, points: Array, vectors: Array, rays: Rays, rows: slice | NDArray[np.intp]) -> None:
+    def trace(
+        self,
+        points: Array,
+        vectors: Array,
+        rays: Rays,
+        rows: slice | NDArray[np.intp],
+        wavelengths_nm: Array | None = None,
+    ) -> None:
         """Trace some rows of points and directions (n, 3) and write them to the same rows of ``rays``."""
         count = rows.stop if isinstance(rows, slice) else len(rows)
         size = PACKETS * self.lanes * GROUP
@@ -183,6 +205,8 @@ class _Tracer:
             high = min(low + BLOCK, count)
             part = slice(low, high) if isinstance(rows, slice) else rows[low:high]
             self._pack(points[part], vectors[part], table)
+            if wavelengths_nm is not None:
+                table[6, : high - low], table[6, high - low :] = wavelengths_nm[part], WAVELENGTH_D
             self.session.write(memory, table)
             launch.enqueue(capacity // (PACKETS * self.lanes), GROUP)
             out = self.session.read(memory, self.real, table.size).reshape(table.shape)
