@@ -41,11 +41,12 @@ def decided(scene: Scene) -> Decision:
         return Decision(scene, "realistic")
     allowed = camera.accuracy
     errors, why = _errors(scene)
-    tier: Tier = "realistic"
-    for found in errors:
-        if found.worst_px <= allowed.max_error_px and found.worst_illumination <= allowed.max_illumination_error:
-            tier = found.tier
-            break
+    within = (
+        found.tier
+        for found in errors
+        if found.worst_px <= allowed.max_error_px and found.worst_illumination <= allowed.max_illumination_error
+    )
+    tier: Tier = next(within, "realistic")
     told = {
         "camera_model": tier,
         "max_error_px": allowed.max_error_px,

@@ -15,7 +15,7 @@ from rptcam_cl.scene.film import Film
 
 Array = NDArray[np.float64]
 
-FIELDS = (0.0, 0.5, 0.7, 1.0)  # film points along its half diagonal
+FIELDS = (0.0, 0.25, 0.5, 0.7, 0.85, 1.0)  # film points along its half diagonal
 NUDGE = 1e-3  # of the half diagonal, between film points that tell the scale of the picture
 
 
@@ -102,9 +102,9 @@ class _FieldTruth:
         lens, film_mm = first.setting.lens, first.setting.film_distance_mm
         wavelength_nm = first.setting.camera.wavelength_nm
         near = point - NUDGE * half if point.any() else NUDGE * half
-        bundles = (traced_bundle(lens, film_mm, at, wavelength_nm) for at in (point, near))
+        here, beside = (traced_bundle(lens, film_mm, at, wavelength_nm) for at in (point, near))
         pixels_per_mm = film.resolution[0] / (2 * half[0])
-        return cls(point, *bundles, float(np.hypot(*(near - point))) * pixels_per_mm)
+        return cls(point, here, beside, float(np.hypot(*(near - point))) * pixels_per_mm)
 
 
 def _apart_px(field: _FieldTruth, other: Bundle, depths_mm: Sequence[float]) -> float:
@@ -118,4 +118,4 @@ def _apart_px(field: _FieldTruth, other: Bundle, depths_mm: Sequence[float]) -> 
         place, other_radius = other.spot(depth)
         apart = max(float(np.hypot(*(place - middle))), abs(other_radius - radius))
         worst = max(worst, apart * field.apart_px / step if step > 0 else np.inf)
-    return worst
+    return float(worst)
