@@ -80,7 +80,7 @@ def tier_errors(
         bundles = [first_order_bundle(first, tier, field.point) for field in truth]
         pixels = tuple(_apart_px(field, bundle, depths_mm) for field, bundle in zip(truth, bundles, strict=True))
         shares = [bundle.light / on_axis for bundle in bundles]
-        dimming = (light / light[0]).tolist()
+        dimming = (light / light[0] if light[0] > 0 else 0 * light).tolist()
         illumination = tuple(
             abs(own / true - 1) if true > 0 else np.inf for own, true in zip(shares, dimming, strict=True)
         )

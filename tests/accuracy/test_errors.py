@@ -109,8 +109,8 @@ def random_case(rng):
     width = {"fisheye-10mm": 14.0, "phone-5.6mm": 4.0}.get(lens, float(rng.uniform(4, 36)))
     film = {"resolution": [int(rng.integers(64, 800))] * 2, "width_mm": width}
     accuracy = {
-        "max_error_px": float(10 ** rng.uniform(-1, 1)),
-        "max_illumination_error": float(10 ** rng.uniform(-2, 0.3)),
+        "max_error_px": float(10 ** rng.uniform(-0.3, 1.5)),
+        "max_illumination_error": float(10 ** rng.uniform(-1, 1)),
     }
     stop = first_order_camera(scene_of(lens)).setting.lens.stop.semi_diameter * 2 * float(rng.uniform(0.05, 1))
     return scene_of(lens, accuracy=accuracy, film=film, focus=float(rng.uniform(4, 40)), stop_diameter_mm=stop)
