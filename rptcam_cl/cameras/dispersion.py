@@ -7,6 +7,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.optics import Lens
+from rptcam_cl.optics.transmission import IDEAL, Transmission, known_nm
 from rptcam_cl.records import DISPERSION_NM, DISPERSION_SCALE, DISPERSION_SHIFT, DISPERSION_TERMS
 from rptcam_cl.scene.film import Film
 
@@ -28,10 +29,10 @@ def disperses(lens: Lens) -> bool:
     return bool(np.any(np.ptp(ratios, axis=1) > 0))
 
 
-def usable_nm(lens: Lens) -> tuple[float, float]:
-    """Return the wavelengths of `DISPERSION_NM` that every glass of a lens is known for [nm]."""
-    low, high = lens.known_nm
-    return max(low, DISPERSION_NM[0]), min(high, DISPERSION_NM[1])
+def usable_nm(lens: Lens, transmission: Transmission = IDEAL) -> tuple[float, float]:
+    """Return the wavelengths of `DISPERSION_NM` that every glass of a lens, and what it loses, is known for [nm]."""
+    ranges = (lens.known_nm, known_nm(lens, transmission), DISPERSION_NM)
+    return max(low for low, _ in ranges), min(high for _, high in ranges)
 
 
 def fitted(ratio_at: ArrayLike, wavelengths_nm: Array, terms: int) -> tuple[Array, float]:

@@ -117,6 +117,7 @@ class _Filler:
             record["absorption"][3] = self._spectra.number(material.absorption)
         if isinstance(material, ThinGlass):
             record["absorption"][:3] = material.depth
+            record["absorption"][3] = self._spectra.number(material.depth)
         self._coverage(record, material)
 
     def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:

@@ -56,6 +56,7 @@ EVERY_MATERIAL = {
 
 
 GLOW = {"kind": "emissive", "radiance": GRID}
+LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
 GLASS = {"LENS_SPLITS": 1}
 TREES = {"BVH_WIDTH": 16, "LEAF_WIDTH": 16, "BVH_STACK": 64, "HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": 16}
 
@@ -148,13 +149,14 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
         facts |= {"HAS_EMITTERS": rest, shape: 9, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
         facts |= {"SPECTRUM": rest, "HUE_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
-        facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream)}
+        facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream), **dict.fromkeys(LOSSES, rest)}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
+    without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes, **dict.fromkeys(LOSSES, 1)})
 
 
 @pytest.mark.parametrize("file", FILES)

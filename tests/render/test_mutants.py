@@ -96,7 +96,7 @@ MUTANTS = [
     ),
     Mutant("diameter for radius", RIM, "p.y * p.y <= 4 * surface->semi_diameter2", lens_row),
     Mutant("stop 1 % wider", RIM, "p.y * p.y <= 1.02f * surface->semi_diameter2", lens_row),
-    Mutant("index off by 1e-3", "hit.cosine, s->eta, &bends", "hit.cosine, s->eta + 1e-3f, &bends", pixel_of_rays),
+    Mutant("index off by 1e-3", "F eta = (F)(s->eta);", "F eta = (F)(s->eta + 1e-3f);", pixel_of_rays),
     Mutant("normal not unit", "hit.n = f3(-c * hit.p.x, -c", "hit.n = f3(-1.01f * c * hit.p.x, -c", pixel_of_rays),
     Mutant("pupil too tight", "o.r = blend(blend(", "o.r = 0.9f * blend(blend(", lens_row),
     Mutant("blocked rays weigh", "r.weight = out.passed ? weight : ZERO", "r.weight = weight", lens_corner),
