@@ -156,8 +156,8 @@ MATERIAL = Record(
         ("int", "normal_texture"),
         ("float", "normal_strength"),
         ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
+        ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
+        ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
     ),
 )
@@ -234,6 +234,7 @@ ENVIRONMENT = Record(
 
 EVEN_TERMS = 12
 ODD_TERMS = 12
+LOSS_TABLE_NM, LOSS_TABLE_LENGTH = 380, 401  # one number per nm
 
 SURFACE = Record(
     "Surface",
@@ -260,6 +261,14 @@ SURFACE = Record(
         ("real", "offset[4]"),  # pose
         ("real", "rotation[12]"),  # rows of a 3x3 matrix
         ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
+        ("real", "layer"),  # index of a quarter-wave layer, 0 without one; these are for kernels/lens/coating.h
+        ("real", "layer_turns"),  # turns of its phase at a right angle; with tables times the wavelength [nm]
+        ("real", "index"),  # before the surface
+        ("real", "gain"),  # of the transmittance over that of the bare surface
+        ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
+        ("real", "reserved_0"),
+        ("real", "reserved_1"),
+        ("real", "reserved_2"),
         ("int", "kind"),
         ("int", "even_terms"),
         ("int", "odd_terms"),
@@ -268,6 +277,10 @@ SURFACE = Record(
         ("int", "inverted"),
         ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
         ("int", "stop_shape"),
+        ("int", "index_table"),  # where tables over the wavelength stand behind the shape of the stop, -1 without one
+        ("int", "gain_table"),
+        ("int", "attenuation_table"),
+        ("int", "reserved_3"),
     ),
 )
 
@@ -365,5 +378,6 @@ def device_declarations() -> str:
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
     lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
     lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
+    lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
     return "\n".join(lines) + "\n"

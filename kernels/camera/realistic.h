@@ -22,6 +22,9 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     LensRay out = trace_lens(f3(fx, fy, ZERO), d, wavelength, surfaces, camera->count, stop);
     F cos2_over_length2 = z / length2;                     // cos^2 / Z, as cos^2 = Z^2 / length^2
     F weight = camera->a.w * at.inverse_density * cos2_over_length2 * cos2_over_length2;
+#if LENS_LOSSES
+    weight *= out.transmittance;
+#endif
     F mm = (F)(camera->b.x);
     r.o = keep3(out.passed, f3(out.p.x * mm, out.p.y * mm, camera->b.y - out.p.z * mm));
     r.d = select3(out.passed, f3(out.d.x, out.d.y, -out.d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z

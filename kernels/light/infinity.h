@@ -41,9 +41,6 @@ static F3 light_from_infinity(F3 d, F own, Scene scene)
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT
     sum = environment_radiance(d, scene);
-#if HUES
-    sum = light_colour(scene.hues, sum, scene.environment->bottom.w, scene.colours);
-#endif
 #endif
 #if ENVIRONMENT_SAMPLED
     sum = scale(sum, against_lights(own, environment_pdf(d, scene) * scene.environment->pick));

@@ -54,6 +54,7 @@ static F3 mapped_normal(const __global Material *material, SurfacePoint point, S
 // Index of refraction, a polynomial in the inverse wavelength.
 static F index_at(const __global Material *material, F inverse)
 {
+    inverse = MIN(MAX(inverse, (F)(material->dispersion_low)), (F)(material->dispersion_high));
     F index = (F)(material->dispersion[material->dispersion_terms - 1]);
     for (int i = material->dispersion_terms - 2; i >= 0; --i)
         index = index * inverse + material->dispersion[i];

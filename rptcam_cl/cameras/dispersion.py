@@ -7,6 +7,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.optics import Lens
+from rptcam_cl.optics.transmission import IDEAL, Transmission, known_nm
 from rptcam_cl.records import DISPERSION_NM, DISPERSION_SCALE, DISPERSION_SHIFT, DISPERSION_TERMS
 from rptcam_cl.scene.film import Film
 
@@ -28,10 +29,10 @@ def disperses(lens: Lens) -> bool:
     return bool(np.any(np.ptp(ratios, axis=1) > 0))
 
 
-def usable_nm(lens: Lens) -> tuple[float, float]:
-    """Return the wavelengths of `DISPERSION_NM` that every glass of a lens is known for [nm]."""
-    low, high = lens.known_nm
-    return max(low, DISPERSION_NM[0]), min(high, DISPERSION_NM[1])
+def usable_nm(lens: Lens, transmission: Transmission = IDEAL) -> tuple[float, float]:
+    """Return the wavelengths of `DISPERSION_NM` that every glass of a lens, and what it loses, is known for [nm]."""
+    ranges = (lens.known_nm, known_nm(lens, transmission), DISPERSION_NM)
+    return max(low for low, _ in ranges), min(high for _, high in ranges)
 
 
 def fitted(ratio_at: ArrayLike, wavelengths_nm: Array, terms: int) -> tuple[Array, float]:
@@ -51,22 +52,26 @@ def fit_nodes(low_nm: float, high_nm: float) -> Array:
     return np.asarray(1 / (ends.mean() + inverse * np.ptp(ends) / 2))
 
 
-def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> int:
-    """Fill the polynomials of every surface, in order of travel; return how many coefficients they take.
+def fewest_terms(ratios: Array, wavelengths_nm: Array) -> list[Array]:
+    """Return the coefficients of polynomials through values (n, wavelengths): as few as give all to `ENOUGH`."""
+    found: list[tuple[Array, float]] = []
+    for terms in range(1, DISPERSION_TERMS + 1):
+        found = [fitted(ratio, wavelengths_nm, terms) for ratio in ratios]
+        if all(error <= ENOUGH for _, error in found):
+            break
+    return [coefficients for coefficients, _ in found]
 
-    That is as few as give every ratio of indices to `ENOUGH`, at most `DISPERSION_TERMS`.
-    """
+
+def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> int:
+    """Fill the polynomials of every surface, in order of travel; return how many coefficients they take."""
     wavelengths = fit_nodes(*usable_nm(lens))
     indices = lens.indices(wavelengths)
     ratios = (indices[1:] / indices[:-1])[::-1] if backwards else indices[:-1] / indices[1:]
-    for terms in range(1, DISPERSION_TERMS + 1):
-        found = [fitted(ratio, wavelengths, terms) for ratio in ratios]
-        if all(error <= ENOUGH for _, error in found):
-            break
-    for record, ratio, (coefficients, _) in zip(records, ratios, found, strict=True):
-        record["dispersion"][:terms] = coefficients
+    found = fewest_terms(ratios, wavelengths)
+    for record, ratio, coefficients in zip(records, ratios, found, strict=True):
+        record["dispersion"][: len(coefficients)] = coefficients
         record["refracts"] = bool(np.any(ratio != 1.0))
-    return terms
+    return len(found[0])
 
 
 def colour_error_px(

@@ -8,13 +8,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.dispersion import fill_dispersion
+from rptcam_cl.cameras.dispersion import fill_dispersion, usable_nm
+from rptcam_cl.cameras.lens_losses import LossFiller, LossTables
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.optics.surface import Surface
+from rptcam_cl.optics.transmission import IDEAL, Transmission
 from rptcam_cl.records import EVEN_TERMS, ODD_TERMS, SURFACE, RegionKind, StopKind, SurfaceKind
 
 MIRRORED = np.diag([1.0, 1.0, -1.0])
@@ -22,7 +24,10 @@ MIRRORED = np.diag([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True)
 class LensRecords:
-    """Surface records in order of travel, the shape of the stop, and the facts that say which code they need."""
+    """Surface records in order of travel, the shape of the stop, and the facts that say which code they need.
+
+    Behind the shape of the stop stand tables of what the lens lets through, where that takes any.
+    """
 
     surfaces: NDArray[np.void]
     stop: NDArray[np.floating]
@@ -37,6 +42,7 @@ def lens_records(
     *,
     double: bool = False,
     dispersive: bool = False,
+    transmission: Transmission = IDEAL,
 ) -> LensRecords:
     """Return the records of a lens for rays that start on one side.
 
@@ -51,6 +57,8 @@ def lens_records(
         Whether the records are for the float64 tracer.
     dispersive
         Whether every ray has its own wavelength, in place of ``wavelength_nm``.
+    transmission
+        Losses that rays suffer.
     """
     indices = lens.indices(wavelength_nm)
     count = len(lens.surfaces)
@@ -77,7 +85,11 @@ def lens_records(
             _fill_region(record, surface.region, joins)
         previous = k
     terms = fill_dispersion(records, lens, backwards) if dispersive else 0
-    return LensRecords(records, stop.astype(real), _facts(lens, records) | {"LENS_DISPERSION": terms})
+    tables = LossTables(len(stop), usable_nm(lens, transmission)) if dispersive else None
+    losses = LossFiller(transmission, wavelength_nm, tables).fill(records, lens, backwards)
+    if tables is not None:
+        stop = np.concatenate([stop, *tables.rows])
+    return LensRecords(records, stop.astype(real), _facts(lens, records) | losses | {"LENS_DISPERSION": terms})
 
 
 def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> None:

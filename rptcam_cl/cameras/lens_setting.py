@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.cameras.focusing import focused
+from rptcam_cl.cameras.transmission import as_coated, transmission_of
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, load_lens
 from rptcam_cl.optics.focus import film_distance, object_distance
+from rptcam_cl.optics.transmission import Transmission
 from rptcam_cl.optics.variable import configured, film_behind, moved, zoomed
 from rptcam_cl.scene.camera import NOT_FOUND_YET, LensCamera
 from rptcam_cl.scene.scene import Scene
@@ -42,6 +44,11 @@ class LensSetting:
         """Irradiance over that of the same rays in one medium: what a ray keeps is radiance over the squared index."""
         indices = self.lens.indices(self.camera.wavelength_nm)
         return float(indices[-1] / indices[0]) ** 2
+
+    @property
+    def transmission(self) -> Transmission:
+        """Losses in the lens that count."""
+        return transmission_of(self.camera)
 
     @property
     def metadata(self) -> dict[str, Any]:
@@ -127,6 +134,7 @@ def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     except InputError as problem:
         place = "camera.lens: " if isinstance(source, str) else ""  # a file's own problem names the file
         raise InputError(f"{place}{problem}") from None
+    lens = as_coated(lens, camera)
     if camera.zoom is not None:
         lens = configured(lens, camera.zoom)
     if camera.focal_length_mm is not None:

@@ -78,6 +78,8 @@ class CameraModel:
         where paths have no wavelength.
     on_axis_irradiance : float or None
         Irradiance of the film's centre in a uniform world of radiance 1; None for a camera without a lens opening.
+    passed : float
+        Share of that light which the lens leaves of what enters it: 1 unless its losses count.
     axial_weight : float
         Mean weight there: the same number, or 1 where the weights leave radiance as it is.
     """
@@ -94,6 +96,7 @@ class CameraModel:
     usable_nm: tuple[float, float] = DISPERSION_NM
     axial_colour: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     on_axis_irradiance: float | None = None
+    passed: float = 1.0
     axial_weight: float = 1.0
 
 

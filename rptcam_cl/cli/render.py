@@ -143,6 +143,15 @@ def _save(image: "Image", arguments: argparse.Namespace) -> None:
         raise failures[0]
 
 
+def _metered(told: dict[str, Any]) -> str:
+    """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
+    chosen = f"metered {told['metered_cd_m2']:.4g} cd/m²"
+    if "exposure_time_s" in told:
+        time_s = told["exposure_time_s"]
+        chosen += f", {f'1/{1 / time_s:.0f}' if time_s < 0.1 else f'{time_s:.3g}'} s at ISO {told['iso']:.4g}"
+    return chosen
+
+
 def _summary(image: "Image", outputs: list[Path]) -> str:
     stats: dict[str, Any] = image.stats
     seconds = stats["seconds"]
@@ -155,6 +164,8 @@ def _summary(image: "Image", outputs: list[Path]) -> str:
     outcomes = stats.get("lens")
     if outcomes and sum(outcomes.values()):
         parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
+    if "metered_cd_m2" in image.metadata:
+        parts.append(_metered(image.metadata))
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 

@@ -135,14 +135,10 @@ class TabulatedIndex(Absorbing):
     values: tuple[float, ...]
     name: str = ""
 
-    @property
-    def range_nm(self) -> Range:
-        """Wavelengths that it is known for."""
-        return self.wavelengths_nm[0], self.wavelengths_nm[-1]
-
     def index(self, wavelength_nm: ArrayLike) -> Array:
         """Return the index at each wavelength [nm]."""
-        wavelength = _in_range(wavelength_nm, self.range_nm, self.name)
+        limits = (self.wavelengths_nm[0], self.wavelengths_nm[-1])
+        wavelength = _in_range(wavelength_nm, limits, self.name)
         return np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
 
 
@@ -156,7 +152,7 @@ def held_index(medium: Law, wavelength_nm: ArrayLike) -> Array:
     return medium.index(wavelength if limits is None else np.clip(wavelength, *limits))
 
 
-def known_range(medium: Law) -> Range | None:
+def known_range(medium: Medium) -> Range | None:
     """Return the shortest and longest wavelength at which a law holds [nm], None where it holds everywhere."""
     match medium:
         case Sellmeier() | PowerSeries():

@@ -90,6 +90,8 @@ def pack_environment(scene: Scene, textures: TextureTable, spectra: KnownSpectra
     match scene.environment:
         case GradientEnvironment() as gradient:
             record["bottom"][0, :3], record["top"][0, :3] = gradient.bottom, gradient.top
+            record["bottom"][0, 3] = spectra.number(gradient.bottom, light=True)
+            record["top"][0, 3] = spectra.number(gradient.top, light=True)
             record["up"][0, :3] = np.asarray(gradient.up) / np.linalg.norm(gradient.up)
             return Surroundings(EnvironmentKind.GRADIENT, record, nothing, 0.0)
         case ConstantEnvironment() as constant:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rptcam_cl.plan.covers import cover_mean, internal_reflectance, rough_cover, smooth_mean
 from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.metals import metal_constants, metal_spectra
+from rptcam_cl.plan.refraction import fill_index
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.records import MATERIAL, MaterialKind
 from rptcam_cl.scene.colours import Colour
@@ -38,14 +39,11 @@ class Materials:
         Record of each material, by its ``id``.
     facts : dict
         Which kinds of material and which of their features there are.
-    usable_nm : (low, high)
-        Wavelengths that every glass of them is known for [nm].
     """
 
     records: NDArray[np.void]
     index: dict[int, int]
     facts: dict[str, int]
-    usable_nm: tuple[float, float]
 
 
 def _kind(material: Material) -> MaterialKind:
@@ -106,8 +104,10 @@ class _Filler:
                 self._number(record, "factor", material.factor)
         if isinstance(material, (Conductor, Dielectric, Plastic)):
             record["alpha"], record["alpha_across"] = material.alphas or (0.0, 0.0)
-        if isinstance(material, (Dielectric, Plastic, ThinGlass)):
-            record["parameter"] = material.n_d if isinstance(material, Dielectric) else material.index
+        if isinstance(material, Dielectric):
+            fill_index(record, material)
+        if isinstance(material, (Plastic, ThinGlass)):
+            record["parameter"] = material.index
         if isinstance(material, Conductor) and material.metal is not None:
             self._metal(record, material.metal)
         if isinstance(material, Plastic):
@@ -117,6 +117,7 @@ class _Filler:
             record["absorption"][3] = self._spectra.number(material.absorption)
         if isinstance(material, ThinGlass):
             record["absorption"][:3] = material.depth
+            record["absorption"][3] = self._spectra.number(material.depth)
         self._coverage(record, material)
 
     def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:
@@ -197,4 +198,4 @@ def pack_materials(materials: Sequence[Material], textures: TextureTable, spectr
             records[name] = -1
     records["textured"] = np.any([records[name] >= 0 for name in _TEXTURES], axis=0)
     records["textured"] |= records["kind"] == MaterialKind.MIX
-    return Materials(records, index, _facts(records), (0.0, float("inf")))
+    return Materials(records, index, _facts(records))

@@ -14,6 +14,7 @@ from rptcam_cl.kinds import SpectrumKind
 from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.materials import Materials
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.sensor import response_curves
 from rptcam_cl.spectra import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis, srgb_from_xyz
 
 Array = NDArray[np.float64]
@@ -95,20 +96,22 @@ def seen_by(
     settings = scene.spectrum
     camera = camera or camera_model(scene, settings.lens_colour)
     lens = camera.facts.get("LENS_DISPERSION", 0) > 0
-    low, high = max(camera.usable_nm[0], materials.usable_nm[0]), min(camera.usable_nm[1], materials.usable_nm[1])
+    low, high = camera.usable_nm
     if low >= GREEN_NM or high <= GREEN_NM:
         raise InputError(
-            f"spectrum: the glasses of lens and scene have no green light in common ({low:g} to {high:g} nm)"
+            f"spectrum: the glasses of the lens are not all known for green light ({low:g} to {high:g} nm)"
         )
     axial = camera.axial_colour if scene.exposure.mode in WHITE_ON_AXIS else None
     glass = materials.facts["HAS_DISPERSION"] > 0
+    told = {}
     if settings.mode == "spectral" or (settings.mode == "auto" and spectra.colours > 0):
-        spectrum = _spectral(axial, spectra, (low, high), lens=lens)
+        told["observer"], matching = _observer(scene)
+        spectrum = _spectral(matching, axial, spectra, (low, high), lens=lens)
     elif settings.mode != "rgb" and (lens or glass):
         spectrum = _dispersive(axial, (low, high))
     else:
         spectrum = Spectrum(SpectrumKind.RGB)
-    told = {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
+    told |= {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
     facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
     return camera, replace(spectrum, facts=facts, metadata=told)
 
@@ -121,13 +124,21 @@ def _dispersive(axial: AxialColour, range_nm: tuple[float, float]) -> Spectrum:
     return Spectrum(SpectrumKind.DISPERSIVE, table.ravel())
 
 
-def _spectral(axial: AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
-    """Return the spectrum of light at three wavelengths per path, seen by the CIE 1931 observer.
+def _observer(scene: Scene) -> tuple[str, Array]:
+    """Return who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
+    if scene.sensor is not None and scene.sensor.response is not None:
+        return scene.sensor.response, response_curves(scene.sensor.response)
+    return "cie_1931", cie_1931() @ srgb_from_xyz().T
+
+
+def _spectral(
+    matching: Array, axial: AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool
+) -> Spectrum:
+    """Return the spectrum of light at three wavelengths per path, which ``matching`` (401, 3) makes linear sRGB of.
 
     The weights of cells are corrected, by about one part in a thousand, so that the primaries that colours are made of
     come out exactly.
     """
-    matching = cie_1931() @ srgb_from_xyz().T
     table = hue_table(matching, _density(matching, spectra.lights), *range_nm)
     edges = table[:, 0].astype(np.float64)
     colours = np.concatenate([rgb_basis().T, daylight_65()[None]])

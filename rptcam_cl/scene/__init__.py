@@ -54,6 +54,7 @@ from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.spectrum_mode import SpectrumSettings
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
+from rptcam_cl.scene.transmission import Transmission
 from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
@@ -136,6 +137,7 @@ __all__ = [
     "ThinLensCamera",
     "ToneCurve",
     "TransformStep",
+    "Transmission",
     "WhiteBalance",
     "ZonesFile",
     "at_opening",

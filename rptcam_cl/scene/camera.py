@@ -12,11 +12,12 @@ from pydantic import BeforeValidator, Field, model_validator
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene.aperture import Aperture, CircularAperture
 from rptcam_cl.scene.autofocus import AutoFocusOrMethod, OnlyAuto
-from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel
 from rptcam_cl.scene.lens_reference import LensReference
 from rptcam_cl.scene.motion import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Fraction, Position, list_of
 from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.scene.transmission import EVERY_FORM, IDEAL, Transmission
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
 SMALLEST_ROLL_SINE = 1e-6
@@ -288,6 +289,9 @@ class LensCamera(Pose):
 
     wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = 587.5618
     """Wavelength of the indices of refraction [nm]; the helium d line by default."""
+
+    transmission: Annotated[Transmission, AlsoAccepts(EVERY_FORM)] = IDEAL
+    """What the lens takes from the light; nothing by default."""
 
     def ahead(self, point: tuple[float, float, float]) -> float:
         """Return how far in front of the eye a point lies along the axis [scene units]."""

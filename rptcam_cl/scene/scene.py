@@ -187,8 +187,8 @@ class Scene(SceneModel):
     def content_hash(self) -> str:
         """Return the SHA-256 of everything that changes the film.
 
-        Left out are the number of samples, layers, the sensor and how the picture is shown, and names. Files count by
-        their content.
+        Left out are the number of samples, layers, the sensor without its response, how the picture is shown, and
+        names. Files count by their content.
         """
         left_out = {"name", "file", "mesh", "vertices", "faces", "uvs", "normals"}
         content = self.model_dump(
@@ -198,6 +198,8 @@ class Scene(SceneModel):
                 "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
         )  # fmt: skip
+        if self.sensor is not None and self.sensor.response is not None:
+            content["sensor"] = {"response": self.sensor.response}
         for item, plain in zip(self.objects, content["objects"], strict=True):
             if isinstance(item, MeshObject):
                 self.load_mesh(item)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene.files import Folders
-from rptcam_cl.scene.numbers import number_at, read_number
+from rptcam_cl.scene.numbers import FLOAT32_MIN_NORMAL, number_at, read_number
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.spectrum import Lines
 from rptcam_cl.spectra import WAVELENGTHS_NM, Spectrum
@@ -37,7 +37,12 @@ def numbers_of(value: Any) -> tuple[float, ...]:
         raise refuse("must be a list of numbers", allowed="a list of at least 2 numbers")
     if not 2 <= len(items) <= MOST_ROWS:
         raise refuse(f"has {len(items)} numbers", allowed=f"2 to {MOST_ROWS} numbers")
-    return tuple(number_at(item, (index,)) for index, item in enumerate(items))
+    return tuple(_number(item, index) for index, item in enumerate(items))
+
+
+def _number(value: Any, index: int) -> float:
+    """Return a number of a list; the tails of a spectrum may be smaller than float32 has numbers, and are 0 then."""
+    return 0.0 if isinstance(value, float) and abs(value) < FLOAT32_MIN_NORMAL else number_at(value, (index,))
 
 
 def read_lines(value: Any) -> Lines:

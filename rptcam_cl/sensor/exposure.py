@@ -1,4 +1,4 @@
-"""From a linear film to the numbers of a raw file: photons, electrons, noise, and the converter (EMVA 1288, part 2)."""
+"""From a linear film to raw numbers: photons, electrons, noise, and the converter (EMVA 1288, section 2)."""
 
 from __future__ import annotations
 

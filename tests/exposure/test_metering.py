@@ -7,8 +7,9 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl import metering
+from rptcam_cl.cli import main
 from rptcam_cl.errors import InputError
-from rptcam_cl.scene import Exposure, Film, load_scene
+from rptcam_cl.scene import Exposure, Film
 from tests.render.pictures import WHITE, pixels, scene_of
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -167,6 +168,8 @@ def test_black_frame_and_exposures_out_of_reach_are_refused():
     dark = {"mode": "auto", "lock_cd_m2": 1e-10, "iso": 1e-3}
     with pytest.raises(InputError, match=r"^exposure: auto metering asks for an exposure time in s out of range \(got"):
         rptcam_cl.render(world(exposure=dark), spp=1)
+    with pytest.raises(InputError, match=r"asks for an exposure compensation in stops out of range \(got 103"):
+        rptcam_cl.render(world(PINHOLE, {"mode": "auto", "lock_cd_m2": 1e-12, "ev": 56}), spp=1)
     bright = {"mode": "auto", "lock_cd_m2": 1e18, "priority": "shutter"}
     with pytest.raises(InputError, match=r"^exposure: auto metering asks for an ISO out of range \(got"):
         rptcam_cl.render(world(exposure=bright), spp=1)
@@ -182,8 +185,13 @@ def test_resumed_render_keeps_its_exposure(tmp_path, monkeypatch):
     assert resumed.metadata["metered_cd_m2"] == whole.metadata["metered_cd_m2"]
 
 
-def test_command_line_sets_modes_and_keys(tmp_path):
-    path = tmp_path / "scene.yaml"
-    path.write_text("camera: {kind: pinhole, eye: [0, 0, 0], target: [0, 0, -1], fov_degrees: 40}\nexposure: auto\n")
-    scene = load_scene(path, ["exposure.metering=spot", "exposure.spot_at=[0.1, 0.2]"])
-    assert (scene.exposure.mode, scene.exposure.metering, scene.exposure.spot_at) == ("auto", "spot", (0.1, 0.2))
+def test_command_line_sets_keys_and_says_what_was_chosen(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    thin = (
+        "kind: thin_lens, focal_length_mm: 50, f_number: 4, focus_distance_m: 1e9, eye: [0, 0, 0], target: [0, 0, -1]"
+    )
+    tmp_path.joinpath("a.yaml").write_text(f"camera: {{{thin}}}\nenvironment: {{kind: constant, radiance: 2}}\n")
+    options = ["--size", "16x16", "--spp", "1", "--set", "exposure=auto", "--set", "exposure.metering=spot"]
+    assert main(["render", "a.yaml", "-o", "a.png", *options, "--set", "exposure.iso=400"]) == 0
+    # 0.18 * 78 / (400 * 1366 * pi / 64) s, at the working f-number of the flat opening
+    assert "metered 1366 cd/m², 1/1881 s at ISO 400" in capsys.readouterr().err

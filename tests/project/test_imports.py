@@ -32,7 +32,7 @@ ALLOWED: dict[str, set[str]] = {
     "cameras": GROUND | {"curves", "photometry", "records", "scene", "optics"},
     "plan": GROUND
     | {"curves", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"}
-    | {"spectra"},
+    | {"spectra", "sensor"},
     "lensview": FILES | {"optics"},
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures", "spectra"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},

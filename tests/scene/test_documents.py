@@ -36,6 +36,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Autofocus": (model.AutoFocus,),
     "Zones file": (model.ZonesFile,),
     "Autofocus of a thin lens": (model.OnlyAuto,),
+    "Transmission": (model.Transmission,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
     "spectrum": (model.SpectrumSettings,),
@@ -103,6 +104,7 @@ BASES = {
 
 # Defaults that the reference describes in words.
 IN_WORDS = {"film", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"}
+IN_WORDS |= {"transmission"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),

@@ -136,8 +136,10 @@ def test_seed_is_the_render_s_unless_given() -> None:
     assert sensor_in({"seed": 9}, {}, render={"seed": 5}).seed == 9
 
 
-def test_sensor_leaves_the_film_alone() -> None:
-    assert scene({"response": "nikon_d5100"}).content_hash() == scene(None).content_hash()
+def test_only_the_response_of_a_sensor_may_change_the_film() -> None:
+    assert scene({"preset": "imx477"}).content_hash() == scene(None).content_hash()
+    seen = [scene({"response": name}).content_hash() for name in RESPONSES]  # which see spectra each in its own way
+    assert len({*seen, scene(None).content_hash()}) == 4
 
 
 def test_description_gives_the_sensor_again() -> None:
