@@ -71,7 +71,7 @@ def model_of(
     half_film_mm = (width_mm / 2, height_mm / 2)
     colour = _colour(scene, setting, lens_colour)
     balanced = (IDEAL, clear) if _shows_losses(scene) else (losses, on_axis)
-    low, high = usable_nm(lens, losses)
+    low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
     if windows:
         pupil = pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
@@ -95,6 +95,7 @@ def model_of(
         stop=traced.stop.astype(np.float32),
         has_lens=True,
         metadata={"camera": "realistic", **setting.metadata, "on_axis_irradiance": on_axis}
+        | ({"transmittance": on_axis / clear} if losses else {})
         | pupil.metadata
         | colour.metadata
         | _projection(scene, camera, setting),

@@ -128,6 +128,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     record["pupil"][0] = (*thick.height, *thick.slope)
     projection = intrinsics(scene.film, thick.film_per_tangent(width_m, height_m), flip=camera.flip)
     metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
+    metadata |= {"transmittance": passed} if setting.transmission else {}
     view = entrance_pupil_view(
         setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene.film, first_vertex_m)
     )

@@ -35,6 +35,12 @@ def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None
     assert all(0 < found["passed"] <= 1 for found in results["pupils"].values())
 
 
+def test_motion_is_compared_with_the_scene_standing_still(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "motion_costs")
+    assert printed.count("camera moves") == len(results) == 3
+    assert all(found["still"] == [1.0] and len(found) == 5 for found in results.values())
+
+
 def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "growth")
     assert printed.count("Msamples/s by wall") == len(results) == 4
@@ -89,6 +95,13 @@ def test_pupil_tables_are_timed_for_every_lens(checkout: Path, tmp_path: Path) -
 def test_surfaces_of_every_kind_are_compared_with_a_sphere(checkout: Path, tmp_path: Path) -> None:
     _, results = quick(checkout, tmp_path, "surface_costs")
     assert results["spheres"]["sphere"] == 1 and results["spheres"]["toroid"] > 1
+
+
+@pytest.mark.slow
+def test_losses_in_a_lens_are_compared_with_none(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "loss_costs")
+    assert "single layers, absorption" in printed
+    assert all(time > 0 for times in results["seconds_per_ray"].values() for time in times)
 
 
 def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> None:

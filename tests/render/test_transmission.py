@@ -43,6 +43,7 @@ def test_lossy_lens_gives_the_irradiance_of_the_reference(transmission, coated, 
     assert metadata["on_axis_irradiance"] == pytest.approx(expected, rel=1e-6)
     assert metadata["t_number"] == pytest.approx(np.sqrt(np.pi / 4 / expected), rel=1e-6)
     clear = float(film_irradiance(lens, back, 0.0))
+    assert metadata["transmittance"] == pytest.approx(expected / clear, rel=1e-9)
     assert metadata["working_f_number"] == pytest.approx(np.sqrt(np.pi / 4 / clear), rel=1e-6)
 
 
@@ -113,6 +114,15 @@ def test_thick_lens_loses_what_its_lens_loses_on_the_axis():
 def test_losses_that_make_no_sense_are_refused(transmission, message):
     with pytest.raises(InputError, match=message):
         make_plan(load_scene(white_through("dgauss-50mm", transmission)))
+
+
+def test_losses_must_be_known_at_the_wavelength_of_the_camera():
+    scene = white_through("planar-1897", "bare")
+    scene["camera"]["wavelength_nm"] = 1200.0
+    with pytest.raises(InputError, match=r"camera\.transmission: what Planar .* known from 350 to 1060 nm \(camera"):
+        make_plan(load_scene(scene))
+    scene["camera"]["transmission"] = {"absorption": False}
+    assert make_plan(load_scene(scene)).camera.facts["LENS_FRESNEL"]
 
 
 def test_lens_that_says_how_it_is_coated_may_be_coated():
