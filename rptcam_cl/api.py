@@ -48,7 +48,16 @@ __all__ = [
 ]
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
-GEOMETRY = ("world_from_camera", "intrinsics", "resolution", "window", "film_size_mm", "near_m")
+GEOMETRY = (
+    "world_from_camera",
+    "world_from_camera_at_close",
+    "shutter",
+    "intrinsics",
+    "resolution",
+    "window",
+    "film_size_mm",
+    "near_m",
+)
 
 
 def devices() -> list[dict[str, Any]]:
