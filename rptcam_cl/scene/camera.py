@@ -90,14 +90,19 @@ class Pose(SceneModel):
         return np.array([row if value is None else value for value, row in zip(given, own, strict=True)])
 
     def world_from_camera(self) -> NDArray[np.float64]:
-        """Return the 4x4 matrix whose columns are right, up, back and eye, in scene units."""
-        back = np.subtract(self.eye, self.target)
-        back /= np.linalg.norm(back)
-        right = np.cross(self.up, back)
-        right /= np.linalg.norm(right)
-        matrix = np.eye(4)
-        matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(back, right), back, self.eye
-        return matrix
+        """Return the 4x4 matrix whose columns are right, up, back and eye, in scene units; keyframes do not count."""
+        return pose_matrix(np.array([self.eye, self.target, self.up]))
+
+
+def pose_matrix(pose: Vector) -> Vector:
+    """Return the 4x4 matrix whose columns are right, up, back and eye, of eye, target and up (3, 3)."""
+    eye, target, up = pose
+    back = (eye - target) / np.linalg.norm(eye - target)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    matrix = np.eye(4)
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(back, right), back, eye
+    return matrix
 
 
 def _keeps_a_view(first: Vector, second: Vector) -> bool:
