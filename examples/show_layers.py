@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import rptcam_cl
-from rptcam_cl.imaging import srgb_from_linear, tone_mapped
+from rptcam_cl.imaging import srgb_from_linear
 
 Panel = NDArray[np.floating]
 
@@ -26,7 +26,7 @@ def panels(image: rptcam_cl.Image) -> list[Panel]:
     colours = np.random.default_rng(4).uniform(0.2, 1.0, (objects.max() + 2, 3))
     colours[0] = 0  # of nothing, which is -1
     return [
-        tone_mapped(image.pixels, image.ev) / 255,
+        image.developed(),
         grey(depth.min() / depth),  # white is nearest, black infinitely far
         image["normal"] / 2 + 0.5,
         srgb_from_linear(image["albedo"]),

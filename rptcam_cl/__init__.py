@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from rptcam_cl._version import __version__
 
 if TYPE_CHECKING:
-    from rptcam_cl.api import Image, Progress, Scene, choose_device, devices, load_lens, load_scene, render
+    from rptcam_cl.api import Image, Progress, Scene, choose_device, develop, devices, load_lens, load_scene, render
 
 __all__ = [
     "Image",
@@ -15,6 +15,7 @@ __all__ = [
     "Scene",
     "__version__",
     "choose_device",
+    "develop",
     "devices",
     "load_lens",
     "load_scene",

@@ -14,9 +14,11 @@ import numpy as np
 from rptcam_cl import optics
 from rptcam_cl._version import __version__
 from rptcam_cl.cameras import camera_geometry
+from rptcam_cl.developing import develop, developed_as
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
+from rptcam_cl.metering import settled
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
@@ -24,7 +26,7 @@ from rptcam_cl.scene.sampling import ADAPTIVE_SPP
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
-__all__ = ["Image", "Progress", "Scene", "choose_device", "devices", "load_lens", "load_scene", "render"]
+__all__ = ["Image", "Progress", "Scene", "choose_device", "develop", "devices", "load_lens", "load_scene", "render"]
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
 GEOMETRY = ("world_from_camera", "intrinsics", "resolution", "window", "film_size_mm", "near_m")
@@ -115,7 +117,10 @@ def render(
     session = device if isinstance(device, Session) else open_session(device)
     saver = None if checkpoint is None else Saver(checkpoint, scene, session.info.name)
     saved = saver.load() if saver is not None and resume else None
-    plan = make_plan(scene)
+    shot = settled(scene, session, None if saver is None else saver.metered_cd_m2)
+    if saver is not None:
+        saver.metered_cd_m2 = shot.metered_cd_m2
+    plan = make_plan(shot.scene)
     started = time.perf_counter()
     if on_progress is not None:
         on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -139,7 +144,7 @@ def render(
         "render": rendering.seconds,
         "total": time.perf_counter() - begun,
     }
-    metadata = _metadata(scene, rendering, plan, session.info)
+    metadata = _metadata(scene, rendering, plan, session.info) | shot.metadata
     stats = _stats(rendering, wavefront, plan, session.info, times)
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
@@ -148,7 +153,7 @@ def render(
         limit, share = stats["clamp"].values()
         metadata["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
-    image = Image(rendering.pixels, metadata, stats, scene.picture.ev, rendering.layers)
+    image = developed_as(Image(rendering.pixels, metadata, stats, layers=rendering.layers), scene.picture)
     return replace(image.denoised(), layers={name: image[name] for name in wanted}) if denoise else image
 
 
@@ -220,7 +225,7 @@ def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo
         "seed": scene.render.seed,
         "spp": rendering.spp,
         "device": device.name,
-        "exposure": scene.exposure,
+        "exposure": scene.exposure.mode,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
         **camera_geometry(scene),
         "window": _window(scene),

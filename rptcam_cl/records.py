@@ -264,8 +264,8 @@ CAMERA = Record(
         ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
         ("float4", "half_plane"),  # see kernels/lens/half_pupil.h
         ("int", "count"),
+        ("float", "exposure"),  # factor of every ray's weight
         ("int", "half_beyond"),  # whether the half beyond the line is meant
-        ("int", "reserved_1"),
         ("int", "reserved_2"),
     ),
 )
@@ -310,24 +310,27 @@ VIEW = Record(
 RECORDS = (PRIMITIVE, INSTANCE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
-CAMERA_RAY_FLOATS = 8  # origin, weight, direction and one to fill up: what the stream reads per slot
+CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot
 PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
-STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS
+TIME_FIELDS = ("TIME",)
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS
 
 
-def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool) -> int:
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool) -> int:
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample and with
-    triangles where it has meshes.
+    triangles where it has meshes and with the time where something moves.
     """
     if stream:
         return CAMERA_RAY_FLOATS
-    if meshes:
+    if moves:
         return len(STATE_FIELDS)
+    if meshes:
+        return len(STATE_FIELDS) - len(TIME_FIELDS)
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
 
 

@@ -46,6 +46,8 @@ class Saver:
             "scene": scene.content_hash(),
         }
         self._devices = [device]
+        self.metered_cd_m2: float | None = None
+        """What the exposure follows from; that of the saved render once it is loaded."""
         self._saved = time.monotonic()
         self._written = False
 
@@ -64,6 +66,7 @@ class Saver:
             if found.facts.get(name) != value:
                 raise self._misfit(name, found.facts.get(name), value)
         self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
+        self.metered_cd_m2 = found.facts.get("metered_cd_m2")
         return SavedState(int(found.facts["done"]), found.arrays)
 
     def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
@@ -86,7 +89,8 @@ class Saver:
 
     def save(self, state: SavedState) -> None:
         """Save a state in place of the last one."""
-        write_checkpoint(self.path, {**self._facts, "done": state.done, "devices": self._devices}, state.arrays)
+        facts = {**self._facts, "metered_cd_m2": self.metered_cd_m2, "done": state.done, "devices": self._devices}
+        write_checkpoint(self.path, facts, state.arrays)
         self._written = True
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:

@@ -18,6 +18,12 @@
 #define READ_PART(name, slot)      ((I)(NO_TRIANGLE))
 #define WRITE_PART(name, slot, v)
 #endif
+// And the time where something moves.
+#if MOVES
+#define READ_TIME(slot)            READ_F(TIME, slot)
+#else
+#define READ_TIME(slot)            ZERO
+#endif
 #define WRITE_F3(name, slot, v) \
     do { WRITE_F(name##X, slot, (v).x); WRITE_F(name##Y, slot, (v).y); WRITE_F(name##Z, slot, (v).z); } while (0)
 

@@ -1,8 +1,12 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
-// records (o, weight, d, 0), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, and clears L, PDF and REACH.
-// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER.
+// records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, TIME, and clears L,
+// PDF and REACH.
+// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER, MOVES.
 #include CAMERA_FILE
 #include "camera/filter.h"
+#if MOVES
+#include "camera/course.h"
+#endif
 #include "common/transpose.h"
 #include "integrator/state.h"
 
@@ -21,7 +25,11 @@ __kernel void generate(const __global Camera  *camera,
                        uint                    capacity,   // slots in the state
                        Wave                    wave,
                        const __global uint    *tiles,      // that are rendered
-                       const __global float   *filter)     // of the film
+                       const __global float   *filter      // of the film
+#if MOVES
+                     , const __global float4  *course      // of shutter and camera
+#endif
+                       )
 {
     uint slot = get_global_id(0) * VW;
     Lane lane = lane_of(slot, wave, tiles);
@@ -39,9 +47,18 @@ __kernel void generate(const __global Camera  *camera,
                 atomic_add(counters + status, n);
         }
 #endif
+#if MOVES
+    F time = moment_of(lane, random4(lane.pixel, lane.sample, (U)(1u), wave.seed).b, course);
+#endif
+#if CAMERA_LEGS
+    Stand stand = stand_at(time, course);
+    F3 o = add(stand.eye, from_frame(stand.right, stand.up, stand.back, ray.o));
+    F3 d = from_frame(stand.right, stand.up, stand.back, ray.d);
+#else
     F3 o = in_world(camera, ray.o);
     F3 d = in_world(camera, ray.d);
-    F weight = alive ? ray.weight : ZERO;
+#endif
+    F weight = alive ? ray.weight * camera->exposure : ZERO;
 #if FILTER
     weight *= sign;
 #endif
@@ -49,6 +66,9 @@ __kernel void generate(const __global Camera  *camera,
     Eight record;
     record.f[0] = o.x; record.f[1] = o.y; record.f[2] = o.z; record.f[3] = weight;
     record.f[4] = d.x; record.f[5] = d.y; record.f[6] = d.z; record.f[7] = ZERO;
+#if MOVES
+    record.f[7] = time;
+#endif
     store_eight(state, slot, record);
 #else
     WRITE_F3(O, slot, o);
@@ -57,6 +77,9 @@ __kernel void generate(const __global Camera  *camera,
     WRITE_F3(B, slot, f3(ONE, ONE, ONE));
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
     WRITE_PART(PART, slot, (I)(NO_TRIANGLE));
+#if MOVES
+    WRITE_F(TIME, slot, time);
+#endif
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if HAS_EMITTERS
     WRITE_F(REACH, slot, ZERO);

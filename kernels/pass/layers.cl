@@ -4,6 +4,9 @@
 #include "geometry/nearest.h"
 #include "integrator/layers.h"
 #include "integrator/state.h"
+#if CAMERA_LEGS
+#include "camera/course.h"
+#endif
 
 __kernel void layers(SCENE_PARAMETERS,
                      const __global int    *owners,      // per primitive: object and material identifier
@@ -15,15 +18,21 @@ __kernel void layers(SCENE_PARAMETERS,
                      __global float        *planes,      // sums, compensations, firsts: one plane each
                      uint                   capacity,    // slots in the state
                      uint                   pixels,      // pixels of a plane
-                     const __global uint   *tiles)       // that are rendered
+                     const __global uint   *tiles        // that are rendered
+#if CAMERA_LEGS
+                   , const __global float4 *course       // of the camera
+#endif
+                     )
 {
     uint first = get_global_id(0) * VW;
     uint pixel = film_place(first, wave, tiles);
     Scene scene = SCENE;
     LayerSums sums = read_sums(planes, pixel, pixels);
+#if !CAMERA_LEGS
     F3 right = f3_of(camera->right);
     F3 up = f3_of(camera->up);
     F3 back = f3_of(camera->back);
+#endif
 #if HAS_MIX || LAYER_COC >= 0
     Lane lane = lane_of(first, wave, tiles);
 #endif
@@ -38,12 +47,18 @@ __kernel void layers(SCENE_PARAMETERS,
 #if STREAM
         Eight record = load_eight(state, ((I)((int)slot) + LANES) * 8);
         F weight = absolute(record.f[3]);      // a filter may have negative lobes
+        F time = record.f[7];
         ray.o = f3(record.f[0], record.f[1], record.f[2]);
         ray.d = f3(record.f[4], record.f[5], record.f[6]);
 #else
         F weight = absolute(READ_F(WEIGHT, slot));
         ray.o = READ_F3(O, slot);
         ray.d = READ_F3(D, slot);
+        F time = READ_TIME(slot);
+#endif
+#if CAMERA_LEGS
+        Stand stand = stand_at(time, course);
+        F3 right = stand.right, up = stand.up, back = stand.back;
 #endif
         I passed = weight > 0.0f;
         if (!ANY(passed))
@@ -59,14 +74,21 @@ __kernel void layers(SCENE_PARAMETERS,
         F choice = ZERO;
 #endif
         Vertex vertex = vertex_of(ray, hit, on, choice, scene);
-        F depth = -dot3(vertex.p, back);
+#if CAMERA_LEGS
+        F3 seen_at = sub(vertex.p, stand.eye);
+        F3 from = sub(ray.o, stand.eye);
+#else
+        F3 seen_at = vertex.p;
+        F3 from = ray.o;
+#endif
+        F depth = -dot3(seen_at, back);
         add_weighted(&sums, SUM_OF_PASSED, passed ? weight : ZERO, ONE);
         add_weighted(&sums, SUM_OF_HITS, seen, ONE);
 #if LAYER_DEPTH >= 0
         add_weighted(&sums, LAYER_DEPTH, seen, depth);
 #endif
 #if LAYER_DISTANCE >= 0
-        add_weighted(&sums, LAYER_DISTANCE, seen, view->from_eye ? hit.t + dot3(ray.o, ray.d) : hit.t);
+        add_weighted(&sums, LAYER_DISTANCE, seen, view->from_eye ? hit.t + dot3(from, ray.d) : hit.t);
 #endif
 #if LAYER_POSITION >= 0
         add_weighted3(&sums, LAYER_POSITION, seen, vertex.p);
@@ -82,7 +104,7 @@ __kernel void layers(SCENE_PARAMETERS,
         add_weighted3(&sums, LAYER_ALBEDO, seen, base_color(vertex));
 #endif
 #if LAYER_COC >= 0
-        F away = view->by_depth ? depth + view->blur.w : dot3(sub(vertex.p, scale(back, (F)(view->blur.w))), ray.d);
+        F away = view->by_depth ? depth + view->blur.w : dot3(sub(seen_at, scale(back, (F)(view->blur.w))), ray.d);
         F vergence = on ? ONE / MAX(away, (F)(SMALLEST_DISTANCE)) : ZERO;
         add_weighted(&sums, LAYER_COC, passed ? weight : ZERO, circle_of_confusion(here, vergence, view));
 #endif
@@ -100,8 +122,8 @@ __kernel void layers(SCENE_PARAMETERS,
         write_first(planes, LAYER_UV + 1, pixel, pixels, fresh, on ? uv.v : AS_F((I)(NOT_A_NUMBER)));
 #endif
 #if LAYER_PUPIL >= 0
-        F step = (view->pupil.x - dot3(ray.o, back)) / dot3(ray.d, back);
-        F3 there = along(ray.o, ray.d, step);
+        F step = (view->pupil.x - dot3(from, back)) / dot3(ray.d, back);
+        F3 there = along(from, ray.d, step);
         write_first(planes, LAYER_PUPIL, pixel, pixels, fresh, dot3(there, right) * view->pupil.y);
         write_first(planes, LAYER_PUPIL + 1, pixel, pixels, fresh, dot3(there, up) * view->pupil.y);
 #endif

@@ -18,6 +18,7 @@ from rptcam_cl.autofocus.drives import circle_of_confusion
 from rptcam_cl.autofocus.probe import Zone, ZoneImage
 from rptcam_cl.autofocus.thin_drive import focus_drive
 from rptcam_cl.cameras import CameraModel
+from rptcam_cl.cameras.exposure import exposed
 from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan, make_plan
@@ -152,6 +153,7 @@ class ProbeRenderer:
     def render(self, camera: CameraModel, samples: int, seed: int) -> list[ZoneImage]:
         """Return what the zones show through a camera."""
         begun = time.perf_counter()
+        camera = exposed(camera, self._seen)
         wavefront = self._wavefront(camera)
         wavefront.use_camera(camera)
         count = -(-samples // PARTS)

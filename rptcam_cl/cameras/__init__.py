@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_lens
+from rptcam_cl.cameras.exposure import exposed
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.scene.scene import Scene
@@ -20,7 +21,7 @@ _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
 
 def camera_model(scene: Scene) -> CameraModel:
     """Return what the camera of a scene needs on the device."""
-    return _MODELS[scene.camera.kind](scene)
+    return exposed(_MODELS[scene.camera.kind](scene), scene)
 
 
 __all__ = ["CameraModel", "camera_geometry", "camera_model"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Literal
 
 from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.scene import Scene
 
 
@@ -38,9 +39,10 @@ def intrinsics(
 def camera_geometry(scene: Scene) -> dict[str, Any]:
     """Return pose [m], resolution and size of the film, and the nearest distance seen by a pinhole.
 
-    ``world_from_camera`` is the 4x4 matrix by rows whose columns are right, up, back and eye, in the axes of the scene.
+    ``world_from_camera`` is the 4x4 matrix by rows whose columns are right, up, back and eye, in the axes of the scene;
+    of a moving camera when the shutter opens.
     """
-    matrix = scene.camera.world_from_camera()
+    matrix = at_opening(scene).camera.world_from_camera()
     matrix[:3, 3] *= scene.metres_per_unit
     width, height = scene.film.size_m()
     near_m = getattr(scene.camera, "near_m", None)

@@ -71,6 +71,10 @@ class CameraModel:
     metadata : dict
         What the picture's metadata should say about the camera.
     view : CameraView
+    on_axis_irradiance : float or None
+        Irradiance of the film's centre in a uniform world of radiance 1; None for a camera without a lens opening.
+    axial_weight : float
+        Mean weight there: the same number, or 1 where the weights leave radiance as it is.
     """
 
     kernel: str
@@ -82,6 +86,8 @@ class CameraModel:
     has_lens: bool = False
     metadata: dict[str, Any] = field(default_factory=dict)
     view: CameraView = CameraView()
+    on_axis_irradiance: float | None = None
+    axial_weight: float = 1.0
 
 
 def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:
@@ -93,6 +99,7 @@ def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:
     width, height = film.resolution
     sign = 1.0 if pose.flip else -1.0
     record["resolution"][0] = (width, height, sign / width, sign / height)
+    record["exposure"] = 1.0
     return record
 
 

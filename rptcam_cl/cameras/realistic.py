@@ -59,9 +59,8 @@ def model_of(scene: Scene, setting: LensSetting, windows: Sequence[Window] = ())
         pupil = pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
     else:
         pupil = pupil_sampling(lens, back_mm, half_film_mm, camera.wavelength_nm, camera.pupil)
-    scale = setting.gain / (on_axis if scene.exposure == "relative" else 1.0)
     record = camera_record(camera, scene.film)
-    record["a"][0] = (*half_film_mm, back_mm, scale)
+    record["a"][0] = (*half_film_mm, back_mm, setting.gain)
     record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, 0.0, 0.0)
     record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
@@ -78,6 +77,8 @@ def model_of(scene: Scene, setting: LensSetting, windows: Sequence[Window] = ())
         | pupil.metadata
         | _projection(scene, camera, setting),
         view=_view(scene, setting),
+        on_axis_irradiance=on_axis,
+        axial_weight=on_axis,
     )
 
 

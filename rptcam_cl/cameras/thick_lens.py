@@ -117,7 +117,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     assert isinstance(camera, ThickLensCamera)
     thick = thick_lens(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
     on_axis = setting.gain * thick.axial_cone
-    scale = setting.gain * thick.pupil_solid_angle / (on_axis if scene.exposure == "relative" else 1.0)
+    scale = setting.gain * thick.pupil_solid_angle
     width_m, height_m = scene.film.size_m()
     record = camera_record(camera, scene.film)
     record["a"][0] = (width_m / 2 * 1e3, height_m / 2 * 1e3, scale, 0.0)
@@ -129,7 +129,15 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     view = entrance_pupil_view(
         setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene.film, first_vertex_m)
     )
-    return CameraModel("camera/thick_lens.h", record, facts={}, metadata=metadata, view=view)
+    return CameraModel(
+        "camera/thick_lens.h",
+        record,
+        facts={},
+        metadata=metadata,
+        view=view,
+        on_axis_irradiance=on_axis,
+        axial_weight=on_axis,
+    )
 
 
 def _blur(thick: ThickLens, film: Film, first_vertex_m: float) -> Blur:

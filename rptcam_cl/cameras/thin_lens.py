@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 
-from rptcam_cl.cameras.aperture import aperture_tables
+from rptcam_cl.cameras.aperture import aperture_tables, stop_shape
 from rptcam_cl.cameras.blur import perfect_blur
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
+from rptcam_cl.cameras.opening import opening_irradiance
 from rptcam_cl.scene.camera import ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.scene import Scene
@@ -40,7 +41,10 @@ def radius_of(camera: ThinLensCamera, focal_length_m: float) -> float:
 
 
 def build(scene: Scene) -> CameraModel:
-    """Return the camera for the device."""
+    """Return the camera for the device.
+
+    Its film is lit evenly: every pixel has the irradiance that its light would have on the axis.
+    """
     camera = scene.camera
     assert isinstance(camera, ThinLensCamera)
     return model_of(scene, camera)
@@ -53,11 +57,14 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
     record = camera_record(camera, scene.film)
     record["a"][0] = (across, down, camera.focus_distance_m, radius)
     tables, facts = aperture_tables(scene, camera.aperture)
+    film_distance = scene.film.size_m()[0] / 2 / across
+    on_axis = opening_irradiance(stop_shape(scene, camera.aperture), radius, film_distance) if radius else None
     metadata = {
         "camera": "thin_lens",
         "focal_length_mm": focal_length * 1e3,
         "f_number": focal_length / (2 * radius) if radius else math.inf,
         "focus_distance_m": camera.focus_distance_m,
+        "on_axis_irradiance": on_axis,
         "intrinsics": intrinsics(scene.film, (0.5 / across, 0.5 / down), flip=camera.flip),
     }
     pixels_per_tangent = math.sqrt(scene.film.resolution[0] / across * scene.film.resolution[1] / down) / 2
@@ -65,4 +72,12 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
         pupil_radius_m=radius,
         blur=lambda: perfect_blur(2 * radius * pixels_per_tangent, 1 / camera.focus_distance_m),
     )
-    return CameraModel("camera/thin_lens.h", record, facts=facts, tables=tables, metadata=metadata, view=view)
+    return CameraModel(
+        "camera/thin_lens.h",
+        record,
+        facts=facts,
+        tables=tables,
+        metadata=metadata,
+        view=view,
+        on_axis_irradiance=on_axis,
+    )

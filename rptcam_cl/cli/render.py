@@ -28,7 +28,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
-        help="picture to write, format by suffix: .png tone-mapped, .exr, .npy and .npz linear; may be repeated",
+        help="picture to write, format by suffix: .png and .tif developed, .exr, .npy and .npz linear; may be repeated",
     )  # fmt: skip
     parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
     parser.add_argument("--time", type=values.positive, metavar="S", help="end after so many seconds of rendering")

@@ -1,18 +1,29 @@
-"""Pictures: the linear film as an array, its tone-mapped form, and the files both are kept in."""
+"""Pictures: the linear film as an array, what is developed from it, and the files both are kept in."""
 
 from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
+from rptcam_cl.imaging.develop import Development, develop, quantised
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.imaging.tone import srgb_from_linear, tone_mapped
-from rptcam_cl.imaging.writers import LAYER_SUFFIXES, SUFFIXES, check_output, holds_layers
+from rptcam_cl.imaging.read_film import read_film
+from rptcam_cl.imaging.tone import srgb_from_linear
+from rptcam_cl.imaging.white_balance import Gains, Grey, GreyWorld, KnownLight
+from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, SUFFIXES, check_output, holds_layers
 
 __all__ = [
+    "DEVELOPED_SUFFIXES",
     "GUIDES",
     "LAYER_SUFFIXES",
     "SUFFIXES",
+    "Development",
+    "Gains",
+    "Grey",
+    "GreyWorld",
     "Image",
+    "KnownLight",
     "check_denoiser",
     "check_output",
+    "develop",
     "holds_layers",
+    "quantised",
+    "read_film",
     "srgb_from_linear",
-    "tone_mapped",
 ]

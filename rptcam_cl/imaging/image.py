@@ -14,6 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from rptcam_cl.errors import InputError
 from rptcam_cl.imaging import writers
 from rptcam_cl.imaging.denoise import GUIDES, denoised
+from rptcam_cl.imaging.develop import PLAIN, Development, develop
 from rptcam_cl.imaging.layers import Layer, checked_layers
 
 
@@ -27,11 +28,11 @@ class Image:
     pixels: NDArray[np.float32]
     """(height, width, 3), linear RGB, top row first."""
     metadata: dict[str, Any] = field(default_factory=dict)
-    """Where the picture comes from (scene hash, seed, spp, lens, device, version, ...); kept in PNG and EXR files."""
+    """Where the picture comes from (scene hash, seed, spp, lens, device, version, ...); kept in the files."""
     stats: dict[str, Any] = field(default_factory=dict)
     """What the render took and met (samples, seconds, rays that the lens blocked, ...)."""
-    ev: float = 0.0
-    """Exposure compensation of the tone-mapped picture [stops]."""
+    picture: Development = PLAIN
+    """How the film is developed where it is shown or saved as a picture."""
     layers: Mapping[str, Layer] = field(default_factory=dict)
     """Auxiliary layers by name, (height, width) or (height, width, channels); read-only."""
 
@@ -55,8 +56,9 @@ class Image:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.
 
-        ``.png``: tone-mapped. ``.exr``: linear, with layers and metadata. ``.npy``: the linear array alone.
-        ``.npz``: the linear array as ``rgb``, every layer by its name, and ``metadata`` as JSON text.
+        ``.png``, ``.tif`` and ``.tiff``: developed, of 8 or 16 bits. ``.exr``: linear, with layers and metadata.
+        ``.npy``: the linear array alone. ``.npz``: the linear array as ``rgb``, every layer by its name, and
+        ``metadata`` as JSON text.
 
         The file is written whole or not at all.
 
@@ -67,7 +69,11 @@ class Image:
         StateError
             The file cannot be written.
         """
-        writers.write(path, self.pixels, self.metadata, self.ev, self.layers)
+        writers.write(path, self.pixels, self.metadata, self.picture, self.layers)
+
+    def developed(self) -> NDArray[np.float32]:
+        """Return the picture as a screen shows it, (height, width, 3) from 0 to 1; see docs/picture.md."""
+        return develop(self.pixels, self.picture, writers.film_part(self.metadata, self.pixels))
 
     def denoised(self) -> Image:
         """Return the image with its noise removed, guided by its layers ``albedo`` and ``normal``; see docs/layers.md.
@@ -97,7 +103,7 @@ class Image:
 
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
-        writers.write_png_to(stream, self.pixels, self.metadata, self.ev)
+        writers.png_to(stream, self.pixels, self.metadata, self.picture, writers.PNG_BITS)
         return stream.getvalue()
 
     def __repr__(self) -> str:

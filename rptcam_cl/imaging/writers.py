@@ -1,5 +1,6 @@
-"""The picture files: PNG for screens, OpenEXR and NumPy arrays for the linear film and its layers."""
+"""The picture files: PNG and TIFF for screens, OpenEXR and NumPy arrays for the linear film and its layers."""
 
+import itertools
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping
@@ -12,8 +13,13 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.imaging.atomic import check_writable, replacing
+from rptcam_cl.imaging.colour import SRGB_PRIMARIES, SRGB_WHITE
+from rptcam_cl.imaging.develop import Development, develop, quantised
 from rptcam_cl.imaging.layers import Layer, exr_channels
-from rptcam_cl.imaging.tone import tone_mapped
+from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes
+from rptcam_cl.imaging.png import write_png_to
+from rptcam_cl.imaging.tiff import write_tiff_to
+from rptcam_cl.imaging.white_balance import WHOLE, Part
 
 Pixels = NDArray[np.float32]
 Metadata = Mapping[str, Any]
@@ -24,8 +30,9 @@ _EXR_RESERVED = {
     "channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "maxSamplesPerPixel", "name",
     "pixelAspectRatio", "screenWindowCenter", "screenWindowWidth", "tiles", "type", "version", "view",
 }  # fmt: skip
-_SRGB_PRIMARIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # ITU-R BT.709-6, and its white D65
-_PERCEPTUAL_INTENT = b"\0"  # of PNG's sRGB chunk
+# The same colours by the name of the Color Interop Forum, which OpenEXR 3.4 recommends.
+_COLOUR_SPACE = "lin_rec709_scene"
+PNG_BITS, TIFF_BITS = 8, 16  # unless the picture says otherwise
 
 
 def _text(value: Any) -> str:
@@ -47,37 +54,57 @@ def _exr_value(value: Any) -> str | int | float:
     return _text(value)
 
 
-def write_png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, ev: float) -> None:
-    """Write the tone-mapped picture; each piece of metadata becomes a text chunk."""
-    import PIL.Image
-    from PIL.PngImagePlugin import PngInfo
-
-    information = PngInfo()
-    information.add(b"sRGB", _PERCEPTUAL_INTENT)
-    for key, value in {**metadata, "ev": ev}.items():
-        information.add_text(key, _text(value))
-    PIL.Image.fromarray(tone_mapped(pixels, ev)).save(stream, format="PNG", pnginfo=information)
+def _place(metadata: Metadata, pixels: Pixels) -> tuple[int, int, int, int] | None:
+    """Return x, y, width and height [pixels] of the pixels in the whole film; None where that is not known."""
+    if "window" not in metadata or "resolution" not in metadata:
+        return None
+    x, y, width, height = metadata["window"]
+    return (x, y, width, height) if pixels.shape[:2] == (height, width) else None  # pixels that were scaled since
 
 
-def _write_png(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
+def film_part(metadata: Metadata, pixels: Pixels) -> Part:
+    """Return the part of the film that the pixels are: x0, x1, y0, y1 in fractions from its left and top."""
+    if (place := _place(metadata, pixels)) is None:
+        return WHOLE
+    x, y, width, height = place
+    columns, rows = metadata["resolution"]
+    return (x / columns, (x + width) / columns, y / rows, (y + height) / rows)
+
+
+def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, picture: Development, bits: int) -> None:
+    """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
+    codes = quantised(develop(pixels, picture, film_part(metadata, pixels)), bits)
+    texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
+    encoded = picture.tone != "linear"
+    write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
+
+
+def _write_png(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
     with path.open("xb") as stream:
-        write_png_to(stream, pixels, metadata, ev)
+        png_to(stream, pixels, metadata, picture, picture.bits or PNG_BITS)
+
+
+def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
+    codes = quantised(develop(pixels, picture, film_part(metadata, pixels)), picture.bits or TIFF_BITS)
+    with path.open("xb") as stream:
+        write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.tone != "linear")
 
 
 def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.int32], NDArray[np.int32]]]:
     """The place of a cropped picture in the whole film, as EXR has it: first and last pixel of each."""
-    if "window" not in metadata or "resolution" not in metadata:
+    if (place := _place(metadata, pixels)) is None:
         return {}
-    x, y, width, height = metadata["window"]
-    if pixels.shape[:2] != (height, width):  # pixels that were scaled since
-        return {}
+    x, y, width, height = place
     first, last = np.array([x, y], np.int32), np.array([x + width - 1, y + height - 1], np.int32)
     whole = np.array(metadata["resolution"], np.int32) - np.int32(1)
     return {"dataWindow": (first, last), "displayWindow": (np.zeros(2, np.int32), whole)}
 
 
-def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
-    """Write film and layers in float32 with each piece of metadata as an attribute (``ev`` is left to the viewer)."""
+def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
+    """Write film and layers in float32 with each piece of metadata as an attribute, some also by standard names.
+
+    How the picture is developed is left to the viewer.
+    """
     import OpenEXR
 
     attributes = {
@@ -85,9 +112,12 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers
     }
     header = {
         **attributes,
+        **exr_attributes(metadata),
+        ALL_METADATA: _text(dict(metadata)),
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
-        "chromaticities": _SRGB_PRIMARIES,
+        "chromaticities": (*itertools.chain(*SRGB_PRIMARIES), *SRGB_WHITE),
+        "colorInteropID": _COLOUR_SPACE,
         **_windows(metadata, pixels),
     }
     channels = {"RGB": np.ascontiguousarray(pixels), **dict(exr_channels(layers))}
@@ -95,27 +125,30 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers
         file.write(str(path))
 
 
-def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
+def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
     """Write the linear film alone; the format has no place for metadata."""
     with path.open("xb") as stream:
         np.save(stream, pixels, allow_pickle=False)
 
 
-def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, ev: float, layers: Layers) -> None:
+def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
     """Write the linear film, its layers and the metadata as JSON text, each an array by its name."""
     with path.open("xb") as stream:
         arrays: dict[str, Any] = {"rgb": pixels, "metadata": np.array(_text(dict(metadata))), **layers}
         np.savez_compressed(stream, **arrays)
 
 
-_WRITERS: dict[str, Callable[[Path, Pixels, Metadata, float, Layers], None]] = {
+_WRITERS: dict[str, Callable[[Path, Pixels, Metadata, Development, Layers], None]] = {
     ".png": _write_png,
+    ".tif": _write_tiff,
+    ".tiff": _write_tiff,
     ".exr": _write_exr,
     ".npy": _write_npy,
     ".npz": _write_npz,
 }
 SUFFIXES = tuple(_WRITERS)
 LAYER_SUFFIXES = (".exr", ".npz")
+DEVELOPED_SUFFIXES = (".png", ".tif", ".tiff")
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:
@@ -146,7 +179,11 @@ def holds_layers(path: str | os.PathLike[str]) -> bool:
 
 
 def write(
-    path: str | os.PathLike[str], pixels: Pixels, metadata: Metadata, ev: float, layers: Layers = MappingProxyType({})
+    path: str | os.PathLike[str],
+    pixels: Pixels,
+    metadata: Metadata,
+    picture: Development,
+    layers: Layers = MappingProxyType({}),
 ) -> None:
     """Write a picture in the format of its suffix, whole or not at all.
 
@@ -158,12 +195,12 @@ def write(
         (height, width, 3), linear, top row first.
     metadata
         What the file should know of its origin.
-    ev
-        Exposure compensation of the tone-mapped formats [stops].
+    picture
+        How the formats in `DEVELOPED_SUFFIXES` are developed.
     layers
         Arrays by name, for the formats in `LAYER_SUFFIXES`.
     """
     writer = _WRITERS[_suffix(path)]
     check_writable(path)
     with replacing(path) as temporary:
-        writer(temporary, pixels, metadata, ev, layers)
+        writer(temporary, pixels, metadata, picture, layers)

@@ -145,6 +145,23 @@ class TabulatedIndex(Absorbing):
 Law = ConstantIndex | AbbeCauchy | AbbeLinear | Sellmeier | PowerSeries | TabulatedIndex
 
 
+def held_index(medium: Law, wavelength_nm: ArrayLike) -> Array:
+    """Return the index at each wavelength [nm]; beyond those at which it is known, that of the nearest of them."""
+    wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+    limits = known_range(medium)
+    return medium.index(wavelength if limits is None else np.clip(wavelength, *limits))
+
+
+def known_range(medium: Law) -> Range | None:
+    """Return the shortest and longest wavelength at which a law holds [nm], None where it holds everywhere."""
+    match medium:
+        case Sellmeier() | PowerSeries():
+            return medium.range_nm
+        case TabulatedIndex():
+            return medium.wavelengths_nm[0], medium.wavelengths_nm[-1]
+    return None
+
+
 def abbe_number(medium: Medium) -> float:
     """Return V_d = (n_d - 1) / (n_F - n_C), infinite without dispersion."""
     d, f, c = medium.index([WAVELENGTH_D, WAVELENGTH_F, WAVELENGTH_C])

@@ -1,4 +1,4 @@
-"""Spectra as linear sRGB: the eye's matching functions, black bodies, standard illuminants."""
+"""Spectra as linear sRGB: samples, black bodies, standard illuminants."""
 
 from __future__ import annotations
 
@@ -6,21 +6,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.pbrt.colour_spaces import ACES_WHITE, D65, SRGB_FROM_XYZ, srgb_of_white
+from rptcam_cl.spectra import WAVELENGTHS_NM, blackbody, cie_1931, planck_radiance
 
 Array = NDArray[np.float64]
 
-WAVELENGTHS_NM = np.arange(360.0, 831.0)
-
-# Lobes (height, centre [nm], width below and above it [nm]) of the fit to the CIE 1931 matching functions by
-# Wyman, Sloan and Shirley, "Simple analytic approximations to the CIE XYZ color matching functions", JCGT 2 (2), 2013.
-_LOBES = (
-    ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
-    ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
-    ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
-)
-
-# Second radiation constant h c / k [nm K].
-_C2 = 1.438776877e7
+WIEN = 2.897771955e6  # temperature times the wavelength where a black body is brightest [nm K], CODATA 2018
+LUMINOUS = float(cie_1931()[:, 1].sum())
 
 # Chromaticities x, y of standard illuminants, 2 degrees (CIE 15:2004, table T.3 and T.5); ACES: SMPTE ST 2065-1.
 ILLUMINANTS = {
@@ -33,21 +24,6 @@ ILLUMINANTS = {
 }  # fmt: skip
 
 
-def _matching_functions() -> Array:
-    rows = []
-    for lobes in _LOBES:
-        total = np.zeros_like(WAVELENGTHS_NM)
-        for height, centre, below, above in lobes:
-            width = np.where(centre > WAVELENGTHS_NM, below, above)
-            total += height * np.exp(-0.5 * ((WAVELENGTHS_NM - centre) / width) ** 2)
-        rows.append(total)
-    return np.stack(rows)
-
-
-MATCHING = _matching_functions()
-LUMINOUS = float(MATCHING[1].sum())
-
-
 def xyz_of_samples(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     """Return X, Y, Z of a spectrum, linear between its samples; one that is 1 everywhere has Y = 1.
 
@@ -55,7 +31,7 @@ def xyz_of_samples(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
     """
     order = np.argsort(np.asarray(wavelengths_nm, np.float64), kind="stable")
     samples = np.interp(WAVELENGTHS_NM, np.asarray(wavelengths_nm)[order], np.asarray(values)[order])
-    return np.asarray(MATCHING @ samples / LUMINOUS)
+    return np.asarray(samples @ cie_1931() / LUMINOUS)
 
 
 def reflectance_srgb(wavelengths_nm: ArrayLike, values: ArrayLike) -> Array:
@@ -73,13 +49,8 @@ def light_srgb(wavelengths_nm: ArrayLike, values: ArrayLike, *, luminance: float
 
 
 def planck(kelvin: float) -> Array:
-    """Return a black body's radiance at `WAVELENGTHS_NM`, 1 at the peak that Wien's law gives."""
-
-    def radiance(wavelength_nm: Array) -> Array:
-        return wavelength_nm**-5.0 / np.expm1(np.minimum(_C2 / (wavelength_nm * kelvin), 700.0))
-
-    peak = np.array([2.897771955e6 / kelvin])
-    return np.asarray(radiance(WAVELENGTHS_NM) / radiance(peak))
+    """Return a black body's radiance at `WAVELENGTHS_NM`, 1 at its peak (Wien's law), wherever that lies."""
+    return np.asarray(blackbody(kelvin) / planck_radiance(WIEN / kelvin, kelvin))
 
 
 def black_body_srgb(kelvin: float, *, luminance: float | None) -> Array:

@@ -97,7 +97,7 @@ class _Filler:
         if isinstance(material, (Conductor, Dielectric, Plastic)):
             record["alpha"], record["alpha_across"] = material.alphas or (0.0, 0.0)
         if isinstance(material, (Dielectric, Plastic, ThinGlass)):
-            record["parameter"] = material.index
+            record["parameter"] = material.n_d if isinstance(material, Dielectric) else material.index
         if isinstance(material, Conductor) and material.metal is not None:
             n, k = _constants(material.metal)
             record["metal_n"][:3], record["metal_k"][:3] = n, k

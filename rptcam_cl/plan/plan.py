@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.cameras.course import camera_course
 from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
@@ -17,6 +18,7 @@ from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import Primitive, pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.textures import Textures, TextureTable
 from rptcam_cl.records import Kind
+from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.scene import Scene
 
 
@@ -27,6 +29,7 @@ class Plan:
     facts: dict[str, int]
     camera: CameraModel
     camera_filter: FilterTable
+    course: NDArray[np.float32]
     primitives: NDArray[np.void]
     kind_end: NDArray[np.int32]
     materials: NDArray[np.void]
@@ -45,6 +48,8 @@ def _is_smooth(primitive: Primitive) -> bool:
 
 def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
     """Return the plan of a scene, with its own camera unless another one is given."""
+    scene = at_opening(scene)
+    course, legs = camera_course(scene)
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
@@ -61,6 +66,8 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
         "HAS_SHADING_NORMAL": int(shown.facts["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+        "CAMERA_LEGS": min(legs, 2),
+        "MOVES": int(legs > 0),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
@@ -69,6 +76,7 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
         facts=facts,
         camera=camera or camera_model(scene),
         camera_filter=filter_table(scene.film.filter),
+        course=course,
         primitives=records,
         kind_end=kind_end,
         materials=shown.records,

@@ -13,9 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.scene.environment import SkyEnvironment
+from rptcam_cl.spectra import WAVELENGTHS_NM, Spectrum, blackbody, srgb_from_spectrum, srgb_from_xyz
 
 Array = NDArray[np.float64]
 LUMENS_PER_WATT = 683.0
+SUN_KELVIN = 5772.0
 SUN_RADIUS_DEGREES = 0.2666  # seen from the mean distance of the Earth
 ROWS, COLUMNS = 256, 512
 
@@ -39,15 +41,6 @@ _OZONE = (
     0.004,
 )  # fmt: skip
 _OZONE_CM = 0.35
-# CIE 1931 observer: amplitude, middle and widths below and above [nm] (Wyman, Sloan, Shirley, JCGT 2(2) 2013).
-_OBSERVER = (
-    ((1.056, 599.8, 37.9, 31.0), (0.362, 442.0, 16.0, 26.7), (-0.065, 501.1, 20.4, 26.2)),
-    ((0.821, 568.8, 46.9, 40.5), (0.286, 530.9, 16.3, 31.1)),
-    ((1.217, 437.0, 11.8, 36.0), (0.681, 459.0, 26.0, 13.8)),
-)
-_RGB_FROM_XYZ = np.linalg.inv(
-    np.array([[0.4124564, 0.3575761, 0.1804375], [0.2126729, 0.7151522, 0.0721750], [0.0193339, 0.1191920, 0.9503041]])
-)  # IEC 61966-2-1
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,26 +103,19 @@ def sky_radiance(cosine: Array, towards: Array, zenith_angle: float, turbidity: 
         values[name] = zenith[name] * value / at_zenith
     luminance, x, y = np.maximum(values["Y"], 0.0), values["x"], values["y"]
     xyz = np.stack([luminance * x / y, luminance, luminance * (1 - x - y) / y], axis=-1)
-    return np.asarray(np.maximum(xyz @ _RGB_FROM_XYZ.T, 0.0) / LUMENS_PER_WATT)
+    return np.asarray(np.maximum(xyz @ srgb_from_xyz().T, 0.0) / LUMENS_PER_WATT)
 
 
 def sun_irradiance(zenith_angle: float, turbidity: float) -> Array:
     """Return the irradiance of the sun's direct light on a surface that faces it [W/m²], linear sRGB."""
-    wavelength = np.arange(380.0, 781.0, 5.0)  # nm
-    metres, microns = wavelength * 1e-9, wavelength * 1e-3
-    body = 2 * 6.62607015e-34 * 299792458.0**2 / metres**5
-    body /= np.expm1(6.62607015e-34 * 299792458.0 / (metres * 1.380649e-23 * 5772.0))  # Planck
-    spectrum = np.pi * np.sin(np.deg2rad(SUN_RADIUS_DEGREES)) ** 2 * body  # W/m³
-    degrees = np.rad2deg(zenith_angle)
+    return np.maximum(srgb_from_spectrum(sun_spectrum(zenith_angle, turbidity)), 0.0)
+
+
+def sun_spectrum(zenith_angle: float, turbidity: float) -> Spectrum:
+    """Return the same per wavelength [W/(m² nm)], (401,)."""
+    spectrum = np.pi * np.sin(np.deg2rad(SUN_RADIUS_DEGREES)) ** 2 * blackbody(SUN_KELVIN)
+    microns, degrees = WAVELENGTHS_NM * 1e-3, np.rad2deg(zenith_angle)
     mass = 1 / (np.cos(zenith_angle) + 0.15 * (93.885 - degrees) ** -1.253)
     depth = 0.008735 * microns**-4.08 + (0.04608 * turbidity - 0.04586) * microns**-1.3
-    depth += np.interp(wavelength, 450 + 10 * np.arange(len(_OZONE)), _OZONE, left=0.0, right=0.0) * _OZONE_CM
-    spectrum = spectrum * np.exp(-mass * depth)
-    observer = np.array([sum(_lobe(wavelength, *lobe) for lobe in lobes) for lobes in _OBSERVER])
-    xyz = observer @ spectrum * 5e-9  # 683 lm/W taken out again
-    return np.asarray(np.maximum(_RGB_FROM_XYZ @ xyz, 0.0))
-
-
-def _lobe(wavelength: Array, amplitude: float, middle: float, below: float, above: float) -> Array:
-    width = np.where(wavelength < middle, below, above)
-    return np.asarray(amplitude * np.exp(-0.5 * ((wavelength - middle) / width) ** 2))
+    depth += np.interp(WAVELENGTHS_NM, 450 + 10 * np.arange(len(_OZONE)), _OZONE, left=0.0, right=0.0) * _OZONE_CM
+    return np.asarray(spectrum * np.exp(-mass * depth))

@@ -29,6 +29,7 @@ from rptcam_cl.scene.environment import (
     ImageEnvironment,
     SkyEnvironment,
 )
+from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.film_filter import FilmFilter
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
@@ -36,8 +37,11 @@ from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.opening import at_opening
+from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
 from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.sampling import Picture, RenderSettings
+from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
@@ -47,11 +51,13 @@ from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
+from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
     "Aperture",
     "Box",
     "Camera",
+    "CameraKeyframe",
     "Checker",
     "CircularAperture",
     "Conductor",
@@ -64,6 +70,7 @@ __all__ = [
     "Emissive",
     "Environment",
     "EnvironmentCamera",
+    "Exposure",
     "Film",
     "FilmFilter",
     "Focus",
@@ -116,8 +123,12 @@ __all__ = [
     "ThickLensCamera",
     "ThinGlass",
     "ThinLensCamera",
+    "ToneCurve",
     "TransformStep",
+    "WhiteBalance",
+    "at_opening",
     "change_scene",
+    "load_picture",
     "load_scene",
     "scene_json_schema",
 ]

@@ -5,12 +5,14 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
+from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.aperture import Aperture, CircularAperture
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.lens_reference import LensReference
+from rptcam_cl.scene.motion import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Fraction, Position, list_of
 from rptcam_cl.scene.refusal import refuse
 
@@ -39,6 +41,9 @@ class Pose(SceneModel):
     flip: bool = Field(default=True, strict=True)
     """Whether the picture is turned upright; false keeps the inverted image as it lies on the film."""
 
+    motion: CameraMotion = ()
+    """Where it is over time; without keyframes it stands still."""
+
     @model_validator(mode="after")
     def _check_pose(self) -> Self:
         forward = np.subtract(self.target, self.eye)
@@ -52,6 +57,33 @@ class Pose(SceneModel):
             )
         return self
 
+    @model_validator(mode="after")
+    def _check_motion(self) -> Self:
+        poses = [self.pose_at(frame.time_s) for frame in self.motion]
+        for index, (first, second) in enumerate(zip(poses, poses[1:] or poses, strict=False)):
+            if not _keeps_a_view(first, second):
+                raise refuse(
+                    "leads to a moment without a viewing direction, or with one parallel to up",
+                    got=self.motion[index].time_s,
+                    allowed="eye, target and up that give a view at every moment; keyframes in between help",
+                    path=("motion", index),
+                )
+        return self
+
+    def pose_at(self, time_s: float) -> Vector:
+        """Return eye, target and up at a moment, (3, 3): each goes straight from keyframe to keyframe."""
+        own = np.array([self.eye, self.target, self.up])
+        if not self.motion:
+            return own
+        index, share = place_between(self.motion, time_s)
+        first, second = (self._pose_of(place, own) for place in (index, min(index + 1, len(self.motion) - 1)))
+        return np.asarray(first + share * (second - first))
+
+    def _pose_of(self, index: int, own: Vector) -> Vector:
+        frame = self.motion[index]
+        given = (frame.eye, frame.target, frame.up)
+        return np.array([row if value is None else value for value, row in zip(given, own, strict=True)])
+
     def world_from_camera(self) -> NDArray[np.float64]:
         """Return the 4x4 matrix whose columns are right, up, back and eye, in scene units."""
         back = np.subtract(self.eye, self.target)
@@ -61,6 +93,17 @@ class Pose(SceneModel):
         matrix = np.eye(4)
         matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(back, right), back, self.eye
         return matrix
+
+
+def _keeps_a_view(first: Vector, second: Vector) -> bool:
+    """Return whether a camera that goes from one pose to another always has a view and an upright."""
+    views = [Polynomial([a, b - a]) for a, b in zip(first[1] - first[0], second[1] - second[0], strict=True)]
+    ups = [Polynomial([a, b - a]) for a, b in zip(first[2], second[2], strict=True)]
+    sides = [ups[k] * views[k - 2] - ups[k - 2] * views[k] for k in (1, 2, 0)]
+    side2, view2, up2 = (sum((part * part for part in parts), Polynomial([0.0])) for parts in (sides, views, ups))
+    turning = np.real(side2.deriv().roots())
+    least = SMALLEST_ROLL_SINE**2 * max(view2(0.0), view2(1.0)) * max(up2(0.0), up2(1.0))
+    return all(side2(share) > least for share in (0.0, 1.0, *turning[(turning > 0) & (turning < 1)]))
 
 
 class PinholeCamera(Pose):

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.scene.camera import Camera
+from rptcam_cl.scene.camera import Camera, LensCamera
 from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.environment import (
     ConstantEnvironment,
@@ -26,6 +26,7 @@ from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.scene_object import PlacedObject
 from rptcam_cl.scene.shape import Object, Plane
+from rptcam_cl.scene.shutter import Shutter
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
 LARGEST_EXTENT_RATIO = 1e7
@@ -60,8 +61,27 @@ def check_extent(item: Object, path: tuple[str | int, ...]) -> None:
         raise refuse("is too small for float32", got=extent, allowed=allowed, path=path)
 
 
+def check_focus(camera: Camera, shutter: Shutter) -> None:
+    """Refuse a point in focus that a moving camera has behind it when the shutter opens."""
+    if not isinstance(camera, LensCamera) or camera.focus.point is None or not camera.motion:
+        return
+    eye, target, _ = camera.pose_at(shutter.open_s)
+    if not np.dot(camera.focus.point - eye, target - eye) > 0:
+        raise refuse(
+            "does not lie in front of the film when the shutter opens",
+            got=list(camera.focus.point),
+            allowed="a point on the side that the camera looks to at shutter.open_s",
+            path=("camera", "focus", "point"),
+        )
+
+
 def scene_warnings(
-    camera: Camera, film: Film, objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None
+    camera: Camera,
+    film: Film,
+    shutter: Shutter,
+    objects: Sequence[Object],
+    lights: Sequence[Light],
+    environment: Environment | None,
 ) -> tuple[str, ...]:
     """Return what is allowed but probably not meant, one sentence each."""
     found: list[str] = []
@@ -73,16 +93,20 @@ def scene_warnings(
         found.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
     found += _extent_warnings(objects)
     found += _mesh_warnings(objects)
-    found += _inside_warnings(camera, objects)
+    found += _inside_warnings(camera, shutter, objects)
     return tuple(found)
 
 
 def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
-    shown = [material for item in objects for material in item.shown_materials()]
+    given = [*_light_colours(lights), *_environment_colours(environment)]
+    return any(max(colour) > 0 for colour in given) or any(map(_shines, objects))
+
+
+def _shines(item: PlacedObject) -> bool:
+    shown = item.shown_materials()
     glowing = [material.radiance for material in shown if isinstance(material, Emissive)]
     glowing += [material.emission for material in shown if isinstance(material, Principled)]
-    colours = [colour if isinstance(colour, tuple) else (1.0, 1.0, 1.0) for colour in glowing]
-    return any(max(colour) > 0 for colour in [*colours, *_light_colours(lights), *_environment_colours(environment)])
+    return any(max(colour) > 0 if isinstance(colour, tuple) else True for colour in glowing)
 
 
 def _light_colours(lights: Sequence[Light]) -> list[Colour]:
@@ -135,8 +159,8 @@ def _mesh_warnings(objects: Sequence[Object]) -> list[str]:
     return list(dict.fromkeys(note for contents in loaded for note in contents.notes))
 
 
-def _inside_warnings(camera: Camera, objects: Sequence[Object]) -> list[str]:
-    eye = np.array([*camera.eye, 1.0])
+def _inside_warnings(camera: Camera, shutter: Shutter, objects: Sequence[Object]) -> list[str]:
+    eye = np.append(camera.pose_at(shutter.open_s)[0], 1.0)
     return [
         f"the camera stands inside objects[{index}]"
         for index, item in enumerate(objects)

@@ -8,15 +8,17 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import Field, model_validator
 
+from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
+from rptcam_cl.scene.glass import LARGEST_INDEX, SMALLEST_INDEX, Glass, nearest_to_one
 from rptcam_cl.scene.quantities import NUMBER, Albedo, Coefficient
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.roughness import RoughMaterial
 from rptcam_cl.scene.spectrum import SpectralColour
 
-Index = Annotated[float, Field(ge=0.2, le=5), NUMBER]
+Index = Annotated[float, Field(ge=SMALLEST_INDEX, le=LARGEST_INDEX), NUMBER]
 
 # A rough surface whose index is nearer to 1 bends light by less than its facets' normals can be told from in float32.
 LEAST_BEND = 0.01
@@ -75,14 +77,24 @@ class Dielectric(RoughMaterial, AbsorbingMaterial, BumpyMaterial):
     index: Index = 1.5
     """Refractive index inside, relative to the outside."""
 
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (ROUGHNESS, ABSORPTION)
+    glass: Glass | None = None
+    """What is inside instead, with its dispersion: a name, or a law as lens files have them."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("index", "glass"), False), ROUGHNESS, ABSORPTION)
+
+    @property
+    def n_d(self) -> float:
+        """Refractive index at 587.56 nm."""
+        return self.index if self.glass is None else float(self.glass.index(WAVELENGTH_D))
 
     @model_validator(mode="after")
     def _check_bend(self) -> Self:
-        if self.alphas is not None and abs(self.index - 1) < LEAST_BEND:
+        nearest = self.index if self.glass is None else nearest_to_one(self.glass)
+        if self.alphas is not None and abs(nearest - 1) < LEAST_BEND:
             raise refuse(
-                "bends light too little for a rough surface", got=self.index, path=("index",),
+                "bends light too little for a rough surface", got=nearest,
                 allowed=f"1 +- {LEAST_BEND:g} or farther from 1; or a smooth surface",
+                path=("index" if self.glass is None else "glass",),
             )  # fmt: skip
         return self
 

@@ -11,6 +11,7 @@ from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Focus, LensCamera, ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.problems import shown
+from rptcam_cl.scene.white_balance import WhiteBalance
 from rptcam_cl.strict_yaml import KeyPath, dotted, read_yaml
 
 # Where keys that exclude each other live, and the models that say which they are.
@@ -18,7 +19,11 @@ _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
     ("film",): (Film,),
     ("camera",): (ThinLensCamera, LensCamera),
     ("camera", "focus"): (Focus,),
+    ("picture", "white_balance"): (WhiteBalance,),
 }
+
+# Parts that a word stands for, and the key whose value that word is.
+_WORDS: dict[KeyPath, str] = {("exposure",): "mode"}
 
 
 def apply_overrides(data: dict[Any, Any], overrides: Iterable[str]) -> dict[KeyPath, str]:
@@ -55,6 +60,8 @@ def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
         if isinstance(value, dict):
             if value.get(_key(value, key)) is None:
                 value[_key(value, key)] = {}
+            if path[:length] in _WORDS and isinstance(value[key], str):
+                value[key] = {_WORDS[path[:length]]: value[key]}
             value = value[_key(value, key)]
         else:
             value = value[_index(value, key, path[: length - 1], text)]

@@ -1,4 +1,4 @@
-"""How the picture is computed and shown."""
+"""How the picture is computed."""
 
 from __future__ import annotations
 
@@ -50,10 +50,3 @@ class RenderSettings(SceneModel):
     def most_spp(self) -> int:
         """Samples of a pixel at most: `spp`, which unless it is given leaves a noise target room."""
         return self.spp if self.noise is None or "spp" in self.model_fields_set else ADAPTIVE_SPP
-
-
-class Picture(SceneModel):
-    """How the film becomes the tone-mapped picture."""
-
-    ev: Annotated[float, Field(ge=-60, le=60), NUMBER] = 0.0
-    """Exposure compensation [stops]; +1 doubles the brightness."""

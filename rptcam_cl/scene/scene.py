@@ -7,15 +7,16 @@ import json
 from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from rptcam_cl.scene.aperture import ImageAperture
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
-from rptcam_cl.scene.checks import check_extent, scene_warnings
+from rptcam_cl.scene.checks import check_extent, check_focus, scene_warnings
 from rptcam_cl.scene.environment import WITH_UP, Environment
+from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, check_exposure
 from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.files import Folders, digest, is_file_reference
 from rptcam_cl.scene.film import Film
@@ -24,9 +25,10 @@ from rptcam_cl.scene.material import Material
 from rptcam_cl.scene.material_names import with_material, with_parts
 from rptcam_cl.scene.mesh_library import MeshLibrary
 from rptcam_cl.scene.mesh_shape import LoadedMesh, MeshObject, NamedMesh
+from rptcam_cl.scene.picture import Picture
 from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.refusal import listed, near_name, refuse
-from rptcam_cl.scene.sampling import Picture, RenderSettings
+from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.shape import Object
 from rptcam_cl.scene.shutter import Shutter
 
@@ -43,8 +45,8 @@ class Scene(SceneModel):
     camera: Camera
     """Camera model and pose."""
 
-    exposure: Literal["relative", "irradiance"] = "relative"
-    """Scale of a lens camera's film: 1 is what a field of radiance 1 gives on the axis, or irradiance itself."""
+    exposure: ExposureOrMode = Exposure()
+    """What a value of 1 on the film stands for."""
 
     shutter: Shutter = Shutter()
     """How long light falls on the film."""
@@ -53,7 +55,7 @@ class Scene(SceneModel):
     """How the light paths are sampled."""
 
     picture: Picture = Picture()
-    """How the film becomes the tone-mapped picture."""
+    """How the film becomes the picture that a screen shows."""
 
     materials: Mapping[str, Material] = {}
     """Materials by name, for use in `objects`."""
@@ -115,6 +117,9 @@ class Scene(SceneModel):
                 allowed=f"twice as wide as high, for instance [{2 * height}, {height}]",
                 path=("film", "resolution"),
             )
+        check_exposure(self.exposure, self.camera)
+        self.picture.check_crop(self.film.crop)
+        check_focus(self.camera, self.shutter)
         for index, item in enumerate(self.objects):
             if not isinstance(item, MeshObject):
                 check_extent(item, path=("objects", index))
@@ -149,7 +154,7 @@ class Scene(SceneModel):
     def warnings(self) -> tuple[str, ...]:
         """What is allowed but probably not meant, one sentence each."""
         self.mesh_objects()
-        return scene_warnings(self.camera, self.film, self.objects, self.lights, self.environment)
+        return scene_warnings(self.camera, self.film, self.shutter, self.objects, self.lights, self.environment)
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
         """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""

@@ -8,6 +8,7 @@ from rptcam_cl.spectra.illuminants import (
     blackbody,
     daylight,
     illuminant,
+    planck_radiance,
 )
 from rptcam_cl.spectra.metals import METALS, metal_optics
 from rptcam_cl.spectra.observer import (
@@ -38,6 +39,7 @@ __all__ = [
     "luminance",
     "metal_optics",
     "on_grid",
+    "planck_radiance",
     "reflectance_from_srgb",
     "rgb_basis",
     "srgb_from_reflectance",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.spectra.grid import WAVELENGTHS_NM, Spectrum
@@ -61,8 +62,13 @@ def daylight(kelvin: float) -> Spectrum:
 
 
 def blackbody(kelvin: float) -> Spectrum:
-    """Return the radiance of a black body of a temperature [K], in vacuum (401,) [W/(m² sr nm)]; Planck's law."""
-    metres = WAVELENGTHS_NM * 1e-9
+    """Return the radiance of a black body of a temperature [K] (401,) [W/(m² sr nm)]."""
+    return planck_radiance(WAVELENGTHS_NM, kelvin)
+
+
+def planck_radiance(wavelength_nm: ArrayLike, kelvin: float) -> Spectrum:
+    """Return the radiance of a black body of a temperature [K] in vacuum [W/(m² sr nm)], by Planck's law."""
+    metres = np.asarray(wavelength_nm, np.float64) * 1e-9
     # Beyond the exponent 700 the radiance is below 1e-290 of anything visible; larger ones overflow.
     exponent = np.minimum(PLANCK * LIGHT_SPEED / (BOLTZMANN * kelvin * metres), 700.0)
     return np.asarray(2 * PLANCK * LIGHT_SPEED**2 / metres**5 / np.expm1(exponent) * 1e-9)

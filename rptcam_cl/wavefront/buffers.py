@@ -24,6 +24,8 @@ class SceneBuffers:
         Facts of the trees for the compilation; none where there are none.
     camera : tuple
         The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
+    course : tuple
+        Its last: when the shutter is open and where the camera is, if anything moves.
     """
 
     def __init__(self, session: Session, plan: Plan) -> None:
@@ -50,6 +52,7 @@ class SceneBuffers:
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             low, high = (bound.tobytes() for bound in trees.bounds)
             self.scene += (*(upload(array, in_place=True) for array in arrays), np.int32(trees.root), low, high)
+        self.course = (upload(plan.course),) if plan.facts["MOVES"] else ()
         self.filter = upload(plan.camera_filter.table)
         self.camera = camera_buffers(session, plan.camera)
 

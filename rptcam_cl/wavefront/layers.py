@@ -117,6 +117,7 @@ class LayerPass:
             np.uint32(capacity),
             np.uint32(layout.pixels),
             tiles,
+            *(buffers.course if plan.facts["CAMERA_LEGS"] else ()),
         )
 
     def set_wave(self, wave: bytes) -> None:

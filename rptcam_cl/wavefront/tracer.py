@@ -117,6 +117,8 @@ class Wavefront:
             "SAMPLER_LATTICE": plan.facts["SAMPLER_LATTICE"],
             "HAS_MESH": plan.facts["HAS_MESH"],
             "FILTER": plan.camera_filter.cells,
+            "MOVES": plan.facts["MOVES"],
+            "CAMERA_LEGS": plan.facts["CAMERA_LEGS"],
             "STREAM": int(self.organisation == "stream"),
             "VW": self._lanes["camera"],
         }
@@ -124,8 +126,9 @@ class Wavefront:
 
     def _allocate(self, plan: Plan, buffers: SceneBuffers | None) -> None:
         floats = floats_per_slot(
-            stream=self.organisation == "stream", emitters=self._emitters > 0, meshes=plan.facts["HAS_MESH"] > 0
-        )
+            stream=self.organisation == "stream", emitters=self._emitters > 0, meshes=plan.facts["HAS_MESH"] > 0,
+            moves=plan.facts["MOVES"] > 0,
+        )  # fmt: skip
         state_bytes = 4 * floats * self.capacity
         planes = LayerPlanes(self.settings.layers)
         self._film_planes = PLANES + (self.settings.clamp is not None)
@@ -154,7 +157,7 @@ class Wavefront:
         scene, pixels = self._buffers.scene, np.uint32(self.layout.pixels)
         self._generate = session.bind(
             self._camera, "generate", *self._camera_buffers, self._counters, self._state, capacity, empty,
-            self._tile_list, self._buffers.filter,
+            self._tile_list, self._buffers.filter, *self._buffers.course,
         )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(

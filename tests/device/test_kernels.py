@@ -18,7 +18,7 @@ from tests.render.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
 CAMERAS = sorted(
-    path.stem for path in (kernels_dir() / "camera").glob("*.h") if path.stem not in ("film_point", "filter")
+    path.stem for path in (kernels_dir() / "camera").glob("*.h") if path.stem not in ("film_point", "filter", "course")
 )
 # How calls pass wide vectors is moot, as every helper is static. Compilers that are not clang ignore the pragma.
 NO_ABI = '#ifdef __clang__\n#pragma clang diagnostic ignored "-Wpsabi"\n#endif\n'
@@ -79,7 +79,8 @@ def all_facts():
     shown = [PLANE | {"material": name} for name in (*PATTERNS, *EVERY_MATERIAL)]
     scene |= {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials}
     scene |= {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"], "render": {"clamp": 9.0}}
-    return facts_of(scene)
+    leaning = [{"time_s": 0}, {"time_s": 1e-3}, {"time_s": 1, "up": [0.1, 0, 1]}]
+    return facts_of(scene | {"camera": scene["camera"] | {"motion": leaning}})
 
 
 def least_facts():
@@ -134,6 +135,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
     for rest, shape in ((0, "APERTURE_ROWS"), (1, "APERTURE_PARTS")):
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
         facts |= {"HAS_EMITTERS": rest, shape: 9, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
+        facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream)}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 

@@ -5,7 +5,7 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.errors import InputError
-from rptcam_cl.imaging import Image, tone_mapped
+from rptcam_cl.imaging import Development, Image, develop, quantised
 
 
 @pytest.fixture
@@ -40,6 +40,7 @@ def test_array_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
         Image(np.zeros(shape, np.float32))
 
 
-def test_notebook_shows_the_tone_mapped_picture(pixels: np.ndarray) -> None:
-    with PIL.Image.open(io.BytesIO(Image(pixels, ev=1.0)._repr_png_())) as shown:
-        assert np.array_equal(np.asarray(shown), tone_mapped(pixels, 1.0))
+def test_notebook_shows_the_developed_picture(pixels: np.ndarray) -> None:
+    picture = Development(ev=1.0, tone="filmic")
+    with PIL.Image.open(io.BytesIO(Image(pixels, picture=picture)._repr_png_())) as shown:
+        assert np.array_equal(np.asarray(shown), quantised(develop(pixels, picture), 8))

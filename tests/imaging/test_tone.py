@@ -1,7 +1,28 @@
+"""Tone curves: values of the published formulas, and what every curve keeps."""
+
+from typing import get_args
+
 import numpy as np
 import pytest
 
-from rptcam_cl.imaging import srgb_from_linear, tone_mapped
+from rptcam_cl.imaging import Development, develop, quantised, srgb_from_linear
+from rptcam_cl.imaging.develop import Tone
+from rptcam_cl.imaging.tone import linear_from_srgb
+
+TONES = get_args(Tone)
+WHITES = {"srgb": 1.0, "linear": 1.0, "reinhard": 4.0, "filmic": 7.25, "agx": 0.18 * 2**6.5}
+GREYS = np.r_[0.0, np.geomspace(1e-5, 1e5, 4001)].astype(np.float32)
+
+
+def greys(values: np.ndarray) -> np.ndarray:
+    return np.repeat(np.asarray(values, np.float32).reshape(1, -1, 1), 3, axis=2)
+
+
+def shown(values: np.ndarray, tone: Tone, **settings: float) -> np.ndarray:
+    """The linear light of the display for greys."""
+    encoded = develop(greys(values), Development(tone=tone, **settings))
+    assert np.all(np.ptp(encoded, axis=2) < 1e-6)  # a grey stays grey
+    return encoded[0, :, 0] if tone == "linear" else linear_from_srgb(encoded[0, :, 0])
 
 
 @pytest.mark.parametrize(
@@ -17,17 +38,103 @@ def test_srgb_curve_rises_everywhere() -> None:
     assert np.all(np.diff(srgb_from_linear(np.linspace(0.0, 1.0, 10001))) > 0)
 
 
-def test_values_off_the_scale_are_clipped_and_nan_is_black() -> None:
-    pixels = np.array([[[-1.0, 2.0, np.nan], [np.inf, -np.inf, 1e38]]], np.float32)
-    assert tone_mapped(pixels, ev=4.0).tolist() == [[[0, 255, 0], [255, 0, 255]]]
+def test_srgb_decoding_undoes_the_encoding() -> None:
+    linear = np.linspace(0.0, 1.0, 1001, dtype=np.float32)
+    np.testing.assert_allclose(linear_from_srgb(srgb_from_linear(linear)), linear, atol=5e-7)
 
 
-def test_one_stop_doubles_the_light() -> None:
-    pixels = np.linspace(0.0, 0.5, 60, dtype=np.float32).reshape(4, 5, 3)
-    assert np.array_equal(tone_mapped(pixels, ev=1.0), tone_mapped(2 * pixels))
+def test_plain_picture_has_the_very_codes_of_the_curve_alone() -> None:
+    # the codes of the first versions, which had no other curve: sRGB of the exposed film, rounded to 8 bits
+    pixels = np.random.default_rng(1).normal(0.3, 0.6, (64, 64, 3)).astype(np.float32)
+    pixels[0, :6] = [[np.nan] * 3, [np.inf] * 3, [-np.inf] * 3, [1e38] * 3, [1e-40] * 3, [-0.0, 0.0031308, 1.0]]
+    for ev in (-60.0, -1.3, 0.0, 2.0, 60.0):
+        with np.errstate(over="ignore"):
+            exposed = pixels * np.float32(2.0**ev)
+        x = np.clip(np.nan_to_num(exposed, nan=0.0), 0.0, 1.0).astype(np.float32)
+        curve = np.float32(1.055) * x ** np.float32(1 / 2.4) - np.float32(0.055)
+        encoded = np.where(x <= np.float32(0.0031308), x * np.float32(12.92), curve)
+        codes = (encoded * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
+        assert np.array_equal(quantised(develop(pixels, Development(ev=ev)), 8), codes)
 
 
 def test_every_code_of_eight_bits_survives_the_way_there_and_back() -> None:
     codes = np.arange(256) / 255.0
     linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-    assert tone_mapped(linear).tolist() == list(range(256))
+    assert quantised(develop(greys(linear)), 8)[0, :, 0].tolist() == list(range(256))
+
+
+def test_sixteen_bits_tell_values_apart_that_eight_do_not() -> None:
+    encoded = develop(greys(np.linspace(0.4, 0.41, 400)))
+    assert np.unique(quantised(encoded, 16)).size == 400
+    assert np.unique(quantised(encoded, 8)).size < 5
+    assert quantised(np.ones((1, 1, 3), np.float32), 16).max() == 65535
+
+
+@pytest.mark.parametrize("tone", TONES)
+def test_curve_never_falls_and_goes_from_black_to_white(tone: Tone) -> None:
+    values = shown(GREYS, tone)
+    assert values[0] == 0
+    assert np.all(np.diff(values) >= -2e-7)
+    inside = (GREYS > 1e-3) & (0.97 * WHITES[tone] > GREYS)
+    assert np.all(np.diff(values[inside]) > 0)
+    assert shown(np.array([WHITES[tone], 100 * WHITES[tone]]), tone) == pytest.approx([1, 1], abs=1e-6)
+    assert shown(np.array([0.9 * WHITES[tone]]), tone)[0] < 0.9995
+
+
+@pytest.mark.parametrize("tone", TONES)
+@pytest.mark.parametrize("gamut", ["clip", "desaturate"])
+def test_values_of_any_size_stay_in_range(tone: Tone, gamut: str) -> None:
+    odd = [np.nan, np.inf, -np.inf, 1e38, -1e38, 1e-40, -1e-40, 0.0, 0.5, 3.0]
+    pixels = np.array([[r, g, b] for r in odd for g in odd for b in odd], np.float32)[None]
+    with np.errstate(all="raise", under="ignore"):
+        encoded = develop(pixels, Development(ev=3.0, tone=tone, gamut=gamut))
+    assert encoded.dtype == np.float32
+    assert np.isfinite(encoded).all()
+    assert encoded.min() >= 0
+    assert encoded.max() <= 1
+
+
+def test_one_stop_doubles_the_light() -> None:
+    pixels = np.linspace(0.0, 0.5, 60, dtype=np.float32).reshape(4, 5, 3)
+    for tone in TONES:
+        once, twice = Development(ev=1.0, tone=tone), Development(tone=tone)
+        assert np.array_equal(develop(pixels, once), develop(2 * pixels, twice))
+
+
+def test_linear_picture_is_the_light_itself() -> None:
+    pixels = np.random.default_rng(2).random((3, 4, 3), dtype=np.float32)
+    assert np.array_equal(develop(pixels, Development(tone="linear")), pixels)
+
+
+@pytest.mark.parametrize("white", [1.0, 4.0, 100.0])
+def test_reinhard_maps_luminance_by_the_formula_and_keeps_ratios(white: float) -> None:
+    # Reinhard et al. 2002, eq. 4: L (1 + L / white^2) / (1 + L)
+    light = np.array([0.01, 0.18, 0.5, 0.9])
+    expected = light * (1 + light / white**2) / (1 + light)
+    assert shown(light, "reinhard", tone_white=white) == pytest.approx(expected, rel=2e-6)
+    colour = np.array([0.8, 0.4, 0.1], np.float32)
+    display = linear_from_srgb(develop(colour[None, None], Development(tone="reinhard", tone_white=white))[0, 0])
+    assert display / display[1] == pytest.approx(colour / colour[1], rel=1e-5)
+
+
+def test_filmic_has_the_values_of_the_published_fit() -> None:
+    # Narkowicz 2016: x (2.51 x + 0.03) / (x (2.43 x + 0.59) + 0.14), rounded here to four digits by hand
+    assert shown(np.array([0.18, 1.0, 4.0]), "filmic") == pytest.approx([0.2669, 0.8038, 0.9734], abs=5e-5)
+
+
+def test_agx_keeps_grey_and_its_contrast() -> None:
+    assert shown(np.array([0.18]), "agx")[0] == pytest.approx(0.18, rel=1e-5)
+    near = 0.18 * 2.0 ** np.array([-0.01, 0.0, 0.01])
+    plain, below_and_above = (develop(greys(near), Development(tone=tone))[0, :, 0] for tone in ("srgb", "agx"))
+    assert np.diff(below_and_above) == pytest.approx(np.diff(plain), rel=0.01)
+
+
+def test_agx_turns_bright_colours_white_and_leaves_dim_ones_coloured() -> None:
+    lamp = np.array([[[1.0, 0.05, 0.02]]], np.float32)
+    spread = [float(np.ptp(develop(lamp, Development(ev=ev, tone="agx")))) for ev in (-2.0, 2.0, 4.0, 6.0, 9.0)]
+    assert spread == sorted(spread, reverse=True)
+    assert spread[0] > 0.3
+    assert spread[-1] < 0.02
+    clipped = develop(lamp, Development(ev=2.0))[0, 0]
+    assert clipped[0] == pytest.approx(1, abs=1e-6)  # plain sRGB shows the lamp as pure red
+    assert np.ptp(clipped) > 0.4

@@ -6,7 +6,7 @@ import PIL.Image
 import pytest
 
 from rptcam_cl.errors import InputError, StateError
-from rptcam_cl.imaging import Image, check_output, tone_mapped
+from rptcam_cl.imaging import Development, Image, check_output, quantised
 
 METADATA = {
     "scene_hash": "5e1f",
@@ -26,7 +26,7 @@ METADATA = {
 @pytest.fixture
 def image() -> Image:
     pixels = np.random.default_rng(1).random((5, 7, 3), dtype=np.float32) * 4
-    return Image(pixels, metadata=METADATA, ev=-1.0)
+    return Image(pixels, metadata=METADATA, picture=Development(ev=-1.0))
 
 
 def test_npy_holds_the_film_bit_for_bit(tmp_path: Path, image: Image) -> None:
@@ -36,12 +36,12 @@ def test_npy_holds_the_film_bit_for_bit(tmp_path: Path, image: Image) -> None:
     assert np.array_equal(film, image.pixels)
 
 
-def test_png_holds_the_tone_mapped_picture_and_the_metadata(tmp_path: Path, image: Image) -> None:
+def test_png_holds_the_developed_picture_and_the_metadata(tmp_path: Path, image: Image) -> None:
     image.save(tmp_path / "picture.PNG")
     with PIL.Image.open(tmp_path / "picture.PNG") as picture:
         assert picture.format == "PNG"
         assert picture.info["srgb"] == 0
-        assert np.array_equal(np.asarray(picture), tone_mapped(image.pixels, -1.0))
+        assert np.array_equal(np.asarray(picture), quantised(image.developed(), 8))
         text = picture.text
     assert text["lens"] == "Gauß 50 mm f/2"
     assert text["seed"] == str(2**63)
@@ -89,9 +89,9 @@ def test_exr_keeps_values_that_half_floats_cannot(tmp_path: Path, value: float) 
 
 @pytest.mark.parametrize("name", ["picture", "picture.jpg", "picture.png.gz", ".png", "picture."])
 def test_unknown_suffix_names_the_known_ones(tmp_path: Path, image: Image, name: str) -> None:
-    with pytest.raises(InputError, match=r"allowed \.png \.exr \.npy"):
+    with pytest.raises(InputError, match=r"allowed \.png \.tif \.tiff \.exr \.npy"):
         check_output(tmp_path / name)
-    with pytest.raises(InputError, match=r"allowed \.png \.exr \.npy"):
+    with pytest.raises(InputError, match=r"allowed \.png \.tif \.tiff \.exr \.npy"):
         image.save(tmp_path / name)
 
 

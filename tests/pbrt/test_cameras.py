@@ -164,7 +164,7 @@ def test_lens_camera_takes_lens_stop_focus_and_film(convert: Convert) -> None:
     assert scene.camera.stop_diameter_mm == 5
     assert scene.camera.focus.distance_m == 2
     assert scene.film.diagonal_m() == pytest.approx(0.0432)
-    assert scene.exposure == "irradiance"
+    assert scene.exposure.mode == "irradiance"
     assert scene.metres_per_unit == pytest.approx(0.01)
     assert load_lens(scene.lens_source()).length == 12
 
@@ -179,7 +179,7 @@ def test_a_stop_opens_no_wider_than_the_lens_has_it(convert: Convert) -> None:
 def test_simple_weighting_is_exposure_relative_to_the_axis(convert: Convert) -> None:
     text = head("", '"realistic" "string lensfile" "a.dat" "float aperturediameter" 5').replace('"rgb"', '"image"')
     done = convert("WorldEnd", text, **{"a.dat": LENS})
-    assert done.scene.exposure == "relative"
+    assert done.scene.exposure.mode == "relative"
     assert done.says("simple weighting")
 
 

@@ -25,19 +25,21 @@ ALLOWED: dict[str, set[str]] = {
     "sensor": GROUND | {"resources", "spectra"},
     "imaging": GROUND | {"sensor"},
     "optics": FILES,
-    "scene": FILES | {"mesh_files", "spectra", "optics"},
+    "scene": FILES | {"mesh_files", "spectra", "optics"},  # optics: a solid's glass is that of lens files
     "geometry": GROUND | {"mesh_files", "records", "scene"},
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
-    "cameras": GROUND | {"curves", "records", "scene", "optics"},
+    "cameras": GROUND | {"curves", "photometry", "records", "scene", "optics"},
     "plan": GROUND
     | {"curves", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"}
     | {"spectra"},
     "lensview": FILES | {"optics"},
-    "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures"},
+    "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures", "spectra"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "cameras", "device", "acceleration"},
     "autofocus": GROUND | {"records", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
+    "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
+    "developing": GROUND | {"imaging", "scene"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}

@@ -33,9 +33,13 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Outline aperture": (model.OutlineAperture,),
     "Image aperture": (model.ImageAperture,),
     "Focus": (model.Focus,),
+    "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
+    "White balance": (model.WhiteBalance,),
+    "Tone curve": (model.ToneCurve,),
     "Normal map": (model.NormalMap, "Every texture"),
     "Attenuation": (model.dielectric.Attenuation,),
     "Matte": (model.Matte, "Holes", "Normals"),
@@ -77,6 +81,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
 BASES = {
     SceneModel,
     Pose,
+    model.motion.Keyframe,
     FileReference,
     model.LensCamera,
     model.PlacedObject,
@@ -90,7 +95,7 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "shutter", "time_s", "render", "picture", "filter", "radius_px"}
+IN_WORDS = {"film", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px", "tone"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),

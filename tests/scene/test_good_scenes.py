@@ -67,7 +67,7 @@ def test_small_scene_has_the_documented_defaults(load: Load) -> None:
     assert scene.film.resolution == (640, 360)
     assert scene.film.size_m() == pytest.approx((0.036, 0.02025))
     assert (scene.render.spp, scene.render.max_depth, scene.render.seed, scene.render.roulette_depth) == (64, 8, 0, 4)
-    assert (scene.exposure, scene.picture.ev, scene.metres_per_unit) == ("relative", 0.0, 1.0)
+    assert (scene.exposure.mode, scene.picture.ev, scene.metres_per_unit) == ("relative", 0.0, 1.0)
     assert scene.camera.up == (0.0, 1.0, 0.0)
     assert scene.camera.flip is True
     assert scene.warnings == ()

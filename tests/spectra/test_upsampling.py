@@ -5,6 +5,7 @@ import pytest
 from scipy.optimize import linprog
 
 from benchmarks import rgb_basis as solver
+from benchmarks import upsampling
 from rptcam_cl.spectra import daylight_65, reflectance_from_srgb, rgb_basis, srgb_from_reflectance, srgb_from_spectrum
 
 CUBE = np.stack(np.meshgrid(*[np.linspace(0, 1, 9)] * 3), axis=-1).reshape(-1, 3)
@@ -28,9 +29,9 @@ def test_lights_come_back_at_any_strength():
     )
 
 
-def test_float32_tables_keep_colours_to_a_millionth():
+def test_tables_in_float32_keep_colours():
     table = rgb_basis().astype(np.float32).astype(np.float64)
-    assert np.abs(srgb_from_reflectance(CUBE @ table.T) - CUBE).max() < 1e-6
+    assert np.abs(srgb_from_reflectance(CUBE @ table.T) - CUBE).max() < 1e-8
 
 
 def test_mixtures_of_colours_are_mixtures_of_spectra():
@@ -47,6 +48,21 @@ def test_no_allowed_basis_is_smoother():
     lowest = linprog(slope, A_ub=G, b_ub=h, A_eq=A, b_eq=b, bounds=(None, None))
     assert lowest.status == 0
     assert slope @ x == pytest.approx(lowest.fun, rel=1e-6)
+
+
+def test_patches_of_a_chart_come_back():
+    patches = np.clip([srgb_from_reflectance(patch) for patch in upsampling.color_checker().values()], 0, 1)
+    assert len(patches) == 24
+    assert upsampling.round_trip(reflectance_from_srgb, patches) < 1e-10
+    assert upsampling.round_trip(upsampling.sigmoid_spectrum, patches[:4]) < 1e-10
+
+
+def test_spectra_are_as_near_to_measured_ones_as_documented():
+    found = upsampling.against_measured(reflectance_from_srgb)
+    np.testing.assert_allclose(found.mean(axis=0), [0.051, 2.8, 2.2, 3.4, 1.7], rtol=0.03)
+    np.testing.assert_allclose(found.max(axis=0), [0.130, 9.6, 6.9, 10.5, 4.5], rtol=0.03)
+    even = upsampling.against_measured(lambda colour: np.full(401, colour.mean()))
+    assert (even.mean(axis=0) > 1.5 * found.mean(axis=0)).all()
 
 
 @pytest.mark.slow

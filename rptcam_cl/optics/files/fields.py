@@ -11,6 +11,25 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.strict_yaml import Document, KeyPath, dotted
 
 
+class FieldError(InputError):
+    """A value of a lens file that cannot be used: ``FILE:LINE:COL: key.path: text (got ...)``.
+
+    Attributes
+    ----------
+    path : tuple of str or int
+        Keys that lead to the value.
+    text : str
+        What is wrong, or what would be right.
+    """
+
+    def __init__(self, where: str, path: KeyPath, text: str, got: Any = None) -> None:
+        shown = "" if got is None else f" (got {_short(got)})"
+        key = f"{dotted(path)}: " if path else ""
+        super().__init__(f"{where}: {key}{text}{shown}")
+        self.path = path
+        self.text = text
+
+
 class Fields:
     """One mapping of a lens file, whose keys are taken one by one."""
 
@@ -27,7 +46,7 @@ class Fields:
                 near = difflib.get_close_matches(str(key), names, n=1)
                 hint = f"did you mean {near[0]}?" if near else f"allowed: {', '.join(names)}"
                 line, column = document.key_mark((*path, key))
-                raise InputError(f"{document.name}:{line}:{column}: {dotted((*path, key))}: unknown key ({hint})")
+                raise FieldError(f"{document.name}:{line}:{column}", (*path, key), f"unknown key ({hint})")
 
     def __contains__(self, key: str) -> bool:
         return key in self.value
@@ -36,7 +55,7 @@ class Fields:
         """Return the raw value of a key, None when absent."""
         return self.value.get(key)
 
-    def fail(self, key: str | None, text: str) -> InputError:
+    def fail(self, key: str | None, text: str) -> FieldError:
         """Return the error for a key, or for the mapping itself."""
         path = self.path if key is None else (*self.path, key)
         return problem(self.document, path, text, self.value.get(key) if key is not None else None)
@@ -88,11 +107,9 @@ def as_number(document: Document, path: KeyPath, infinite: bool = False) -> floa
     return float(value)
 
 
-def problem(document: Document, path: KeyPath, text: str, got: Any = None) -> InputError:
-    """Return the error ``FILE:LINE:COL: key.path: text (got ...)``."""
-    shown = "" if got is None else f" (got {_short(got)})"
-    key = f"{dotted(path)}: " if path else ""
-    return InputError(f"{document.where(path)}: {key}{text}{shown}")
+def problem(document: Document, path: KeyPath, text: str, got: Any = None) -> FieldError:
+    """Return the error for the value at a key path."""
+    return FieldError(document.where(path), path, text, got)
 
 
 def _at(data: Any, path: KeyPath) -> Any:

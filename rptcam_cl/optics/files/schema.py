@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from typing import Any
 
-from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, GLASS, LAWS, LENS, SURFACE, mapping
+from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, GLASS, LAWS, LENS, SURFACE, Key, mapping
 
 
 def lens_json_schema() -> dict[str, Any]:
     """Return the JSON schema of a lens file in our own form (draft 2020-12)."""
-    one_law = [{"required": [law]} for law in LAWS]
-    glass = mapping(GLASS, oneOf=one_law, dependentRequired={"nd": ["vd"], "vd": ["nd"], "catalogue": ["name"]})
     needs = {"outside": ["clear"], "form": ["radius_x"], "conic_x": ["radius_x"], "shape": ["stop"]}
     surface = mapping(SURFACE, ("diameter",), dependentRequired=needs)
     surface["not"] = {"required": ["cylinder", "radius_x"]}
@@ -21,9 +20,16 @@ def lens_json_schema() -> dict[str, Any]:
         "title": "Lens",
         "description": "A lens: its surfaces from the scene to the film.",
         **mapping(LENS, ("surfaces",)),
-        "$defs": {"Glass": {"oneOf": [{"type": "string"}, glass]}, "Surface": surface,
+        "$defs": {"Glass": glass_json_schema(GLASS), "Surface": surface,
                   "Coating": {"oneOf": [{"enum": list(COATING_WORDS)}, coating]}},
     }  # fmt: skip
+
+
+def glass_json_schema(keys: Mapping[str, Key]) -> dict[str, Any]:
+    """Return the JSON schema of a glass that is a name or a mapping with these keys."""
+    one_law = [{"required": [law]} for law in LAWS]
+    written = mapping(keys, oneOf=one_law, dependentRequired={"nd": ["vd"], "vd": ["nd"], "catalogue": ["name"]})
+    return {"oneOf": [{"type": "string"}, written]}
 
 
 def lens_json_schema_text() -> str:

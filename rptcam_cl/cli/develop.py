@@ -1,0 +1,45 @@
+"""``rptcam develop``: a film that was saved becomes pictures, without rendering it anew."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from rptcam_cl.cli.parser import Commands
+from rptcam_cl.errors import InputError
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "develop",
+        help="make pictures of a film that was saved",
+        description="Make pictures of a linear film that was saved, with other settings of the section picture.",
+    )
+    parser.add_argument("film", type=Path, metavar="FILM", help="film that render wrote: .exr, .npz or .npy")
+    parser.add_argument(
+        "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
+        help="picture to write, format by suffix: .png or .tif; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="picture.key=value", dest="overrides",
+        help="replace a setting that the film was rendered with, as picture.tone=agx; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.developing import develop
+    from rptcam_cl.imaging import DEVELOPED_SUFFIXES, check_output
+
+    for output in arguments.outputs:
+        if output.suffix.lower() not in DEVELOPED_SUFFIXES:
+            got = output.suffix or "no suffix"
+            raise InputError(f"{output}: is no developed picture (got {got}; allowed {' '.join(DEVELOPED_SUFFIXES)})")
+        check_output(output, [arguments.film])
+    image = develop(arguments.film, arguments.overrides)
+    for output in arguments.outputs:
+        image.save(output)
+    if not arguments.quiet:
+        print(f"wrote {', '.join(map(str, arguments.outputs))}: {image.width} x {image.height}", file=sys.stderr)
+    return 0

@@ -1,0 +1,115 @@
+"""From linear film values to the picture that a screen shows."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.imaging.colour import luminance
+from rptcam_cl.imaging.tone import agx, filmic, reinhard, srgb_from_linear
+from rptcam_cl.imaging.white_balance import WHOLE, Part, WhiteBalance
+
+Pixels = NDArray[np.float32]
+Tone = Literal["srgb", "linear", "reinhard", "filmic", "agx"]
+Gamut = Literal["clip", "desaturate"]
+
+_LARGEST = np.float32(1e30)  # leaves room for products; far beyond the white of any curve
+
+
+@dataclass(frozen=True)
+class Development:
+    """How a film becomes a picture: white balance, exposure, tone curve, gamut, encoding, in this order.
+
+    Attributes
+    ----------
+    ev : float
+        Exposure compensation [stops]; +1 doubles the values.
+    white_balance : KnownLight, Gains, Grey or GreyWorld, optional
+        What is made grey; by default colours stay.
+    tone : str
+        The tone curve. `linear` is the only one that is not encoded as sRGB.
+    tone_white : float
+        Luminance that `reinhard` shows as white.
+    gamut : str
+        What becomes of colours that the display cannot show: each channel is clipped, or the colour is moved towards
+        the grey of its luminance.
+    bits : int, optional
+        Bits per channel in PNG and TIFF files; by default 8 in PNG and 16 in TIFF.
+    """
+
+    ev: float = 0.0
+    white_balance: WhiteBalance | None = None
+    tone: Tone = "srgb"
+    tone_white: float = 4.0
+    gamut: Gamut = "clip"
+    bits: Literal[8, 16] | None = None
+
+
+PLAIN = Development()
+
+
+def develop(pixels: NDArray[np.floating], picture: Development = PLAIN, part: Part = WHOLE) -> Pixels:
+    """Return the display-encoded picture, (height, width, 3) in 0..1.
+
+    Parameters
+    ----------
+    pixels
+        (height, width, 3), linear; 1 is white with `srgb` and `linear` at ``ev`` 0. Not-a-number becomes 0.
+    picture
+        How to develop; by default as sRGB, clipped.
+    part
+        Which part of the film the pixels are: x0, x1, y0, y1 in fractions from its left and top.
+    """
+    exposed = _exposed(np.asarray(pixels, np.float32), picture.ev)
+    if picture.white_balance is not None:
+        exposed = exposed @ picture.white_balance.matrix(exposed, part).T.astype(np.float32)
+    toned = _toned(_without_negatives(exposed, picture.gamut), picture)
+    shown = _below_one(_without_negatives(toned, picture.gamut), picture.gamut)
+    return shown if picture.tone == "linear" else srgb_from_linear(shown)
+
+
+def quantised(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Return the nearest codes of 8 or 16 bits of values in 0..1."""
+    nearest = encoded * np.float32(2**bits - 1) + np.float32(0.5)
+    return nearest.astype(np.uint8) if bits == 8 else nearest.astype(np.uint16)
+
+
+def _exposed(pixels: Pixels, ev: float) -> Pixels:
+    with np.errstate(over="ignore"):  # beyond float32 is white all the same
+        scaled = np.nan_to_num(pixels, nan=0.0) * np.float32(2.0**ev)
+    clipped: Pixels = np.clip(scaled, -_LARGEST, _LARGEST)
+    return clipped
+
+
+def _toned(linear: Pixels, picture: Development) -> Pixels:
+    if picture.tone == "reinhard":
+        return reinhard(linear, picture.tone_white)
+    if picture.tone == "filmic":
+        return filmic(linear)
+    return agx(linear) if picture.tone == "agx" else linear
+
+
+def _without_negatives(linear: Pixels, gamut: Gamut) -> Pixels:
+    if gamut == "clip":
+        return np.maximum(linear, np.float32(0))
+    grey = np.maximum(luminance(linear), np.float32(0))
+    depth = grey - linear.min(axis=-1, keepdims=True)
+    return np.maximum(_towards(grey, linear, room=grey, reach=depth), np.float32(0))
+
+
+def _below_one(linear: Pixels, gamut: Gamut) -> Pixels:
+    if gamut == "clip":
+        return np.minimum(linear, np.float32(1))
+    grey = np.minimum(luminance(linear), np.float32(1))
+    height = linear.max(axis=-1, keepdims=True) - grey
+    return np.minimum(_towards(grey, linear, room=1 - grey, reach=height), np.float32(1))
+
+
+def _towards(grey: Pixels, linear: Pixels, room: Pixels, reach: Pixels) -> Pixels:
+    """Return colours moved to their greys where a channel reaches further from it than there is room."""
+    outside = reach > room
+    share = np.divide(room, reach, out=np.ones_like(grey), where=outside)
+    return np.where(outside, grey + share * (linear - grey), linear)

@@ -1,0 +1,29 @@
+"""Refractive index of the scene's solids against wavelength."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.optics.glass import held_index
+from rptcam_cl.scene.dielectric import Dielectric
+
+Index = Callable[[ArrayLike], NDArray[np.float64]]
+
+
+def is_dispersive(material: object) -> bool:
+    """Return whether a material bends wavelengths by different angles."""
+    if not isinstance(material, Dielectric) or material.glass is None:
+        return False
+    first, *others = dielectric_index(material)([486.1327, 587.5618, 656.2725])
+    return any(other != first for other in others)
+
+
+def dielectric_index(material: Dielectric) -> Index:
+    """Return what gives the refractive index at wavelengths [nm]; beyond those of a glass's law, that of its end."""
+    if material.glass is None:
+        return lambda wavelength_nm: np.full(np.shape(wavelength_nm), material.index)
+    glass = material.glass
+    return lambda wavelength_nm: held_index(glass, wavelength_nm)

@@ -1,0 +1,138 @@
+"""The exposure: what a value of 1 on the film stands for."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal, Self, get_args
+
+from pydantic import BeforeValidator, Field, model_validator
+
+from rptcam_cl.scene.base import AlsoAccepts, SceneModel
+from rptcam_cl.scene.camera import Camera, FNumber, LensCamera, ThinLensCamera
+from rptcam_cl.scene.quantities import NUMBER, Fraction, list_of
+from rptcam_cl.scene.refusal import listed, near_name, refuse
+
+Mode = Literal["relative", "irradiance", "physical", "auto"]
+MODES: tuple[Mode, ...] = get_args(Mode)
+
+LEAST_ISO, MOST_ISO = 1e-6, 1e12
+LEAST_CD_M2, MOST_CD_M2 = 1e-12, 1e20
+
+# The keys that only some modes read.
+_BELONGS: dict[str, tuple[Mode, ...]] = {
+    "iso": ("physical", "auto"),
+    "f_number": ("irradiance", "physical", "auto"),
+    "target": ("auto",),
+    "priority": ("auto",),
+    "metering": ("auto",),
+    "spot_at": ("auto",),
+    "lock_cd_m2": ("auto",),
+}
+
+
+class Exposure(SceneModel):
+    """The exposure: the factor from the light on the film to the values of the picture."""
+
+    mode: Mode = "relative"
+    """What the value 1 stands for: a field of radiance 1 seen on the axis, an irradiance of 1 W/m², the saturation of
+    the sensor of the given ISO, or what metering makes of it."""
+
+    iso: Annotated[float, Field(ge=LEAST_ISO, le=MOST_ISO), NUMBER] = 100.0
+    """Sensitivity of the sensor, ISO 12232."""
+
+    ev: Annotated[float, Field(ge=-60, le=60), NUMBER] = 0.0
+    """Exposure compensation [stops]; +1 doubles the values."""
+
+    neutral_density_stops: Annotated[float, Field(ge=0, le=60), NUMBER] = 0.0
+    """Neutral-density filter before the lens [stops]; 3 let an eighth of the light pass."""
+
+    f_number: FNumber | None = None
+    """F-number of the ideal lens that a camera without a lens stands for."""
+
+    target: Annotated[float, Field(ge=1e-6, le=1e6), NUMBER] = 0.18
+    """Value that the metered mean is brought to."""
+
+    priority: Literal["aperture", "shutter"] = "aperture"
+    """What stays as it is set: the aperture and the ISO, so that the time is chosen, or the aperture and the time, so
+    that the ISO is."""
+
+    metering: Literal["average", "centre_weighted", "spot"] = "average"
+    """What is metered: the frame evenly, three quarters in a disk in the middle, or a disk of 2 % of the frame."""
+
+    spot_at: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] = (0.5, 0.5)
+    """Middle of the metered spot, as fractions of the frame from its left and top edges."""
+
+    lock_cd_m2: Annotated[float, Field(ge=LEAST_CD_M2, le=MOST_CD_M2), NUMBER] | None = None
+    """Metered luminance to go by in place of metering [cd/m²], as `metered_cd_m2` of another picture's metadata."""
+
+    @model_validator(mode="after")
+    def _check_keys_of_the_mode(self) -> Self:
+        for key, modes in _BELONGS.items():
+            if self.says(key) and self.mode not in modes:
+                raise refuse(
+                    f"means nothing with mode {self.mode}",
+                    got=getattr(self, key),
+                    allowed=f"mode {' or '.join(modes)} beside it",
+                    path=(key,),
+                )
+        if self.says("spot_at") and self.metering != "spot":
+            raise refuse("places a spot", got=list(self.spot_at), allowed="metering: spot beside it", path=("spot_at",))
+        return self
+
+    def says(self, key: str) -> bool:
+        """Return whether a key has another value than by default."""
+        return bool(getattr(self, key) != type(self).model_fields[key].default)
+
+    @property
+    def factor(self) -> float:
+        """What compensation and filter multiply the light by."""
+        return float(2.0 ** (self.ev - self.neutral_density_stops))
+
+
+def _from_word(value: Any) -> Any:
+    """Return the mapping that a mode alone stands for."""
+    if not isinstance(value, str):
+        return value
+    if value not in MODES:
+        raise refuse(
+            f"is not a known choice{near_name(value, MODES)}",
+            allowed=f"{listed(MODES)}, or a mapping with the keys {listed(list(Exposure.model_fields))}",
+        )
+    return {"mode": value}
+
+
+ExposureOrMode = Annotated[Exposure, BeforeValidator(_from_word), AlsoAccepts({"enum": list(MODES), "type": "string"})]
+
+
+def check_exposure(exposure: Exposure, camera: Camera) -> None:
+    """Refuse an exposure that says too little about a camera without a lens opening, or too much."""
+    if has_opening(camera):
+        if exposure.f_number is not None:
+            raise refuse(
+                f"is for cameras without a lens opening, not for one of kind {camera.kind}",
+                got=exposure.f_number,
+                allowed="camera.f_number",
+                path=("exposure", "f_number"),
+            )
+    elif exposure.f_number is None:
+        if exposure.mode in ("irradiance", "physical"):
+            raise refuse(
+                f"needs the irradiance of a film, and a camera of kind {camera.kind} without a lens opening has none",
+                got=exposure.mode,
+                allowed=f"relative or auto; {{mode: {exposure.mode}, f_number: 8}} to have it stand for such a lens",
+                path=("exposure",),
+            )
+        for key in ("iso", "priority", "neutral_density_stops"):
+            if exposure.mode == "auto" and exposure.says(key):
+                raise refuse(
+                    f"means nothing for a camera of kind {camera.kind} without a lens opening",
+                    got=getattr(exposure, key),
+                    allowed="exposure.f_number beside it",
+                    path=("exposure", key),
+                )
+
+
+def has_opening(camera: Camera) -> bool:
+    """Return whether a camera has a lens opening of some size."""
+    if isinstance(camera, ThinLensCamera):
+        return camera.aperture_radius_m != 0
+    return isinstance(camera, LensCamera)

@@ -1,0 +1,115 @@
+"""White balance: the light that is named becomes grey."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.developing import development
+from rptcam_cl.imaging import Development, Grey, GreyWorld, Image, KnownLight, develop
+from rptcam_cl.scene import load_picture
+from rptcam_cl.scene.white_balance import LIGHTS
+from rptcam_cl.spectra import blackbody, illuminant, srgb_from_spectrum
+
+WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
+
+
+def wall(colour: np.ndarray, shape: tuple[int, int] = (4, 5)) -> np.ndarray:
+    return np.broadcast_to(np.asarray(colour, np.float32), (*shape, 3)).copy()
+
+
+def linear(pixels: np.ndarray, **settings: object) -> np.ndarray:
+    picture = development(load_picture({"tone": "linear", **settings}))
+    return develop(pixels, picture)
+
+
+@pytest.mark.parametrize("name", [name for name in LIGHTS if name != "auto"])
+def test_wall_in_the_light_of_an_illuminant_becomes_grey(name: str) -> None:
+    shown = linear(wall(0.4 * srgb_from_spectrum(illuminant(name))), white_balance=name)
+    assert np.ptp(shown) < 1e-6
+    assert shown.mean() == pytest.approx(0.4, abs=1e-3)  # its luminance stays
+    other = linear(wall(0.4 * srgb_from_spectrum(illuminant(name))), white_balance="A" if name != "A" else "D50")
+    assert np.ptp(other) > 1e-2
+
+
+@pytest.mark.parametrize("kelvin", [2000.0, 3200.0, 5600.0, 20000.0])
+def test_wall_in_the_light_of_a_black_body_becomes_grey(kelvin: float) -> None:
+    light = srgb_from_spectrum(blackbody(kelvin))
+    shown = linear(wall(0.3 * light / (light @ WEIGHTS)), white_balance={"temperature_k": kelvin})
+    assert np.ptp(shown) < 1e-6
+    assert shown.mean() == pytest.approx(0.3, abs=1e-3)
+
+
+def test_daylight_is_ten_tints_greener_than_a_black_body() -> None:
+    pixels = np.random.default_rng(1).random((6, 7, 3), dtype=np.float32)
+    shown = linear(pixels, white_balance={"temperature_k": 6504, "tint": 9.6})
+    np.testing.assert_allclose(shown, pixels, atol=3e-4)
+    greener = linear(wall([0.5, 0.5, 0.5]), white_balance={"temperature_k": 6504, "tint": 40})[0, 0]
+    assert greener[1] < min(greener[0], greener[2])  # green light is compensated by magenta
+
+
+def test_colder_setting_makes_a_warmer_picture() -> None:
+    red, _, blue = linear(wall([0.3, 0.3, 0.3]), white_balance={"temperature_k": 12000})[0, 0]
+    assert red > 0.3 > blue
+
+
+def test_d65_and_none_change_nothing() -> None:
+    pixels = np.random.default_rng(2).random((6, 7, 3), dtype=np.float32)
+    np.testing.assert_allclose(linear(pixels, white_balance="D65"), pixels, atol=5e-7)
+    assert np.array_equal(linear(pixels, white_balance="none"), pixels)
+
+
+def test_gains_are_factors_on_the_channels() -> None:
+    pixels = np.random.default_rng(3).random((6, 7, 3), dtype=np.float32) * 0.4
+    shown = linear(pixels, white_balance={"gains": [2, 1, 0.5]})
+    np.testing.assert_allclose(shown, pixels * [2, 1, 0.5], rtol=1e-6)
+
+
+def scene() -> np.ndarray:
+    """Ten by twenty pixels: the left half in warm light, the right half in blue light, one bright lamp."""
+    pixels = wall([0.4, 0.3, 0.1], (10, 20))
+    pixels[:, 10:] = [0.1, 0.2, 0.5]
+    pixels[0, 0] = 50.0
+    return pixels
+
+
+@pytest.mark.parametrize(
+    ("grey", "column", "other"),
+    [([0.25, 0.5], 4, 14), ([0.75, 0.5], 14, 4), ([0.0, 0.5, 0.2, 1.0], 4, 14), ([0.5, 1.0, 0.0, 1.0], 14, 4)],
+)
+def test_place_that_is_told_becomes_grey(grey: list[float], column: int, other: int) -> None:
+    shown = linear(scene(), white_balance={"grey": grey})
+    assert np.ptp(shown[5, column]) < 1e-6
+    assert np.ptp(shown[5, other]) > 0.1
+    assert shown[5, column].mean() == pytest.approx(scene()[5, column] @ WEIGHTS, abs=1e-3)
+
+
+def test_place_is_of_the_whole_film_also_in_a_part_of_it() -> None:
+    picture = Development(tone="linear", white_balance=Grey((0.75, 0.5)))
+    metadata = {"resolution": [20, 10], "window": [8, 2, 12, 6]}
+    part = Image(scene()[2:8, 8:], metadata, picture=picture).developed()
+    np.testing.assert_allclose(part, Image(scene(), picture=picture).developed()[2:8, 8:], atol=1e-6)
+
+
+def test_mean_of_the_picture_becomes_grey_without_its_lamps() -> None:
+    pixels = scene()
+    shown = linear(pixels, white_balance="auto")
+    mean = np.delete(shown.reshape(-1, 3), 0, axis=0).mean(axis=0, dtype=np.float64)
+    assert np.ptp(mean) < 1e-6
+    pixels[0, 0] = [5000.0, 0, 0]  # another lamp, as little of the scene's light as the first
+    np.testing.assert_allclose(linear(pixels, white_balance="auto")[1:], shown[1:], atol=1e-6)
+
+
+@pytest.mark.parametrize("balance", [GreyWorld(), Grey((0.5, 0.5))])
+@pytest.mark.parametrize("colour", [[0, 0, 0], [0.1, 0.3, -0.1], [-0.1, -0.2, 0.3]])
+def test_what_cannot_be_grey_is_left_with_a_warning(balance: GreyWorld | Grey, colour: list[float]) -> None:
+    with pytest.warns(UserWarning, match="too colourful to be grey; left as it is"):
+        shown = develop(wall(colour), Development(tone="linear", white_balance=balance))
+    assert np.array_equal(shown, np.clip(wall(colour), 0, 1))
+
+
+def test_not_a_number_does_not_spread_to_other_channels_or_pixels() -> None:
+    pixels = wall([0.4, 0.3, 0.2])
+    pixels[0, 0] = [np.nan, 0.3, 0.2]
+    pixels[1, 1] = np.inf
+    shown = develop(pixels, Development(tone="linear", white_balance=KnownLight((1.2, 1.0, 0.5))))
+    assert np.isfinite(shown).all()
+    assert shown[1, 1].tolist() == [1, 1, 1]

@@ -1,0 +1,105 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import PIL.Image
+import pytest
+
+import rptcam_cl
+from rptcam_cl.errors import InputError
+from rptcam_cl.imaging import Development, Image, KnownLight, quantised
+
+Command = Callable[..., Any]
+
+
+@pytest.fixture
+def film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Image:
+    """A film in a folder of its own, which is the working folder; its scene wanted a filmic picture."""
+    monkeypatch.chdir(tmp_path)
+    pixels = np.random.default_rng(1).random((5, 7, 3), dtype=np.float32) * 3
+    image = rptcam_cl.develop(Image(pixels, {"lens": "Tessar"}), tone="filmic", white_balance="A")
+    for name in ("film.exr", "film.npz"):
+        image.save(name)
+    return image
+
+
+def codes(path: str) -> np.ndarray:
+    with PIL.Image.open(path) as picture:
+        return np.asarray(picture)
+
+
+@pytest.mark.parametrize("name", ["film.exr", "film.npz"])
+def test_film_develops_as_its_scene_says(rptcam: Command, film: Image, name: str) -> None:
+    run = rptcam("develop", name, "-o", "a.png")
+    assert (run.code, run.out, run.err) == (0, "", "wrote a.png: 7 x 5\n")
+    film.save("rendered.png")
+    assert Path("a.png").read_bytes() == Path("rendered.png").read_bytes()
+
+
+def test_settings_can_be_replaced_one_by_one(rptcam: Command, film: Image) -> None:
+    run = rptcam(
+        "develop", "film.exr", "-o", "a.png", "-o", "a.tif", "--quiet", "--set", "picture.tone=reinhard",
+        "--set", "picture.tone.white=9", "--set", "picture.ev=1", "--set", "picture.white_balance.gains=[1, 1, 2]",
+    )  # fmt: skip
+    assert run.code == 2
+    assert "picture.tone: is 'reinhard' and has no keys" in run.err
+    words = ["--set", "picture.tone={kind: reinhard, white: 9}", "--set", "picture.white_balance.gains=[1, 1, 2]"]
+    assert rptcam("develop", "film.exr", "-o", "a.png", "-o", "a.tif", *words).code == 0
+    same = rptcam_cl.develop(film, tone={"kind": "reinhard", "white": 9}, white_balance={"gains": [1, 1, 2]})
+    assert same.picture.tone_white == 9
+    assert np.array_equal(codes("a.png"), quantised(same.developed(), 8))
+    assert np.array_equal(film.pixels, same.pixels)
+    assert same.metadata["picture"] == {
+        "tone": {"kind": "reinhard", "white": 9.0},
+        "white_balance": {"gains": [1.0, 1.0, 2.0]},
+    }
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["film.exr", "-o", "a.exr"], "a.exr: is no developed picture (got .exr; allowed .png .tif .tiff)"),
+        (["film.exr", "-o", "a.png", "--set", "camera.f_number=4"], "the film is there already"),
+        (["film.exr", "-o", "a.png", "--set", "picture=agx"], "the film is there already"),
+        (["film.exr", "-o", "a.png", "--set", "picture.tone=agy"], "did you mean agx?"),
+        (["film.exr", "-o", "a.png", "--set", "picture.tne=agx"], "picture.tne: unknown key; did you mean tone?"),
+        (["film.png", "-o", "a.png"], "film.png: is no linear film"),
+        (["film.exr", "-o", "missing/a.png"], "there is no folder"),
+    ],
+)
+def test_wrong_request_is_one_line(rptcam: Command, film: Image, words: list[str], message: str) -> None:
+    run = rptcam("develop", *words)
+    assert run.code in (2, 4)
+    assert message in run.err
+    assert run.err.count("\n") == 1
+    assert not Path("a.png").exists()
+
+
+def test_render_develops_as_the_scene_says(tmp_path: Path) -> None:
+    scene = {
+        "film": {"resolution": [6, 4]},
+        "camera": {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40},
+        "environment": {"kind": "constant", "radiance": [1.2, 1.0, 0.4]},
+        "picture": {"tone": "agx", "white_balance": {"grey": [0.5, 0.5]}, "bits": 16},
+    }
+    image = rptcam_cl.render(scene, spp=1)
+    assert image.metadata["picture"]["tone"] == {"kind": "agx"}
+    assert image.picture.bits == 16
+    assert np.ptp(image.developed()) < 1e-5
+    plain = rptcam_cl.render(scene | {"picture": {}}, spp=1)
+    assert plain.picture == Development()
+    assert "picture" not in plain.metadata
+    assert np.array_equal(plain.pixels, image.pixels)
+    with pytest.raises(InputError, match=r"picture\.white_balance\.grey: lies outside the part of the film"):
+        rptcam_cl.render(scene, spp=1, crop=(0.0, 0.4, 0.0, 1.0))
+
+
+def test_python_develops_by_the_same_keys(film: Image) -> None:
+    image = rptcam_cl.develop("film.npz", tone="srgb", white_balance={"temperature_k": 5000})
+    assert isinstance(image.picture.white_balance, KnownLight)
+    assert image.picture.tone == "srgb"
+    with pytest.raises(InputError, match=r"picture\.white_balance\.tint: needs temperature_k"):
+        rptcam_cl.develop(image, white_balance={"light": "A", "tint": 3})
+    with pytest.raises(InputError, match=r"picture\.white_balance\.temperature_k: cannot be given together with light"):
+        rptcam_cl.develop(image, white_balance={"light": "A", "temperature_k": 5000})
