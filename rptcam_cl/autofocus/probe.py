@@ -96,7 +96,13 @@ class FocusProbe(Protocol):
         """Return the state of a coordinate."""
 
     def measure(
-        self, state: float, zones: Sequence[Zone], samples: int, seed: int, stop: float = 1.0
+        self,
+        state: float,
+        zones: Sequence[Zone],
+        samples: int,
+        seed: int,
+        stop: float = 1.0,
+        reference: float | None = None,
     ) -> list[ZoneImage]:
         """Return what the zones show.
 
@@ -112,7 +118,13 @@ class FocusProbe(Protocol):
             Of the random numbers: the same for two states makes their noise alike.
         stop
             Share of the diameter of the opening at which the camera takes its picture.
+        reference
+            State in which the zones lie where they say. The image grows as the film goes away from the lens, so the
+            film is scaled with it to show the same part of the scene in every state; by default it is not.
         """
+
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in the state of reference, against that one."""
 
     def object_distance(self, state: float) -> float | None:
         """Return the distance from the plane in focus to the film (thin lens: to the lens) [m]; None where none is."""

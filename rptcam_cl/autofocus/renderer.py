@@ -14,9 +14,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.autofocus.drives import circle_of_confusion
+from rptcam_cl.autofocus.drive import circle_of_confusion
+from rptcam_cl.autofocus.drives import focus_drive
 from rptcam_cl.autofocus.probe import Zone, ZoneImage
-from rptcam_cl.autofocus.thin_drive import focus_drive
 from rptcam_cl.cameras import CameraModel
 from rptcam_cl.cameras.exposure import exposed
 from rptcam_cl.device import Session
@@ -84,6 +84,10 @@ class ProbeRenderer:
         """Return the state of a coordinate."""
         return self.drive.state_at(coordinate)
 
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in the state of reference, against that one."""
+        return self.drive.image_scale(state, reference)
+
     def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
         """Return the distance of the plane that is sharpest in a zone, by default on the axis [m]."""
         return self.drive.object_distance(state, zone)
@@ -97,14 +101,29 @@ class ProbeRenderer:
         return self.drive.state_for(distance_m, zone)
 
     def measure(
-        self, state: float, zones: Sequence[Zone], samples: int, seed: int, stop: float = 1.0
+        self,
+        state: float,
+        zones: Sequence[Zone],
+        samples: int,
+        seed: int,
+        stop: float = 1.0,
+        reference: float | None = None,
     ) -> list[ZoneImage]:
         """Return what the zones show; see `FocusProbe`. `samples` is rounded up to a multiple of `PARTS`."""
         low, high = self.limits
         if not low - 1e-9 * abs(low) <= state <= high + 1e-9 * abs(high):
             raise InputError(f"focus state {state:g} lies outside its range ({low:g} to {high:g})")
         self.look_at(zones)
-        return self.render(self.drive.camera(self._seen, state, stop, self._zones), samples, seed)
+        return self.render(self.drive.camera(self._scaled(state, reference), state, stop, self._zones), samples, seed)
+
+    def _scaled(self, state: float, reference: float | None) -> Scene:
+        """Return the scene with a film that shows the same part of it as in the state of reference."""
+        if reference is None:
+            return self._seen
+        scale = self.drive.image_scale(state, reference)
+        width, height = self._seen.film.size_m()
+        film = self._seen.film.model_copy(update={"size_mm": (width * 1e3 * scale, height * 1e3 * scale)})
+        return self._seen.model_copy(update={"film": film})
 
     def look_at(self, zones: Sequence[Zone]) -> None:
         """Choose the zones of the looks that follow."""

@@ -6,11 +6,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from rptcam_cl.autofocus.drives import Drive, circle_of_confusion, lens_drive
+from rptcam_cl.autofocus.drive import Drive, circle_of_confusion
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.cameras import CameraModel, thin_lens
 from rptcam_cl.errors import InputError
-from rptcam_cl.scene import LensCamera, ThinLensCamera
+from rptcam_cl.scene import ThinLensCamera
 from rptcam_cl.scene.scene import Scene
 
 FARTHEST_M = 1e6
@@ -87,6 +87,10 @@ class ThinDrive(Drive):
             opening = {"aperture_radius_m": camera.aperture_radius_m * stop}
         return thin_lens.model_of(scene, camera.model_copy(update={"focus_distance_m": state, **opening}))
 
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in another one, against that one."""
+        return self.film_distance(state) / self.film_distance(reference)
+
     def film_distance(self, state: float) -> float:
         """Return the distance from the lens to the film [mm]."""
         return self.coordinate(state) if self._is_fixed() else self._focal_length_mm
@@ -111,21 +115,3 @@ class ThinDrive(Drive):
     def camera_keys(self, state: float) -> dict[str, object]:
         """Return the keys of the scene's camera that set the state."""
         return {"focus_distance_m": state}
-
-
-def focus_drive(scene: Scene) -> Drive:
-    """Return what moves when the camera of a scene focuses.
-
-    Raises
-    ------
-    InputError
-        For a camera that has no focus.
-    """
-    if isinstance(scene.camera, ThinLensCamera):
-        return ThinDrive(scene)
-    if isinstance(scene.camera, LensCamera):
-        return lens_drive(scene)
-    raise InputError(
-        f"camera.kind: {scene.camera.kind}: everything it sees is sharp, so there is no focus to find"
-        " (allowed: thin_lens, thick_lens, realistic)"
-    )

@@ -1,0 +1,183 @@
+"""Measures of contrast: a number that grows as a zone gets sharper.
+
+Most are quadratic: the mean square of what a few linear filters make of the picture. The noise of a Monte Carlo picture
+would add its own square to them. As a look consists of independent parts, the products of *different* parts take the
+place of squares: noise then adds nothing on the average (`energy`), so that a noisy flat wall measures zero.
+
+The luminance is divided by its mean over the zone first and a quadratic surface is taken off, so that exposure,
+vignetting and light that falls off smoothly change nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.autofocus.probe import ZoneImage
+
+Array = NDArray[np.float64]
+Filters = Callable[[Array], list[Array]]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """A measure of a zone.
+
+    Attributes
+    ----------
+    value, error : float
+        The measure and its standard error.
+    leave_one_out : (parts,) array
+        The measure without each of the parts, for errors of what is computed from several measures (jackknife).
+    """
+
+    value: float
+    error: float
+    leave_one_out: Array
+
+
+def evenly_exposed(image: ZoneImage) -> Array | None:
+    """Return the luminance of the parts (count, height, width) over its mean, less a quadratic; None where dark."""
+    luminance = image.luminance
+    mean = float(luminance.mean())
+    if not mean > 0:
+        return None
+    count, height, width = luminance.shape
+    x, y = np.meshgrid(np.linspace(-1, 1, width), np.linspace(-1, 1, height))
+    surface, _ = np.linalg.qr(np.stack([np.ones_like(x), x, y, x * x, x * y, y * y], axis=-1).reshape(-1, 6))
+    flat = luminance.reshape(count, -1) / mean
+    return np.asarray((flat - flat @ surface @ surface.T).reshape(luminance.shape))
+
+
+def energy(filters: Filters) -> Callable[[ZoneImage], Measured]:
+    """Return the measure that is the mean square of the outputs of filters, free of the square of the noise.
+
+    With r_k what a filter makes of part k, of n: the mean of r_j r_k over all pairs j != k, which is
+    (|sum r|^2 - sum |r|^2) / (n (n - 1)).
+    """
+
+    def measure(image: ZoneImage) -> Measured:
+        parts = evenly_exposed(image)
+        count = len(image.parts)
+        if parts is None:
+            return Measured(0.0, 0.0, np.zeros(count))
+        products = np.zeros((count, count))
+        for output in filters(parts):
+            flat = output.reshape(count, -1)
+            products += flat @ flat.T / flat.shape[1]
+        return jackknife(count, lambda kept: _mean_of_pairs(products[np.ix_(kept, kept)]))
+
+    return measure
+
+
+def _mean_of_pairs(products: Array) -> float:
+    count = len(products)
+    return float((products.sum() - np.trace(products)) / (count * (count - 1)))
+
+
+def jackknife(count: int, of: Callable[[NDArray[np.int64]], float]) -> Measured:
+    """Return a statistic of some parts with its standard error (Tukey 1958).
+
+    Parameters
+    ----------
+    count
+        How many parts there are.
+    of
+        The statistic of the parts of these indices.
+    """
+    every = np.arange(count)
+    without = np.array([of(np.delete(every, k)) for k in range(count)])
+    spread = (count - 1) / count * np.square(without - without.mean()).sum()
+    return Measured(of(every), float(np.sqrt(spread)), without)
+
+
+def _variance(parts: Array) -> list[Array]:
+    return [parts - parts.mean(axis=(1, 2), keepdims=True)]
+
+
+def _tenengrad(parts: Array) -> list[Array]:
+    """Sobel's gradient (Tenenbaum 1970, Krotkov 1987)."""
+    across = parts[:, :, 2:] - parts[:, :, :-2]
+    down = parts[:, 2:] - parts[:, :-2]
+    return [
+        across[:, :-2] + 2 * across[:, 1:-1] + across[:, 2:],
+        down[:, :, :-2] + 2 * down[:, :, 1:-1] + down[:, :, 2:],
+    ]
+
+
+def _brenner(parts: Array) -> list[Array]:
+    """Differences two pixels apart (Brenner 1976), here both ways."""
+    return [parts[:, :, 2:] - parts[:, :, :-2], parts[:, 2:] - parts[:, :-2]]
+
+
+def _laplacian(parts: Array) -> list[Array]:
+    """Energy of Laplacian (Subbarao 1993), by the nine-point operator."""
+    inner = parts[:, 1:-1]
+    sides = inner[:, :, :-2] + inner[:, :, 2:] + parts[:, :-2, 1:-1] + parts[:, 2:, 1:-1]
+    corners = parts[:, :-2, :-2] + parts[:, :-2, 2:] + parts[:, 2:, :-2] + parts[:, 2:, 2:]
+    return [(4 * sides + corners - 20 * inner[:, :, 1:-1]) / 6]
+
+
+def _wavelet(parts: Array) -> list[Array]:
+    """Details of three levels of Haar's wavelet (after Yang and Nelson 2003), without decimation at each level."""
+    outputs, smooth = [], parts
+    for level in range(3):
+        step = 1 << level
+        if min(smooth.shape[1:]) <= step:
+            break
+        low_x, high_x = (smooth[:, :, step:] + sign * smooth[:, :, :-step] for sign in (1, -1))
+        outputs += [
+            (low_x[:, step:] - low_x[:, :-step]) / 4,
+            (high_x[:, step:] + high_x[:, :-step]) / 4,
+            (high_x[:, step:] - high_x[:, :-step]) / 4,
+        ]
+        smooth = (low_x[:, step:] + low_x[:, :-step]) / 4
+    return outputs
+
+
+THRESHOLD = 3.0  # standard errors of the modified Laplacian below which it is noise
+WINDOW = 1  # pixels to every side that are summed round a pixel
+
+
+def sum_modified_laplacian(image: ZoneImage) -> Measured:
+    """Return the mean over the zone of the sum-modified Laplacian (Nayar and Nakagawa 1994).
+
+    ML = |2 I - I_left - I_right| + |2 I - I_up - I_down|, summed over a window of 3 x 3 pixels where it reaches a
+    threshold. The threshold is what noise reaches: three standard errors of ML, from the variance of the picture.
+    """
+    parts = evenly_exposed(image)
+    count = len(image.parts)
+    if parts is None or min(parts.shape[1:]) < 3 + 2 * WINDOW:
+        return Measured(0.0, 0.0, np.zeros(count))
+    # each of the two differences has the variance (4 + 1 + 1) times that of a pixel
+    noise = float(np.sqrt(6 * parts.var(axis=0, ddof=1).mean() / count))
+
+    def of(kept: NDArray[np.int64]) -> float:
+        picture = parts[kept].mean(axis=0)
+        inner = 2 * picture[1:-1, 1:-1]
+        modified = np.abs(inner - picture[1:-1, :-2] - picture[1:-1, 2:])
+        modified += np.abs(inner - picture[:-2, 1:-1] - picture[2:, 1:-1])
+        counted = np.where(modified >= 2 * THRESHOLD * noise, modified, 0.0)
+        return float(np.lib.stride_tricks.sliding_window_view(counted, (2 * WINDOW + 1,) * 2).sum(axis=(2, 3)).mean())
+
+    return jackknife(count, of)
+
+
+def plain_variance(image: ZoneImage) -> Measured:
+    """Return the variance of the luminance as it is, noise and exposure included: what the rptcam paper maximises."""
+    luminance = image.luminance
+    return jackknife(len(luminance), lambda kept: float(luminance[kept].mean(axis=0).var()))
+
+
+MEASURES: dict[str, Callable[[ZoneImage], Measured]] = {
+    "variance": plain_variance,
+    "normalised_variance": energy(_variance),
+    "tenengrad": energy(_tenengrad),
+    "brenner": energy(_brenner),
+    "energy_of_laplacian": energy(_laplacian),
+    "sum_modified_laplacian": sum_modified_laplacian,
+    "wavelet": energy(_wavelet),
+}

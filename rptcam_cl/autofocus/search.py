@@ -1,0 +1,202 @@
+"""Finding the greatest contrast in few looks: at a small stop over the whole reach, then ever wider and nearer.
+
+At full aperture a lens of 50 mm at f/2 has some 450 depths of focus between infinity and natural size, and more than
+a few of them away from the focus nothing is left of a texture. Stopped down the same texture shows over a good part of
+the reach. So the first looks go through a small opening, whose depth of focus spans the steps between them; each
+further round opens the stop by up to five and looks round the place where the last one found the top. The last round is
+made at the aperture of the picture, because spherical aberration moves the focus as a lens is stopped down.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from rptcam_cl.autofocus.looks import Look, Looks
+from rptcam_cl.autofocus.peak import Peak, peak_of
+from rptcam_cl.autofocus.policy import Policy, chosen
+from rptcam_cl.autofocus.report import NoContrast
+
+STEP = 8.0  # depths of focus between the looks of the first round: half of a texture's contrast remains that far away
+FIRST_LOOKS = 5
+OPENING = 5.2  # most by which a round opens the stop
+STRIDE = 1.5  # by which steps grow when the top lies beyond the places of a round
+SHARE = 0.6  # of the half width: steps of the last round, whose outer looks then see three quarters of the contrast
+OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three looks
+LEAST_CONTRAST = 5e-5  # mean square of the details relative to the mean: 0.7 %, too faint to focus on
+CLEAR = 4.0  # standard errors by which a top must rise above the rest
+COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
+FIRST_SAMPLES, MOST_SAMPLES = 128, 1024  # per pixel
+
+
+def nothing_to_see(why: str) -> NoContrast:
+    """Return the refusal of a zone."""
+    return NoContrast(f"no contrast in the zone: {why}; the focus stays as it was (aim at something with texture)")
+
+
+def first_stop(looks: Looks) -> float:
+    """Return the share of the opening at which the steps of the first round are `STEP` depths of focus."""
+    low, high = looks.ends
+    return min(1.0, STEP * (FIRST_LOOKS - 1) * looks.probe.depth_of_focus / (high - low))
+
+
+def greatest_contrast(looks: Looks, policy: Policy, start: tuple[float, float] | None = None) -> tuple[Peak, int]:
+    """Return the top of the contrast at full aperture, and the zone that decided.
+
+    Parameters
+    ----------
+    looks
+        The camera.
+    policy
+        Which zone decides when they differ.
+    start : (place, reach) or None
+        Where to look for it and how far to either side [mm]; over the whole reach of the lens by default.
+
+    Raises
+    ------
+    NoContrast
+        When nothing in the zones tells sharp from blurred.
+    """
+    stop = first_stop(looks)
+    low, high = looks.ends
+    if start is not None:
+        place, reach = start
+        low, high = max(place - reach, low), min(place + reach, high)
+        stop = min(1.0, STEP * 2 * looks.probe.depth_of_focus / (high - low))
+    count = FIRST_LOOKS if start is None else 3
+    step = (high - low) / (count - 1)
+    zones = list(range(len(looks.zones)))
+    places = [low + k * step for k in range(count)]
+    made, samples = _round(looks, places, stop, FIRST_SAMPLES, zones, COARSE)
+    peaks = _widened(looks, made, zones, step, samples)
+    rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
+    factor = stop ** (-1 / rounds) if rounds else 1.0
+    for number in range(rounds):
+        stop = 1.0 if number == rounds - 1 else stop * factor
+        zones = _still_possible(policy, looks, peaks, zones, step)
+        step = _next_step(looks, peaks, zones, stop, factor)
+        centre = _centre(peaks, zones)
+        made, samples = _round(looks, _about(looks, centre, step), stop, samples, zones, FINE, centre)
+        peaks = _widened(looks, made, zones, step, samples)
+    zone = chosen(policy, looks.zones, {k: peaks[k].place for k in zones})
+    return _refined(looks, made, zone, peaks[zone], samples), zone
+
+
+def _round(
+    looks: Looks,
+    places: Sequence[float],
+    stop: float,
+    samples: int,
+    zones: list[int],
+    wanted: float,
+    reference: float | None = None,
+) -> tuple[list[Look], int]:
+    """Look at some places; once more with four times the samples where noise hides what there may be to see."""
+    while True:
+        made = [looks.at(place, samples, stop, reference) for place in places]
+        seen = [zone for zone in zones if _contrast(made, zone)]
+        noise = min((_noise(made, zone) for zone in zones), default=math.inf)
+        if seen or samples >= MOST_SAMPLES or all(_surely_flat(made, zone) for zone in zones):
+            break
+        samples = min(8 * samples, MOST_SAMPLES)
+    if not seen:
+        raise nothing_to_see("its details are no stronger than the noise")
+    zones[:] = seen
+    factor = max(1.0, min((noise / wanted) ** 2, 16.0))
+    return made, min(int(samples * factor), MOST_SAMPLES)
+
+
+def _top(made: Sequence[Look], zone: int) -> Look:
+    return max(made, key=lambda look: look.found[zone].value)
+
+
+def _noise(made: Sequence[Look], zone: int) -> float:
+    top = _top(made, zone).found[zone]
+    return top.error / top.value if top.value > 0 else math.inf
+
+
+def _contrast(made: Sequence[Look], zone: int) -> bool:
+    top = _top(made, zone).found[zone]
+    return top.value > LEAST_CONTRAST and top.value > CLEAR * top.error
+
+
+def _surely_flat(made: Sequence[Look], zone: int) -> bool:
+    top = _top(made, zone).found[zone]
+    return top.value + CLEAR * top.error < LEAST_CONTRAST
+
+
+def _widened(looks: Looks, made: list[Look], zones: list[int], step: float, samples: int) -> dict[int, Peak]:
+    """Return the tops of the zones; look farther where a top lies at the end of what was looked at."""
+    low, high = looks.ends
+    for _ in range(FIRST_LOOKS):
+        peaks = {zone: peak_of(made, zone) for zone in zones}
+        places = [look.place for look in made]
+        first, last = min(places), max(places)
+        tops = [_top(made, zone).place for zone in zones if peaks[zone].rise > CLEAR]
+        if first in tops and first > low:
+            made.append(looks.at(max(first - step, low), samples, made[0].stop, made[0].reference))
+        elif last in tops and last < high:
+            made.append(looks.at(min(last + step, high), samples, made[0].stop, made[0].reference))
+        else:
+            break
+        step *= STRIDE
+    return {zone: peak_of(made, zone) for zone in zones}
+
+
+def _still_possible(policy: Policy, looks: Looks, peaks: dict[int, Peak], zones: list[int], step: float) -> list[int]:
+    """Return the zones that may decide in the end: those whose tops lie within a step of the one chosen by now."""
+    zone = chosen(policy, looks.zones, {k: peaks[k].place for k in zones})
+    if policy.by_place:
+        return [k for k in zones if abs(peaks[k].place - peaks[zone].place) <= step / 2]
+    return [zone]
+
+
+def _centre(peaks: dict[int, Peak], zones: list[int]) -> float:
+    places = [peaks[zone].place for zone in zones]
+    return (min(places) + max(places)) / 2
+
+
+def _about(looks: Looks, centre: float, step: float) -> list[float]:
+    """Return three places a step apart, about a place where the reach of the lens has room for them."""
+    low, high = looks.ends
+    centre = min(max(centre, low + step), high - step)
+    return [centre - step, centre, centre + step]
+
+
+def _next_step(looks: Looks, peaks: dict[int, Peak], zones: list[int], stop: float, opened: float) -> float:
+    """Return the step of a round: a share of the half width, which shrinks as the stop opens."""
+    sharp = looks.probe.depth_of_focus / stop
+    width = min((peaks[zone].width for zone in zones), default=math.inf) / opened
+    return min(max(SHARE * width, STEP / 4 * sharp), 0.75 * STEP * sharp)
+
+
+def _refined(looks: Looks, made: list[Look], zone: int, peak: Peak, samples: int) -> Peak:
+    """Return the top from looks that lie evenly about it, with as many samples as its error asks for."""
+    sharp = looks.probe.depth_of_focus
+    low, high = looks.ends
+    reference = made[0].reference
+    for _ in range(4):
+        if peak.rise < CLEAR and samples >= MOST_SAMPLES:
+            raise nothing_to_see("it looks the same in and out of focus")
+        if peak.rise >= CLEAR and peak.error < sharp / 8 and _is_even(made, zone, peak, (low, high)):
+            return peak
+        step = min(max(SHARE * peak.width, sharp), STEP / 2 * sharp)
+        if peak.rise < CLEAR or peak.error >= sharp / 8:
+            samples, made, reference = min(4 * samples, MOST_SAMPLES), [], peak.place
+            step = min(2 * step, STEP * sharp)
+        for place in _about(looks, peak.place, step):
+            if not any(abs(look.place - place) < 0.25 * step for look in made):
+                made.append(looks.at(place, samples, reference=reference))
+        peak = peak_of(made, zone)
+    if peak.rise < CLEAR:
+        raise nothing_to_see("it looks the same in and out of focus")
+    return peak
+
+
+def _is_even(made: Sequence[Look], zone: int, peak: Peak, ends: tuple[float, float]) -> bool:
+    """Whether the top lies in the middle of its neighbours, so that a lopsided curve does not pull it to a side."""
+    places = sorted(look.place for look in made)
+    if not peak.inside:
+        return min(abs(peak.place - end) for end in ends) < 1e-9 * abs(peak.place)
+    k = places.index(_top(made, zone).place)
+    return abs(peak.place - places[k]) <= OFF_MIDDLE * min(places[k] - places[k - 1], places[k + 1] - places[k])
