@@ -2,61 +2,110 @@
 
 from __future__ import annotations
 
-import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rptcam_cl.autofocus.drives import LensDrive, stopped
-from rptcam_cl.autofocus.half_view import HalfView, places_round
+from rptcam_cl.autofocus.half_view import STEP, HalfView, places_round
 from rptcam_cl.autofocus.phase_match import Halves
 from rptcam_cl.autofocus.probe import Zone, ZoneImage
 from rptcam_cl.autofocus.renderer import ProbeRenderer
 from rptcam_cl.cameras.half_pupil import Split, halved
-from rptcam_cl.cameras.lens_setting import LensSetting
-from rptcam_cl.cameras.pupil_rays import PupilRays, lens_rays, thin_lens_rays
-from rptcam_cl.scene import ThinLensCamera
 
-Margin = tuple[int, int, int, int]
-"""Pixels beyond a zone: left, right, above, below."""
+MARGIN_STEP = 16  # margins are multiples of so many pixels, so that looks can share their buffers
 
 
-class HalfLooks:
-    """A probe that can look at a zone through the halves of the pupil."""
+@dataclass(frozen=True)
+class HalfLook:
+    """A look at a zone through the two halves of the pupil.
 
-    def __init__(self, probe: ProbeRenderer, zone: Zone) -> None:
-        self.probe, self.zone = probe, zone
+    Attributes
+    ----------
+    state, stop : float
+        As in `FocusProbe.measure`.
+    view : HalfView
+        What the halves do to the picture of a plane at any distance.
+    halves : Halves
+        The pictures.
+    samples : int
+        Camera rays of all pixels; half of them begin a path.
+    seconds : float
+    """
 
-    def rays(self, state: float, stop: float, places: np.ndarray) -> PupilRays:
-        """Return the rays of places of the picture in a state."""
-        scene, drive = self.probe._seen, self.probe.drive
-        if isinstance(drive, LensDrive):
-            lens, back_mm = drive.lens_at(state)
-            return lens_rays(scene, LensSetting(stopped(lens, stop), back_mm, None, drive._camera), places)
-        camera = drive.at(state, stop)
-        return thin_lens_rays(scene, camera, places)
+    state: float
+    stop: float
+    view: HalfView
+    halves: Halves
+    samples: int
+    seconds: float
 
-    def view(self, state, split, stop=1.0) -> HalfView:
-        self.probe.look_at([self.zone])
-        x0, x1, y0, y1 = self.probe._pixels_of(self.zone)
-        return HalfView.of(self.rays(state, stop, places_round(((x0 + x1) / 2, (y0 + y1) / 2))), split)
 
-    def look(self, state, view, margin: Margin, samples, seed, stop=1.0):
-        p = self.probe
-        p.look_at([self.zone])
-        seen = p._seen
-        x0, x1, y0, y1 = p._pixels_of(self.zone)
-        W, H = seen.film.resolution
-        l, r, t, b = margin
-        l, r, t, b = min(l, x0), min(r, W - x1), min(t, y0), min(b, H - y1)
-        e = 1e-6
-        z = Zone((x0 - l + e) / W, (x1 + r - e) / W, (y0 - t + e) / H, (y1 + b - e) / H)
-        p._zones = (z,)
-        p.__dict__.pop("_layout", None)
-        p._wavefronts.clear()
-        camera = p.drive.camera(seen, state, stop, [z])
-        images = [p.render(halved(camera, view.line, beyond=be), samples, 2 * seed + be)[0] for be in (False, True)]
-        p._zones = ()
-        pictures = np.stack([im.luminance.mean(axis=0) for im in images])
-        means = pictures.mean(axis=(1, 2))
-        noise = np.array([im.variance.mean() for im in images])
-        return Halves(pictures / means[:, None, None], noise / means**2, (l, r, t, b))
+def half_view(probe: ProbeRenderer, state: float, zone: Zone, split: Split, stop: float = 1.0) -> HalfView:
+    """Return the halves of the pupil that the middle of a zone sees in a focus state."""
+    probe.look_at([zone])
+    across, down = zone.centre
+    width, height = probe.film.resolution
+    middle = min(max(across * width, STEP), width - STEP), min(max(down * height, STEP), height - STEP)
+    return HalfView.of(probe.rays(state, places_round(middle), stop), split)
+
+
+def measure_halves(
+    probe: ProbeRenderer, state: float, zones: Sequence[Zone], samples: int, seed: int, split: Split = "x"
+) -> list[tuple[ZoneImage, ZoneImage]]:
+    """Return what zones show through the left and the right half of the pupil, or the lower and the upper one.
+
+    The parameters are those of `FocusProbe.measure`. Halves are of equal light in the middle of each zone, and of
+    independent noise.
+    """
+    return [_through(probe, half_view(probe, state, zone, split), state, zone, samples, seed, 1.0) for zone in zones]
+
+
+def half_look(
+    probe: ProbeRenderer,
+    view: HalfView,
+    state: float,
+    zone: Zone,
+    samples: int,
+    seed: int,
+    stop: float = 1.0,
+    margin: tuple[int, int] = (0, 0),
+) -> HalfLook:
+    """Return a look through halves.
+
+    Parameters
+    ----------
+    samples
+        Per pixel of both halves together.
+    margin
+        Pixels across and down to see beyond the zone, at least.
+    """
+    begun = time.perf_counter()
+    across, down = (-(-pixels // MARGIN_STEP) * MARGIN_STEP for pixels in margin)
+    probe.look_at([zone], (across, down))
+    images = _through(probe, view, state, zone, samples, seed, stop)
+    pictures: list[NDArray[np.float64]] = [image.luminance.mean(axis=0) for image in images]
+    light = [float(picture.mean()) for picture in pictures]
+    halves = Halves(
+        np.stack([picture / (mean or 1.0) for picture, mean in zip(pictures, light, strict=True)]),
+        np.array([image.variance.mean() / (mean or 1.0) ** 2 for image, mean in zip(images, light, strict=True)]),
+        probe.margins(zone),
+    )
+    taken = 2 * images[0].samples * pictures[0].size
+    return HalfLook(state, stop, view, halves, taken, time.perf_counter() - begun)
+
+
+def _through(
+    probe: ProbeRenderer, view: HalfView, state: float, zone: Zone, samples: int, seed: int, stop: float
+) -> tuple[ZoneImage, ZoneImage]:
+    """Return what a zone shows through the half before the line and that beyond it.
+
+    With the same random numbers the noise of the halves would be each other's negative: hence two seeds.
+    """
+    camera = probe.camera(state, stop)
+    before, beyond = (
+        probe.render(halved(camera, view.line, beyond=half), samples, 2 * seed + half)[0] for half in (False, True)
+    )
+    return before, beyond

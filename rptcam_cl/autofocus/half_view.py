@@ -1,9 +1,9 @@
-"""What the two halves of a pupil see of a plane of the scene, by exact rays: how each blurs and displaces its picture.
+"""What the two halves of a pupil see of a plane of the scene, by exact rays: how each blurs and displaces it.
 
-A place f of the picture gathers the light of points X of a plane of the scene, one for each ray of its pupil. In the
-plane's own picture coordinates, in which f itself lies where the mean ray of the whole pupil meets the plane, a ray
-lies at f + x. So a half shows I(f) = sum w O(f + x) over its rays: the plane's picture O, displaced by the mean of x and
-blurred by its spread. Its Fourier transform is that of O times H(k) = sum w exp(i k x).
+A place f of the picture gathers the light of points of a plane of the scene, one for each ray of its pupil. Let O be
+the plane's own picture, in which f lies where the mean ray of the whole pupil meets the plane, and f + x where another
+ray does. A half then shows I(f) = sum w O(f + x) over its rays: O, displaced by the mean of x and blurred by its
+spread. Its Fourier transform is that of O times H(k) = sum w exp(i k x).
 """
 
 from __future__ import annotations
@@ -18,13 +18,12 @@ from rptcam_cl.cameras.half_pupil import PupilLine, Split, pupil_line
 from rptcam_cl.cameras.pupil_rays import PupilRays
 
 Array = NDArray[np.float64]
-Complex = NDArray[np.complex128]
 
 STEP = 12.0  # pixels to the places round the middle of a zone that tell the plane's scale
 
 
 def places_round(middle: tuple[float, float]) -> Array:
-    """Return the places (5, 2) [pixels] whose rays a view needs: the middle of a zone, right and left, below and above."""
+    """Return the places (5, 2) [pixels] whose rays a view needs: its middle, right, left, below, above."""
     return np.array(middle) + STEP * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
 
 
@@ -57,12 +56,12 @@ class HalfView:
 
     @cached_property
     def _lines(self) -> tuple[Array, Array, Array, Array]:
-        """Constant and slope, over the vergence, of where rays that pass meet a plane (n, 2) and of the scale (2, 2)."""
+        """Constant and slope, over the vergence, of where rays meet a plane (n, 2) and of its scale (2, 2)."""
         at, along = self.rays.seen(0.0), self.rays.seen(1.0)
         means = [np.einsum("mn,mnk->mk", self.rays.weights, places) for places in (at, along - at)]
         scales = [np.stack([mean[1] - mean[2], mean[3] - mean[4]], axis=1) / (2 * STEP) for mean in means]
         open_ = self.rays.weights[0] > 0
-        return (at[0] - means[0][0])[open_], (along[0] - at[0] - means[1][0])[open_], *scales  # type: ignore[return-value]
+        return (at[0] - means[0][0])[open_], (along[0] - at[0] - means[1][0])[open_], *scales
 
     @cached_property
     def shares(self) -> Array:
@@ -81,15 +80,14 @@ class HalfView:
         before, beyond = self.shares @ self.offsets(vergence)
         return float((before - beyond)[self.axis])
 
+    @property
+    def nearest(self) -> float:
+        """The vergence of planes that lie safely in front of the lens [1/m]."""
+        ahead = -float(self.rays.origins[..., 2].min())
+        return 0.8 / ahead if ahead > 0 else np.inf
+
     def sharpest(self) -> float:
         """Return the vergence at which the rays of the whole pupil spread least over a plane [1/m]."""
         at, along = self._lines[:2]
         weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
         return -float(np.sum(weights * at * along) / np.sum(weights * along * along))
-
-
-def transfer(offsets: Array, weights: Array, k_across: Array, k_down: Array) -> Complex:
-    """Return H (down, across) of a half: the sum of exp(i k x) over its rays."""
-    across = np.exp(1j * np.outer(offsets[:, 0], k_across))
-    down = np.exp(1j * np.outer(offsets[:, 1], k_down))
-    return np.asarray((weights[:, None] * down).T @ across)

@@ -3,8 +3,8 @@
 A trial distance says what each half has done to the target's unknown picture: H1 and H2. With noise alone between them,
 F1 = O H1 + noise and F2 = O H2 + noise, so that F1 H2 - F2 H1 is noise whatever O may be. Its square over its variance,
 summed over the frequencies, is least at the true distance (maximum likelihood, O being profiled out). For mere
-displacements it is the correlation of the two pictures; the rays of the lens add what that leaves out: that halves blur,
-each in its own lopsided way, by defocus and by aberrations.
+displacements it is the correlation of the two pictures; the rays of the lens add what that leaves out: that halves
+blur, each in its own lopsided way, by defocus and by aberrations.
 """
 
 from __future__ import annotations
@@ -14,20 +14,23 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.autofocus.half_view import HalfView, transfer
+from rptcam_cl.autofocus.half_view import HalfView
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
 Shifts = NDArray[np.int64]
 
 HIGHEST = 0.75  # of the Nyquist frequency: beyond it pixels alias
+BEYOND = 3.0  # displacement beyond the ends of the reach that trials go [pixels]
 TRIAL_STEP = 0.5  # displacement between trial distances [pixels]
 ROUNDS = 2  # of the refinement
 POINTS = 7  # in each
 SMOOTH = 2  # frequencies to each side
 TAPER = 0.5  # share of the window in which it falls off
 LEAST_GAIN = 45.0  # of the misfit at the best distance against the others, in units of noise
+SCATTER = 1.3  # of repeated looks over what one alone tells: the weights come from the same noisy pictures
 RIVAL = 0.35  # share of that gain that another distance must lack for the best to be the only one
+UNLIKELY = 4.0  # times the least misfit: then it is no rival, however good
 APART = 1.5  # displacement from which on it is another one [pixels]
 LEAST_CONTRAST = 0.002  # standard deviation over mean
 
@@ -133,7 +136,12 @@ class PhaseMatch:
         """Return by how many whole pixels, right and down, each half displaces its picture."""
         return -np.rint(self.view.shares @ self.view.offsets(vergence)).astype(np.int64)
 
-    def misfits(self, shifts: Shifts, responses: list[Complex]) -> Array | None:
+    def misfit(self, vergence: float, shifts: Shifts | None = None) -> float:
+        """Return the sum of `misfits`, by default with the zone following the displacement; nan beyond the pictures."""
+        found = self.misfits(vergence, self.shifts(vergence) if shifts is None else shifts)
+        return float("nan") if found is None else float(found.sum())
+
+    def misfits(self, vergence: float, shifts: Shifts) -> Array | None:
         """Return the misfit of every frequency, with the zone followed by whole pixels; None beyond the pictures.
 
         Values for the same `shifts` compare what is in the same pixels. The others differ by the noise of their edges.
@@ -141,42 +149,25 @@ class PhaseMatch:
         one, other = (self._spectrum(half, *shifts[half].tolist()) for half in (0, 1))
         if one is None or other is None:
             return None
-        difference = np.abs(one * responses[1] - other * responses[0]) ** 2
-        expected = self._power[0] * np.abs(responses[1]) ** 2 + self._power[1] * np.abs(responses[0]) ** 2
-        return np.asarray(self._weights * difference / expected)
-
-    def trial(self, vergence: float) -> float:
-        """Return the misfit with roughly placed rays, the zone following the displacement; nan beyond the pictures."""
-        shifts, offsets = self.shifts(vergence), self.view.offsets(vergence)
-        if any(self._spectrum(half, *shifts[half].tolist()) is None for half in (0, 1)):
-            return float("nan")
-        responses = [self._rough(offsets + shifts[half], self.view.shares[half]) for half in (0, 1)]
-        found = self.misfits(shifts, responses)
-        return float("nan") if found is None else float(found.sum())
-
-    def exact(self, vergence: float, shifts: Shifts) -> Array:
-        """Return the misfit of every frequency."""
         offsets = self.view.offsets(vergence)
-        frequencies = self._k_across, self._k_down
-        responses = [transfer(offsets + shifts[k], self.view.shares[k], *frequencies) for k in (0, 1)]
-        found = self.misfits(shifts, responses)
-        assert found is not None
-        return found
+        h = [self._response(offsets + shifts[half], self.view.shares[half]) for half in (0, 1)]
+        expected = self._power[0] * _square(h[1]) + self._power[1] * _square(h[0])
+        return np.asarray(self._weights * _square(one * h[1] - other * h[0]) / expected)
 
-    def _rough(self, offsets: Array, weights: Array) -> Complex:
-        """Return H of a half whose rays are shared out between the four pixels round each.
+    def _response(self, offsets: Array, weights: Array) -> Complex:
+        """Return H of a half whose rays are spread over the pixels round each by a quadratic B-spline.
 
-        That multiplies H by a real function, the same for both halves, which cancels in the misfit.
+        That multiplies H by a positive function, the same for both halves, which cancels in the misfit.
         """
         height, width = self.halves.zone
-        low = np.floor(offsets).astype(np.int64)
-        part = offsets - low
+        nearest = np.rint(offsets).astype(np.int64)
+        taps = _spline(offsets - nearest)
         picture = np.zeros(height * width)
-        for right in (0, 1):
-            for down in (0, 1):
-                share = np.abs(1 - right - part[:, 0]) * np.abs(1 - down - part[:, 1])
-                at = (low[:, 1] + down) % height * width + (low[:, 0] + right) % width
-                picture += np.bincount(at, weights * share, minlength=len(picture))
+        for right in (-1, 0, 1):
+            for down in (-1, 0, 1):
+                at = (nearest[:, 1] + down) % height * width + (nearest[:, 0] + right) % width
+                share = weights * taps[right + 1][:, 0] * taps[down + 1][:, 1]
+                picture += np.bincount(at, share, minlength=len(picture))
         spectrum = np.conj(np.fft.rfft2(picture.reshape(height, width)))
         return np.asarray(spectrum[np.ix_(self._rows, self._columns)])
 
@@ -187,7 +178,9 @@ class PhaseMatch:
         noise alone, it would otherwise add its own scatter to the misfit, and nothing else.
         """
         spectra = [self._spectrum(half, 0, 0) for half in (0, 1)]
-        power = np.mean([np.abs(f) ** 2 / p for f, p in zip(spectra, self._power, strict=True) if f is not None], axis=0)
+        power = np.mean(
+            [np.abs(f) ** 2 / p for f, p in zip(spectra, self._power, strict=True) if f is not None], axis=0
+        )
         near = np.pad(np.fft.fftshift(power, axes=0), SMOOTH, mode="reflect")
         size = 2 * SMOOTH + 1
         windows = np.lib.stride_tricks.sliding_window_view(near, (size, size))
@@ -212,8 +205,9 @@ class PhaseMatch:
 
     def contrast(self) -> tuple[float, float]:
         """Return the contrast of the zone in both pictures together, and its significance."""
-        pictures = [self.halves.in_zone(half) for half in (0, 1)]
-        whole = np.sum(pictures, axis=0)
+        one, other = (self.halves.in_zone(half) for half in (0, 1))
+        assert one is not None and other is not None
+        whole = one + other
         noise = float(self.halves.noise.sum())
         variance = float(np.sum(self._level(whole) ** 2)) / (whole.size - self._basis.shape[1])
         mean = float(whole.mean())
@@ -222,20 +216,20 @@ class PhaseMatch:
         return np.sqrt(max(variance - noise, 0.0)) / mean, (variance / noise - 1) / np.sqrt(2 / whole.size)
 
     def best(self, low: float, high: float) -> Match | None:
-        """Return the best vergence between two, the pictures permitting; None when they hold no trial."""
-        ends = [self.view.displacement(end) for end in (low, high)]
-        count = max(int(abs(ends[1] - ends[0]) / TRIAL_STEP), 2) + 1
-        trials = np.linspace(low, high, count)
+        """Return the best vergence between about two, the pictures permitting; None when they show nothing."""
         if not (self._power > 0).all():
             return None
-        misfits = np.array([self.trial(trial) for trial in trials])
+        slope = abs(self.view.displacement(high) - self.view.displacement(low)) / (high - low)
+        low, high = low - BEYOND / slope, min(high + BEYOND / slope, self.view.nearest)
+        count = int((high - low) * slope / TRIAL_STEP) + 2
+        trials = np.linspace(low, high, count)
+        misfits = np.array([self.misfit(trial) for trial in trials])
         if np.isfinite(misfits).sum() < POINTS:
             return None
         at = int(np.nanargmin(misfits))
         vergence, error, least = self._refined(trials[at], (high - low) / (count - 1))
         shown = np.array([self.view.displacement(trial) for trial in trials])
         displacement = self.view.displacement(vergence)
-        slope = abs(ends[1] - ends[0]) / (high - low)
         scale = max(least / self._degrees, 1.0) * self._alike
         level = float(np.nanmedian(misfits))
         gain = max(level - least, 0.0) / scale
@@ -261,7 +255,7 @@ class PhaseMatch:
         shifts, wide = self.shifts(start), 2 * step
         for _ in range(ROUNDS):
             points = start + np.linspace(-1, 1, POINTS) * wide
-            misfits = np.array([self.exact(point, shifts).sum() for point in points])
+            misfits = np.array([self.misfit(point, shifts) for point in points])
             least = points[np.argmin(misfits)]
             a, b, _ = np.polyfit((points - start) / wide, misfits, 2)
             vertex = start - b / (2 * a) * wide if a > 0 else least
@@ -271,9 +265,20 @@ class PhaseMatch:
 
     def _error(self, vergence: float, step: float, shifts: Shifts) -> float:
         """Return the standard error of the vergence of least misfit, from the scatter of its slope over frequencies."""
-        below, at, above = (self.exact(vergence + side * step, shifts) for side in (-1, 0, 1))
+        below, at, above = (self.misfits(vergence + side * step, shifts) for side in (-1, 0, 1))
+        if below is None or at is None or above is None:
+            return np.inf
         slopes, bend = (above - below) / (2 * step), float((above - 2 * at + below).sum()) / step**2
-        return float(np.sqrt(self._alike * np.sum(slopes**2))) / bend if bend > 0 else np.inf
+        return SCATTER * float(np.sqrt(self._alike * np.sum(slopes**2))) / bend if bend > 0 else np.inf
+
+
+def _spline(x: Array) -> list[Array]:
+    """Return the quadratic B-spline at -1, 0 and 1 from x, which lies within half of 0."""
+    return [0.5 * (0.5 - x) ** 2, 0.75 - x * x, 0.5 * (0.5 + x) ** 2]
+
+
+def _square(values: Complex) -> Array:
+    return np.asarray(values.real**2 + values.imag**2)
 
 
 def _rival(misfits: Array, shown: Array, displacement: float, level: float, least: float) -> float:
@@ -281,7 +286,7 @@ def _rival(misfits: Array, shown: Array, displacement: float, level: float, leas
     inner = misfits[1:-1]
     dips = 1 + np.flatnonzero((inner <= misfits[:-2]) & (inner <= misfits[2:]))
     others = dips[np.abs(shown[dips] - displacement) > APART]
-    if not len(others) or level <= least:
+    if not len(others) or level <= least or misfits[others].min() > UNLIKELY * least:
         return 0.0
     return float(max((level - misfits[others].min()) / (level - least), 0.0))
 
