@@ -15,7 +15,7 @@ from rptcam_cl.autofocus.probe import Zone, ZoneImage
 from rptcam_cl.autofocus.renderer import ProbeRenderer
 from rptcam_cl.cameras.half_pupil import Split, halved
 
-MARGIN_STEP = 16  # margins are multiples of so many pixels, so that looks can share their buffers
+MARGIN_STEP = 8  # margins are multiples of so many pixels, so that looks can share their buffers
 
 
 @dataclass(frozen=True)

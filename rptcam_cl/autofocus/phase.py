@@ -29,6 +29,7 @@ LEAST_REACH = 5.0  # displacement that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a look so near to the focus that it found is the last one
 PRECISE, ENOUGH = 0.08, 0.125  # depths of focus: standard error aimed at, and taken
 MOST_LOOKS = 8
+BLUR = 1.2  # radius of a blurred point over the displacement of its halves
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
 REASONS = {
     "flat": "its details are no stronger than the noise",
@@ -129,9 +130,8 @@ class PhaseSearch:
         stop = min(max(room / largest, LEAST_STOP), 1.0)
         if stop < 1.0:
             view = half_view(self.probe, state, self.zone, split, stop)
-        along = math.ceil(min(largest * stop, room) / 2) + 3
-        margin = (along, 4) if split == "x" else (4, along)
-        look = half_look(self.probe, view, state, self.zone, samples, self.seed, stop, margin)
+        blur = math.ceil(BLUR * min(largest * stop, room)) + 2
+        look = half_look(self.probe, view, state, self.zone, samples, self.seed, stop, (blur, blur))
         match = PhaseMatch(look.halves, view).best(low, high) if look.halves.pictures.any() else None
         self.looks.append((look, match))
         if self.on_look is not None:

@@ -1,4 +1,4 @@
-"""Phase detection: half pictures tell the distance, the move lands on the sharpest spot, and blank targets are refused."""
+"""Phase detection: half pictures tell the distance, the move finds the least spot, and blank targets are refused."""
 
 import math
 
@@ -34,14 +34,14 @@ def test_displacement_through_a_thin_lens_is_that_of_similar_triangles(vergence)
     scene = scene_of([], THIN)
     view = HalfView.of(pupil_rays(scene, places_round((200.0, 90.0))), "x")
     radius, film_mm = 0.0125, 50 / (1 - 0.05 / 3)
-    # The middles of the halves of a disk lie 8 / (3 pi) radii apart; seen from the target's plane, they cast them so far.
+    # The middles of the halves of a disk lie 8 / (3 pi) radii apart.
     on_film = 8 / (3 * math.pi) * radius * (1 / 3 - vergence) * film_mm
     assert view.displacement(vergence) == pytest.approx(on_film * 10, rel=5e-3)  # 10 pixels per mm
     assert view.displacement(1 / 3) == pytest.approx(0.0, abs=1e-9)
     assert view.sharpest() == pytest.approx(1 / 3)
 
 
-@pytest.mark.parametrize("displacement", [-6.0, -0.8, 0.0, 2.3, 9.0])
+@pytest.mark.parametrize("displacement", [-6.0, 0.3, 9.0])
 def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     # Pictures by exact rays of a random target, through a thin lens; noise is added to each half.
     view = HalfView.of(pupil_rays(scene_of([], THIN), places_round((200.0, 90.0))), "x")
@@ -56,9 +56,9 @@ def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     seen = np.stack([np.fft.ifft2(spectrum * (phases @ share)).real for share in view.shares])
     sigma = 0.05 * seen.std()
     found, errors = [], []
-    for _ in range(12):
+    for _ in range(5):
         noisy = 1 + (seen + sigma * rng.normal(size=seen.shape)) / seen.std() / 4
-        match = PhaseMatch(Halves(noisy, np.full(2, 0.0125**2), (24, 24, 24, 24)), view).best(0.0, 1.0)
+        match = PhaseMatch(Halves(noisy, np.full(2, 0.0125**2), (24, 24, 24, 24)), view).best(-2.0, 2.0)
         assert match is not None
         assert match.refusal is None
         found.append(match.displacement)
@@ -80,11 +80,10 @@ def test_halves_of_the_probe_show_the_target_side_by_side():
     assert best == pytest.approx(expected, abs=1.0)
 
 
-@pytest.mark.parametrize("zone", [CENTRE, SIDE], ids=["middle", "side"])
 @pytest.mark.parametrize(
-    ("camera", "distance", "start"),
-    [(DGAUSS, 4.0, -20.0), (DGAUSS, 0.7126, 90.0), (THIN, 2.0, 15.0)],
-    ids=["double Gauss", "near", "thin lens"],
+    ("camera", "distance", "start", "zone"),
+    [(DGAUSS, 4.0, -20.0, SIDE), (DGAUSS, 0.7126, 90.0, CENTRE), (THIN, 2.0, 15.0, SIDE)],
+    ids=["double Gauss, off the axis", "near", "thin lens"],
 )
 def test_phase_finds_the_least_spot_in_three_looks(camera, distance, start, zone):
     probe = probe_of(scene_of([target(distance, distance / 2, noise(60))], camera))
@@ -109,10 +108,9 @@ def test_stripes_along_one_axis_are_seen_by_the_other_split():
     ("material", "reason"),
     [
         ({"kind": "matte", "reflectance": 0.5}, "details are no stronger than the noise"),
-        ({"kind": "emissive", "radiance": 2.0}, "details are no stronger than the noise"),
         ({"kind": "matte", "reflectance": 0.0}, "dark"),
     ],
-    ids=["flat", "shining", "dark"],
+    ids=["flat", "dark"],
 )
 def test_a_target_without_detail_is_refused_and_the_focus_stays(material, reason):
     probe = probe_of(scene_of([target(4.0, 4.0, material)], DGAUSS))
