@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.stopwatch import fastest
-from rptcam_cl.cameras.lens_records import lens_records
+from rptcam_cl.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.lens_tracing import PACKETS
 from rptcam_cl.optics import Lens, Surface
@@ -52,6 +52,11 @@ def row(kind: Surface, count: int) -> Lens:
     return Lens("row", tuple(surfaces))
 
 
+def records_of(lens: Lens) -> LensRecords:
+    """Return the records of a row for rays that start before its first vertex."""
+    return lens_records(lens, WAVELENGTH_D, "scene", 0.0)
+
+
 def rays(count: int) -> NDArray[np.float32]:
     """Return the rows that the kernel reads: points 5 mm before the first vertex and directions."""
     random = np.random.default_rng(1)
@@ -67,14 +72,13 @@ def rays(count: int) -> NDArray[np.float32]:
 class Row:
     """A row of surfaces on the device, ready to be traced."""
 
-    def __init__(self, session: Session, lens: Lens, beam: NDArray[np.float32]) -> None:
+    def __init__(self, session: Session, records: LensRecords, beam: NDArray[np.float32]) -> None:
         self.session, self.beam = session, beam
         lanes = 16 if session.lanes > 1 else 1
-        records = lens_records(lens, WAVELENGTH_D, "scene", 0.0)
         facts = records.facts | {"VW": lanes, "DOUBLE": 0, "LENS_KEEP_FAILED": 0}
         program = session.program(["pass/trace_rays.cl"], facts, device_declarations())
         self.memory = session.allocate(beam.nbytes)
-        self.items, count = beam.shape[1] // (PACKETS * lanes), np.int32(len(lens.surfaces))
+        self.items, count = beam.shape[1] // (PACKETS * lanes), np.int32(len(records.surfaces))
         self.tables = (session.upload(records.surfaces), count, session.upload(records.stop))
         self.launch = session.bind(program, "trace_rays", *self.tables, self.memory, np.uint32(beam.shape[1]))
         self.refill()
@@ -102,8 +106,8 @@ class Row:
 def measure(session: Session, count: int, rounds: int) -> dict[str, float]:
     """Return the time of one surface for one ray [s] of every kind, the least of several rounds."""
     beam = rays(count)
-    rows = {name: Row(session, row(kind, COUNT), beam) for name, kind in KINDS.items()}
-    single = Row(session, row(Surface(), 1), beam)
+    rows = {name: Row(session, records_of(row(kind, COUNT)), beam) for name, kind in KINDS.items()}
+    single = Row(session, records_of(row(Surface(), 1)), beam)
     best, one = dict.fromkeys(rows, np.inf), np.inf
     for _ in range(rounds):
         one = min(one, single.seconds())

@@ -7,16 +7,32 @@ from typing import TYPE_CHECKING, Any
 from rptcam_cl._version import __version__
 
 if TYPE_CHECKING:
-    from rptcam_cl.api import Image, Progress, Scene, choose_device, develop, devices, load_lens, load_scene, render
+    from rptcam_cl.api import (
+        FocusReport,
+        Image,
+        Progress,
+        Scene,
+        autofocus,
+        choose_device,
+        develop,
+        devices,
+        focused_scene,
+        load_lens,
+        load_scene,
+        render,
+    )
 
 __all__ = [
+    "FocusReport",
     "Image",
     "Progress",
     "Scene",
     "__version__",
+    "autofocus",
     "choose_device",
     "develop",
     "devices",
+    "focused_scene",
     "load_lens",
     "load_scene",
     "render",

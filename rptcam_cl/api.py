@@ -13,6 +13,8 @@ import numpy as np
 
 from rptcam_cl import optics
 from rptcam_cl._version import __version__
+from rptcam_cl.autofocus import FocusReport, focused_scene, in_focus
+from rptcam_cl.autofocus.interface import autofocus
 from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.developing import develop, developed_as
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
@@ -23,10 +25,24 @@ from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.scene.sampling import ADAPTIVE_SPP
+from rptcam_cl.sensing import check_sensor, sensor_of
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
-__all__ = ["Image", "Progress", "Scene", "choose_device", "develop", "devices", "load_lens", "load_scene", "render"]
+__all__ = [
+    "FocusReport",
+    "Image",
+    "Progress",
+    "Scene",
+    "autofocus",
+    "choose_device",
+    "develop",
+    "devices",
+    "focused_scene",
+    "load_lens",
+    "load_scene",
+    "render",
+]
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
 GEOMETRY = ("world_from_camera", "intrinsics", "resolution", "window", "film_size_mm", "near_m")
@@ -110,6 +126,7 @@ def render(
     """
     begun = time.perf_counter()
     scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers, noise)
+    check_sensor(scene, *_window(scene)[2:])
     wanted = scene.render.layers
     if denoise:
         check_denoiser()
@@ -117,9 +134,10 @@ def render(
     session = device if isinstance(device, Session) else open_session(device)
     saver = None if checkpoint is None else Saver(checkpoint, scene, session.info.name)
     saved = saver.load() if saver is not None and resume else None
-    shot = settled(scene, session, None if saver is None else saver.metered_cd_m2)
+    sharp, focus = in_focus(scene, session, None if saver is None else saver.focus)
+    shot = settled(sharp, session, None if saver is None else saver.metered_cd_m2)
     if saver is not None:
-        saver.metered_cd_m2 = shot.metered_cd_m2
+        saver.metered_cd_m2, saver.focus = shot.metered_cd_m2, focus
     plan = make_plan(shot.scene)
     started = time.perf_counter()
     if on_progress is not None:
@@ -145,6 +163,9 @@ def render(
         "total": time.perf_counter() - begun,
     }
     metadata = _metadata(scene, rendering, plan, session.info) | shot.metadata
+    metadata |= {} if focus is None else focus["metadata"]
+    if (sensor := sensor_of(shot.scene, metadata)) is not None:
+        metadata["sensor"] = sensor.described()
     stats = _stats(rendering, wavefront, plan, session.info, times)
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
@@ -227,6 +248,7 @@ def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo
         "device": device.name,
         "exposure": scene.exposure.mode,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
+        **plan.spectrum.metadata,
         **camera_geometry(scene),
         "window": _window(scene),
         **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
 from rptcam_cl.imaging import Development, Gains, Grey, GreyWorld, Image, KnownLight, read_film
+from rptcam_cl.imaging.white_balance import Adaptation
 from rptcam_cl.scene import Picture, WhiteBalance, load_picture
 
 SETTINGS = "picture"  # where metadata keep what a scene says of the picture
@@ -42,14 +43,20 @@ def developed_as(image: Image, picture: Picture) -> Image:
     """Return an image with the picture settings of a scene, which its metadata tell too."""
     told = picture.model_dump(mode="json", exclude_defaults=True)
     kept = {key: value for key, value in image.metadata.items() if key != SETTINGS}
-    return replace(image, metadata=kept | ({SETTINGS: told} if told else {}), picture=development(picture))
+    metadata = kept | ({SETTINGS: told} if told else {})
+    return replace(image, metadata=metadata, picture=development(picture, metadata))
 
 
-def development(picture: Picture) -> Development:
-    """Return what picture settings mean in numbers."""
+def development(picture: Picture, metadata: Mapping[str, Any]) -> Development:
+    """Return what picture settings mean in numbers, for a film of which the metadata tell."""
+    wanted = picture.white_balance
+    # Light of RGB has multiplied reflectances channel by channel, and dividing so undoes it exactly; light of spectra
+    # has not.
+    suited: Adaptation = "bradford" if metadata.get("spectrum") == "spectral" else "channels"
     return Development(
         ev=picture.ev,
-        white_balance=None if picture.white_balance is None else _white_balance(picture.white_balance),
+        white_balance=None if wanted is None else _white_balance(wanted),
+        adaptation=suited if wanted is None or wanted.adaptation is None else wanted.adaptation,
         tone=picture.tone.kind,
         tone_white=picture.tone.shown_white,
         gamut=picture.gamut,

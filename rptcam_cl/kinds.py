@@ -86,6 +86,14 @@ class EnvironmentKind(IntEnum):
     IMAGE = 3
 
 
+class SpectrumKind(IntEnum):
+    """What the three numbers of a path's light are."""
+
+    RGB = 0  # red, green, blue
+    DISPERSIVE = 1  # the same, of light of one wavelength
+    SPECTRAL = 2  # at three wavelengths
+
+
 class RayStatus(IntEnum):
     """What became of a ray in a lens; the values agree with `rptcam_cl.optics.Status`."""
 
@@ -143,6 +151,7 @@ _PREFIXES: dict[str, type[IntEnum]] = {
     "WRAP": Wrap,
     "EMITTER": EmitterKind,
     "ENVIRONMENT": EnvironmentKind,
+    "SPECTRUM": SpectrumKind,
     "RAY": RayStatus,
 }
 

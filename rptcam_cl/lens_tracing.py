@@ -9,12 +9,13 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.cameras.dispersion import disperses, usable_nm
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.device import Session, open_session
 from rptcam_cl.errors import DeviceError, InputError
 from rptcam_cl.optics import Lens, Rays
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.transmission import Transmission
+from rptcam_cl.optics.transmission import IDEAL, Transmission
 from rptcam_cl.records import device_declarations
 
 Precision = Literal["single", "double"]
@@ -24,6 +25,7 @@ Array = NDArray[np.float64]
 GROUP = 16  # work items per group
 PACKETS = 2  # of lanes that a work item of the kernel traces side by side
 BLOCK = 1 << 15  # rays at a time, so that packing and unpacking stay in the processor's cache
+ROWS = 8  # of numbers that a ray has, and one more where losses count
 FAR = 10.0  # lens sizes from which a ray is first moved to the vertex plane in float64
 DOUBLE_LANES = 8
 
@@ -56,7 +58,7 @@ class TraceableLens(Lens):
         precision : "single" or "double"
             Arithmetic of the device.
         transmission : Transmission, optional
-            Losses to count; on the host only.
+            Losses to count.
 
         Returns
         -------
@@ -66,10 +68,10 @@ class TraceableLens(Lens):
         """
         if device is None:
             return super().trace(origins, directions, wavelength_nm, start, transmission=transmission)
-        if transmission:
-            raise InputError("losses of rays are counted by the float64 reference (leave out the device)")
         session = device if isinstance(device, Session) else open_session(device)
-        return trace_on_device(self, session, origins, directions, wavelength_nm, start, precision)
+        return trace_on_device(
+            self, session, origins, directions, wavelength_nm, start, precision, transmission or IDEAL
+        )
 
     def svg(self, *, device: str | Session | None = None, **options: Any) -> str:
         """Return the lens in cross-section with its rays, as SVG text.
@@ -116,6 +118,7 @@ def trace_on_device(
     wavelength_nm: ArrayLike,
     start: str,
     precision: Precision,
+    transmission: Transmission = IDEAL,
 ) -> Rays:
     """Return rays traced by the device; see `TraceableLens.trace`."""
     if start not in ("film", "scene"):
@@ -129,11 +132,15 @@ def trace_on_device(
         raise InputError(f"rays need origins and directions of shape (n, 3) (got {points.shape})")
     count = len(points)
     rays = Rays(np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int32), np.empty(count, np.int32),
-                np.empty(0))  # fmt: skip
+                np.empty(0), np.empty(count) if transmission else None)  # fmt: skip
     wavelengths = np.asarray(wavelength_nm, float)
-    different = np.unique(wavelengths) if count else ()
+    different = np.unique(wavelengths) if count else np.zeros(0)
+    if len(different) > 1 and precision == "single" and not transmission and _has_polynomials(lens, different):
+        tracer = _Tracer(lens, session, different[0], start, precision, IDEAL, dispersive=True)
+        tracer.trace(points, vectors, rays, slice(0, count), np.broadcast_to(wavelengths, (count,)))
+        return rays
     for wavelength in different:
-        tracer = _Tracer(lens, session, float(wavelength), start, precision)
+        tracer = _Tracer(lens, session, float(wavelength), start, precision, transmission)
         if len(different) == 1:
             tracer.trace(points, vectors, rays, slice(0, count))
         else:
@@ -141,10 +148,26 @@ def trace_on_device(
     return rays
 
 
-class _Tracer:
-    """A lens at one wavelength on the device, which traces rays a block at a time."""
+def _has_polynomials(lens: Lens, wavelengths_nm: Array) -> bool:
+    """Return whether renderers know a lens by polynomials over wavelengths, and those given are among them."""
+    low, high = usable_nm(lens)
+    return bool(low <= wavelengths_nm.min() and wavelengths_nm.max() <= high) and disperses(lens)
 
-    def __init__(self, lens: Lens, session: Session, wavelength_nm: float, start: str, precision: Precision) -> None:
+
+class _Tracer:
+    """A lens on the device, at one wavelength or with one for every ray, which traces rays a block at a time."""
+
+    def __init__(
+        self,
+        lens: Lens,
+        session: Session,
+        wavelength_nm: float,
+        start: str,
+        precision: Precision,
+        transmission: Transmission,
+        *,
+        dispersive: bool = False,
+    ) -> None:
         double = precision == "double"
         self.session = session
         self.real = np.float64 if double else np.float32
@@ -154,23 +177,36 @@ class _Tracer:
         self.sense = -1.0 if self.backwards else 1.0
         self.first, self.last = (lens.length, 0.0) if self.backwards else (0.0, lens.length)
         self.far = FAR * (lens.length + max(min(surface.semi_diameter, 1e6) for surface in lens.surfaces))
-        traced = lens_records(lens, wavelength_nm, "film" if self.backwards else "scene", 0.0, double=double)
+        side: Literal["film", "scene"] = "film" if self.backwards else "scene"
+        traced = lens_records(
+            lens, wavelength_nm, side, 0.0, double=double, dispersive=dispersive, transmission=transmission
+        )
         self.facts = traced.facts | {"VW": self.lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
         self.tables = (session.upload(traced.surfaces), np.int32(len(traced.surfaces)), session.upload(traced.stop))
 
-    def trace(self, points: Array, vectors: Array, rays: Rays, rows: slice | NDArray[np.intp]) -> None:
+    def trace(
+        self,
+        points: Array,
+        vectors: Array,
+        rays: Rays,
+        rows: slice | NDArray[np.intp],
+        wavelengths_nm: Array | None = None,
+    ) -> None:
         """Trace some rows of points and directions (n, 3) and write them to the same rows of ``rays``."""
         count = rows.stop if isinstance(rows, slice) else len(rows)
         size = PACKETS * self.lanes * GROUP
         capacity = min(-(-count // size) * size, BLOCK)
         program = self.session.program(["pass/trace_rays.cl"], self.facts, device_declarations())
-        table = np.zeros((8, capacity), self.real)
+        table = np.zeros((ROWS if rays.transmittance is None else ROWS + 1, capacity), self.real)
+        table[ROWS:] = 1.0  # what a lens leaves that loses nothing
         memory = self.session.allocate(table.nbytes)
         launch = self.session.bind(program, "trace_rays", *self.tables, memory, np.uint32(capacity))
         for low in range(0, count, BLOCK):
             high = min(low + BLOCK, count)
             part = slice(low, high) if isinstance(rows, slice) else rows[low:high]
             self._pack(points[part], vectors[part], table)
+            if wavelengths_nm is not None:
+                table[6, : high - low], table[6, high - low :] = wavelengths_nm[part], WAVELENGTH_D
             self.session.write(memory, table)
             launch.enqueue(capacity // (PACKETS * self.lanes), GROUP)
             out = self.session.read(memory, self.real, table.size).reshape(table.shape)
@@ -204,5 +240,7 @@ class _Tracer:
         if self.backwards:
             rays.directions[part, 2] = -out[5]
         rays.status[part] = out[6]
+        if rays.transmittance is not None:
+            rays.transmittance[part] = np.where(out[6] == 0, out[ROWS], 0.0)
         failed = out[7].astype(np.int32)
         rays.surface[part] = np.where(failed >= 0, self.last_surface - failed, -1) if self.backwards else failed

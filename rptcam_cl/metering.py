@@ -16,7 +16,7 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.photometry import LUMENS_PER_WATT
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import Exposure, Film, FilmFilter, RenderSettings, Scene
-from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO
+from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS
 from rptcam_cl.scene.shutter import LONGEST_S, SHORTEST_S
 from rptcam_cl.wavefront import Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
@@ -67,11 +67,9 @@ def settled(scene: Scene, session: Session, reading_cd_m2: float | None = None) 
     reading = exposure.lock_cd_m2 or reading_cd_m2 or metered_cd_m2(scene, session)
     metadata = {"metered_cd_m2": reading, "metering": "locked" if exposure.lock_cd_m2 else exposure.metering}
     on_axis = on_axis_irradiance(camera_model(_relative(scene)), exposure)
-    if on_axis is None:  # values are radiances, and there is neither time nor sensitivity
-        stops = math.log2(exposure.target * LUMENS_PER_WATT / reading) + exposure.ev
-        update: dict[str, Any] = {"exposure": Exposure(mode="relative", ev=stops)}
-    else:
-        update = _settings(scene, reading / LUMENS_PER_WATT * on_axis)
+    update = (
+        _compensation(exposure, reading) if on_axis is None else _settings(scene, reading / LUMENS_PER_WATT * on_axis)
+    )
     return Settled(scene.model_copy(update=update), reading, metadata)
 
 
@@ -130,6 +128,19 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
     return scene.model_copy(update=update)
 
 
+def _compensation(exposure: Exposure, reading_cd_m2: float) -> dict[str, Any]:
+    """Return the part of a scene that brings a mean luminance to the target where values are radiances.
+
+    Raises
+    ------
+    InputError
+        When it would be beyond what a scene may have.
+    """
+    stops = math.log2(exposure.target * LUMENS_PER_WATT / reading_cd_m2) + exposure.ev
+    _check_range("exposure compensation in stops", stops, -MOST_STOPS, MOST_STOPS)
+    return {"exposure": Exposure(mode="relative", ev=stops)}
+
+
 def _settings(scene: Scene, irradiance: float) -> dict[str, Any]:
     """Return the parts of a scene that bring a mean irradiance of its film to the target: by its time, or by its ISO.
 
@@ -148,9 +159,13 @@ def _settings(scene: Scene, irradiance: float) -> dict[str, Any]:
         time_s = wanted / values_per_irradiance(1.0, iso)
         shutter = shutter.model_copy(update={"time_s": time_s})
         what, found, least, most = "exposure time in s", time_s, SHORTEST_S, LONGEST_S
+    _check_range(what, found, least, most)
+    settings = {"iso": iso, "neutral_density_stops": exposure.neutral_density_stops, "f_number": exposure.f_number}
+    return {"exposure": Exposure(mode="physical", **settings), "shutter": shutter}
+
+
+def _check_range(what: str, found: float, least: float, most: float) -> None:
     if not least <= found <= most:
         raise InputError(
             f"exposure: auto metering asks for an {what} out of range (got {found:.3g}; allowed: {least:g} to {most:g})"
         )
-    settings = {"iso": iso, "neutral_density_stops": exposure.neutral_density_stops, "f_number": exposure.f_number}
-    return {"exposure": Exposure(mode="physical", **settings), "shutter": shutter}

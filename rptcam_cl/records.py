@@ -75,6 +75,11 @@ def _split(member: str) -> tuple[str, tuple[int, ...]]:
     return match[1], (int(match[2]),) if match[2] else ()
 
 
+DISPERSION_TERMS = 12
+DISPERSION_NM = (380.0, 780.0)  # wavelengths that the polynomials in x = scale / wavelength - shift, -1 to 1, are for
+DISPERSION_SCALE = 2.0 / (1.0 / DISPERSION_NM[0] - 1.0 / DISPERSION_NM[1])
+DISPERSION_SHIFT = (DISPERSION_NM[1] + DISPERSION_NM[0]) / (DISPERSION_NM[1] - DISPERSION_NM[0])
+
 PRIMITIVE = Record(
     "Primitive",
     (
@@ -104,9 +109,21 @@ INSTANCE = Record(
     ),
 )
 
+LEG = Record(
+    "Leg",  # of the way of an object that moves, see kernels/geometry/movement.h
+    (
+        ("float4", "pivot"),  # of its turns, at rest [m]; w: when the leg begins [s]
+        ("float4", "shift"),  # at the beginning [m]; w: 1 / duration [1/s]
+        ("float4", "travel"),  # during the leg [m]; w: turns
+        ("float4", "axis"),
+        ("float4", "turn"),  # at the beginning: quaternion x, y, z, w
+    ),
+)
+
 MATERIAL = Record(
     "Material",
     (
+        # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
         ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
         ("float4", "metal_n"),  # refractive index n + i k of a metal
         ("float4", "metal_k"),
@@ -138,9 +155,10 @@ MATERIAL = Record(
         ("int", "factor_texture"),
         ("int", "normal_texture"),
         ("float", "normal_strength"),
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
-        ("int", "reserved_2"),
+        ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
+        ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
+        ("float", "dispersion_high"),
+        ("float", f"dispersion[{DISPERSION_TERMS}]"),
     ),
 )
 
@@ -216,6 +234,7 @@ ENVIRONMENT = Record(
 
 EVEN_TERMS = 12
 ODD_TERMS = 12
+LOSS_TABLE_NM, LOSS_TABLE_LENGTH = 380, 401  # one number per nm
 
 SURFACE = Record(
     "Surface",
@@ -236,11 +255,20 @@ SURFACE = Record(
         ("real", "edge_x"),
         ("real", "edge_y"),
         ("real", "stop_radius"),  # half the side of a mask
-        ("real", "reserved_0"),
+        ("real", "refracts"),  # 0 where the media before and after are the same
         ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
         ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
         ("real", "offset[4]"),  # pose
         ("real", "rotation[12]"),  # rows of a 3x3 matrix
+        ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
+        ("real", "layer"),  # index of a quarter-wave layer, 0 without one; these are for kernels/lens/coating.h
+        ("real", "layer_turns"),  # turns of its phase at a right angle; with tables times the wavelength [nm]
+        ("real", "index"),  # before the surface
+        ("real", "gain"),  # of the transmittance over that of the bare surface
+        ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
+        ("real", "reserved_0"),
+        ("real", "reserved_1"),
+        ("real", "reserved_2"),
         ("int", "kind"),
         ("int", "even_terms"),
         ("int", "odd_terms"),
@@ -249,6 +277,10 @@ SURFACE = Record(
         ("int", "inverted"),
         ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
         ("int", "stop_shape"),
+        ("int", "index_table"),  # where tables over the wavelength stand behind the shape of the stop, -1 without one
+        ("int", "gain_table"),
+        ("int", "attenuation_table"),
+        ("int", "reserved_3"),
     ),
 )
 
@@ -266,7 +298,7 @@ CAMERA = Record(
         ("int", "count"),
         ("float", "exposure"),  # factor of every ray's weight
         ("int", "half_beyond"),  # whether the half beyond the line is meant
-        ("int", "reserved_2"),
+        ("float", "wavelength"),  # of all rays, where they have one [nm]
     ),
 )
 
@@ -307,7 +339,7 @@ VIEW = Record(
     ),
 )
 
-RECORDS = (PRIMITIVE, INSTANCE, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
+RECORDS = (PRIMITIVE, INSTANCE, LEG, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot
@@ -316,21 +348,24 @@ SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
 TIME_FIELDS = ("TIME",)
-STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS
+COLOUR_FIELDS = ("HUE",)
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS
 
 
-def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool) -> int:
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool, colours: bool) -> int:
     """Return how many 4-byte numbers a slot holds.
 
-    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample and with
-    triangles where it has meshes and with the time where something moves.
+    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
+    triangles where it has meshes, with the time where something moves and with the hue where paths have a wavelength.
     """
     if stream:
         return CAMERA_RAY_FLOATS
-    if moves:
+    if colours:
         return len(STATE_FIELDS)
+    if moves:
+        return len(STATE_FIELDS) - len(COLOUR_FIELDS)
     if meshes:
-        return len(STATE_FIELDS) - len(TIME_FIELDS)
+        return len(PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS)
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
 
 
@@ -341,5 +376,8 @@ def device_declarations() -> str:
     lines += [record.typedef for record in RECORDS]
     lines += kind_constants()
     lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
+    lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
+    lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
+    lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
     lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
     return "\n".join(lines) + "\n"

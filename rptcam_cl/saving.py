@@ -48,6 +48,8 @@ class Saver:
         self._devices = [device]
         self.metered_cd_m2: float | None = None
         """What the exposure follows from; that of the saved render once it is loaded."""
+        self.focus: dict[str, Any] | None = None
+        """What autofocus found, likewise."""
         self._saved = time.monotonic()
         self._written = False
 
@@ -67,6 +69,7 @@ class Saver:
                 raise self._misfit(name, found.facts.get(name), value)
         self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
         self.metered_cd_m2 = found.facts.get("metered_cd_m2")
+        self.focus = found.facts.get("focus")
         return SavedState(int(found.facts["done"]), found.arrays)
 
     def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
@@ -89,7 +92,8 @@ class Saver:
 
     def save(self, state: SavedState) -> None:
         """Save a state in place of the last one."""
-        facts = {**self._facts, "metered_cd_m2": self.metered_cd_m2, "done": state.done, "devices": self._devices}
+        decided = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
+        facts = {**self._facts, **decided, "done": state.done, "devices": self._devices}
         write_checkpoint(self.path, facts, state.arrays)
         self._written = True
 

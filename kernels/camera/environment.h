@@ -1,8 +1,9 @@
 // The whole sphere in longitude and latitude; the middle of the picture looks forward (-z), the top row up (+y).
 #include "camera/film_point.h"
 
-static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables,
-                            const __global Surface *surfaces, const __global float *stop)
+static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
+                            const __global float *tables, const __global Surface *surfaces,
+                            const __global float *stop)
 {
     CameraRay r;
     F sin_longitude, cos_longitude, sin_latitude, cos_latitude;

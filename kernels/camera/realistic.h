@@ -7,8 +7,9 @@
 #include "lens/pupil.h"
 #include "lens/trace.h"
 
-static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables,
-                            const __global Surface *surfaces, const __global float *stop)
+static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
+                            const __global float *tables, const __global Surface *surfaces,
+                            const __global float *stop)
 {
     CameraRay r;
     F fx = -film_x(lane, u.a, camera) * camera->a.x;      // a lens inverts: right in the picture is left on the film
@@ -18,9 +19,12 @@ static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, cons
     F3 d = f3(at.x - fx, at.y - fy, z);
     F length2 = dot3(d, d);
     d = scale(d, ONE / sqrt(length2));
-    LensRay out = trace_lens(f3(fx, fy, ZERO), d, surfaces, camera->count, stop);
+    LensRay out = trace_lens(f3(fx, fy, ZERO), d, wavelength, surfaces, camera->count, stop);
     F cos2_over_length2 = z / length2;                     // cos^2 / Z, as cos^2 = Z^2 / length^2
     F weight = camera->a.w * at.inverse_density * cos2_over_length2 * cos2_over_length2;
+#if LENS_LOSSES
+    weight *= out.transmittance;
+#endif
     F mm = (F)(camera->b.x);
     r.o = keep3(out.passed, f3(out.p.x * mm, out.p.y * mm, camera->b.y - out.p.z * mm));
     r.d = select3(out.passed, f3(out.d.x, out.d.y, -out.d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z

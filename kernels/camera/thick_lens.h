@@ -6,8 +6,9 @@
 #include "camera/film_point.h"
 #include "lens/half_pupil.h"
 
-static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables,
-                            const __global Surface *surfaces, const __global float *stop)
+static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
+                            const __global float *tables, const __global Surface *surfaces,
+                            const __global float *stop)
 {
     CameraRay r;
     F fx = -film_x(lane, u.a, camera) * camera->a.x;      // a lens inverts: right in the picture is left on the film

@@ -4,8 +4,9 @@
 #include "lens/aperture.h"
 #include "lens/half_pupil.h"
 
-static CameraRay camera_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables,
-                            const __global Surface *surfaces, const __global float *stop)
+static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
+                            const __global float *tables, const __global Surface *surfaces,
+                            const __global float *stop)
 {
     CameraRay r;
     F focus = (F)(camera->a.z);

@@ -1,10 +1,12 @@
 // The numbers that a sample of a pixel is made of: four per call, keyed by (pixel, sample, dimension, seed). Dimension 0 is
 // the camera's (film point, pupil point); edge e of the path chooses its light by dimension 2 e + 1, its next direction by
-// 2 e.
+// 2 e. Dimension 1 belongs to the path as a whole and is read by path_numbers.
 // Facts: SAMPLER_LATTICE; without it every number is independent.
 #ifndef SAMPLER_H
 #define SAMPLER_H
 #include "common/rng.h"
+
+typedef struct { F a, b; } Pair;
 
 #if SAMPLER_LATTICE
 // A rank-1 lattice sequence (Cools, Kuo, Nuyens 2006): sample i of a pixel lies at phi(i) z + shift, modulo 1, where phi
@@ -57,10 +59,31 @@ static F4 random4(U pixel, U sample, U dimension, uint2 seed)
     return unit_floats(x);
 }
 
+// What holds for a whole path: `a` chooses its wavelength, `b` its time. Two components of the lattice more, searched for
+// pairs with all others.
+static Pair path_numbers(U pixel, U sample, uint2 seed)
+{
+    U4 x = hash4(pixel, (U)(0u), (U)(1u), seed);
+    U phi = reversed_bits(sample);
+    Pair r;
+    r.a = unit_float(x.a + phi * 259245u);
+    r.b = unit_float(x.b + phi * 233999u);
+    return r;
+}
+
 #else
 static F4 random4(U pixel, U sample, U dimension, uint2 seed)
 {
     return unit_floats(hash4(pixel, sample, dimension, seed));
+}
+
+static Pair path_numbers(U pixel, U sample, uint2 seed)
+{
+    U4 x = hash4(pixel, sample, (U)(1u), seed);
+    Pair r;
+    r.a = unit_float(x.a);
+    r.b = unit_float(x.b);
+    return r;
 }
 #endif
 

@@ -4,6 +4,7 @@
 #ifndef SCENE_H
 #define SCENE_H
 #include "common/records.h"
+#include "common/wavelength.h"
 
 typedef struct {
     const __global Primitive   *primitives;    // sorted by kind
@@ -15,6 +16,19 @@ typedef struct {
     const __global Environment *environment;
     const __global float       *distribution;  // curves of how light sampling picks, common/curve.h
     int                         emitter_count;
+#if SPECTRUM
+    const __global float       *colours;       // wavelengths, common/wavelength.h
+#endif
+#if HUES
+    Hues                        hues;          // of the lanes at hand
+#endif
+#if HAS_DISPERSION
+    F                           inverse;       // wavelength of the lanes at hand, as inverse_wavelength has it
+#endif
+#if HAS_MOTION
+    const __global Leg         *legs;          // of what moves, kernels/geometry/movement.h
+    const __global int2        *movement_of;
+#endif
 #if HAS_PRIMITIVE_TREE
     const __global float4      *primitive_nodes;    // kernels/geometry/primitive_tree.h
     const __global int         *primitive_leaves;
@@ -56,6 +70,24 @@ typedef struct {
 #define PRIMITIVE_TREE
 #endif
 
+#if SPECTRUM
+#define COLOUR_PARAMETERS ,                     \
+    const __global float       *colours
+#define COLOURS_HERE , colours
+#else
+#define COLOUR_PARAMETERS
+#define COLOURS_HERE
+#endif
+#if HAS_MOTION
+#define MOTION_PARAMETERS ,                     \
+    const __global Leg         *legs,           \
+    const __global int2        *movement_of
+#define MOVEMENTS , legs, movement_of
+#else
+#define MOTION_PARAMETERS
+#define MOVEMENTS
+#endif
+
 #define SCENE_PARAMETERS                        \
     const __global Primitive   *primitives,     \
     const __global int         *kind_end,       \
@@ -66,10 +98,10 @@ typedef struct {
     const __global Environment *environment,    \
     const __global float       *distribution,   \
     int                         emitter_count   \
-    TREE_PARAMETERS MESH_PARAMETERS
+    COLOUR_PARAMETERS MOTION_PARAMETERS TREE_PARAMETERS MESH_PARAMETERS
 
 #define SCENE scene_of(primitives, kind_end, materials, textures, texels, emitters, environment, distribution, \
-                       emitter_count PRIMITIVE_TREE MESHES)
+                       emitter_count COLOURS_HERE MOVEMENTS PRIMITIVE_TREE MESHES)
 
 static Scene scene_of(SCENE_PARAMETERS)
 {
@@ -83,6 +115,13 @@ static Scene scene_of(SCENE_PARAMETERS)
     s.environment = environment;
     s.distribution = distribution;
     s.emitter_count = emitter_count;
+#if SPECTRUM
+    s.colours = colours;
+#endif
+#if HAS_MOTION
+    s.legs = legs;
+    s.movement_of = movement_of;
+#endif
 #if HAS_PRIMITIVE_TREE
     s.primitive_nodes = primitive_nodes;
     s.primitive_leaves = primitive_leaves;

@@ -17,10 +17,15 @@ typedef ulong8  U;
 #define AS_U(v)   as_ulong8(v)
 #define SIGN_BIT  ((I)((long)0x8000000000000000UL))
 #define INFINITE  0x7ff0000000000000L
+#define GATHER(T, p, i, member) \
+    ((T)((p)[(i).s0] member, (p)[(i).s1] member, (p)[(i).s2] member, (p)[(i).s3] member, \
+         (p)[(i).s4] member, (p)[(i).s5] member, (p)[(i).s6] member, (p)[(i).s7] member))
 #define CRITICAL  1e-15
 #define LAST_STEP 1e-9
 #define SMALLEST  1e-300
 #define NEWTON_STEPS 24
+#define EXPONENT_BIAS  1023
+#define EXPONENT_SHIFT 52
 
 #elif VW == 1
 typedef float F;
@@ -82,6 +87,8 @@ typedef uint16  U;
 #define LAST_STEP 1e-4f      // of the distance scale: after such a Newton step the error is less than rounding
 #define SMALLEST  1e-36f
 #define NEWTON_STEPS 24
+#define EXPONENT_BIAS  127
+#define EXPONENT_SHIFT 23
 #endif
 
 #if DOUBLE

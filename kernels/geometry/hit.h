@@ -10,6 +10,9 @@ typedef struct {
     F3 o, d;
     I  self;        // the primitive it starts on, NO_PRIMITIVE, or PATH_ENDED
     I  part;        // the triangle of it, or NO_TRIANGLE
+#if HAS_MOTION
+    F  time;        // of its path, since the shutter opens [s]
+#endif
 } Ray;
 
 typedef struct {

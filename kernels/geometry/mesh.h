@@ -6,6 +6,7 @@
 #include "common/scene.h"
 #include "geometry/bvh.h"
 #include "geometry/hit.h"
+#include "geometry/movement.h"
 #if HAS_OPACITY
 #include "material/opacity.h"
 #endif
@@ -23,6 +24,9 @@
 typedef struct {
     float3 o, d;
     int    self, part;      // primitive and triangle that do not count
+#if HAS_MOTION
+    float  time;
+#endif
 } OneRay;
 
 static OneRay one_ray(Ray ray, uint k)
@@ -32,6 +36,9 @@ static OneRay one_ray(Ray ray, uint k)
     r.d = (float3)(LANE_OF(float, ray.d.x, k), LANE_OF(float, ray.d.y, k), LANE_OF(float, ray.d.z, k));
     r.self = LANE_OF(int, ray.self, k);
     r.part = LANE_OF(int, ray.part, k);
+#if HAS_MOTION
+    r.time = LANE_OF(float, ray.time, k);
+#endif
     return r;
 }
 
@@ -102,9 +109,28 @@ IN_PLACE static int block_blocks(int index, BoxRay r, int self, int target, floa
 
 static BoxRay in_world(OneRay r) { return box_ray(r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z); }
 
-#if HAS_INSTANCES
-static BoxRay in_mesh(const __global Instance *instance, OneRay r)
+#if HAS_MOTION
+static OneRay one_at_rest(OneRay r, int primitive, Scene scene)
 {
+    if (moves(primitive, scene)) {
+        Ray ray;
+        ray.o = f3((F)(r.o.x), (F)(r.o.y), (F)(r.o.z));
+        ray.d = f3((F)(r.d.x), (F)(r.d.y), (F)(r.d.z));
+        ray.time = (F)(r.time);
+        ray = ray_at_rest(ray, primitive, scene);
+        r.o = (float3)(LANE_OF(float, ray.o.x, 0), LANE_OF(float, ray.o.y, 0), LANE_OF(float, ray.o.z, 0));
+        r.d = (float3)(LANE_OF(float, ray.d.x, 0), LANE_OF(float, ray.d.y, 0), LANE_OF(float, ray.d.z, 0));
+    }
+    return r;
+}
+#endif
+
+#if HAS_INSTANCES
+static BoxRay in_mesh(const __global Instance *instance, OneRay r, Scene scene)
+{
+#if HAS_MOTION
+    r = one_at_rest(r, instance->first_primitive, scene);
+#endif
     float4 x = instance->row_x, y = instance->row_y, z = instance->row_z;
     return box_ray(x.x * r.o.x + x.y * r.o.y + x.z * r.o.z + x.w, y.x * r.o.x + y.y * r.o.y + y.z * r.o.z + y.w,
                    z.x * r.o.x + z.y * r.o.y + z.z * r.o.z + z.w, x.x * r.d.x + x.y * r.d.y + x.z * r.d.z,
@@ -179,7 +205,7 @@ static int nearest_triangle(OneRay ray, Scene scene, TriangleHit *hit)
             floor_of = depth;
             node = instance->root;
             self = self_within(instance, ray.self, ray.part);
-            r = in_mesh(instance, ray);
+            r = in_mesh(instance, ray, scene);
             continue;
         } else if (hit_block(~node, r, self, ray, scene.instances[within].first_primitive, scene, hit))
             found = within;
@@ -238,7 +264,7 @@ static int meets_triangle(OneRay ray, float reach, int target, int target_part, 
             node = instance->root;
             self = self_within(instance, ray.self, ray.part);
             other = self_within(instance, target, target_part);
-            r = in_mesh(instance, ray);
+            r = in_mesh(instance, ray, scene);
             continue;
         }
 #endif

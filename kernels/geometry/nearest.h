@@ -12,7 +12,7 @@
 #include "geometry/surface_point.h"
 #include "material/opacity.h"
 
-// Where a ray that starts on primitive i meets it again, or not above zero.
+// Where a ray, taken to rest, that starts on primitive i meets it again, or not above zero.
 static F root_beyond(Ray ray, int i, Scene scene)
 {
     const __global Primitive *p = scene.primitives + i;
@@ -50,16 +50,17 @@ static F past_holes(I lanes, Ray ray, F t, int i, Scene scene)
     const __global Material *material = scene.materials + scene.primitives[i].material;
     if (!has_holes(material) || !ANY(lanes))
         return t;
-    SurfacePoint near = surface_point(i, along(ray.o, ray.d, lanes ? t : ZERO), material->textured, scene);
+    Ray here = RAY_AT_REST(ray, i);
+    SurfacePoint near = surface_point(i, along(here.o, here.d, lanes ? t : ZERO), material->textured, scene);
     F chance = ray_chance(ray.o, ray.d, (I)(i), (I)(NO_TRIANGLE));
     I open = lanes & NOT(is_there(material, near.u, near.v, chance, scene));
     if (!ANY(open))
         return t;
-    Ray onward = ray;
+    Ray onward = here;
     onward.o = near.p;
     F step = root_beyond(onward, i, scene);
     I again = open & (step > 0.0f) & (step < NEVER);
-    SurfacePoint far = surface_point(i, along(onward.o, ray.d, again ? step : ZERO), material->textured, scene);
+    SurfacePoint far = surface_point(i, along(onward.o, here.d, again ? step : ZERO), material->textured, scene);
     again = again & is_there(material, far.u, far.v, ray_chance(ray.o, ray.d, (I)(i), (I)(FAR_SIDE)), scene);
     return open ? (again ? t + step : (F)(-1.0f)) : t;
 }

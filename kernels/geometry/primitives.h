@@ -8,7 +8,7 @@
 #define PRIMITIVES_H
 #include "common/scene.h"
 #include "geometry/hit.h"
-
+#include "geometry/movement.h"
 
 // The smaller positive root of a t^2 - 2 b t + c = 0 (and the larger through *far); negative when there is none. Stable:
 // Haines, Guenther, Akenine-Moeller, Ray Tracing Gems ch. 7.
@@ -149,24 +149,25 @@ static F hit_cone(const __global Primitive *p, Ray ray, I self)
 }
 #endif
 
-// How each kind finds `t` of the primitive p: negative, infinite or NaN where there is no hit.
-#define SPHERE_T     t = hit_sphere(p, ray, self);
-#define ELLIPSOID_T  t = hit_ellipsoid(p, ray, self);
-#define RECTANGLE_T  F u; F v; t = hit_flat(p, ray, &u, &v);                                      \
+// How each kind finds `t` of the primitive p from the ray `here`, which is taken to where p is at rest: negative, infinite or NaN where there is no hit.
+#define SPHERE_T     t = hit_sphere(p, here, self);
+#define ELLIPSOID_T  t = hit_ellipsoid(p, here, self);
+#define RECTANGLE_T  F u; F v; t = hit_flat(p, here, &u, &v);                                      \
                      t = ((u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);
-#define DISK_T       F u; F v; t = hit_flat(p, ray, &u, &v);                                      \
+#define DISK_T       F u; F v; t = hit_flat(p, here, &u, &v);                                      \
                      t = ((u * u + v * v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);
-#define PLANE_T      t = -row_point(p->row_z, ray.o) / row_vector(p->row_z, ray.d);               \
+#define PLANE_T      t = -row_point(p->row_z, here.o) / row_vector(p->row_z, here.d);               \
                      t = self ? (F)(-1.0f) : t;
-#define BOX_T        t = hit_box(p, ray, self);
-#define CYLINDER_T   t = hit_cylinder(p, ray, self);
-#define CONE_T       t = hit_cone(p, ray, self);
+#define BOX_T        t = hit_box(p, here, self);
+#define CYLINDER_T   t = hit_cylinder(p, here, self);
+#define CONE_T       t = hit_cone(p, here, self);
 
 // Calls VISIT(index, t) for every primitive.
 #define FOR_EACH_OF_KIND(KIND, ray, VISIT, HIT)                                    \
     for (int i = KIND > 0 ? kind_end[KIND - 1] : 0; i < kind_end[KIND]; ++i) {      \
         const __global Primitive *p = primitives + i;                              \
         I self = (ray).self == i;                                                  \
+        Ray here = RAY_AT_REST(ray, i);                                            \
         F t;                                                                       \
         HIT                                                                        \
         VISIT                                                                      \

@@ -80,7 +80,7 @@ static F owner_of(Hit hit, I on, const __global int *owners, int which)
 typedef struct { F u, v; } Uv;
 
 // Texture coordinates of what the lanes `on` hit, whether it has a texture or not.
-static Uv texture_coordinates(Hit hit, I on, F3 p, Scene scene)
+static Uv texture_coordinates(Ray ray, Hit hit, I on, F3 p, Scene scene)
 {
     Uv uv;
     uv.u = ZERO;
@@ -97,7 +97,12 @@ static Uv texture_coordinates(Hit hit, I on, F3 p, Scene scene)
     while (ANY(on)) {
         int index = first_of(hit.primitive, on);
         I mine = on & (hit.primitive == index);
-        SurfacePoint point = surface_point(index, p, 1, scene);
+        F3 there = p;
+#if HAS_MOTION
+        if (moves(index, scene))
+            there = point_at_rest(placing_of(index, ray.time, scene), p);
+#endif
+        SurfacePoint point = surface_point(index, there, 1, scene);
         uv.u = mine ? point.u : uv.u;
         uv.v = mine ? point.v : uv.v;
         on = on & NOT(mine);

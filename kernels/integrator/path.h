@@ -33,6 +33,9 @@ typedef struct {
     F3  radiance;   // gathered so far
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
     U   pixel, sample, edge;
+#if SPECTRUM
+    F   hue;        // chooses the wavelength, common/wavelength.h
+#endif
 } Path;
 
 typedef struct {
@@ -84,6 +87,9 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
     shadow.ray.d = light.direction;
     shadow.ray.self = hit.primitive;
     shadow.ray.part = hit.part;
+#if HAS_MOTION
+    shadow.ray.time = path.ray.time;
+#endif
     shadow.target = light.primitive;
     shadow.target_part = light.part;
     shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;
@@ -118,6 +124,14 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     F choice = ZERO;
 #endif
     Vertex vertex = vertex_of(path->ray, hit, on, choice, scene);
+#if HAS_DISPERSION && HUES
+    // Glass that bends each wavelength by itself leaves a path one of the three, which stands for all.
+    I splits = on & vertex.splits & (AS_I(path->hue) >= 0);
+    if (ANY(splits)) {
+        path->beta = select3(splits, f3(3.0f * path->beta.x, ZERO, ZERO), path->beta);
+        path->hue = splits ? AS_F(AS_I(path->hue) | SIGN_BIT) : path->hue;
+    }
+#endif
 #if HAS_ABSORPTION
     path->beta = mul(path->beta, transmittance(vertex, path->ray.d, hit.t));
 #endif

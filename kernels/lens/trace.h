@@ -1,9 +1,15 @@
 // A ray through every surface of a lens, in order of travel. Coordinates in millimetres, z along the direction of travel
 // and relative to the vertex of the current surface. Snell's law is exact in vector form. A ray that fails keeps the
-// state in which it failed. Facts: those of lens/surface.h, and LENS_POSE.
+// state in which it failed. Facts: those of lens/surface.h, LENS_POSE, and LENS_DISPERSION: how many coefficients give the
+// ratio of the indices at a wavelength, 0 where one ratio holds for all rays; those of lens/coating.h.
 #ifndef LENS_TRACE_H
 #define LENS_TRACE_H
 #include "lens/surface.h"
+#define LENS_LOSSES (LENS_FRESNEL || LENS_ABSORPTION)
+#if LENS_LOSSES
+#include "common/exponential.h"
+#include "lens/coating.h"
+#endif
 
 typedef struct {
     F3 p;         // on the last surface that it met, relative to its vertex
@@ -11,6 +17,9 @@ typedef struct {
     I  passed;
     I  status;    // RAY_…
     I  surface;   // where it failed, in order of travel; -1 when it passed
+#if LENS_LOSSES
+    F  transmittance;
+#endif
 } LensRay;
 
 #if LENS_POSE
@@ -29,20 +38,40 @@ static F3 turned_back(const __global real *m, F3 v)
 static F3 offset_of(const __global Surface *s) { return f3((F)(s->offset[0]), (F)(s->offset[1]), (F)(s->offset[2])); }
 #endif
 
-// Direction after a surface by Snell's law, and whether the ray is bent and not totally reflected.
-static F3 refracted(F3 d, F3 n, F cosine, real eta, I *bends)
+// Direction after a surface by Snell's law, its cosine, and whether the ray is bent and not totally reflected.
+static F3 refracted(F3 d, F3 n, F cosine, F eta, F *cosine_after, I *bends)
 {
     F3 along_surface = scale(along(d, n, -cosine), eta);       // formed first: 1 - cosine^2 would lose it near grazing
     F cosine2_after = 1.0f - dot3(along_surface, along_surface);
     *bends = cosine2_after > CRITICAL;
-    return along(along_surface, n, root(cosine2_after));
+    *cosine_after = root(cosine2_after);
+    return along(along_surface, n, *cosine_after);
 }
+
+#if LENS_DISPERSION
+// Index before a surface over index after it, as a polynomial in the inverse wavelength, scaled to -1 … 1.
+static F eta_of(const __global Surface *s, F x)
+{
+    F eta = (F)(s->dispersion[LENS_DISPERSION - 1]);
+    for (int i = LENS_DISPERSION - 2; i >= 0; --i)
+        eta = eta * x + s->dispersion[i];
+    return eta;
+}
+#endif
 
 // A ray on its way. Lanes that have failed go on for nothing; masks remember why, and a count how far they came.
 typedef struct {
     F3 p, d;
     I  passed, missed, clipped;
     I  crossed;      // surfaces behind the ray
+#if LENS_DISPERSION
+    F  colour;       // inverse wavelength, as eta_of takes it
+#endif
+#if LENS_LOSSES
+    F  wavelength;   // [nm]
+    F  share;        // of the light that surfaces have left
+    F  depth;        // optical depth of the glass behind the ray
+#endif
 #if LENS_GENERAL
     I  undecided;
 #endif
@@ -54,12 +83,20 @@ typedef struct {
 #endif
 } LensPath;
 
-static LensPath enter_lens(F3 p, F3 d)
+static LensPath enter_lens(F3 p, F3 d, F wavelength)
 {
     LensPath path;
     path.p = p;
     path.d = d;
     path.passed = TRUE;
+#if LENS_DISPERSION
+    path.colour = DISPERSION_SCALE / wavelength - DISPERSION_SHIFT;
+#endif
+#if LENS_LOSSES
+    path.wavelength = wavelength;
+    path.share = ONE;
+    path.depth = ZERO;
+#endif
     path.missed = path.clipped = path.crossed = FALSE;
 #if LENS_GENERAL
     path.undecided = FALSE;
@@ -88,6 +125,15 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
     }
 #endif
     LensHit hit = meet_surface(s, q, v);
+#if LENS_ABSORPTION
+    if (s->attenuation > 0.0f || s->attenuation_table >= 0) {
+        F depth = over_wavelength(s->attenuation, s->attenuation_table, stop, path->wavelength) * dot3(sub(hit.p, q), v);
+#if LENS_REGION
+        depth = path->beside ? ZERO : depth;
+#endif
+        path->depth += depth;
+    }
+#endif
     I within = within_rim(s, stop, hit.p);
 #if LENS_REGION
     I outside = NOT(within_region(s, hit.p));
@@ -100,8 +146,22 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
 #endif
     F3 bent = v;
     I bends = TRUE;
-    if (s->eta != 1.0f)
-        bent = refracted(v, hit.n, hit.cosine, s->eta, &bends);
+    if (s->refracts != 0.0f) {
+#if LENS_DISPERSION
+        F eta = eta_of(s, path->colour);
+#else
+        F eta = (F)(s->eta);
+#endif
+        F cosine_after;
+        bent = refracted(v, hit.n, hit.cosine, eta, &cosine_after, &bends);
+#if LENS_FRESNEL
+        F share = surface_share(s, stop, path->wavelength, eta, hit.cosine, cosine_after);
+#if LENS_REGION
+        share = path->beside ? ONE : share;
+#endif
+        path->share *= share;
+#endif
+    }
 #if LENS_REGION
     bent = select3(path->beside, v, bent);
     bends = bends | path->beside;
@@ -142,6 +202,13 @@ static LensRay leave_lens(const LensPath *path)
     ray.d = normalized(path->d);
 #endif
     ray.passed = path->passed;
+#if LENS_LOSSES
+    F left = path->share;
+#if LENS_ABSORPTION
+    left *= exponential(-path->depth);
+#endif
+    ray.transmittance = ray.passed ? left : ZERO;
+#endif
     I reason = path->clipped ? (I)(RAY_CLIPPED) : (I)(RAY_TOTAL_INTERNAL_REFLECTION);
     reason = path->missed ? (I)(RAY_MISSED) : reason;
 #if LENS_GENERAL
@@ -152,9 +219,11 @@ static LensRay leave_lens(const LensPath *path)
     return ray;
 }
 
-static LensRay trace_lens(F3 p, F3 d, const __global Surface *surfaces, int count, const __global real *stop)
+// `wavelength` in nanometres.
+static LensRay trace_lens(F3 p, F3 d, F wavelength, const __global Surface *surfaces, int count,
+                          const __global real *stop)
 {
-    LensPath path = enter_lens(p, d);
+    LensPath path = enter_lens(p, d, wavelength);
     for (int k = 0; k < count; ++k)
         cross_surface(&path, surfaces + k, stop);
     return leave_lens(&path);

@@ -188,6 +188,9 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
         weight = (sky & (density > 0.0f)) ? ONE / s.pdf : weight;
     }
 #endif
+#if HUES
+    s.radiance = lamp_colour(scene.hues, s.radiance, OF_EMITTER(F, radiance.w), scene.colours);
+#endif
     s.radiance = scale(s.radiance, weight);
     return s;
 }

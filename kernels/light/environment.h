@@ -7,16 +7,30 @@
 #include "common/curve.h"
 #include "material/image.h"
 
+// Light of the environment at the wavelengths of the path, where it has them; `number` is that of its spectrum.
+static F3 environment_colour(F3 rgb, float number, Scene scene)
+{
+#if HUES
+    return light_colour(scene.hues, rgb, number, scene.colours);
+#else
+    return rgb;
+#endif
+}
+
 #if ENVIRONMENT == ENVIRONMENT_GRADIENT
 static F3 environment_radiance(F3 d, Scene scene)
 {
     const __global Environment *e = scene.environment;
     F k = 0.5f + 0.5f * (d.x * e->up.x + d.y * e->up.y + d.z * e->up.z);
-    return f3(e->bottom.x + k * (e->top.x - e->bottom.x), e->bottom.y + k * (e->top.y - e->bottom.y),
-              e->bottom.z + k * (e->top.z - e->bottom.z));
+    F3 bottom = environment_colour(f3_of(e->bottom), e->bottom.w, scene);
+    F3 top = environment_colour(f3_of(e->top), e->top.w, scene);
+    return add(bottom, scale(sub(top, bottom), k));
 }
 #elif ENVIRONMENT == ENVIRONMENT_CONSTANT
-static F3 environment_radiance(F3 d, Scene scene) { return f3_of(scene.environment->bottom); }
+static F3 environment_radiance(F3 d, Scene scene)
+{
+    return environment_colour(f3_of(scene.environment->bottom), scene.environment->bottom.w, scene);
+}
 #elif ENVIRONMENT == ENVIRONMENT_IMAGE
 // Where on the picture a direction lies, 0 to 1 from the left and from the bottom; `aside` is the sine of its angle from the
 // poles.
@@ -39,7 +53,7 @@ static F3 environment_radiance(F3 d, Scene scene)
 {
     F u, v, aside;
     environment_place(d, scene.environment, &u, &v, &aside);
-    return environment_texel(u, v, scene);
+    return environment_colour(environment_texel(u, v, scene), 0.0f, scene);
 }
 
 // The tables of how light sampling picks directions, behind the curve of the emitters: the curve of the rows of cells, from

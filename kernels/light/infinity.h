@@ -24,7 +24,11 @@ static F3 suns_radiance(F3 d, F own, Scene scene)
         I inside = dot3(off, off) <= 2.0f * versine;
         if (ANY(inside)) {
             F weight = against_lights(own, (F)(sun->pick / (2.0f * PI_F * versine)));
-            sum = add(sum, keep3(inside, scale(f3_of(sun->radiance), weight)));
+            F3 radiance = f3_of(sun->radiance);
+#if HUES
+            radiance = light_colour(scene.hues, radiance, sun->radiance.w, scene.colours);
+#endif
+            sum = add(sum, keep3(inside, scale(radiance, weight)));
         }
     }
     return sum;
@@ -35,11 +39,11 @@ static F3 suns_radiance(F3 d, F own, Scene scene)
 static F3 light_from_infinity(F3 d, F own, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
-#if ENVIRONMENT_SAMPLED
-    F pdf = environment_pdf(d, scene) * scene.environment->pick;
-    sum = scale(environment_radiance(d, scene), against_lights(own, pdf));
-#elif ENVIRONMENT
+#if ENVIRONMENT
     sum = environment_radiance(d, scene);
+#endif
+#if ENVIRONMENT_SAMPLED
+    sum = scale(sum, against_lights(own, environment_pdf(d, scene) * scene.environment->pick));
 #endif
 #if EMITTER_SUNS
     sum = add(sum, suns_radiance(d, own, scene));

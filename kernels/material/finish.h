@@ -48,7 +48,12 @@ typedef struct {
 } Finish;
 
 #define TAKE(member, value)   (finish->member = mine ? (F)(value) : finish->member)
-#define TAKE_3(member, value) (finish->member = select3(mine, f3_of(value), finish->member))
+#if HUES
+#define TAKE_COLOUR(member, rgb, number) \
+    (finish->member = select3(mine, surface_colour(scene.hues, rgb, number, scene.colours), finish->member))
+#else
+#define TAKE_COLOUR(member, rgb, number) (finish->member = select3(mine, rgb, finish->member))
+#endif
 
 static Finish no_finish(void)
 {
@@ -107,8 +112,8 @@ static void take_finish(Finish *finish, I mine, const __global Material *materia
     TAKE(alpha.y, MAX(material->alpha_across * stretch, (F)(SMALLEST_ALPHA)));
 #endif
 #if HAS_METAL
-    TAKE_3(n, material->metal_n);
-    TAKE_3(k, material->metal_k);
+    TAKE_COLOUR(n, f3_of(material->metal_n), material->metal_n.w);
+    TAKE_COLOUR(k, f3_of(material->metal_k), material->metal_k.w);
 #endif
 #if HAS_PLASTIC || HAS_ROUGH_PLASTIC
     TAKE(internal, material->internal);
@@ -121,7 +126,7 @@ static void take_finish(Finish *finish, I mine, const __global Material *materia
     TAKE(cover.c4, material->cover_last);
 #endif
 #if HAS_THIN_GLASS
-    TAKE_3(depth, material->absorption);
+    TAKE_COLOUR(depth, f3_of(material->absorption), material->absorption.w);
 #endif
 #if HAS_PRINCIPLED
     F metallic = (F)(material->metallic);
@@ -140,13 +145,16 @@ static void take_finish(Finish *finish, I mine, const __global Material *materia
     TAKE(coat_alpha, material->coat_alpha);
 #endif
 #if HAS_ABSORPTION
-    TAKE_3(absorption, material->absorption);
+    TAKE_COLOUR(absorption, f3_of(material->absorption), material->absorption.w);
 #endif
 #if HAS_GLOW
     F3 glow = f3_of(material->glow);
 #if HAS_TEXTURE
     if (material->glow_texture >= 0)
         glow = texture_color(material->glow_texture, u, v, scene);
+#endif
+#if HUES
+    glow = light_colour(scene.hues, glow, material->glow.w, scene.colours);
 #endif
     finish->glow = select3(mine, glow, finish->glow);
 #endif

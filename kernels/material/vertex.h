@@ -21,6 +21,9 @@ typedef struct {
     F  parameter;   // index of refraction; of an emissive material whether it shines on both sides
     I  kind;        // MATERIAL_…
     I  emitter;     // index of the emitter that light sampling chooses for this primitive, or -1
+#if HAS_DISPERSION
+    I  splits;      // glass that bends each wavelength by itself
+#endif
 #if HAS_FINISH
     Finish finish;
 #endif
@@ -47,11 +50,35 @@ static F3 mapped_normal(const __global Material *material, SurfacePoint point, S
 }
 #endif
 
+#if HAS_DISPERSION
+// Index of refraction, a polynomial in the inverse wavelength.
+static F index_at(const __global Material *material, F inverse)
+{
+    inverse = MIN(MAX(inverse, (F)(material->dispersion_low)), (F)(material->dispersion_high));
+    F index = (F)(material->dispersion[material->dispersion_terms - 1]);
+    for (int i = material->dispersion_terms - 2; i >= 0; --i)
+        index = index * inverse + material->dispersion[i];
+    return index;
+}
+#endif
+
 // Fills the lanes `mine`, which share a material.
 static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, Scene scene)
 {
-    vertex->color = select3(mine, reflectance_at(material, point.u, point.v, scene), vertex->color);
-    vertex->parameter = mine ? (F)(material->parameter) : vertex->parameter;
+    F3 color = reflectance_at(material, point.u, point.v, scene);
+#if HUES
+    color = material->kind == MATERIAL_EMISSIVE ? light_colour(scene.hues, color, material->color.w, scene.colours)
+                                                : surface_colour(scene.hues, color, material->color.w, scene.colours);
+#endif
+    vertex->color = select3(mine, color, vertex->color);
+    F parameter = (F)(material->parameter);
+#if HAS_DISPERSION
+    if (material->dispersion_terms > 0) {
+        parameter = index_at(material, scene.inverse);
+        vertex->splits |= mine;
+    }
+#endif
+    vertex->parameter = mine ? parameter : vertex->parameter;
     vertex->kind = mine ? (I)(material->kind) : vertex->kind;
 #if HAS_FINISH
     take_finish(&vertex->finish, mine, material, point.u, point.v, scene);
@@ -119,6 +146,9 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
     vertex.parameter = ONE;
     vertex.kind = (I)(-1);
     vertex.emitter = (I)(-1);
+#if HAS_DISPERSION
+    vertex.splits = FALSE;
+#endif
 #if HAS_FINISH
     vertex.finish = no_finish();
 #endif
@@ -131,15 +161,29 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         I mine = hit.primitive == index;
         const __global Primitive *primitive = scene.primitives + index;
         const __global Material *material = scene.materials + primitive->material;
+        F3 there = p;
+#if HAS_MOTION
+        Placing placing;
+        if (moves(index, scene)) {
+            placing = placing_of(index, ray.time, scene);
+            there = point_at_rest(placing, p);
+        }
+#endif
 #if HAS_MESH
         SurfacePoint point;
         if (index >= first_mesh)
             point = on_mesh;
         else
-            point = other_point(index, p, material->textured, scene);
-        vertex.offset = mine ? point.offset : vertex.offset;
+            point = other_point(index, there, material->textured, scene);
 #else
-        SurfacePoint point = other_point(index, p, material->textured, scene);
+        SurfacePoint point = other_point(index, there, material->textured, scene);
+#endif
+#if HAS_MOTION
+        if (moves(index, scene))
+            point = surface_in_world(placing, point);
+#endif
+#if HAS_MESH
+        vertex.offset = mine ? point.offset : vertex.offset;
 #endif
         vertex.p = select3(mine, point.p, vertex.p);
         vertex.n = select3(mine, point.n, vertex.n);

@@ -1,13 +1,14 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
-// records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, TIME, and clears L,
-// PDF and REACH.
-// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER, MOVES.
+// records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, TIME, HUE, and clears
+// L, PDF and REACH.
+// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
 #include CAMERA_FILE
 #include "camera/filter.h"
 #if MOVES
 #include "camera/course.h"
 #endif
 #include "common/transpose.h"
+#include "common/wavelength.h"
 #include "integrator/state.h"
 
 static F3 in_world(const __global Camera *c, F3 v)
@@ -25,7 +26,8 @@ __kernel void generate(const __global Camera  *camera,
                        uint                    capacity,   // slots in the state
                        Wave                    wave,
                        const __global uint    *tiles,      // that are rendered
-                       const __global float   *filter      // of the film
+                       const __global float   *filter,     // of the film
+                       const __global float   *colours     // wavelengths, common/wavelength.h
 #if MOVES
                      , const __global float4  *course      // of shutter and camera
 #endif
@@ -37,7 +39,13 @@ __kernel void generate(const __global Camera  *camera,
 #if FILTER
     F sign = filter_sign(&u.a, filter) * filter_sign(&u.b, filter);
 #endif
-    CameraRay ray = camera_ray(lane, u, camera, tables, surfaces, stop);
+#if SPECTRUM
+    F hue = hue_of(lane.pixel, lane.sample, wave.seed);
+    F wavelength = wavelength_of(hue, colours);
+#else
+    F wavelength = (F)(camera->wavelength);
+#endif
+    CameraRay ray = camera_ray(lane, u, wavelength, camera, tables, surfaces, stop);
     I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
     if (ANY(ray.status != RAY_OK))                              // those that passed are the rest
@@ -48,7 +56,7 @@ __kernel void generate(const __global Camera  *camera,
         }
 #endif
 #if MOVES
-    F time = moment_of(lane, random4(lane.pixel, lane.sample, (U)(1u), wave.seed).b, course);
+    F time = moment_of(lane, path_numbers(lane.pixel, lane.sample, wave.seed).b, course);
 #endif
 #if CAMERA_LEGS
     Stand stand = stand_at(time, course);
@@ -74,13 +82,16 @@ __kernel void generate(const __global Camera  *camera,
     WRITE_F3(O, slot, o);
     WRITE_F3(D, slot, d);
     WRITE_F(WEIGHT, slot, weight);
-    WRITE_F3(B, slot, f3(ONE, ONE, ONE));
+    WRITE_F3(B, slot, FIRST_BETA);
     WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
     WRITE_PART(PART, slot, (I)(NO_TRIANGLE));
 #if MOVES
     WRITE_F(TIME, slot, time);
 #endif
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
+#if SPECTRUM
+    WRITE_F(HUE, slot, hue);
+#endif
 #if HAS_EMITTERS
     WRITE_F(REACH, slot, ZERO);
     WRITE_F(PDF, slot, ZERO);

@@ -14,6 +14,9 @@ __kernel void intersect(SCENE_PARAMETERS,
     ray.o = READ_F3(O, slot);
     ray.d = READ_F3(D, slot);
     ray.part = READ_PART(PART, slot);
+#if HAS_MOTION
+    ray.time = READ_TIME(slot);
+#endif
     Hit hit = nearest_hit(ray, SCENE);
     WRITE_I(HIT, slot, hit.primitive);
     WRITE_F(T, slot, hit.t);

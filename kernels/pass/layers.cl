@@ -56,6 +56,9 @@ __kernel void layers(SCENE_PARAMETERS,
         ray.d = READ_F3(D, slot);
         F time = READ_TIME(slot);
 #endif
+#if HAS_MOTION
+        ray.time = time;
+#endif
 #if CAMERA_LEGS
         Stand stand = stand_at(time, course);
         F3 right = stand.right, up = stand.up, back = stand.back;
@@ -117,7 +120,7 @@ __kernel void layers(SCENE_PARAMETERS,
         write_first(planes, LAYER_MATERIAL_ID, pixel, pixels, fresh, owner_of(hit, on, owners, 1));
 #endif
 #if LAYER_UV >= 0
-        Uv uv = texture_coordinates(hit, fresh & on, vertex.p, scene);
+        Uv uv = texture_coordinates(ray, hit, fresh & on, vertex.p, scene);
         write_first(planes, LAYER_UV, pixel, pixels, fresh, on ? uv.u : AS_F((I)(NOT_A_NUMBER)));
         write_first(planes, LAYER_UV + 1, pixel, pixels, fresh, on ? uv.v : AS_F((I)(NOT_A_NUMBER)));
 #endif

@@ -1,6 +1,6 @@
 // One vertex of every living path: emission and environment, a light sample for the shadow pass, the next direction,
 // Russian roulette. Reads the path, HIT and T; writes the path and the shadow ray.
-// Facts: HAS_<material>, HAS_TEXTURE, HAS_EMITTERS, ENVIRONMENT.
+// Facts: HAS_<material>, HAS_TEXTURE, HAS_EMITTERS, ENVIRONMENT, SPECTRUM.
 #include "integrator/path.h"
 #include "integrator/state.h"
 
@@ -24,7 +24,13 @@ __kernel void shade(SCENE_PARAMETERS,
     path.ray.part = READ_PART(PART, slot);
     path.ray.o = READ_F3(O, slot);
     path.ray.d = READ_F3(D, slot);
+#if HAS_MOTION
+    path.ray.time = READ_TIME(slot);
+#endif
     path.beta = READ_F3(B, slot);
+#if SPECTRUM
+    path.hue = READ_F(HUE, slot);
+#endif
     path.radiance = READ_F3(L, slot);
 #if HAS_EMITTERS
     path.pdf = READ_F(PDF, slot);
@@ -37,7 +43,17 @@ __kernel void shade(SCENE_PARAMETERS,
     hit.b1 = READ_F(B1, slot);
     hit.b2 = READ_F(B2, slot);
 #endif
-    ShadowRay shadow = shade_vertex(&path, hit, SCENE, rules_of(wave, limits));
+    Scene scene = SCENE;
+#if HUES
+    scene.hues = hues_of(path.hue, scene.colours);
+#endif
+#if HAS_DISPERSION
+    scene.inverse = inverse_wavelength(path.hue, scene.colours);
+#endif
+    ShadowRay shadow = shade_vertex(&path, hit, scene, rules_of(wave, limits));
+#if HUES
+    WRITE_F(HUE, slot, path.hue);
+#endif
     WRITE_F3(L, slot, path.radiance);
     WRITE_I(SELF, slot, path.ray.self);
     WRITE_PART(PART, slot, path.ray.part);

@@ -14,6 +14,9 @@ __kernel void shadow(SCENE_PARAMETERS,
     Ray ray;
     ray.self = READ_I(FROM, slot);
     ray.part = READ_PART(FROM_PART, slot);
+#if HAS_MOTION
+    ray.time = READ_TIME(slot);
+#endif
     ray.o = READ_F3(S, slot);
     ray.d = READ_F3(W, slot);
     I blocked = any_hit(ray, reach, READ_I(TARGET, slot), READ_PART(TARGET_PART, slot), SCENE);

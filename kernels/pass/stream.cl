@@ -1,7 +1,7 @@
 // Carries VW pixels through all their samples of a wave: every lane takes its path from vertex to vertex and, when it ends,
 // adds it to the film and starts the next camera ray of its pixel, so that lanes are hardly ever idle. The same steps as
 // intersect, shade, shadow and film, without state in memory between them.
-// Reads the camera rays that generate wrote: records (o, weight, d, 0).
+// Reads the camera rays that generate wrote: records (o, weight, d, time).
 #include "integrator/film.h"
 #include "integrator/path.h"
 #include "common/transpose.h"
@@ -29,7 +29,13 @@ __kernel void stream(SCENE_PARAMETERS,
     path.ray.d = f3(ZERO, ZERO, ONE);
     path.ray.self = (I)(PATH_ENDED);
     path.ray.part = (I)(NO_TRIANGLE);
+#if HAS_MOTION
+    path.ray.time = ZERO;
+#endif
     path.weight = ZERO;
+#if SPECTRUM
+    path.hue = ZERO;
+#endif
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
     path.pdf = ZERO;
@@ -53,8 +59,20 @@ __kernel void stream(SCENE_PARAMETERS,
             Eight ray = load_eight(rays, source * 8);
             path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
             path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
+#if HAS_MOTION
+            path.ray.time = started ? ray.f[7] : path.ray.time;
+#endif
             path.weight = started ? ray.f[3] : path.weight;
-            path.beta = select3(started, f3(ONE, ONE, ONE), path.beta);
+#if SPECTRUM
+            path.hue = started ? hue_of(path.pixel, path.sample, wave.seed) : path.hue;
+#endif
+#if HUES
+            scene.hues = hues_of(path.hue, scene.colours);
+#endif
+#if HAS_DISPERSION
+            scene.inverse = inverse_wavelength(path.hue, scene.colours);
+#endif
+            path.beta = select3(started, FIRST_BETA, path.beta);
             path.radiance = keep3(NOT(started), path.radiance);
             path.ray.self = started ? (I)(NO_PRIMITIVE) : path.ray.self;
             path.ray.part = started ? (I)(NO_TRIANGLE) : path.ray.part;
@@ -74,7 +92,12 @@ __kernel void stream(SCENE_PARAMETERS,
 #endif
         I ended = running & (path.ray.self == PATH_ENDED);
         if (ANY(ended)) {
-            film = add_sample(film, ended, scale(path.radiance, path.weight), counters);
+#if SPECTRUM
+            F3 value = film_value(path.radiance, path.hue, scene.colours);
+#else
+            F3 value = path.radiance;
+#endif
+            film = add_sample(film, ended, scale(value, path.weight), counters);
             running = running & NOT(ended);
         }
     }

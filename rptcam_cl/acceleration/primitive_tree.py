@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.acceleration.build import build_bvh
 from rptcam_cl.acceleration.bvh import EMPTY, Bvh, quality
 from rptcam_cl.device import Session
+from rptcam_cl.geometry.movement import Movements, Places
 from rptcam_cl.records import Kind
 
 Array = NDArray[np.float64]
@@ -39,7 +40,9 @@ class PrimitiveTree:
     facts: dict[str, int]
 
 
-def primitive_tree(records: NDArray[np.void], kind_end: NDArray[np.int32], session: Session) -> PrimitiveTree | None:
+def primitive_tree(
+    records: NDArray[np.void], kind_end: NDArray[np.int32], session: Session, movements: Movements | None = None
+) -> PrimitiveTree | None:
     """Return the tree over the bounded primitives of a scene, or None where there are too few to gain by one.
 
     Parameters
@@ -48,12 +51,18 @@ def primitive_tree(records: NDArray[np.void], kind_end: NDArray[np.int32], sessi
         ``Primitive`` records, sorted by kind.
     kind_end
         Per kind, the index after its last one.
+    movements
+        Of what moves, if anything does: its box holds all of its way.
     """
     kinds = np.searchsorted(kind_end, np.arange(kind_end[Kind.CONE]), side="right")
     bounded = np.flatnonzero(kinds != Kind.PLANE).astype(np.int32)
     if len(bounded) < max(BREAK_EVEN, 1):
         return None
     lower, upper = primitive_bounds(records[bounded], kinds[bounded])
+    for place, index in enumerate(bounded.tolist()):
+        if movements is not None and movements.of_primitive[index, 1]:
+            box = lower[place], upper[place]
+            lower[place], upper[place] = _swept(records[index], int(kinds[index]), movements.places(index), box)
     infinity = np.float32(np.inf)
     lower32 = np.nextafter(lower.astype(np.float32), -infinity)
     upper32 = np.nextafter(upper.astype(np.float32), infinity)
@@ -69,7 +78,21 @@ def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tup
 
     They are those of the records: of the rows of numbers that rays meet, float32 as they are.
     """
-    rows = np.stack([records[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64)
+    return _bounds_of_rows(np.stack([records[f"row_{axis}"] for axis in "xyz"], axis=1).astype(np.float64), kinds)
+
+
+def _swept(record: np.void, kind: int, places: Places, rest: tuple[Array, Array]) -> tuple[Array, Array]:
+    """Return the corners (3,) of the box round the whole way of a primitive, whose box at rest is known."""
+    rows = np.stack([record[f"row_{axis}"] for axis in "xyz"]).astype(np.float64)
+    moved = np.tile(rows, (len(places.matrices), 1, 1))
+    if kind == Kind.SPHERE:
+        moved[:, 0, :3] = places.matrices[:, :3, :3] @ rows[0, :3] + places.matrices[:, :3, 3]
+    else:
+        moved = moved @ np.linalg.inv(places.matrices)
+    return places.box(*_bounds_of_rows(moved, np.full(len(moved), kind)), rest)
+
+
+def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array]:
     placed = np.tile(np.eye(4), (len(rows), 1, 1))
     placed[:, :3] = rows
     is_sphere = kinds == Kind.SPHERE

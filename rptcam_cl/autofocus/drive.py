@@ -58,6 +58,10 @@ class Drive(ABC):
         """Return the distance of the plane that is sharpest in a zone, by default on the axis [m]."""
 
     @abstractmethod
+    def first_order_distance(self, state: float) -> float | None:
+        """Return the distance of the plane in focus by first-order optics [m]; None where none is."""
+
+    @abstractmethod
     def state_for(self, distance_m: float, zone: Zone) -> float:
         """Return the state that makes a plane sharpest in a zone."""
 

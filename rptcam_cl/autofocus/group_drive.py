@@ -77,7 +77,9 @@ class GroupDrive(LensDrive):
 
     @cached_property
     def start(self) -> float:  # type: ignore[override]
-        """Where the scene has it."""
+        """Where the scene has it, or as in the lens file where autofocus is to find it."""
+        if self.own_camera.focus.auto is not None:
+            return 0.0
         return shift_of(self.lens, lens_setting(self.scene).lens)
 
     def camera_keys(self, state: float) -> dict[str, object]:

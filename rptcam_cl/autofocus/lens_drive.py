@@ -135,6 +135,11 @@ class LensDrive(Drive):
         except InputError:  # no light there
             return 0.0
 
+    def first_order_distance(self, state: float) -> float | None:
+        """Return the distance from the plane in focus to the film by first-order optics [m]; None where none is."""
+        found = self._first_order_distance(*self.lens_at(state))
+        return None if found is None else found * 1e-3
+
     def _first_order_distance(self, lens: Lens, back_mm: float) -> float | None:
         try:
             return object_distance(lens, back_mm, self.own_camera.wavelength_nm)
@@ -190,7 +195,9 @@ class WholeLens(LensDrive):
 
     @cached_property
     def start(self) -> float:  # type: ignore[override]
-        """Where the scene has it."""
+        """Where the scene has it, or for infinity where autofocus is to find it."""
+        if self.own_camera.focus.auto is not None:
+            return film_distance(self.lens, np.inf, wavelength_nm=self.own_camera.wavelength_nm)
         return lens_setting(self.scene).film_distance_mm
 
     def camera_keys(self, state: float) -> dict[str, object]:

@@ -6,8 +6,8 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
-from rptcam_cl.autofocus.measures import Measured
-from rptcam_cl.autofocus.probe import FocusProbe, Zone, ZoneImage
+from rptcam_cl.autofocus.measures import Measure, Measured
+from rptcam_cl.autofocus.probe import FocusProbe, Zone
 from rptcam_cl.autofocus.report import NoContrast, ProbeRecord
 
 MOST_LOOKS = 40  # after which a search gives up
@@ -51,7 +51,7 @@ class Looks:
     ----------
     probe : FocusProbe
     zones : sequence of Zone
-    measure : callable
+    measure : Measure
     seed : int
         Of every look: their noise is alike, so that differences between states are seen through it.
     on_look : callable or None
@@ -60,7 +60,7 @@ class Looks:
 
     probe: FocusProbe
     zones: Sequence[Zone]
-    measure: Callable[[ZoneImage], Measured]
+    measure: Measure
     seed: int = 0
     on_look: Callable[[Look], None] | None = None
     made: list[Look] = field(default_factory=list)
@@ -95,7 +95,7 @@ class Looks:
         fixed = None if reference is None else self.state_of(reference)
         images = self.probe.measure(self.state_of(place), self.zones, samples, self.seed, stop, fixed)
         pixels = sum(image.parts.shape[1] * image.parts.shape[2] for image in images)
-        found = [self.measure(image) for image in images]
+        found = [self.measure.of(image) for image in images]
         scale = self.probe.image_scale(self.state_of(place), self.state_of(self.ends[0]) if fixed is None else fixed)
         look = Look(place, stop, reference, scale, found, pixels * images[0].samples, time.perf_counter() - begun)
         self.made.append(look)

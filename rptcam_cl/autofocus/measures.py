@@ -172,12 +172,30 @@ def plain_variance(image: ZoneImage) -> Measured:
     return jackknife(len(luminance), lambda kept: float(luminance[kept].mean(axis=0).var()))
 
 
-MEASURES: dict[str, Callable[[ZoneImage], Measured]] = {
-    "variance": plain_variance,
-    "normalised_variance": energy(_variance),
-    "tenengrad": energy(_tenengrad),
-    "brenner": energy(_brenner),
-    "energy_of_laplacian": energy(_laplacian),
-    "sum_modified_laplacian": sum_modified_laplacian,
-    "wavelet": energy(_wavelet),
+@dataclass(frozen=True)
+class Measure:
+    """A measure of contrast.
+
+    Attributes
+    ----------
+    of : callable
+        The measure of a picture of a zone.
+    least : float
+        Value at which there is too little to focus on.
+    """
+
+    of: Callable[[ZoneImage], Measured]
+    least: float
+
+
+LEAST_DETAIL = 5e-5  # mean square of the details relative to the mean: 0.7 %
+MEASURES: dict[str, Measure] = {
+    "variance": Measure(plain_variance, 0.0),
+    "normalised_variance": Measure(energy(_variance), LEAST_DETAIL),
+    "tenengrad": Measure(energy(_tenengrad), 8 * LEAST_DETAIL),
+    "brenner": Measure(energy(_brenner), LEAST_DETAIL),
+    "energy_of_laplacian": Measure(energy(_laplacian), LEAST_DETAIL),
+    "sum_modified_laplacian": Measure(sum_modified_laplacian, 0.05),
+    "wavelet": Measure(energy(_wavelet), LEAST_DETAIL),
 }
+BEST = "wavelet"  # by benchmarks/focus_measures.py

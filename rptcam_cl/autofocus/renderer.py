@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.autofocus.drive import circle_of_confusion
 from rptcam_cl.autofocus.drives import focus_drive
+from rptcam_cl.autofocus.first_hits import first_hits
 from rptcam_cl.autofocus.probe import Zone, ZoneImage
 from rptcam_cl.cameras import CameraModel
 from rptcam_cl.cameras.exposure import exposed
@@ -24,13 +25,17 @@ from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import Scene, change_scene
+from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.buffers import SceneBuffers
 from rptcam_cl.wavefront.film import TILE, FilmLayout
 
 PARTS = 4  # independent pictures that a look consists of
 FEWEST_PIXELS = 40  # across the shorter side of a zone, if its pixels then are not smaller than
+ACROSS = 240  # pixels of the picture in which objects are sought
+WHOLE = Zone(0.0, 1.0, 0.0, 1.0)
 FINEST, COARSEST = 0.5, 1.5  # circles of confusion
 
 
@@ -55,8 +60,8 @@ class ProbeRenderer:
     """
 
     def __init__(self, scene: Scene, session: Session, state: float | None = None) -> None:
-        self.scene, self.session = scene, session
-        self.drive = focus_drive(scene)
+        self.scene, self.session = at_opening(scene), session
+        self.drive = focus_drive(self.scene)
         self.state = self.drive.start if state is None else state
         self.samples, self.seconds = 0, 0.0
         self._buffers: SceneBuffers | None = None
@@ -163,7 +168,8 @@ class ProbeRenderer:
         pixel = min(max(min(min(pair) for pair in sides) / FEWEST_PIXELS, FINEST * circle), COARSEST * circle)
         resolution = tuple(max(round(side / pixel), 1) for side in size_mm)
         changes = {"resolution": resolution, "size_mm": size_mm, "width_mm": None, "diagonal_mm": None, "crop": None}
-        return change_scene(self.scene, film=changes, render={"layers": (), "noise": None})
+        seen = change_scene(self.scene, film=changes, render={"layers": (), "noise": None})
+        return seen.model_copy(update={"exposure": Exposure()})  # measures take the mean off anyway
 
     @cached_property
     def _layout(self) -> FilmLayout:
@@ -218,6 +224,32 @@ class ProbeRenderer:
             parts.append(wavefront.picture(count))
         self.seconds += time.perf_counter() - begun
         return [self._cut(np.stack(parts), zone, count * PARTS) for zone in self._zones]
+
+    def depths(self, state: float, zones: Sequence[Zone], seed: int) -> list[NDArray[np.float64]]:
+        """Return how far along the axis what each zone's pixels show lies from the film [m]; infinite for nothing."""
+        begun = time.perf_counter()
+        self.look_at(zones)
+        layers, samples = first_hits(
+            self.drive, self._seen, self.session, state, self._zones, self._layout, ("depth",), seed
+        )
+        self.samples += samples
+        self.seconds += time.perf_counter() - begun
+        depth = layers["depth"].astype(np.float64)
+        x, y = self._layout.x, self._layout.y
+        corners = [self._pixels_of(zone) for zone in self._zones]
+        return [depth[y0 - y : y1 - y, x0 - x : x1 - x] for x0, x1, y0, y1 in corners]
+
+    def objects(self) -> NDArray[np.int32]:
+        """Return which object each part of the picture shows, -1 for none, (height, width) of at most `ACROSS`."""
+        film = self.scene.film
+        scale = ACROSS / max(film.resolution)
+        columns, rows = (max(round(side * scale), 1) for side in film.resolution)
+        size_mm = tuple(side * 1e3 for side in film.size_m())
+        changes = {"resolution": (columns, rows), "size_mm": size_mm, "width_mm": None, "diagonal_mm": None}
+        small = change_scene(self.scene, film=changes | {"crop": None})
+        layout = FilmLayout(columns, rows, 0, 0, columns, rows)
+        layers, _ = first_hits(self.drive, small, self.session, self.state, [WHOLE], layout, ("object_id",), 0)
+        return np.asarray(layers["object_id"], np.int32)
 
     def _cut(self, parts: NDArray[np.float32], zone: Zone, samples: int) -> ZoneImage:
         x0, x1, y0, y1 = self._shown(zone)

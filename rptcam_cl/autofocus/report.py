@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, astuple, dataclass, field, replace
 from typing import Any
 
 from rptcam_cl.autofocus.probe import Zone
@@ -64,6 +64,8 @@ class FocusReport:
         2 N c along the coordinate.
     zone : Zone
         The zone that decided.
+    zones : tuple of Zone
+        All of them.
     probes : list of ProbeRecord
         In the order in which they were made.
     notes : dict
@@ -78,6 +80,7 @@ class FocusReport:
     error: float
     depth_of_focus_mm: float
     zone: Zone
+    zones: tuple[Zone, ...] = ()
     probes: list[ProbeRecord] = field(default_factory=list)
     notes: dict[str, Any] = field(default_factory=dict)
 
@@ -90,6 +93,22 @@ class FocusReport:
     def seconds(self) -> float:
         """Time that all probes took together [s]."""
         return sum(probe.seconds for probe in self.probes)
+
+    def summary(self) -> dict[str, Any]:
+        """Return what a picture's metadata should say."""
+        return {
+            "method": self.method,
+            "film_distance_mm": self.film_distance_mm,
+            "focus_distance_m": self.focus_distance_m,
+            "confidence": self.confidence,
+            "zone": list(astuple(self.zone)),
+            "probes": len(self.probes),
+            "samples": self.samples,
+        }
+
+    def kept(self) -> FocusReport:
+        """Return the same focus, kept for want of a better one."""
+        return replace(self, confidence=0.0, probes=[], notes={"kept": True})
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain values, with ``probes`` as pairs of film distance and measure."""

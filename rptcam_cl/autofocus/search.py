@@ -23,7 +23,6 @@ OPENING = 5.2  # most by which a round opens the stop
 STRIDE = 1.5  # by which steps grow when the top lies beyond the places of a round
 SHARE = 0.6  # of the half width: steps of the last round, whose outer looks then see three quarters of the contrast
 OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three looks
-LEAST_CONTRAST = 5e-5  # mean square of the details relative to the mean: 0.7 %, too faint to focus on
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
 COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
 FIRST_SAMPLES, MOST_SAMPLES = 128, 1024  # per pixel
@@ -94,9 +93,9 @@ def _round(
     """Look at some places; once more with four times the samples where noise hides what there may be to see."""
     while True:
         made = [looks.at(place, samples, stop, reference) for place in places]
-        seen = [zone for zone in zones if _contrast(made, zone)]
+        seen = [zone for zone in zones if _contrast(looks, made, zone)]
         noise = min((_noise(made, zone) for zone in zones), default=math.inf)
-        if seen or samples >= MOST_SAMPLES or all(_surely_flat(made, zone) for zone in zones):
+        if seen or samples >= MOST_SAMPLES or all(_surely_flat(looks, made, zone) for zone in zones):
             break
         samples = min(8 * samples, MOST_SAMPLES)
     if not seen:
@@ -115,14 +114,14 @@ def _noise(made: Sequence[Look], zone: int) -> float:
     return top.error / top.value if top.value > 0 else math.inf
 
 
-def _contrast(made: Sequence[Look], zone: int) -> bool:
+def _contrast(looks: Looks, made: Sequence[Look], zone: int) -> bool:
     top = _top(made, zone).found[zone]
-    return top.value > LEAST_CONTRAST and top.value > CLEAR * top.error
+    return top.value > looks.measure.least and top.value > CLEAR * top.error
 
 
-def _surely_flat(made: Sequence[Look], zone: int) -> bool:
+def _surely_flat(looks: Looks, made: Sequence[Look], zone: int) -> bool:
     top = _top(made, zone).found[zone]
-    return top.value + CLEAR * top.error < LEAST_CONTRAST
+    return top.value + CLEAR * top.error < looks.measure.least
 
 
 def _widened(looks: Looks, made: list[Look], zones: list[int], step: float, samples: int) -> dict[int, Peak]:

@@ -64,9 +64,8 @@ class ThinDrive(Drive):
 
     @cached_property
     def start(self) -> float:  # type: ignore[override]
-        """Where the scene has it."""
-        assert self._camera.focus_distance_m is not None
-        return self._camera.focus_distance_m
+        """Where the scene has it, or far away where autofocus is to find it."""
+        return FARTHEST_M if self._camera.focus_distance_m is None else self._camera.focus_distance_m
 
     @cached_property
     def depth_of_focus(self) -> float:  # type: ignore[override]
@@ -110,6 +109,10 @@ class ThinDrive(Drive):
         """Return the distance of the plane in focus from the lens [m]."""
         return state
 
+    def first_order_distance(self, state: float) -> float | None:
+        """Return the distance of the plane in focus from the lens [m]."""
+        return state
+
     def state_for(self, distance_m: float, zone: Zone) -> float:
         """Return the state that makes a plane sharp: its distance.
 
@@ -125,4 +128,4 @@ class ThinDrive(Drive):
 
     def camera_keys(self, state: float) -> dict[str, object]:
         """Return the keys of the scene's camera that set the state."""
-        return {"focus_distance_m": state}
+        return {"focus_distance_m": state, "focus": None}

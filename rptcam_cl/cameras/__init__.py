@@ -8,19 +8,28 @@ from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_
 from rptcam_cl.cameras.exposure import exposed
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.model import CameraModel
+from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.spectrum_mode import LensColour
 
 _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
     "pinhole": pinhole.build,
     "environment": environment.build,
     "thin_lens": thin_lens.build,
     "thick_lens": thick_lens.build,
-    "realistic": realistic.build,
 }
 
 
-def camera_model(scene: Scene) -> CameraModel:
-    """Return what the camera of a scene needs on the device."""
+def camera_model(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
+    """Return what the camera of a scene needs on the device.
+
+    Parameters
+    ----------
+    lens_colour
+        Whether the lens bends each wavelength by itself: only where a picture of this size shows it with ``auto``.
+    """
+    if isinstance(scene.camera, RealisticCamera):
+        return exposed(realistic.build(scene, lens_colour), scene)
     return exposed(_MODELS[scene.camera.kind](scene), scene)
 
 

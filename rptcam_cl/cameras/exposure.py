@@ -62,7 +62,11 @@ def exposed(model: CameraModel, scene: Scene) -> CameraModel:
         per_value = on_axis * scale
     per_value *= exposure.factor
     if on_axis is not None:
-        metadata |= {"working_f_number": working_f_number(on_axis), "values_per_irradiance": per_value / on_axis}
+        metadata |= {
+            "working_f_number": working_f_number(on_axis / model.passed),
+            "t_number": working_f_number(on_axis),
+            "values_per_irradiance": per_value / on_axis,
+        }
     record = model.record.copy()
     record["exposure"] = _in_float32(per_value / model.axial_weight)
     return replace(model, record=record, metadata=model.metadata | metadata)

@@ -8,12 +8,15 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.cameras.dispersion import fill_dispersion, usable_nm
+from rptcam_cl.cameras.lens_losses import LossFiller, LossTables
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.optics.surface import Surface
+from rptcam_cl.optics.transmission import IDEAL, Transmission
 from rptcam_cl.records import EVEN_TERMS, ODD_TERMS, SURFACE, RegionKind, StopKind, SurfaceKind
 
 MIRRORED = np.diag([1.0, 1.0, -1.0])
@@ -21,7 +24,10 @@ MIRRORED = np.diag([1.0, 1.0, -1.0])
 
 @dataclass(frozen=True)
 class LensRecords:
-    """Surface records in order of travel, the shape of the stop, and the facts that say which code they need."""
+    """Surface records in order of travel, the shape of the stop, and the facts that say which code they need.
+
+    Behind the shape of the stop stand tables of what the lens lets through, where that takes any.
+    """
 
     surfaces: NDArray[np.void]
     stop: NDArray[np.floating]
@@ -29,7 +35,14 @@ class LensRecords:
 
 
 def lens_records(
-    lens: Lens, wavelength_nm: float, start: Literal["film", "scene"], first_gap_mm: float, *, double: bool = False
+    lens: Lens,
+    wavelength_nm: float,
+    start: Literal["film", "scene"],
+    first_gap_mm: float,
+    *,
+    double: bool = False,
+    dispersive: bool = False,
+    transmission: Transmission = IDEAL,
 ) -> LensRecords:
     """Return the records of a lens for rays that start on one side.
 
@@ -42,6 +55,10 @@ def lens_records(
         Distance along the travel from the plane z = 0 of the rays to the first vertex they meet.
     double
         Whether the records are for the float64 tracer.
+    dispersive
+        Whether every ray has its own wavelength, in place of ``wavelength_nm``.
+    transmission
+        Losses that rays suffer.
     """
     indices = lens.indices(wavelength_nm)
     count = len(lens.surfaces)
@@ -54,7 +71,7 @@ def lens_records(
     for record, k in zip(records, order, strict=True):
         surface = lens.surfaces[k]
         before, after = (indices[k + 1], indices[k]) if backwards else (indices[k], indices[k + 1])
-        record["eta"] = before / after
+        record["eta"], record["refracts"] = before / after, before != after
         sense = -1.0 if backwards else 1.0
         record["gap"] = first_gap_mm if previous is None else sense * (lens.vertices[k] - lens.vertices[previous])
         record["semi_diameter2"] = min(np.square(surface.semi_diameter), float(np.finfo(np.float32).max))
@@ -67,7 +84,12 @@ def lens_records(
             joins = previous is not None and _same_half_lens(lens.surfaces[previous], surface)
             _fill_region(record, surface.region, joins)
         previous = k
-    return LensRecords(records, stop.astype(real), _facts(lens, records))
+    terms = fill_dispersion(records, lens, backwards) if dispersive else 0
+    tables = LossTables(len(stop), usable_nm(lens, transmission)) if dispersive else None
+    losses = LossFiller(transmission, wavelength_nm, tables).fill(records, lens, backwards)
+    if tables is not None:
+        stop = np.concatenate([stop, *tables.rows])
+    return LensRecords(records, stop.astype(real), _facts(lens, records) | losses | {"LENS_DISPERSION": terms})
 
 
 def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> None:

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.cameras.focusing import focused
+from rptcam_cl.cameras.transmission import as_coated, transmission_of
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, load_lens
-from rptcam_cl.optics.focus import object_distance
-from rptcam_cl.optics.variable import configured, zoomed
-from rptcam_cl.scene.camera import LensCamera
+from rptcam_cl.optics.focus import film_distance, object_distance
+from rptcam_cl.optics.transmission import Transmission
+from rptcam_cl.optics.variable import configured, film_behind, moved, zoomed
+from rptcam_cl.scene.camera import NOT_FOUND_YET, LensCamera
 from rptcam_cl.scene.scene import Scene
 
 
@@ -44,11 +46,16 @@ class LensSetting:
         return float(indices[-1] / indices[0]) ** 2
 
     @property
+    def transmission(self) -> Transmission:
+        """Losses in the lens that count."""
+        return transmission_of(self.camera)
+
+    @property
     def metadata(self) -> dict[str, Any]:
         """What the picture's metadata should say."""
         first = self.lens.first_order(self.camera.wavelength_nm)
         focus = self.camera.focus
-        sought = focus.film_distance_mm is None
+        sought = focus.film_distance_mm is None and focus.group_shift_mm is None
         return {
             "lens": self.lens.name,
             "zoom": self.camera.zoom,
@@ -81,6 +88,10 @@ def lens_setting(scene: Scene) -> LensSetting:
     lens, focus = lens_to_focus(scene, camera), camera.focus
     if focus.film_distance_mm is not None:
         return LensSetting(lens, focus.film_distance_mm, _sharp_at(lens, focus.film_distance_mm, camera), camera)
+    if focus.group_shift_mm is not None:
+        return _at_shift(lens, focus.group_shift_mm, camera)
+    if focus.auto is not None:
+        raise InputError(NOT_FOUND_YET)
     if focus.front_distance_m is not None:
         front_mm = focus.front_distance_m * 1e3
         lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
@@ -123,6 +134,7 @@ def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     except InputError as problem:
         place = "camera.lens: " if isinstance(source, str) else ""  # a file's own problem names the file
         raise InputError(f"{place}{problem}") from None
+    lens = as_coated(lens, camera)
     if camera.zoom is not None:
         lens = configured(lens, camera.zoom)
     if camera.focal_length_mm is not None:
@@ -132,6 +144,20 @@ def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     if camera.stop_diameter_mm is not None:
         return lens.with_stop_diameter(camera.stop_diameter_mm)
     return lens
+
+
+def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera) -> LensSetting:
+    if lens.focusing is None:
+        raise InputError(f"camera.focus.group_shift_mm: {lens.name}: has no focusing group (allowed: film_distance_mm)")
+    low, high = lens.focusing.travel_mm
+    if not low <= shift_mm <= high:
+        raise InputError(
+            f"camera.focus.group_shift_mm: beyond the travel of the group (got {shift_mm:g};"
+            f" allowed: {low:g} to {high:g})"
+        )
+    infinity_mm = film_distance(lens, np.inf, wavelength_nm=camera.wavelength_nm)
+    state, back_mm = moved(lens, shift_mm), film_behind(lens, shift_mm, infinity_mm)
+    return LensSetting(state, back_mm, _sharp_at(state, back_mm, camera), camera)
 
 
 def _sharp_at(lens: Lens, back_mm: float, camera: LensCamera) -> float | None:

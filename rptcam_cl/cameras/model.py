@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.blur import Blur
 from rptcam_cl.optics import FirstOrder
-from rptcam_cl.records import CAMERA, SURFACE, VIEW
+from rptcam_cl.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
 from rptcam_cl.scene.camera import Pose
 from rptcam_cl.scene.film import Film
 
@@ -71,8 +71,15 @@ class CameraModel:
     metadata : dict
         What the picture's metadata should say about the camera.
     view : CameraView
+    usable_nm : (low, high)
+        Wavelengths that its lens is known for [nm].
+    axial_colour : (wavelengths, irradiances) or None
+        What its lens lets pass of light of each wavelength [nm] on the axis, relative to `on_axis_irradiance`; None
+        where paths have no wavelength.
     on_axis_irradiance : float or None
         Irradiance of the film's centre in a uniform world of radiance 1; None for a camera without a lens opening.
+    passed : float
+        Share of that light which the lens leaves of what enters it: 1 unless its losses count.
     axial_weight : float
         Mean weight there: the same number, or 1 where the weights leave radiance as it is.
     """
@@ -86,7 +93,10 @@ class CameraModel:
     has_lens: bool = False
     metadata: dict[str, Any] = field(default_factory=dict)
     view: CameraView = CameraView()
+    usable_nm: tuple[float, float] = DISPERSION_NM
+    axial_colour: tuple[NDArray[np.float64], NDArray[np.float64]] | None = None
     on_axis_irradiance: float | None = None
+    passed: float = 1.0
     axial_weight: float = 1.0
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
-from rptcam_cl.optics.probe import FilmProbe, cells, grid
+from rptcam_cl.optics.probe import FilmProbe, Wavelengths, cells, grid
 from rptcam_cl.optics.pupil_shape import DIRECTIONS, PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
 from rptcam_cl.records import PupilKind
 
@@ -48,12 +48,14 @@ class PupilSampling:
 
 
 def pupil_sampling(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, tier: Tier
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths, tier: Tier
 ) -> PupilSampling:
     """Return the sampling of a tier.
 
     Parameters
     ----------
+    wavelength_nm
+        With several, the sampling holds the rays of each.
     tier
         ``rear``: the whole rear element (CS348b 2015). ``thick``: the paraxial image of the stop (CS348b 2003), widened
         where it would lose light. ``bounds``: a box per film cell (pbrt). ``tight``: the outline of the true pupil.
@@ -86,7 +88,11 @@ class _ByContent:
 
 @lru_cache(maxsize=REMEMBERED)
 def _remembered(
-    content: _ByContent, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, tier: Tier
+    content: _ByContent,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
 ) -> PupilSampling:
     """Return the sampling, ready for the next picture with the lens in the same state."""
     sampling = _made(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier)
@@ -100,7 +106,7 @@ def forget_tables() -> None:
 
 
 def _made(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, tier: Tier
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths, tier: Tier
 ) -> PupilSampling:
     if tier == "rear":
         return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm)
@@ -112,7 +118,7 @@ def _made(
 
 
 def _rear(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths
 ) -> PupilSampling:
     """The rear rim, projected from the film point on the plane of the last vertex.
 
@@ -129,10 +135,10 @@ def _rear(
 
 
 def _thick(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths
 ) -> PupilSampling:
     """The paraxial exit pupil, seen on the plane of the last vertex; widened where it would lose light."""
-    pupil = lens.first_order(wavelength_nm).exit_pupil
+    pupil = lens.first_order(wavelength_nm[0] if isinstance(wavelength_nm, tuple) else wavelength_nm).exit_pupil
     from_film = film_distance_mm - pupil.distance_mm
     if not (np.isfinite(from_film) and from_film > 0):
         raise InputError(
@@ -152,7 +158,7 @@ def _film_points(half_film_mm: tuple[float, float], count: int) -> NDArray[np.fl
 
 
 def _needed_radius(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, shift: float
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths, shift: float
 ) -> float:
     """Return the radius [mm] of a circle, shifted with the film point, that holds every probed ray that passes."""
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
@@ -170,7 +176,7 @@ def _needed_radius(
 
 
 def _bounds(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float
+    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths
 ) -> PupilSampling:
     """A box per film cell that holds the pupils of its corners, and a little more."""
     low, high, found = _corner_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm), half_film_mm)

@@ -91,7 +91,7 @@ def thin_lens_rays(scene: Scene, camera: ThinLensCamera, places: Array) -> Pupil
     points = points[np.hypot(x, y) <= 1.0 if shape is None else shape.holds(x, y)]
     many = (len(film), len(points), 2)
     on_lens = np.broadcast_to(points * radius_of(camera, focal_length), many)
-    slopes = film[:, None] * (across, down) - on_lens / camera.focus_distance_m
+    slopes = film[:, None] * (across, down) - on_lens / camera.plane_m
     origins = np.concatenate([on_lens, np.zeros((*many[:2], 1))], axis=-1)
     weights = np.full(many[:2], 1.0 / len(points))
     cell = np.full((len(film), 2), 2.0 / ACROSS)

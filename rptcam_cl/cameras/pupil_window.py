@@ -11,6 +11,7 @@ from rptcam_cl.cameras.pupil import CELLS, EDGE_SPREAD, PROBES, SPREAD, PupilSam
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
+from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance
 from rptcam_cl.records import PupilKind
 
 Window = tuple[float, float, float, float]
@@ -62,10 +63,13 @@ def _around(boxes: NDArray[np.float64], found: NDArray[np.bool_]) -> NDArray[np.
     return np.concatenate([low - spread, high - low + 2 * spread])
 
 
-def paraxial_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> float:
+def paraxial_irradiance(
+    lens: Lens, film_distance_mm: float, wavelength_nm: float, transmission: Transmission = IDEAL
+) -> float:
     """Return the irradiance of the centre of the film for unit radiance by first-order optics."""
+    passed = float(axial_transmittance(lens, wavelength_nm, transmission))
     pupil = lens.first_order(wavelength_nm).exit_pupil
     if not np.isfinite(pupil.distance_mm):
-        return float(np.pi / (4 * lens.first_order(wavelength_nm).f_number ** 2))
+        return passed * float(np.pi / (4 * lens.first_order(wavelength_nm).f_number ** 2))
     tangent = pupil.diameter_mm / 2 / (film_distance_mm - pupil.distance_mm)
-    return float(np.pi * tangent**2 / (1 + tangent**2))
+    return passed * float(np.pi * tangent**2 / (1 + tangent**2))

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.blur import traced_blur
+from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lens_records import lens_records
 from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
@@ -19,22 +22,32 @@ from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance, is_tinted
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.spectrum_mode import LensColour
+
+SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
+SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
+TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
+AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
+LOSS_SAMPLES = 101  # and those at which losses are
 
 
-def build(scene: Scene) -> CameraModel:
-    """Return the camera for the device.
+def build(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
+    """Return the camera for the device; ``lens_colour`` as in `camera_model`.
 
     Raises
     ------
     InputError
         When the lens cannot be focused or stopped as asked, or lets no light through to the centre of the film.
     """
-    return model_of(scene, lens_setting(scene))
+    return model_of(scene, lens_setting(scene), lens_colour=lens_colour)
 
 
-def model_of(scene: Scene, setting: LensSetting, windows: Sequence[Window] = ()) -> CameraModel:
+def model_of(
+    scene: Scene, setting: LensSetting, windows: Sequence[Window] = (), *, lens_colour: LensColour = "off"
+) -> CameraModel:
     """Return the camera of a scene with its lens set in some other way than the scene says.
 
     Parameters
@@ -47,24 +60,32 @@ def model_of(scene: Scene, setting: LensSetting, windows: Sequence[Window] = ())
     assert isinstance(camera, RealisticCamera)
     lens, back_mm = _shaped(scene, camera, setting.lens), setting.film_distance_mm
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    irradiance = paraxial_irradiance if windows else on_axis_irradiance
-    on_axis = irradiance(lens, back_mm, camera.wavelength_nm)
+    irradiance, losses = paraxial_irradiance if windows else on_axis_irradiance, setting.transmission
+    clear = irradiance(lens, back_mm, camera.wavelength_nm)
+    on_axis = irradiance(lens, back_mm, camera.wavelength_nm, losses) if losses else clear
     if not on_axis > 0:
         raise InputError(
             f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens"
             f" (film distance {back_mm:g} mm)"
         )
     half_film_mm = (width_mm / 2, height_mm / 2)
+    colour = _colour(scene, setting, lens_colour)
+    balanced = (IDEAL, clear) if _shows_losses(scene) else (losses, on_axis)
+    low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
+    sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
     if windows:
         pupil = pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
     else:
-        pupil = pupil_sampling(lens, back_mm, half_film_mm, camera.wavelength_nm, camera.pupil)
+        pupil = pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
     record = camera_record(camera, scene.film)
     record["a"][0] = (*half_film_mm, back_mm, setting.gain)
     record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, 0.0, 0.0)
     record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
-    traced = lens_records(lens, camera.wavelength_nm, "film", back_mm)
+    record["wavelength"] = camera.wavelength_nm
+    traced = lens_records(
+        lens, camera.wavelength_nm, "film", back_mm, dispersive=colour.dispersive, transmission=losses
+    )
     return CameraModel(
         "camera/realistic.h",
         record,
@@ -74,12 +95,64 @@ def model_of(scene: Scene, setting: LensSetting, windows: Sequence[Window] = ())
         stop=traced.stop.astype(np.float32),
         has_lens=True,
         metadata={"camera": "realistic", **setting.metadata, "on_axis_irradiance": on_axis}
+        | ({"transmittance": on_axis / clear} if losses else {})
         | pupil.metadata
+        | colour.metadata
         | _projection(scene, camera, setting),
         view=_view(scene, setting),
         on_axis_irradiance=on_axis,
+        passed=on_axis / clear,
         axial_weight=on_axis,
+        usable_nm=(low, high),
+        axial_colour=_axial_colour(lens, back_mm, *balanced, (low, high)) if colour.dispersive else None,
     )
+
+
+@dataclass(frozen=True)
+class _Colour:
+    """Whether a lens bends each wavelength by itself, and what the picture's metadata should say of it."""
+
+    dispersive: bool
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+
+def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
+    if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
+        return _Colour(False)
+    error_px = colour_error_px(
+        setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm
+    )
+    tint = _tint(scene, setting)
+    shows = error_px > SHOWS_PX or tint > SHOWS_TINT
+    metadata = {"lens_colour_px": round(error_px, 4)} | ({"lens_tint": round(tint, 4)} if tint else {})
+    return _Colour(wanted == "on" or shows, metadata)
+
+
+def _shows_losses(scene: Scene) -> bool:
+    """Return whether the exposure shows what a lens takes from the light; the others make up for it."""
+    return scene.exposure.mode in ("irradiance", "physical")
+
+
+def _tint(scene: Scene, setting: LensSetting) -> float:
+    """Return how much more of one colour than of another the lens takes, where a picture shows it."""
+    low, high = usable_nm(setting.lens, setting.transmission)
+    passed = axial_transmittance(setting.lens, np.clip(TINTS_NM, low, high), setting.transmission)
+    return float(np.ptp(passed) / passed.max()) if _shows_losses(scene) else 0.0
+
+
+def _axial_colour(
+    lens: Lens, back_mm: float, losses: Transmission, on_axis: float, range_nm: tuple[float, float]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return wavelengths and the irradiance of each on the axis, over that of the camera's wavelength.
+
+    Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself.
+    """
+    few, wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES), np.linspace(*range_nm, LOSS_SAMPLES)
+    seen = np.array([on_axis_irradiance(lens, back_mm, nm, losses) for nm in few.tolist()]) / on_axis
+    if not losses:
+        return few, seen
+    slow = np.interp(wavelengths, few, seen / axial_transmittance(lens, few, losses))
+    return wavelengths, slow * axial_transmittance(lens, wavelengths, losses)
 
 
 def _view(scene: Scene, setting: LensSetting) -> CameraView:

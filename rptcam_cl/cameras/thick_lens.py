@@ -14,6 +14,7 @@ from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_v
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.first_order import limiting_surface, system_matrix
+from rptcam_cl.optics.transmission import axial_transmittance
 from rptcam_cl.scene.camera import ThickLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.scene import Scene
@@ -116,8 +117,9 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     camera = scene.camera
     assert isinstance(camera, ThickLensCamera)
     thick = thick_lens(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
-    on_axis = setting.gain * thick.axial_cone
-    scale = setting.gain * thick.pupil_solid_angle
+    passed = float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
+    on_axis = setting.gain * passed * thick.axial_cone
+    scale = setting.gain * passed * thick.pupil_solid_angle
     width_m, height_m = scene.film.size_m()
     record = camera_record(camera, scene.film)
     record["a"][0] = (width_m / 2 * 1e3, height_m / 2 * 1e3, scale, 0.0)
@@ -126,6 +128,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     record["pupil"][0] = (*thick.height, *thick.slope)
     projection = intrinsics(scene.film, thick.film_per_tangent(width_m, height_m), flip=camera.flip)
     metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
+    metadata |= {"transmittance": passed} if setting.transmission else {}
     view = entrance_pupil_view(
         setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene.film, first_vertex_m)
     )
@@ -136,6 +139,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
         metadata=metadata,
         view=view,
         on_axis_irradiance=on_axis,
+        passed=passed,
         axial_weight=on_axis,
     )
 

@@ -21,7 +21,7 @@ def optics_of(camera: ThinLensCamera, film: Film) -> tuple[float, float, float]:
     of the focal length, the film distance follows from the film's size.
     """
     width, height = film.size_m()
-    focus = camera.focus_distance_m
+    focus = camera.plane_m
     if camera.focal_length_mm is not None:
         focal_length = camera.focal_length_mm * 1e-3
         distance = 1 / (1 / focal_length - 1 / focus)
@@ -55,7 +55,7 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
     across, down, focal_length = optics_of(camera, scene.film)
     radius = radius_of(camera, focal_length)
     record = camera_record(camera, scene.film)
-    record["a"][0] = (across, down, camera.focus_distance_m, radius)
+    record["a"][0] = (across, down, camera.plane_m, radius)
     tables, facts = aperture_tables(scene, camera.aperture)
     film_distance = scene.film.size_m()[0] / 2 / across
     on_axis = opening_irradiance(stop_shape(scene, camera.aperture), radius, film_distance) if radius else None
@@ -63,14 +63,14 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
         "camera": "thin_lens",
         "focal_length_mm": focal_length * 1e3,
         "f_number": focal_length / (2 * radius) if radius else math.inf,
-        "focus_distance_m": camera.focus_distance_m,
+        "focus_distance_m": camera.plane_m,
         "on_axis_irradiance": on_axis,
         "intrinsics": intrinsics(scene.film, (0.5 / across, 0.5 / down), flip=camera.flip),
     }
     pixels_per_tangent = math.sqrt(scene.film.resolution[0] / across * scene.film.resolution[1] / down) / 2
     view = CameraView(
         pupil_radius_m=radius,
-        blur=lambda: perfect_blur(2 * radius * pixels_per_tangent, 1 / camera.focus_distance_m),
+        blur=lambda: perfect_blur(2 * radius * pixels_per_tangent, 1 / camera.plane_m),
     )
     return CameraModel(
         "camera/thin_lens.h",

@@ -21,6 +21,10 @@ def add_to(commands: Commands) -> None:
         help="picture to write, format by suffix: .png or .tif; may be repeated",
     )  # fmt: skip
     parser.add_argument(
+        "--raw", action="append", default=[], type=Path, metavar="OUT", dest="raws",
+        help="raw file of the sensor that the film was rendered for: .dng, .tif or .npy; may be repeated",
+    )  # fmt: skip
+    parser.add_argument(
         "--set", action="append", default=[], metavar="picture.key=value", dest="overrides",
         help="replace a setting that the film was rendered with, as picture.tone=agx; may be repeated",
     )  # fmt: skip
@@ -30,16 +34,24 @@ def add_to(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.developing import develop
-    from rptcam_cl.imaging import DEVELOPED_SUFFIXES, check_output
+    from rptcam_cl.imaging import DEVELOPED_SUFFIXES, check_output, check_raw_output
 
     for output in arguments.outputs:
         if output.suffix.lower() not in DEVELOPED_SUFFIXES:
             got = output.suffix or "no suffix"
             raise InputError(f"{output}: is no developed picture (got {got}; allowed {' '.join(DEVELOPED_SUFFIXES)})")
         check_output(output, [arguments.film])
+    for raw in arguments.raws:
+        check_raw_output(raw, [arguments.film])
+    written = [*arguments.outputs, *arguments.raws]
+    if len({path.resolve() for path in written}) < len(written):
+        raise InputError("-o, --raw: the same file twice")
     image = develop(arguments.film, arguments.overrides)
+    raws = [(image.raw(), path) for path in arguments.raws]
     for output in arguments.outputs:
         image.save(output)
+    for numbers, path in raws:
+        numbers.save(path)
     if not arguments.quiet:
-        print(f"wrote {', '.join(map(str, arguments.outputs))}: {image.width} x {image.height}", file=sys.stderr)
+        print(f"wrote {', '.join(map(str, written))}: {image.width} x {image.height}", file=sys.stderr)
     return 0

@@ -83,7 +83,7 @@ def add_lens(parser: argparse.ArgumentParser) -> None:
 
 def coating(text: str) -> "Coating":
     """The coating of a word, or of a reflectance such as 0.005."""
-    from rptcam_cl.optics.coating import MeasuredReflectance
+    from rptcam_cl.optics.coating import constant_reflectance
     from rptcam_cl.optics.files.coatings import WORDS
 
     if text in WORDS:
@@ -94,7 +94,7 @@ def coating(text: str) -> "Coating":
         share = math.nan
     if not 0 <= share < 1:
         raise argparse.ArgumentTypeError(f"got {text}; allowed {', '.join(WORDS)} or a reflectance from 0 to below 1")
-    return MeasuredReflectance((0.0,), (share,))
+    return constant_reflectance(share)
 
 
 def add_coating(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ import argparse
 import difflib
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn, Protocol, TypeVar
 
 from rptcam_cl.errors import InputError
@@ -82,6 +82,37 @@ def crop(text: str) -> tuple[float, float, float, float]:
     if not (0.0 <= x0 < x1 <= 1.0 and 0.0 <= y0 < y1 <= 1.0):
         raise argparse.ArgumentTypeError(f"got {text}; allowed x0,x1,y0,y1 in 0..1 with x0 < x1 and y0 < y1")
     return x0, x1, y0, y1
+
+
+def point(text: str) -> tuple[float, float]:
+    """Place ``x,y`` in the picture in fractions of its width and height, from the left and from the top."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        x, y = -1.0, -1.0
+    if not (0.0 <= x <= 1.0 and 0.0 <= y <= 1.0):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed x,y in 0..1")
+    return x, y
+
+
+def focus_method(text: str) -> str:
+    """Name of a method of autofocus."""
+    from rptcam_cl.scene.autofocus import METHODS
+
+    return _one_of(METHODS, text)
+
+
+def focus_policy(text: str) -> str:
+    """Which of several zones decides."""
+    from rptcam_cl.scene.autofocus import POLICIES
+
+    return _one_of(POLICIES, text)
+
+
+def _one_of(names: Sequence[str], text: str) -> str:
+    if text not in names:
+        raise argparse.ArgumentTypeError(f"got {text}{nearest(text, names)}; allowed {', '.join(names)}")
+    return text
 
 
 def layers(text: str) -> tuple[str, ...]:

@@ -30,6 +30,10 @@ def add_to(commands: Commands) -> None:
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
         help="picture to write, format by suffix: .png and .tif developed, .exr, .npy and .npz linear; may be repeated",
     )  # fmt: skip
+    parser.add_argument(
+        "--raw", action="append", default=[], type=Path, metavar="OUT", dest="raws",
+        help="raw file of the scene's sensor to write besides, format by suffix: .dng, .tif or .npy; may be repeated",
+    )  # fmt: skip
     parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
     parser.add_argument("--time", type=values.positive, metavar="S", help="end after so many seconds of rendering")
     parser.add_argument(
@@ -75,12 +79,16 @@ def _inputs(path: Path, scene: "Scene") -> list[Path]:
 
 def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
     """Refuse, before anything is compiled, what could not be written at the end."""
-    from rptcam_cl.imaging import check_output, holds_layers
+    from rptcam_cl.imaging import check_output, check_raw_output, holds_layers
     from rptcam_cl.imaging.atomic import check_writable
 
     taken = _inputs(arguments.scene, scene)
     for output in arguments.outputs:
         check_output(output, taken)
+    if arguments.raws and scene.sensor is None:
+        raise InputError("--raw: the scene has no sensor (allowed: with a section sensor, or --set sensor={})")
+    for raw in arguments.raws:
+        check_raw_output(raw, taken)
     if arguments.stats is not None:
         if arguments.stats.suffix.lower() != ".json":
             raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
@@ -88,8 +96,9 @@ def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
     check_writable(_checkpoint(arguments), taken)
     if arguments.layers and not any(map(holds_layers, arguments.outputs)):
         raise InputError("--layers: no output has a place for them (allowed: -o with a name that ends in .exr or .npz)")
-    if len({output.resolve() for output in arguments.outputs}) < len(arguments.outputs):
-        raise InputError("-o: the same file twice")
+    written = [*arguments.outputs, *arguments.raws]
+    if len({output.resolve() for output in written}) < len(written):
+        raise InputError("-o, --raw: the same file twice" if arguments.raws else "-o: the same file twice")
 
 
 def _checkpoint(arguments: argparse.Namespace) -> Path:
@@ -119,6 +128,11 @@ def _save(image: "Image", arguments: argparse.Namespace) -> None:
             image.save(output)
         except RptcamError as error:
             failures.append(error)
+    for raw in arguments.raws:
+        try:
+            image.raw().save(raw)
+        except RptcamError as error:
+            failures.append(error)
     if arguments.stats is not None:
         try:
             with replacing(arguments.stats) as temporary:
@@ -127,6 +141,15 @@ def _save(image: "Image", arguments: argparse.Namespace) -> None:
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+def _metered(told: dict[str, Any]) -> str:
+    """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
+    chosen = f"metered {told['metered_cd_m2']:.4g} cd/m²"
+    if "exposure_time_s" in told:
+        time_s = told["exposure_time_s"]
+        chosen += f", {f'1/{1 / time_s:.0f}' if time_s < 0.1 else f'{time_s:.3g}'} s at ISO {told['iso']:.4g}"
+    return chosen
 
 
 def _summary(image: "Image", outputs: list[Path]) -> str:
@@ -141,6 +164,8 @@ def _summary(image: "Image", outputs: list[Path]) -> str:
     outcomes = stats.get("lens")
     if outcomes and sum(outcomes.values()):
         parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
+    if "metered_cd_m2" in image.metadata:
+        parts.append(_metered(image.metadata))
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 
@@ -174,7 +199,7 @@ def _run(arguments: argparse.Namespace) -> int:
         )
     _save(image, arguments)
     if not arguments.quiet:
-        print(_summary(image, arguments.outputs), file=sys.stderr)
+        print(_summary(image, [*arguments.outputs, *arguments.raws]), file=sys.stderr)
     if image.stats.get("interrupted"):
         more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""
         print(f"interrupted: the picture holds what was rendered so far{more}", file=sys.stderr)

@@ -22,7 +22,8 @@ class MeshPart:
     mesh : Mesh
         The same object wherever the same triangles are used.
     placement : (4, 4) float64
-        From the mesh's own coordinates (its origin added to its positions) to the world [scene units]. A reflection
+        From the mesh's own coordinates (its origin added to its positions) to the world [scene units], when the shutter
+        opens. A reflection
         carries the front side along: it stays where the corners run counter-clockwise in the mesh's own coordinates.
     material : Material
     name : str or None
@@ -45,6 +46,6 @@ def mesh_parts(scene: Scene, item: MeshObject) -> tuple[MeshPart, ...]:
     """
     loaded = scene.load_mesh(item)
     return tuple(
-        MeshPart(part.mesh, item.world_from_object @ part.placement, material, part.name or item.name)
+        MeshPart(part.mesh, item.placed_at(scene.shutter.open_s) @ part.placement, material, part.name or item.name)
         for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
     )

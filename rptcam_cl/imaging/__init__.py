@@ -3,6 +3,7 @@
 from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
 from rptcam_cl.imaging.develop import Development, develop, quantised
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.imaging.raw import RawImage, check_raw_output
 from rptcam_cl.imaging.read_film import read_film
 from rptcam_cl.imaging.tone import srgb_from_linear
 from rptcam_cl.imaging.white_balance import Gains, Grey, GreyWorld, KnownLight
@@ -19,8 +20,10 @@ __all__ = [
     "GreyWorld",
     "Image",
     "KnownLight",
+    "RawImage",
     "check_denoiser",
     "check_output",
+    "check_raw_output",
     "develop",
     "holds_layers",
     "quantised",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.imaging.colour import luminance
 from rptcam_cl.imaging.tone import agx, filmic, reinhard, srgb_from_linear
-from rptcam_cl.imaging.white_balance import WHOLE, Part, WhiteBalance
+from rptcam_cl.imaging.white_balance import WHOLE, Adaptation, Part, WhiteBalance, balance_matrix
 
 Pixels = NDArray[np.float32]
 Tone = Literal["srgb", "linear", "reinhard", "filmic", "agx"]
@@ -29,6 +29,8 @@ class Development:
         Exposure compensation [stops]; +1 doubles the values.
     white_balance : KnownLight, Gains, Grey or GreyWorld, optional
         What is made grey; by default colours stay.
+    adaptation : str
+        What the white balance scales: the channels, or the responses of the Bradford transform.
     tone : str
         The tone curve. `linear` is the only one that is not encoded as sRGB.
     tone_white : float
@@ -42,6 +44,7 @@ class Development:
 
     ev: float = 0.0
     white_balance: WhiteBalance | None = None
+    adaptation: Adaptation = "channels"
     tone: Tone = "srgb"
     tone_white: float = 4.0
     gamut: Gamut = "clip"
@@ -65,7 +68,8 @@ def develop(pixels: NDArray[np.floating], picture: Development = PLAIN, part: Pa
     """
     exposed = _exposed(np.asarray(pixels, np.float32), picture.ev)
     if picture.white_balance is not None:
-        exposed = exposed @ picture.white_balance.matrix(exposed, part).T.astype(np.float32)
+        matrix = balance_matrix(picture.white_balance, exposed, part, picture.adaptation)
+        exposed = exposed @ matrix.T.astype(np.float32)
     toned = _toned(_without_negatives(exposed, picture.gamut), picture)
     shown = _below_one(_without_negatives(toned, picture.gamut), picture.gamut)
     return shown if picture.tone == "linear" else srgb_from_linear(shown)

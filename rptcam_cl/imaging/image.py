@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,10 @@ from rptcam_cl.imaging import writers
 from rptcam_cl.imaging.denoise import GUIDES, denoised
 from rptcam_cl.imaging.develop import PLAIN, Development, develop
 from rptcam_cl.imaging.layers import Layer, checked_layers
+from rptcam_cl.imaging.raw import RawImage
+from rptcam_cl.sensor import Sensor, exposed
+
+SENSOR = "sensor"  # where metadata keep the sensor behind the film
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +58,23 @@ class Image:
         """Number of rows."""
         return int(self.pixels.shape[0])
 
+    @cached_property
+    def seen(self) -> NDArray[np.float32]:
+        """What pictures show, (height, width, 3), linear: what the scene's sensor makes of the film, or the film."""
+        return self.raw().linear() if SENSOR in self.metadata else self.pixels
+
+    def raw(self) -> RawImage:
+        """Return the numbers that the scene's sensor puts out for this film; the same ones each time.
+
+        Raises
+        ------
+        InputError
+            The scene has no sensor.
+        """
+        if SENSOR not in self.metadata:
+            raise InputError("the image has no raw numbers (allowed: with a sensor in the scene, as `sensor: {}`)")
+        return RawImage(exposed(self.pixels, Sensor.from_description(self.metadata[SENSOR])), self.metadata)
+
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.
 
@@ -69,11 +91,12 @@ class Image:
         StateError
             The file cannot be written.
         """
-        writers.write(path, self.pixels, self.metadata, self.picture, self.layers)
+        pixels = self.seen if writers.is_developed(path) else self.pixels
+        writers.write(path, pixels, self.metadata, self.picture, self.layers)
 
     def developed(self) -> NDArray[np.float32]:
         """Return the picture as a screen shows it, (height, width, 3) from 0 to 1; see docs/picture.md."""
-        return develop(self.pixels, self.picture, writers.film_part(self.metadata, self.pixels))
+        return develop(self.seen, self.picture, writers.film_part(self.metadata, self.seen))
 
     def denoised(self) -> Image:
         """Return the image with its noise removed, guided by its layers ``albedo`` and ``normal``; see docs/layers.md.
@@ -103,7 +126,7 @@ class Image:
 
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
-        writers.png_to(stream, self.pixels, self.metadata, self.picture, writers.PNG_BITS)
+        writers.png_to(stream, self.seen, self.metadata, self.picture, writers.PNG_BITS)
         return stream.getvalue()
 
     def __repr__(self) -> str:

@@ -89,7 +89,9 @@ def _positive(metadata: Metadata, key: str) -> float | None:
 def _equivalent_focal_length(metadata: Metadata) -> int | None:
     """Return the focal length that sees as much across the diagonal of 35 mm film [mm]."""
     focal_length, size = _positive(metadata, "focal_length_mm"), metadata.get("film_size_mm")
-    if focal_length is None or not isinstance(size, (list, tuple)) or not math.hypot(*size) > 0:
+    if focal_length is None or not isinstance(size, (list, tuple)):
         return None
-    equivalent = round(focal_length * _DIAGONAL_35_MM / math.hypot(*size))
+    if not all(isinstance(length, (int, float)) and 0 < length < math.inf for length in size) or not size:
+        return None
+    equivalent = round(min(focal_length * _DIAGONAL_35_MM / math.hypot(*size), 2.0 * _LARGEST_SHORT))
     return equivalent if 0 < equivalent <= _LARGEST_SHORT else None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.photographic import ALL_METADATA, from_exr_attributes
 
 FILM_SUFFIXES = (".exr", ".npy", ".npz")
+_NAME = re.compile(r"[A-Za-z]\w{0,60}", re.ASCII)  # of metadata, which become keys in all formats
 _CLOSE = 1e-3  # in chromaticity: programs round those of sRGB differently
 
 
@@ -37,7 +39,8 @@ def read_film(path: str | os.PathLike[str]) -> Image:
         with Path(path).open("rb"):
             pass
         pixels, metadata = _exr(path) if suffix == ".exr" else _numpy(path)
-        return Image(pixels, metadata)
+        told = metadata if isinstance(metadata, dict) else {}
+        return Image(pixels, {key: value for key, value in told.items() if _NAME.fullmatch(key)})
     except InputError as problem:
         raise InputError(f"{path}: {problem}") from None
     except OSError as problem:
@@ -51,8 +54,7 @@ def _numpy(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
     if isinstance(held, np.ndarray):
         return held, {}
     with held:
-        metadata = json.loads(str(held["metadata"])) if "metadata" in held else {}
-        return held["rgb"], metadata if isinstance(metadata, dict) else {}
+        return held["rgb"], json.loads(str(held["metadata"])) if "metadata" in held else {}
 
 
 def _exr(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
@@ -67,5 +69,4 @@ def _exr(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
         got = ", ".join(f"{number:.4g}" for number in np.ravel(primaries))
         raise InputError(f"has other primaries than sRGB (got {got}; allowed {', '.join(map(str, expected))})")
     told = header.get(ALL_METADATA)
-    metadata = json.loads(told) if isinstance(told, str) else from_exr_attributes(header)
-    return np.stack(planes, axis=-1), metadata if isinstance(metadata, dict) else {}
+    return np.stack(planes, axis=-1), json.loads(told) if isinstance(told, str) else from_exr_attributes(header)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,32 +20,25 @@ from rptcam_cl.imaging.colour import (
 )
 
 Pixels = NDArray[np.float32]
+Colour = NDArray[np.float64]
 Part = tuple[float, float, float, float]
+Adaptation = Literal["channels", "bradford"]
 
 WHOLE: Part = (0.0, 1.0, 0.0, 1.0)
 _NEIGHBOURS = 2  # pixels on each side of a point that are averaged with it
+_ROUNDING = 1e-6  # pixels: a point between two belongs to the same one in a part of the film as in the whole
+_LEAST = 1e-3  # of a light's luminance that each of three responses must have to be scaled to white
 
 
 @dataclass(frozen=True)
 class KnownLight:
-    """The scene's light by its linear sRGB colour; it is adapted to the white of sRGB."""
+    """The scene's light by its linear sRGB colour."""
 
     colour: tuple[float, float, float]
 
-    def matrix(self, linear: Pixels, part: Part) -> Matrix:
-        """Return the 3 x 3 matrix for colours as columns."""
-        return _from_light(XYZ_FROM_RGB @ np.array(self.colour))
-
-
-@dataclass(frozen=True)
-class Gains:
-    """Factors on red, green and blue."""
-
-    factors: tuple[float, float, float]
-
-    def matrix(self, linear: Pixels, part: Part) -> Matrix:
-        """Return the 3 x 3 matrix for colours as columns."""
-        return np.diag(np.array(self.factors, np.float64))
+    def light(self, linear: Pixels, part: Part) -> Colour:
+        """Return the light's linear sRGB colour."""
+        return np.array(self.colour)
 
 
 @dataclass(frozen=True)
@@ -53,50 +47,81 @@ class Grey:
 
     place: tuple[float, ...]
 
-    def matrix(self, linear: Pixels, part: Part) -> Matrix:
-        """Return the 3 x 3 matrix for colours as columns."""
-        return _from_grey(linear[self._window(linear.shape, part)], "the grey place")
+    def light(self, linear: Pixels, part: Part) -> Colour:
+        """Return the mean linear sRGB colour there."""
+        return _mean(linear[self._window(linear.shape, part)])
 
     def _window(self, shape: tuple[int, ...], part: Part) -> tuple[slice, slice]:
         """Return rows and columns of the pixels in the place, at least one."""
-        x0, x1, y0, y1 = part
-        place = self.place if len(self.place) == 4 else (self.place[0], self.place[0], self.place[1], self.place[1])
-        margin = 0 if len(self.place) == 4 else _NEIGHBOURS
-        across = _pixels((place[0] - x0) / (x1 - x0), (place[1] - x0) / (x1 - x0), shape[1], margin)
-        down = _pixels((place[2] - y0) / (y1 - y0), (place[3] - y0) / (y1 - y0), shape[0], margin)
-        return down, across
+        half = len(self.place) // 2
+        across, down = (
+            [(edge - start) / (end - start) * count for edge in edges]
+            for edges, start, end, count in (
+                (self.place[:half], *part[:2], shape[1]),
+                (self.place[half:], *part[2:], shape[0]),
+            )
+        )
+        return _pixels(down, shape[0]), _pixels(across, shape[1])
 
 
 @dataclass(frozen=True)
 class GreyWorld:
     """The picture's mean is grey (G. Buchsbaum, J. Franklin Institute 310, 1980); pixels beyond white do not count."""
 
-    def matrix(self, linear: Pixels, part: Part) -> Matrix:
-        """Return the 3 x 3 matrix for colours as columns."""
+    def light(self, linear: Pixels, part: Part) -> Colour:
+        """Return the mean linear sRGB colour."""
         shown = (linear <= 1).all(axis=-1)
-        return _from_grey(linear[shown] if shown.any() else linear, "the picture")
+        return _mean(linear[shown] if shown.any() else linear)
+
+
+@dataclass(frozen=True)
+class Gains:
+    """Factors on red, green and blue."""
+
+    factors: tuple[float, float, float]
 
 
 WhiteBalance = KnownLight | Gains | Grey | GreyWorld
 
 
-def _pixels(start: float, end: float, count: int, margin: int) -> slice:
-    """Return the pixels of a row or column that a span of fractions touches."""
-    first = min(max(int(start * count), 0), count - 1)
-    last = min(max(int(np.ceil(end * count)), first + 1), count)
-    return slice(max(first - margin, 0), last + margin)
+def balance_matrix(balance: WhiteBalance, linear: Pixels, part: Part, by: Adaptation) -> Matrix:
+    """Return the 3 x 3 matrix for linear colours as columns; that of no change where there is no light to balance.
 
-
-def _from_light(xyz: NDArray[np.float64]) -> Matrix:
-    """Return the matrix that makes a light of any luminance grey and keeps its luminance."""
+    Parameters
+    ----------
+    balance
+        What is to become grey, keeping its luminance, or the factors themselves.
+    linear
+        The picture, (height, width, 3).
+    part
+        Which part of the film it is.
+    by
+        Whether red, green and blue are scaled, or the responses of the Bradford transform. A light without red, green
+        or blue can only be balanced by these.
+    """
+    if isinstance(balance, Gains):
+        return np.diag(np.array(balance.factors, np.float64))
+    light = balance.light(linear, part)
+    xyz = XYZ_FROM_RGB @ light
+    if xyz[1] <= 0 or (BRADFORD @ xyz <= _LEAST * xyz[1]).any():
+        warnings.warn(
+            "white balance: what should be grey is black or of no colour that light has; left as it is", stacklevel=2
+        )
+        return np.eye(3)
+    if by == "channels" and (light > _LEAST * xyz[1]).all():
+        return np.diag(xyz[1] / light)
     adapted: Matrix = RGB_FROM_XYZ @ adaptation(xyz / xyz[1], xyz_of(SRGB_WHITE)) @ XYZ_FROM_RGB
     return adapted
 
 
-def _from_grey(colours: Pixels, name: str) -> Matrix:
-    """Return the matrix that makes the mean of colours grey; that of no change where it cannot be."""
-    xyz = XYZ_FROM_RGB @ colours.reshape(-1, 3).mean(axis=0, dtype=np.float64)
-    if xyz[1] <= 0 or (BRADFORD @ xyz <= 1e-3 * xyz[1]).any():
-        warnings.warn(f"white balance: {name} is black or too colourful to be grey; left as it is", stacklevel=2)
-        return np.eye(3)
-    return _from_light(xyz)
+def _pixels(edges: list[float], count: int) -> slice:
+    """Return the pixels of a row or column between two edges, or round a point, in pixels."""
+    if len(edges) == 2:
+        first = min(max(round(edges[0]), 0), count - 1)
+        return slice(first, max(round(edges[1]), first + 1))
+    middle = min(max(int(edges[0] + _ROUNDING), 0), count - 1)
+    return slice(max(middle - _NEIGHBOURS, 0), middle + _NEIGHBOURS + 1)
+
+
+def _mean(colours: Pixels) -> Colour:
+    return np.asarray(colours.reshape(-1, 3).mean(axis=0, dtype=np.float64))

@@ -3,10 +3,10 @@
 import itertools
 import json
 import os
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, TypeGuard
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from rptcam_cl.imaging.atomic import check_writable, replacing
 from rptcam_cl.imaging.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.imaging.develop import Development, develop, quantised
 from rptcam_cl.imaging.layers import Layer, exr_channels
+from rptcam_cl.imaging.marks import MARKED, with_rectangles
 from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes
 from rptcam_cl.imaging.png import write_png_to
 from rptcam_cl.imaging.tiff import write_tiff_to
@@ -49,17 +50,28 @@ def _exr_value(value: Any) -> str | int | float:
         value = value.item()
     if isinstance(value, int) and not isinstance(value, bool) and -(2**31) <= value < 2**31:
         return value
-    if isinstance(value, float) and float(np.float32(value)) == value:
-        return value
+    with np.errstate(over="ignore"):
+        if isinstance(value, float) and float(np.float32(value)) == value:
+            return value
     return _text(value)
 
 
 def _place(metadata: Metadata, pixels: Pixels) -> tuple[int, int, int, int] | None:
     """Return x, y, width and height [pixels] of the pixels in the whole film; None where that is not known."""
-    if "window" not in metadata or "resolution" not in metadata:
+    window, film = metadata.get("window"), metadata.get("resolution")
+    if not (_are_counts(window, 4) and _are_counts(film, 2) and all(film)):
         return None
-    x, y, width, height = metadata["window"]
+    x, y, width, height = window
     return (x, y, width, height) if pixels.shape[:2] == (height, width) else None  # pixels that were scaled since
+
+
+def _are_counts(value: Any, length: int) -> TypeGuard[Sequence[int]]:
+    """Whether a piece of metadata, which may come from a file of another program, is a list of so many counts."""
+    return (
+        isinstance(value, (list, tuple))
+        and len(value) == length
+        and all(isinstance(item, int) and 0 <= item < 2**31 for item in value)
+    )
 
 
 def film_part(metadata: Metadata, pixels: Pixels) -> Part:
@@ -73,7 +85,10 @@ def film_part(metadata: Metadata, pixels: Pixels) -> Part:
 
 def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, picture: Development, bits: int) -> None:
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
-    codes = quantised(develop(pixels, picture, film_part(metadata, pixels)), bits)
+    part = film_part(metadata, pixels)
+    codes = quantised(develop(pixels, picture, part), bits)
+    if MARKED in metadata:
+        codes = with_rectangles(codes, metadata[MARKED], part)
     texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
     encoded = picture.tone != "linear"
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
@@ -171,6 +186,11 @@ def check_output(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLik
     """
     _suffix(path)
     check_writable(path, inputs)
+
+
+def is_developed(path: str | os.PathLike[str]) -> bool:
+    """Return whether the format of a file's suffix holds the developed picture, and not the film."""
+    return Path(path).suffix.lower() in DEVELOPED_SUFFIXES
 
 
 def holds_layers(path: str | os.PathLike[str]) -> bool:

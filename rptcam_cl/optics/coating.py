@@ -113,6 +113,11 @@ class MeasuredReflectance:
     wavelengths_nm: tuple[float, ...]
     values: tuple[float, ...]
 
+    @property
+    def range_nm(self) -> tuple[float, float]:
+        """Wavelengths that it is known for [nm]."""
+        return (self.wavelengths_nm[0], self.wavelengths_nm[-1]) if len(self.values) > 1 else (0.0, np.inf)
+
     def reflectance(self, wavelength_nm: ArrayLike) -> Array:
         """Return the reflectance at normal incidence at each wavelength [nm]."""
         return interpolated(wavelength_nm, self.wavelengths_nm, self.values, "reflectance of a coating")
@@ -121,6 +126,11 @@ class MeasuredReflectance:
         """Return the share of unpolarised light that passes, at wavelengths [nm]."""
         slanted = BARE.transmittance(interface, wavelength_nm) / BARE.transmittance(interface.head_on, wavelength_nm)
         return (1.0 - self.reflectance(wavelength_nm)) * np.minimum(slanted, 1.0)
+
+
+def constant_reflectance(share: float) -> MeasuredReflectance:
+    """Return the coating that reflects a share of the light at normal incidence, at every wavelength."""
+    return MeasuredReflectance((0.0,), (share,))
 
 
 MAGNESIUM_FLUORIDE = QuarterWave(1.38, 550.0)  # Macleod, Thin-Film Optical Filters, 4th ed., table of materials

@@ -152,7 +152,7 @@ def held_index(medium: Law, wavelength_nm: ArrayLike) -> Array:
     return medium.index(wavelength if limits is None else np.clip(wavelength, *limits))
 
 
-def known_range(medium: Law) -> Range | None:
+def known_range(medium: Medium) -> Range | None:
     """Return the shortest and longest wavelength at which a law holds [nm], None where it holds everywhere."""
     match medium:
         case Sellmeier() | PowerSeries():

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.errors import InputError
-from rptcam_cl.optics.glass import AIR, WAVELENGTH_D, Medium
+from rptcam_cl.optics.glass import AIR, WAVELENGTH_D, Medium, known_range
 from rptcam_cl.optics.surface import Surface
 
 if TYPE_CHECKING:
@@ -82,6 +82,13 @@ class Lens:
     def indices(self, wavelength_nm: ArrayLike = WAVELENGTH_D) -> Array:
         """Return the index before the first surface and after each one, shape (n + 1, *wavelengths)."""
         return np.stack([medium.index(wavelength_nm) for medium in self.media])
+
+    @property
+    def known_nm(self) -> tuple[float, float]:
+        """Wavelengths that every medium is known for [nm]; without limits, 0 and infinity."""
+        media = [self.object_medium, *(surface.glass for surface in self.surfaces)]
+        limits = [limit for medium in media if (limit := known_range(medium)) is not None]
+        return max((low for low, _ in limits), default=0.0), min((high for _, high in limits), default=float("inf"))
 
     def first_order(self, wavelength_nm: float = WAVELENGTH_D, section: str = "y") -> FirstOrder:
         """Return focal length, cardinal points and pupils at a wavelength [nm], in the "y" or "x" section."""

@@ -22,6 +22,7 @@ PATCH_RADII = 9
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+Wavelengths = float | tuple[float, ...]
 
 
 class FilmProbe:
@@ -32,10 +33,11 @@ class FilmProbe:
     lens : Lens
     film_distance_mm : float
         Last vertex to film.
-    wavelength_nm : float
+    wavelength_nm : float or tuple
+        With several, rays pass that pass at any of them.
     """
 
-    def __init__(self, lens: Lens, film_distance_mm: float, wavelength_nm: float) -> None:
+    def __init__(self, lens: Lens, film_distance_mm: float, wavelength_nm: Wavelengths) -> None:
         if not np.isfinite(lens.surfaces[-1].semi_diameter):
             raise InputError(f"{lens.name}: the last surface needs a diameter")
         self.patch = _patch(lens.surfaces[-1])
@@ -46,7 +48,7 @@ class FilmProbe:
             )
         self.lens = lens
         self.distance = float(film_distance_mm)
-        self.wavelength_nm = wavelength_nm
+        self.wavelength_nm, *self.others_nm = wavelength_nm if isinstance(wavelength_nm, tuple) else (wavelength_nm,)
 
     def windows(self, film: Array) -> Array:
         """Return boxes (m, 4) u0, u1, v0, v1 [mm] that hold every ray from film points (m, 2) to the last surface."""
@@ -68,8 +70,12 @@ class FilmProbe:
         directions = np.empty((*shape, 3))
         directions[..., :2] = rear - film
         directions[..., 2] = -self.distance
-        rays = origins.reshape(-1, 3), directions.reshape(-1, 3)
-        return passing(self.lens, *rays, self.wavelength_nm).reshape(shape)
+        origins, directions = origins.reshape(-1, 3), directions.reshape(-1, 3)
+        passed = passing(self.lens, origins, directions, self.wavelength_nm)
+        for wavelength_nm in self.others_nm:
+            dark = np.flatnonzero(~passed)
+            passed[dark] = passing(self.lens, origins[dark], directions[dark], wavelength_nm)
+        return passed.reshape(shape)
 
 
 def _patch(surface: Surface) -> Array:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.probe import FilmProbe, narrowed
+from rptcam_cl.optics.probe import FilmProbe, Wavelengths, narrowed
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -71,7 +71,10 @@ class PupilShapes:
 
 
 def pupil_shapes(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float = WAVELENGTH_D
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths = WAVELENGTH_D,
 ) -> PupilShapes:
     """Return the outlines of the pupil over the film.
 
@@ -82,7 +85,8 @@ def pupil_shapes(
         Last vertex to film.
     half_film_mm : (width, height)
         Half the sides of the film.
-    wavelength_nm : float
+    wavelength_nm : float or tuple
+        With several, the outlines hold the pupil of each.
 
     Raises
     ------
@@ -108,7 +112,7 @@ def pupil_shapes(
     return PupilShapes(bool(lens.is_rotational), x, y, centres, axes, radii)
 
 
-def narrowing_probes(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> list[FilmProbe]:
+def narrowing_probes(lens: Lens, film_distance_mm: float, wavelength_nm: Wavelengths) -> list[FilmProbe]:
     """Return probes of the lens with its stop ever smaller: first as wide as any rim, then half that, last its own.
 
     A small pupil slips through a grid over the rear element; the next wider one tells where to look for it.

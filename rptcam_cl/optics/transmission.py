@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.optics.coating import BARE, Coating, Interface
+from rptcam_cl.optics.coating import BARE, Coating, Interface, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.glass import WAVELENGTH_D, Medium, attenuation
 
 if TYPE_CHECKING:
@@ -137,3 +137,27 @@ def axial_t_number(lens: Lens, wavelength_nm: float = WAVELENGTH_D, transmission
     """Return the f-number over the root of the axial transmittance (W. Smith, Modern Optical Engineering)."""
     passed = float(axial_transmittance(lens, wavelength_nm, transmission))
     return lens.first_order(wavelength_nm).f_number / float(np.sqrt(passed))
+
+
+def known_nm(lens: Lens, transmission: Transmission) -> tuple[float, float]:
+    """Return the wavelengths for which the losses are known [nm]; without limits, 0 and infinity."""
+    limits = [(0.0, np.inf)]
+    if transmission.absorption:
+        inside = [surface.glass.absorption for surface in lens.surfaces[:-1]]
+        limits += [(a.wavelengths_nm[0], a.wavelengths_nm[-1]) for a in inside if a is not None]
+    if transmission.fresnel:
+        coatings = [transmission.coating_of(surface) for surface in lens.surfaces]
+        limits += [c.range_nm for c in coatings if isinstance(c, MeasuredReflectance)]
+    return max(low for low, _ in limits), min(high for _, high in limits)
+
+
+def is_tinted(lens: Lens, transmission: Transmission) -> bool:
+    """Return whether coatings or glass take more from one colour than from another."""
+    low, high = known_nm(lens, transmission)
+    if not low < high:
+        return False
+    coatings = {transmission.coating_of(surface) for surface in lens.surfaces if transmission.fresnel}
+    layers = any(isinstance(coating, QuarterWave) for coating in coatings)
+    measured = any(isinstance(coating, MeasuredReflectance) and np.ptp(coating.values) > 0 for coating in coatings)
+    inside = [surface.glass.absorption for surface in lens.surfaces[:-1]] if transmission.absorption else []
+    return layers or measured or any(absorption is not None and np.ptp(absorption.per_mm) > 0 for absorption in inside)

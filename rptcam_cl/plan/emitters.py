@@ -15,6 +15,7 @@ from rptcam_cl.curves import curves
 from rptcam_cl.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.plan.colour import luminance
 from rptcam_cl.plan.environment import Surroundings
+from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.lights import light_emitter, sun_emitter
 from rptcam_cl.plan.meshes import corners_of_box
 from rptcam_cl.plan.primitives import Primitive, sphere_of
@@ -89,11 +90,13 @@ _SAMPLED = {Kind.RECTANGLE: EmitterKind.RECTANGLE, Kind.DISK: EmitterKind.DISK, 
 
 @dataclass(frozen=True)
 class _Glow:
-    """What a material emits: radiance, mean over a texture; the texture's index or -1; whether the back shines."""
+    """What a material emits: radiance, mean over a texture; the texture's index or -1; whether the back shines; the
+    number of its spectrum."""
 
     radiance: NDArray[np.float64]
     texture: int
     two_sided: bool
+    number: int
 
     @property
     def strength(self) -> float:
@@ -103,10 +106,11 @@ class _Glow:
     def fill(self, records: NDArray[np.void] | np.void) -> None:
         """Write it into records."""
         records["radiance"][..., :3] = self.radiance
+        records["radiance"][..., 3] = self.number
         records["texture"], records["two_sided"] = self.texture, self.two_sided
 
 
-def _glow(material: Material, textures: TextureTable) -> _Glow:
+def _glow(material: Material, textures: TextureTable, spectra: KnownSpectra) -> _Glow:
     emitted: Texture | Colour = (0.0, 0.0, 0.0)
     two_sided = False
     if isinstance(material, Emissive):
@@ -114,7 +118,8 @@ def _glow(material: Material, textures: TextureTable) -> _Glow:
     elif isinstance(material, Principled):
         emitted = material.emission
     colour, texture = textures.slot(emitted, limit=LARGEST_RADIANCE)
-    return _Glow(np.array(colour) if texture < 0 else textures.mean(texture), texture, two_sided)
+    number = spectra.number(emitted, light=True)
+    return _Glow(np.array(colour) if texture < 0 else textures.mean(texture), texture, two_sided, number)
 
 
 def _surface_emitter(index: int, primitive: Primitive, glow: _Glow) -> Found | None:
@@ -159,6 +164,7 @@ def pack_emitters(
     primitives: list[Primitive],
     first_triangles: Sequence[int],
     textures: TextureTable,
+    spectra: KnownSpectra,
     surroundings: Surroundings,
 ) -> Emitters:
     """Return the emitters that light sampling chooses from, picked in proportion to their power; suns come last.
@@ -175,13 +181,15 @@ def pack_emitters(
         Of those that are meshes, in their order.
     textures
         Has the textures of lamps; takes the pictures of measured luminaires.
+    spectra
+        Takes the spectra of lamps.
     surroundings
         The environment.
     """
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures)
+    chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures, spectra)
     reach = _scene_reach(primitives, eye)
-    lights = [light_emitter(light, scene, textures, reach) for light in scene.lights]
+    lights = [light_emitter(light, scene, textures, spectra, reach) for light in scene.lights]
     if surroundings.kind is EnvironmentKind.IMAGE:
         lights.append(_environment(surroundings.flux * np.pi * reach**2))
     if surroundings.sun is not None:
@@ -203,7 +211,11 @@ def pack_emitters(
 
 
 def _surface_emitters(
-    primitives: list[Primitive], first_triangles: Sequence[int], eye: NDArray[np.float64], textures: TextureTable
+    primitives: list[Primitive],
+    first_triangles: Sequence[int],
+    eye: NDArray[np.float64],
+    textures: TextureTable,
+    spectra: KnownSpectra,
 ) -> tuple[list[Found], dict[int, int]]:
     """Return records and powers of what shines, primitive by primitive, and the first emitter of each of them."""
     chosen: list[Found] = []
@@ -211,8 +223,10 @@ def _surface_emitters(
     count = 0
     first_mesh = len(primitives) - len(first_triangles)
     for index, primitive in enumerate(primitives):
-        glow = _glow(primitive.material, textures)
+        glow = _glow(primitive.material, textures, spectra)
         if has_holes(primitive.material):  # a sample would have to ask whether it lies in one; paths find what shines
+            continue
+        if primitive.course is not None:  # a sample would have to follow it; paths find what shines
             continue
         if primitive.mesh is None:
             found = _surface_emitter(index, primitive, glow)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.curves import curves
 from rptcam_cl.kinds import EnvironmentKind, TexelFormat
 from rptcam_cl.plan.colour import LUMINANCE
+from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.picture_table import Colours
 from rptcam_cl.plan.remembered import remembered
 from rptcam_cl.plan.sky import bake_sky
@@ -82,17 +83,20 @@ class _Brightness:
         return self.tables.nbytes
 
 
-def pack_environment(scene: Scene, textures: TextureTable) -> Surroundings:
+def pack_environment(scene: Scene, textures: TextureTable, spectra: KnownSpectra) -> Surroundings:
     """Return the environment of a scene; add its picture to the textures."""
     record = ENVIRONMENT.zeros(1)
     nothing = np.zeros(1, np.float32)
     match scene.environment:
         case GradientEnvironment() as gradient:
             record["bottom"][0, :3], record["top"][0, :3] = gradient.bottom, gradient.top
+            record["bottom"][0, 3] = spectra.number(gradient.bottom, light=True)
+            record["top"][0, 3] = spectra.number(gradient.top, light=True)
             record["up"][0, :3] = np.asarray(gradient.up) / np.linalg.norm(gradient.up)
             return Surroundings(EnvironmentKind.GRADIENT, record, nothing, 0.0)
         case ConstantEnvironment() as constant:
             record["bottom"][0, :3] = constant.radiance
+            record["bottom"][0, 3] = spectra.number(constant.radiance, light=True)
             return Surroundings(EnvironmentKind.CONSTANT, record, nothing, 0.0)
         case ImageEnvironment() as image:
             colours = textures.pictures.colours(image, "rgb", image.color_space)

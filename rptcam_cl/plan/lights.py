@@ -10,18 +10,22 @@ from rptcam_cl.kinds import EmitterKind, TexelFormat
 from rptcam_cl.photometry import Luminaire, read_luminaire
 from rptcam_cl.plan.colour import LUMINANCE, luminance
 from rptcam_cl.plan.environment import DistantSun
+from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.picture_table import Colours
 from rptcam_cl.plan.primitives import turn_to, world_from_scene
 from rptcam_cl.plan.sky import SUN_RADIUS_DEGREES
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.records import EMITTER
+from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
 from rptcam_cl.scene.scene import Scene
 
 PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its axis: half a degree
 
 
-def light_emitter(light: Light, scene: Scene, textures: TextureTable, reach: float) -> tuple[np.void, float]:
+def light_emitter(
+    light: Light, scene: Scene, textures: TextureTable, spectra: KnownSpectra, reach: float
+) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record: np.void = EMITTER.zeros(1)[0]
     record["primitive"], record["part"], record["texture"] = -1, -1, -1
@@ -38,11 +42,26 @@ def light_emitter(light: Light, scene: Scene, textures: TextureTable, reach: flo
             power = np.pi * reach**2 * luminance(light.irradiance)
         case SunLight():
             power = fill_sun(record, light.irradiance, light.diameter_degrees / 2) * np.pi * reach**2
+    record["radiance"][3] = _number(light, record, spectra)
     if isinstance(light, DirectionalLight | SunLight):
         record["normal"][:3] = -_unit(light.direction)
     else:
         record["a"][:3] = (world_from_scene(scene) @ (*light.position, 1.0))[:3]
     return record, power
+
+
+def _number(light: Light, record: np.void, spectra: KnownSpectra) -> int:
+    """Return the number of a light's spectrum, scaled as the record has its colour."""
+    match light:
+        case PointLight() | SpotLight():
+            colour: Colour = light.intensity
+        case DirectionalLight() | SunLight():
+            colour = light.irradiance
+        case ProfileLight():
+            colour = light.color
+    largest = int(np.argmax(colour))
+    gain = float(record["radiance"][largest]) / colour[largest] if colour[largest] > 0 else 0.0
+    return spectra.number(colour, light=True, gain=gain)
 
 
 def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_degrees: float) -> float:

@@ -9,13 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.plan.covers import cover_mean, internal_reflectance, rough_cover, smooth_mean
-from rptcam_cl.plan.metals import metal_constants
+from rptcam_cl.plan.known_spectra import KnownSpectra
+from rptcam_cl.plan.metals import metal_constants, metal_spectra
+from rptcam_cl.plan.refraction import fill_index
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.records import MATERIAL, MaterialKind
+from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
-from rptcam_cl.scene.metal import Conductor, OpticalConstants
+from rptcam_cl.scene.metal import Conductor, MetalSpectrum, OpticalConstants
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE
 from rptcam_cl.scene.roughness import alpha_pair
@@ -68,8 +71,13 @@ def _kind(material: Material) -> MaterialKind:
 class _Filler:
     """Writes a material into its record."""
 
-    def __init__(self, textures: TextureTable) -> None:
-        self._textures = textures
+    def __init__(self, textures: TextureTable, spectra: KnownSpectra) -> None:
+        self._textures, self._spectra = textures, spectra
+
+    def _colour(self, record: np.void, name: str, texture: str, value: Colour | Texture, limit: float) -> None:
+        """Write a colour with the number of its spectrum, or the texture that gives it."""
+        record[name][:3], record[texture] = self._textures.slot(value, limit=limit)
+        record[name][3] = self._spectra.number(value, light=limit > 1.0)
 
     def _number(self, record: np.void, name: str, value: float | Texture) -> None:
         """Write a number, or the texture that gives it."""
@@ -86,9 +94,9 @@ class _Filler:
         match material:
             case Matte() | Mirror() | Conductor() | Plastic():
                 if material.reflectance is not None:
-                    record["color"][:3], record["texture"] = self._textures.slot(material.reflectance, limit=1.0)
+                    self._colour(record, "color", "texture", material.reflectance, 1.0)
             case Emissive():
-                record["color"][:3], record["texture"] = self._textures.slot(material.radiance, limit=LARGEST_RADIANCE)
+                self._colour(record, "color", "texture", material.radiance, LARGEST_RADIANCE)
                 record["parameter"] = material.two_sided
             case Principled():
                 self._principled(record, material)
@@ -96,18 +104,29 @@ class _Filler:
                 self._number(record, "factor", material.factor)
         if isinstance(material, (Conductor, Dielectric, Plastic)):
             record["alpha"], record["alpha_across"] = material.alphas or (0.0, 0.0)
-        if isinstance(material, (Dielectric, Plastic, ThinGlass)):
-            record["parameter"] = material.n_d if isinstance(material, Dielectric) else material.index
+        if isinstance(material, Dielectric):
+            fill_index(record, material)
+        if isinstance(material, (Plastic, ThinGlass)):
+            record["parameter"] = material.index
         if isinstance(material, Conductor) and material.metal is not None:
-            n, k = _constants(material.metal)
-            record["metal_n"][:3], record["metal_k"][:3] = n, k
+            self._metal(record, material.metal)
         if isinstance(material, Plastic):
             _cover(record, material)
         if isinstance(material, AbsorbingMaterial):
             record["absorption"][:3] = material.absorption
+            record["absorption"][3] = self._spectra.number(material.absorption)
         if isinstance(material, ThinGlass):
             record["absorption"][:3] = material.depth
+            record["absorption"][3] = self._spectra.number(material.depth)
         self._coverage(record, material)
+
+    def _metal(self, record: np.void, metal: str | OpticalConstants | MetalSpectrum) -> None:
+        """Write the index n + i k of a metal: of each channel, and of one that was measured the spectra."""
+        if isinstance(metal, OpticalConstants):
+            record["metal_n"][:3], record["metal_k"][:3] = metal.n, metal.k
+            return
+        record["metal_n"][:3], record["metal_k"][:3] = metal_constants(metal)
+        record["metal_n"][3], record["metal_k"][3] = map(self._spectra.add, metal_spectra(metal))
 
     def _coverage(self, record: np.void, material: Material) -> None:
         if isinstance(material, CoveringMaterial):
@@ -118,8 +137,8 @@ class _Filler:
             record["normal_strength"] = material.normal_map.strength
 
     def _principled(self, record: np.void, material: Principled) -> None:
-        record["color"][:3], record["texture"] = self._textures.slot(material.base_color, limit=1.0)
-        record["glow"][:3], record["glow_texture"] = self._textures.slot(material.emission, limit=LARGEST_RADIANCE)
+        self._colour(record, "color", "texture", material.base_color, 1.0)
+        self._colour(record, "glow", "glow_texture", material.emission, LARGEST_RADIANCE)
         self._number(record, "metallic", material.metallic)
         roughness = material.roughness
         if not isinstance(roughness, float):
@@ -129,10 +148,6 @@ class _Filler:
         record["specular"], record["parameter"] = material.specular, material.index
         record["transmission"], record["coat"] = material.transmission, material.clearcoat
         record["coat_alpha"] = alpha_pair(material.clearcoat_roughness, 0.0)[0]
-
-
-def _constants(metal: str | OpticalConstants) -> tuple[tuple[float, ...], tuple[float, ...]]:
-    return (metal.n, metal.k) if isinstance(metal, OpticalConstants) else metal_constants(metal)
 
 
 def _cover(record: np.void, material: Plastic) -> None:
@@ -159,19 +174,20 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
         "HAS_ROUGHNESS_TEXTURE": np.any(records["roughness_texture"] >= 0),
         "HAS_METALLIC_TEXTURE": np.any(records["metallic_texture"] >= 0),
+        "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),
         "HAS_OPACITY": np.any(records["opacity"] < 1) or np.any(records["opacity_texture"] >= 0),
         "HAS_NORMAL_MAP": np.any(records["normal_texture"] >= 0),
     }
     return facts | {name: int(value) for name, value in features.items()}
 
 
-def pack_materials(materials: Sequence[Material], textures: TextureTable) -> Materials:
-    """Return one record per distinct material, those that are mixed included; collect their textures."""
+def pack_materials(materials: Sequence[Material], textures: TextureTable, spectra: KnownSpectra) -> Materials:
+    """Return one record per distinct material, those that are mixed included; collect their textures and spectra."""
     parts = [part for material in materials if isinstance(material, Mix) for part in material.materials]
     distinct = list({id(material): material for material in (*materials, *parts)}.values())
     index = {id(material): place for place, material in enumerate(distinct)}
     records = MATERIAL.zeros(len(distinct))
-    filler = _Filler(textures)
+    filler = _Filler(textures, spectra)
     for record, material in zip(records, distinct, strict=False):
         filler.fill(record, material)
         if isinstance(material, Mix):

@@ -2,7 +2,7 @@
 
 A mesh that stands in the scene once is taken to the world, where all such meshes share one tree. One that several
 objects use is held once, in its own frame, with a tree that its instances share; small ones are copied all the same, as
-each instance on its way costs a ray more than a few triangles do.
+each instance on its way costs a ray more than a few triangles do. What moves is an instance always.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ class PlacedMesh:
 
     mesh: Mesh
     placement: Matrix
+    moves: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +64,10 @@ def pack_meshes(placed: Sequence[PlacedMesh], eye: NDArray[np.float64], first_pr
     first_primitive
         Index of the first primitive that is a mesh.
     """
-    uses = Counter(id(item.mesh) for item in placed)
-    copied = [i for i, item in enumerate(placed) if (uses[id(item.mesh)] - 1) * len(item.mesh.faces) <= MOST_COPIED]
-    shared = [i for i, item in enumerate(placed) if (uses[id(item.mesh)] - 1) * len(item.mesh.faces) > MOST_COPIED]
+    uses = Counter(id(item.mesh) for item in placed if not item.moves)
+    is_shared = [item.moves or (uses[id(item.mesh)] - 1) * len(item.mesh.faces) > MOST_COPIED for item in placed]
+    copied = [i for i, share in enumerate(is_shared) if not share]
+    shared = [i for i, share in enumerate(is_shared) if share]
     pools = _Pools()
     first = pools.add_world([placed[i] for i in copied], eye) if copied else []
     group_of: dict[int, int] = {}

@@ -7,15 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.cameras import CameraModel
 from rptcam_cl.cameras.course import camera_course
 from rptcam_cl.cameras.filter import FilterTable, filter_table
+from rptcam_cl.geometry.movement import Movements
 from rptcam_cl.geometry.packed import PackedMeshes
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
+from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.materials import pack_materials
+from rptcam_cl.plan.motion import pack_movements
 from rptcam_cl.plan.owners import Owners, owners_of
 from rptcam_cl.plan.primitives import Primitive, pack_primitives, scene_primitives, with_meshes
+from rptcam_cl.plan.spectrum import Spectrum, seen_by
 from rptcam_cl.plan.textures import Textures, TextureTable
 from rptcam_cl.records import Kind
 from rptcam_cl.scene.opening import at_opening
@@ -28,9 +32,11 @@ class Plan:
 
     facts: dict[str, int]
     camera: CameraModel
+    spectrum: Spectrum
     camera_filter: FilterTable
     course: NDArray[np.float32]
     primitives: NDArray[np.void]
+    movements: Movements
     kind_end: NDArray[np.int32]
     materials: NDArray[np.void]
     textures: Textures
@@ -53,31 +59,38 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
-    shown = pack_materials(materials, table)
-    surroundings = pack_environment(scene, table)
-    emitters = pack_emitters(scene, primitives, meshes.first_triangles if meshes else (), table, surroundings)
+    spectra = KnownSpectra()
+    shown = pack_materials(materials, table, spectra)
+    surroundings = pack_environment(scene, table, spectra)
+    first_triangles = meshes.first_triangles if meshes else ()
+    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
+    camera, spectrum = seen_by(scene, camera, spectra, shown)
     textures = table.pack()
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     kinds = {primitive.kind for primitive in primitives}
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind}
     facts |= shown.facts | textures.facts | emitters.facts
-    facts |= {
+    movements = pack_movements(scene, primitives)
+    facts |= movements.facts | {
         "HAS_TANGENT": int(shown.facts["HAS_ANISOTROPY"] or shown.facts["HAS_NORMAL_MAP"]),
         "HAS_SHADING_NORMAL": int(shown.facts["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
         "CAMERA_LEGS": min(legs, 2),
-        "MOVES": int(legs > 0),
+        "MOVES": int(legs > 0 or movements.facts["HAS_MOTION"] > 0),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
+        **spectrum.facts,
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
     }
     return Plan(
         facts=facts,
-        camera=camera or camera_model(scene),
+        camera=camera,
+        spectrum=spectrum,
         camera_filter=filter_table(scene.film.filter),
         course=course,
         primitives=records,
+        movements=movements,
         kind_end=kind_end,
         materials=shown.records,
         textures=textures,

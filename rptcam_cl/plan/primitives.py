@@ -14,7 +14,9 @@ from rptcam_cl.records import PRIMITIVE, Kind
 from rptcam_cl.scene import shape as shapes
 from rptcam_cl.scene.material import Material
 from rptcam_cl.scene.mesh_shape import MeshObject
+from rptcam_cl.scene.motion import Course
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.scene_object import PlacedObject
 
 Matrix = NDArray[np.float64]
 
@@ -34,6 +36,8 @@ class Primitive:
     object : int
         Index of the object of the scene that it belongs to.
     mesh : Mesh or None
+    course : Course or None
+        Its way while the shutter is open, None where it stands still; the placement is that at the opening.
     """
 
     kind: Kind
@@ -41,6 +45,7 @@ class Primitive:
     material: Material
     object: int
     mesh: Mesh | None = None
+    course: Course | None = None
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
@@ -117,17 +122,23 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
             found += _mesh_primitives(scene, item, index)
             continue
         for kind, canonical in _canonical(item):
-            placement = world @ item.world_from_object @ canonical
+            placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
                 kind = Kind.ELLIPSOID
-            found.append(Primitive(kind, placement, item.material, index))
+            found.append(Primitive(kind, placement, item.material, index, course=_course(scene, item)))
     return sorted(found, key=lambda primitive: primitive.kind)
 
 
 def _mesh_primitives(scene: Scene, item: MeshObject, index: int) -> list[Primitive]:
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
     parts = mesh_parts(scene, item)
-    return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh) for part in parts]
+    course = _course(scene, item)
+    return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, course) for part in parts]
+
+
+def _course(scene: Scene, item: PlacedObject) -> Course | None:
+    """Return the way of an object, None where it stands still while the shutter is open."""
+    return item.course if item.course is not None and item.course.moves(*scene.shutter.span_s) else None
 
 
 def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
@@ -141,7 +152,11 @@ def with_meshes(primitives: list[Primitive], scene: Scene) -> tuple[list[Primiti
     meshes = [primitive for primitive in primitives if primitive.mesh is not None]
     if not meshes:
         return solid, None
-    placed = [PlacedMesh(primitive.mesh, primitive.placement) for primitive in meshes if primitive.mesh is not None]
+    placed = [
+        PlacedMesh(primitive.mesh, primitive.placement, moves=primitive.course is not None)
+        for primitive in meshes
+        if primitive.mesh is not None
+    ]
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
     plan = pack_meshes(placed, eye, len(solid))
     return solid + [meshes[index] for index in plan.order], plan

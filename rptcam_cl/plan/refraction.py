@@ -7,7 +7,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.optics.glass import held_index
+from rptcam_cl.cameras.dispersion import fewest_terms, fit_nodes
+from rptcam_cl.optics.glass import held_index, known_range
+from rptcam_cl.records import DISPERSION_NM, DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.scene.dielectric import Dielectric
 
 Index = Callable[[ArrayLike], NDArray[np.float64]]
@@ -27,3 +29,19 @@ def dielectric_index(material: Dielectric) -> Index:
         return lambda wavelength_nm: np.full(np.shape(wavelength_nm), material.index)
     glass = material.glass
     return lambda wavelength_nm: held_index(glass, wavelength_nm)
+
+
+def fill_index(record: np.void, material: Dielectric) -> None:
+    """Write the index of a material, and the polynomial over the inverse wavelength where it has a dispersion."""
+    record["parameter"] = material.n_d
+    if material.glass is None or not is_dispersive(material):
+        return
+    low, high = known_range(material.glass) or DISPERSION_NM
+    low, high = max(low, DISPERSION_NM[0]), min(high, DISPERSION_NM[1])
+    wavelengths = fit_nodes(low, high)
+    (coefficients,) = fewest_terms(material.glass.index(wavelengths)[None], wavelengths)
+    record["dispersion_terms"] = len(coefficients)
+    record["dispersion"][: len(coefficients)] = coefficients
+    record["dispersion_low"], record["dispersion_high"] = (
+        DISPERSION_SCALE / nm - DISPERSION_SHIFT for nm in (high, low)
+    )

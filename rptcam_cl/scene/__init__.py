@@ -9,6 +9,7 @@ from rptcam_cl.scene.aperture import (
     PolygonAperture,
     StarAperture,
 )
+from rptcam_cl.scene.autofocus import AutoFocus, OnlyAuto, ZonesFile
 from rptcam_cl.scene.camera import (
     Camera,
     EnvironmentCamera,
@@ -36,8 +37,8 @@ from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLi
 from rptcam_cl.scene.load import load_scene
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.mesh_shape import MeshObject, NamedMesh
-from rptcam_cl.scene.metal import Conductor, OpticalConstants
-from rptcam_cl.scene.motion import CameraKeyframe
+from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
+from rptcam_cl.scene.motion import CameraKeyframe, Course, ObjectKeyframe
 from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.picture import Picture, ToneCurve, load_picture
 from rptcam_cl.scene.principled import Principled
@@ -45,16 +46,20 @@ from rptcam_cl.scene.sampling import RenderSettings
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
 from rptcam_cl.scene.schema import scene_json_schema
+from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.shutter import Shutter
 from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
+from rptcam_cl.scene.spectrum_mode import SpectrumSettings
 from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
+from rptcam_cl.scene.transmission import Transmission
 from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
     "Aperture",
+    "AutoFocus",
     "Box",
     "Camera",
     "CameraKeyframe",
@@ -63,6 +68,7 @@ __all__ = [
     "Conductor",
     "Cone",
     "ConstantEnvironment",
+    "Course",
     "Cylinder",
     "Dielectric",
     "DirectionalLight",
@@ -87,12 +93,16 @@ __all__ = [
     "Material",
     "Matte",
     "MeshObject",
+    "MetalSpectrum",
+    "MetalTable",
     "Mirror",
     "Mix",
     "NamedMesh",
     "Noise",
     "NormalMap",
     "Object",
+    "ObjectKeyframe",
+    "OnlyAuto",
     "OpticalConstants",
     "OutlineAperture",
     "Picture",
@@ -111,9 +121,11 @@ __all__ = [
     "Rotation",
     "Scene",
     "SceneObject",
+    "Sensor",
     "Shutter",
     "SkyEnvironment",
     "SpectralColour",
+    "SpectrumSettings",
     "Sphere",
     "SpotLight",
     "StarAperture",
@@ -125,7 +137,9 @@ __all__ = [
     "ThinLensCamera",
     "ToneCurve",
     "TransformStep",
+    "Transmission",
     "WhiteBalance",
+    "ZonesFile",
     "at_opening",
     "change_scene",
     "load_picture",

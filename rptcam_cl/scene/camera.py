@@ -9,12 +9,15 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
+from rptcam_cl.errors import InputError
 from rptcam_cl.scene.aperture import Aperture, CircularAperture
-from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.autofocus import AutoFocusOrMethod, OnlyAuto
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel
 from rptcam_cl.scene.lens_reference import LensReference
 from rptcam_cl.scene.motion import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Fraction, Position, list_of
 from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.scene.transmission import EVERY_FORM, IDEAL, Transmission
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
 SMALLEST_ROLL_SINE = 1e-6
@@ -23,6 +26,7 @@ Degrees = Annotated[float, Field(gt=0, lt=180), NUMBER]
 FovAxis = Literal["horizontal", "vertical", "diagonal"]
 Metres = Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e12), NUMBER]
+NOT_FOUND_YET = "camera.focus.auto: the focus is found by render() or autofocus(), before the camera can be used"
 FNumber = Annotated[float, Field(ge=1e-2, le=1e6), NUMBER]
 
 
@@ -132,12 +136,14 @@ class EnvironmentCamera(Pose):
 class ThinLensCamera(Pose):
     """An ideal lens of no thickness: one plane is sharp.
 
-    Exactly one of `fov_degrees` and `focal_length_mm`, and exactly one of `aperture_radius_m` and `f_number`.
+    Exactly one of `fov_degrees` and `focal_length_mm`, of `aperture_radius_m` and `f_number`, and of
+    `focus_distance_m` and `focus`.
     """
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
         Alternatives(("fov_degrees", "focal_length_mm"), required=True),
         Alternatives(("aperture_radius_m", "f_number"), required=True),
+        Alternatives(("focus_distance_m", "focus"), required=True),
     )
 
     kind: Literal["thin_lens"]
@@ -158,15 +164,32 @@ class ThinLensCamera(Pose):
     f_number: FNumber | None = None
     """Focal length divided by the diameter of the opening."""
 
-    focus_distance_m: Metres
+    focus_distance_m: Metres | None = None
     """Distance of the plane of focus from the eye along the axis [m]."""
+
+    focus: OnlyAuto | None = None
+    """Autofocus in its place."""
 
     aperture: Aperture = CircularAperture()
     """Outline of the opening."""
 
+    @property
+    def plane_m(self) -> float:
+        """Distance of the plane of focus [m].
+
+        Raises
+        ------
+        InputError
+            When autofocus has yet to find it.
+        """
+        if self.focus_distance_m is None:
+            raise InputError(NOT_FOUND_YET)
+        return self.focus_distance_m
+
     @model_validator(mode="after")
     def _check_focus(self) -> Self:
-        if self.focal_length_mm is not None and self.focus_distance_m * 1e3 <= self.focal_length_mm:
+        plane = self.focus_distance_m
+        if self.focal_length_mm is not None and plane is not None and plane * 1e3 <= self.focal_length_mm:
             raise refuse(
                 "lies within the focal length, so no real image forms",
                 got=self.focus_distance_m,
@@ -177,7 +200,7 @@ class ThinLensCamera(Pose):
 
 
 class Focus(SceneModel):
-    """Focus of a real lens: where the object plane is, or where the film is. Exactly one of the four places.
+    """Focus of a real lens: where the object plane, the film or the group is. Exactly one of these, or `auto`.
 
     The eye is the centre of the film, so `distance_m` and `point` fix a plane of the scene, at right angles to the
     axis. `front_distance_m` fixes it relative to the lens: the plane lies farther from the eye by the length of the
@@ -185,7 +208,9 @@ class Focus(SceneModel):
     """
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(("distance_m", "front_distance_m", "point", "film_distance_mm"), required=True),
+        Alternatives(
+            ("distance_m", "front_distance_m", "point", "film_distance_mm", "group_shift_mm", "auto"), required=True
+        ),
     )
 
     distance_m: Metres | None = None
@@ -200,6 +225,12 @@ class Focus(SceneModel):
     film_distance_mm: Millimetres | None = None
     """Distance from the last vertex of the lens to the film [mm]."""
 
+    group_shift_mm: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER] | None = None
+    """How far the focusing group of the lens stands towards the film from its place in the lens file [mm]."""
+
+    auto: AutoFocusOrMethod | None = None
+    """Autofocus."""
+
     method: Literal["thick", "spot"] = "thick"
     """How the film distance of an object plane is found: first-order optics, or the least spot of traced rays."""
 
@@ -209,9 +240,10 @@ class Focus(SceneModel):
 
     @model_validator(mode="after")
     def _check_method(self) -> Self:
-        if self.method != "thick" and self.film_distance_mm is not None:
+        given = [key for key in ("film_distance_mm", "group_shift_mm", "auto") if getattr(self, key) is not None]
+        if self.method != "thick" and given:
             raise refuse(
-                "seeks the film distance, which film_distance_mm gives already",
+                f"seeks the film distance, which {given[0]} gives already",
                 got=self.method,
                 allowed="distance_m, front_distance_m or point beside it",
                 path=("method",),
@@ -257,6 +289,9 @@ class LensCamera(Pose):
 
     wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = 587.5618
     """Wavelength of the indices of refraction [nm]; the helium d line by default."""
+
+    transmission: Annotated[Transmission, AlsoAccepts(EVERY_FORM)] = IDEAL
+    """What the lens takes from the light; nothing by default."""
 
     def ahead(self, point: tuple[float, float, float]) -> float:
         """Return how far in front of the eye a point lies along the axis [scene units]."""

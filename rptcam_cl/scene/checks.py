@@ -94,6 +94,7 @@ def scene_warnings(
     found += _extent_warnings(objects)
     found += _mesh_warnings(objects)
     found += _inside_warnings(camera, shutter, objects)
+    found += _motion_warnings(shutter, objects)
     return tuple(found)
 
 
@@ -164,5 +165,13 @@ def _inside_warnings(camera: Camera, shutter: Shutter, objects: Sequence[Object]
     return [
         f"the camera stands inside objects[{index}]"
         for index, item in enumerate(objects)
-        if not isinstance(item, Plane) and item.contains(np.linalg.solve(item.world_from_object, eye)[:3])
+        if not isinstance(item, Plane) and item.contains(np.linalg.solve(item.placed_at(shutter.open_s), eye)[:3])
+    ]
+
+
+def _motion_warnings(shutter: Shutter, objects: Sequence[Object]) -> list[str]:
+    return [
+        f"objects[{index}] shines and moves: light sampling leaves it out, so that what it lights is noisy"
+        for index, item in enumerate(objects)
+        if item.course is not None and item.course.moves(*shutter.span_s) and _shines(item)
     ]

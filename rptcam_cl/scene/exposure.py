@@ -15,6 +15,7 @@ Mode = Literal["relative", "irradiance", "physical", "auto"]
 MODES: tuple[Mode, ...] = get_args(Mode)
 
 LEAST_ISO, MOST_ISO = 1e-6, 1e12
+MOST_STOPS = 60
 LEAST_CD_M2, MOST_CD_M2 = 1e-12, 1e20
 
 # The keys that only some modes read.
@@ -39,10 +40,10 @@ class Exposure(SceneModel):
     iso: Annotated[float, Field(ge=LEAST_ISO, le=MOST_ISO), NUMBER] = 100.0
     """Sensitivity of the sensor, ISO 12232."""
 
-    ev: Annotated[float, Field(ge=-60, le=60), NUMBER] = 0.0
+    ev: Annotated[float, Field(ge=-MOST_STOPS, le=MOST_STOPS), NUMBER] = 0.0
     """Exposure compensation [stops]; +1 doubles the values."""
 
-    neutral_density_stops: Annotated[float, Field(ge=0, le=60), NUMBER] = 0.0
+    neutral_density_stops: Annotated[float, Field(ge=0, le=MOST_STOPS), NUMBER] = 0.0
     """Neutral-density filter before the lens [stops]; 3 let an eighth of the light pass."""
 
     f_number: FNumber | None = None

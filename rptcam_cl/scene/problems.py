@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene.colours import SPECTRUM
-from rptcam_cl.scene.metal import WRITTEN_OUT
+from rptcam_cl.scene.metal import MEASURED, WRITTEN_OUT
 from rptcam_cl.scene.refusal import REFUSED, listed, near_name
 from rptcam_cl.scene.texture import CONSTANT
 from rptcam_cl.strict_yaml import KeyPath, dotted
@@ -20,7 +20,7 @@ from rptcam_cl.strict_yaml import KeyPath, dotted
 MAX_REPORTED = 5
 
 # Names of forms that a value without a kind may have; no keys.
-FORMS = (CONSTANT, SPECTRUM)
+FORMS = (CONSTANT, SPECTRUM, MEASURED)
 
 Where = Callable[[KeyPath, bool], str]
 
@@ -132,7 +132,8 @@ def _explain(kind: str, message: str, context: dict[str, Any], value: Any) -> _F
     if kind in ("missing", "union_tag_not_found"):
         return _Finding("is required but missing", at_key=True)
     if kind in ("literal_error", "union_tag_invalid"):
-        names = _QUOTED.findall(str(context.get("expected", context.get("expected_tags"))))
+        expected = str(context.get("expected", context.get("expected_tags")))
+        names = _QUOTED.findall(expected) or re.findall(r"\d+", expected)
         choices = [name for name in names if name != CONSTANT]
         return _Finding(f"is not a known choice{near_name(value, choices)}", got, listed(choices))
     if kind in _TOO_LONG:

@@ -29,8 +29,10 @@ from rptcam_cl.scene.picture import Picture
 from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.refusal import listed, near_name, refuse
 from rptcam_cl.scene.sampling import RenderSettings
+from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Object
 from rptcam_cl.scene.shutter import Shutter
+from rptcam_cl.scene.spectrum_mode import SpectrumSettings
 
 
 class Scene(SceneModel):
@@ -50,6 +52,11 @@ class Scene(SceneModel):
 
     shutter: Shutter = Shutter()
     """How long light falls on the film."""
+
+    sensor: Sensor | None = None
+    """What turns light on the film into numbers, for pictures and raw files; none by default."""
+    spectrum: SpectrumSettings = SpectrumSettings()
+    """How the colour of light is carried along paths."""
 
     render: RenderSettings = RenderSettings()
     """How the light paths are sampled."""
@@ -180,16 +187,19 @@ class Scene(SceneModel):
     def content_hash(self) -> str:
         """Return the SHA-256 of everything that changes the film.
 
-        Left out are the number of samples, layers, how the picture is shown, and names. Files count by their content.
+        Left out are the number of samples, layers, the sensor without its response, how the picture is shown, and
+        names. Files count by their content.
         """
         left_out = {"name", "file", "mesh", "vertices", "faces", "uvs", "normals"}
         content = self.model_dump(
             mode="json",
             exclude={
-                "picture": True, "materials": True, "meshes": True, "render": {"spp", "layers", "layers_spp"},
-                "objects": {"__all__": left_out},
+                "picture": True, "sensor": True, "materials": True, "meshes": True,
+                "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
         )  # fmt: skip
+        if self.sensor is not None and self.sensor.response is not None:
+            content["sensor"] = {"response": self.sensor.response}
         for item, plain in zip(self.objects, content["objects"], strict=True):
             if isinstance(item, MeshObject):
                 self.load_mesh(item)

@@ -11,6 +11,7 @@ from pydantic import Field
 
 from rptcam_cl.scene.base import AlsoAccepts, SceneModel
 from rptcam_cl.scene.material import Material
+from rptcam_cl.scene.motion import Course, ObjectMotion
 from rptcam_cl.scene.transform import Transform, product
 
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -27,12 +28,25 @@ class PlacedObject(SceneModel):
     transform: Transform = ()
     """One step or a list of steps, applied in their order to the shape as described by its own keys."""
 
+    motion: ObjectMotion = ()
+    """Where it is over time, after its transform; without keyframes it stands still."""
+
     @cached_property
     def world_from_object(self) -> NDArray[np.float64]:
         """Return the 4x4 matrix of the transform (read-only); its determinant is negative when it reflects."""
         matrix = product(self.transform)
         matrix.setflags(write=False)
         return matrix
+
+    @property
+    def course(self) -> Course | None:
+        """Return its way through the keyframes, None where it has none."""
+        return Course(self.motion) if self.motion else None
+
+    def placed_at(self, time_s: float) -> NDArray[np.float64]:
+        """Return the 4x4 matrix that places the object in the world at a moment: its transform, then its motion."""
+        matrix = self.world_from_object
+        return matrix if self.course is None else self.course.at(time_s) @ matrix
 
     def shown_materials(self) -> tuple[Material, ...]:
         """Return the materials that the object shows."""

@@ -13,7 +13,7 @@ from rptcam_cl.scene.files import FileName, Folders
 from rptcam_cl.scene.numbers import read_number
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.spectrum import Lines, SpectralColour
-from rptcam_cl.scene.spectrum_table import LARGEST_VALUE, Rows, fault_of, numbers_of, read_lines, read_rows
+from rptcam_cl.scene.spectrum_table import LARGEST_VALUE, fault_of, numbers_of, read_lines, read_rows
 from rptcam_cl.spectra import (
     COOLEST_DAYLIGHT,
     HOTTEST_DAYLIGHT,
@@ -73,12 +73,12 @@ class TabulatedSpectrum(SceneModel):
             )  # fmt: skip
         return self
 
-    def rows(self, folders: Folders, largest: float, excess: str) -> Rows:
-        """Return the table, scaled; its values lie in 0 … largest."""
+    def rows(self, folders: Folders, largest: float, excess: str) -> tuple[Spectrum, Spectrum]:
+        """Return wavelengths [nm] and values of the table, scaled; they lie in 0 … largest."""
         where: tuple[str | int, ...]
         if self.file is not None:
             try:
-                wavelengths, values = read_rows(self.file, folders)
+                wavelengths, (values,) = read_rows(self.file, folders)
             except InputError as problem:
                 raise refuse(str(problem), got=self.file, path=("file",)) from None
         else:
@@ -94,7 +94,7 @@ class TabulatedSpectrum(SceneModel):
                 place + ("must not be negative" if scaled[index] < 0 else excess), got=float(scaled[index]),
                 allowed=f"0 to {largest:g}{hint}", path=where,
             )  # fmt: skip
-        return Rows(wavelengths, scaled)
+        return wavelengths, scaled
 
 
 class LightSpectrum(TabulatedSpectrum):

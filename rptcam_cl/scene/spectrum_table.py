@@ -7,10 +7,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene.files import Folders
-from rptcam_cl.scene.numbers import number_at, read_number
+from rptcam_cl.scene.numbers import FLOAT32_MIN_NORMAL, number_at, read_number
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.spectrum import Lines
 from rptcam_cl.spectra import WAVELENGTHS_NM, Spectrum
@@ -23,10 +24,10 @@ _SHORTEST, _LONGEST = WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1]
 
 
 class Rows(NamedTuple):
-    """A table that is checked: wavelengths [nm] that rise, and values."""
+    """A table that is checked: wavelengths [nm] that rise, and columns of values, shape (columns, rows)."""
 
     wavelengths: Spectrum
-    values: Spectrum
+    columns: NDArray[np.float64]
 
 
 def numbers_of(value: Any) -> tuple[float, ...]:
@@ -36,7 +37,12 @@ def numbers_of(value: Any) -> tuple[float, ...]:
         raise refuse("must be a list of numbers", allowed="a list of at least 2 numbers")
     if not 2 <= len(items) <= MOST_ROWS:
         raise refuse(f"has {len(items)} numbers", allowed=f"2 to {MOST_ROWS} numbers")
-    return tuple(number_at(item, (index,)) for index, item in enumerate(items))
+    return tuple(_number(item, index) for index, item in enumerate(items))
+
+
+def _number(value: Any, index: int) -> float:
+    """Return a number of a list; the tails of a spectrum may be smaller than float32 has numbers, and are 0 then."""
+    return 0.0 if isinstance(value, float) and abs(value) < FLOAT32_MIN_NORMAL else number_at(value, (index,))
 
 
 def read_lines(value: Any) -> Lines:
@@ -64,8 +70,17 @@ def is_table_file(name: object) -> bool:
     return isinstance(name, str) and name.lower().endswith(SUFFIXES)
 
 
-def read_rows(name: str, folders: Folders) -> Rows:
-    """Return the table of a file: a wavelength [nm] and a value a line; comments begin with #, one heading may lead.
+def read_rows(name: str, folders: Folders, meanings: Sequence[str] = ("a value",)) -> Rows:
+    """Return the table of a file: a wavelength [nm] and values a line; comments begin with #, one heading may lead.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file in the scene.
+    folders : Folders
+        Where it may lie.
+    meanings : sequence of str
+        What the columns after the wavelength hold.
 
     Raises
     ------
@@ -77,22 +92,23 @@ def read_rows(name: str, folders: Folders) -> Rows:
                          "of `kind: image`)")  # fmt: skip
     lines = _text(folders.find(name)).splitlines()
     given = [(number, text) for number, line in enumerate(lines, 1) if (text := line.partition("#")[0].strip())]
-    if given and _pair(given[0][1]) is None:
+    if given and not _numbers(given[0][1]):
         given = given[1:]
-    pairs = []
+    rows = []
     for number, text in given:
-        pair = _pair(text)
-        if pair is None or not np.isfinite(pair).all():
-            raise InputError(f"line {number} holds no wavelength and value (got {text[:40]!r})")
-        pairs.append(pair)
-    if not 2 <= len(pairs) <= MOST_ROWS:
-        raise InputError(f"holds {len(pairs)} rows (allowed: 2 to {MOST_ROWS})")
-    wavelengths, values = np.array(pairs, np.float64).T
+        row = _numbers(text)
+        if len(row) != 1 + len(meanings):
+            wanted = " and ".join(("a wavelength", *meanings))
+            raise InputError(f"line {number} does not hold {wanted} (got {text[:40]!r})")
+        rows.append(row)
+    if not 2 <= len(rows) <= MOST_ROWS:
+        raise InputError(f"holds {len(rows)} rows (allowed: 2 to {MOST_ROWS})")
+    wavelengths, *columns = np.array(rows, np.float64).T
     fault = fault_of(wavelengths)
     if fault is not None:
         index, problem = fault
         raise InputError(f"line {given[index][0]} {problem}")
-    return Rows(wavelengths, values)
+    return Rows(wavelengths, np.array(columns))
 
 
 def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:
@@ -106,13 +122,13 @@ def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:
     return None
 
 
-def _pair(text: str) -> tuple[float, float] | None:
-    words = text.replace(",", " ").replace(";", " ").split()
+def _numbers(text: str) -> list[float]:
+    """Return the finite numbers of a line, none where it holds anything else."""
     try:
-        wavelength, value = map(float, words)
+        row = [float(word) for word in text.replace(",", " ").replace(";", " ").split()]
     except ValueError:
-        return None
-    return wavelength, value
+        return []
+    return row if np.isfinite(row).all() else []
 
 
 def _text(path: Path) -> str:

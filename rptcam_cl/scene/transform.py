@@ -56,12 +56,16 @@ class Rotation(SceneModel):
     """Angle [degrees], counter-clockwise when the axis points at the viewer."""
 
     def matrix(self) -> Matrix:
-        """Return the 3x3 matrix (Rodrigues)."""
-        axis = np.divide(self.axis, np.linalg.norm(self.axis))
-        angle = math.radians(self.degrees)
-        cross = np.cross(np.eye(3), axis)
-        aligned = np.outer(axis, axis)
-        return np.asarray(aligned + math.cos(angle) * (np.eye(3) - aligned) + math.sin(angle) * cross)
+        """Return the 3x3 matrix."""
+        return turn_about(np.divide(self.axis, np.linalg.norm(self.axis)), self.degrees)
+
+
+def turn_about(axis: NDArray[np.float64], degrees: float) -> Matrix:
+    """Return the 3x3 matrix of a turn about a unit axis (Rodrigues)."""
+    angle = math.radians(degrees)
+    cross = np.cross(np.eye(3), axis)
+    aligned = np.outer(axis, axis)
+    return np.asarray(aligned + math.cos(angle) * (np.eye(3) - aligned) + math.sin(angle) * cross)
 
 
 class TransformStep(SceneModel):

@@ -64,8 +64,13 @@ class WhiteBalance(SceneModel):
     gains: Annotated[tuple[Factor, Factor, Factor], BeforeValidator(list_of(3, "[red, green, blue]"))] | None = None
     """Factors on linear red, green and blue."""
 
+    adaptation: Literal["channels", "bradford"] | None = None
+    """What is scaled: the channels, or the responses of the Bradford transform; by default what suits the film."""
+
     @model_validator(mode="after")
     def _check_tint(self) -> Self:
+        if self.adaptation is not None and self.gains is not None:
+            raise refuse("has no use beside gains", got=self.adaptation, allowed="one of both", path=("adaptation",))
         if self.tint is None:
             return self
         if self.temperature_k is None:

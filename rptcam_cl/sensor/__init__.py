@@ -5,7 +5,7 @@ from rptcam_cl.sensor.exposure import Frame, exposed
 from rptcam_cl.sensor.gain import system_gain, white_electrons_at_iso
 from rptcam_cl.sensor.linear import camera_from_xyz, linear_picture
 from rptcam_cl.sensor.model import Sensor
-from rptcam_cl.sensor.mosaic import CHANNELS, mosaic
+from rptcam_cl.sensor.mosaic import CHANNELS, check_size, mosaic
 from rptcam_cl.sensor.response import RESPONSES, electrons_per_joule, response_curves
 
 __all__ = [
@@ -14,6 +14,7 @@ __all__ = [
     "Frame",
     "Sensor",
     "camera_from_xyz",
+    "check_size",
     "demosaiced",
     "electrons_per_joule",
     "exposed",

@@ -1,4 +1,4 @@
-"""From a linear film to the numbers of a raw file: photons, electrons, noise, and the converter (EMVA 1288, part 2)."""
+"""From a linear film to raw numbers: photons, electrons, noise, and the converter (EMVA 1288, section 2)."""
 
 from __future__ import annotations
 
@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
 from rptcam_cl.sensor.model import Sensor
-from rptcam_cl.sensor.mosaic import is_mosaic, mosaic
+from rptcam_cl.sensor.mosaic import check_size, is_mosaic, mosaic
 
 Array = NDArray[np.float64]
 
@@ -59,11 +58,7 @@ def exposed(film: NDArray[np.floating], sensor: Sensor) -> Frame:
 
 def mean_electrons(film: NDArray[np.floating], sensor: Sensor) -> Array:
     """Return the mean electrons that light sets free in each pixel, (height, width) or (height, width, 3)."""
-    if is_mosaic(sensor.bayer) and min(film.shape[:2]) < 2:
-        raise InputError(
-            f"sensor.bayer: a mosaic needs more pixels (got {film.shape[1]} x {film.shape[0]}; allowed: at least "
-            "2 x 2, or bayer: none)"
-        )
+    check_size(sensor.bayer, film.shape[1], film.shape[0])
     largest = float(np.finfo(np.float32).max)
     light = np.nan_to_num(np.asarray(film, np.float64), nan=0.0, posinf=largest, neginf=-largest)
     electrons = np.maximum(light @ sensor.electrons, 0.0)

@@ -19,14 +19,12 @@ def rgb_from_balanced(sensor: Sensor) -> Array:
 
     It undoes how the sensor's channels see the colours of the film: exact for light of RGB colours.
     """
-    balanced_from_film = (sensor.electrons / sensor.electrons.sum(axis=0)).T
-    return np.asarray(sensor.srgb_from_film @ np.linalg.inv(balanced_from_film))
+    return np.linalg.inv((sensor.electrons / sensor.electrons.sum(axis=0)).T)
 
 
 def camera_from_xyz(sensor: Sensor) -> Array:
     """Return the matrix (3, 3) from CIE XYZ under D65 to raw channels, whose highest is 1 for white of Y = 1."""
-    film_from_srgb = np.linalg.inv(sensor.srgb_from_film)
-    return np.asarray(sensor.electrons.T @ film_from_srgb @ srgb_from_xyz() / sensor.white_electrons.max())
+    return np.asarray(sensor.electrons.T @ srgb_from_xyz() / sensor.white_electrons.max())
 
 
 def linear_picture(frame: Frame) -> NDArray[np.float32]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -41,8 +41,6 @@ class Sensor:
         Seeds of the noise and of the fixed pattern.
     origin : pair of int
         Column and row of the upper left pixel in the whole film.
-    srgb_from_film : (3, 3) array
-        Matrix to linear sRGB; not the identity where the film's channels are those of a camera.
     """
 
     electrons: NDArray[np.float64]
@@ -59,7 +57,6 @@ class Sensor:
     seed: int = 0
     pattern_seed: int = 0
     origin: tuple[int, int] = (0, 0)
-    srgb_from_film: NDArray[np.float64] = field(default_factory=lambda: np.eye(3))
 
     @property
     def pattern(self) -> str:
@@ -106,8 +103,7 @@ class Sensor:
         """
         try:
             values: dict[str, Any] = dict(description)
-            for name in ("electrons", "srgb_from_film"):
-                values[name] = np.array(values[name], np.float64).reshape(3, 3)
+            values["electrons"] = np.array(values["electrons"], np.float64).reshape(3, 3)
             values["origin"] = (int(values["origin"][0]), int(values["origin"][1]))
             return cls(**values)
         except (KeyError, TypeError, ValueError, IndexError) as error:

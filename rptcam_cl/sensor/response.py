@@ -43,12 +43,14 @@ def response(name: str) -> Array:
 
 @cache
 def response_curves(name: str) -> Array:
-    """Return the weights (401, 3) with which a spectrum sums to the channels of a camera; D65 of luminance 1 gives 1.
+    """Return the weights (401, 3) with which a camera makes linear sRGB of the spectrum of a light; read-only.
 
-    Such channels are those of the raw file after white balance, in the scale of linear sRGB.
+    They are its curves after white balance and colour matrix, so that D65 of luminance 1 gives (1, 1, 1) and light of
+    any RGB colour that colour. Other spectra become what that camera takes them for.
     """
     curves = response(name)
-    weights = np.asarray(curves / (daylight_65() @ curves))
+    seen = (rgb_basis() * daylight_65()[:, None]).T @ curves
+    weights = np.asarray(curves @ np.linalg.inv(seen))
     weights.setflags(write=False)
     return weights
 

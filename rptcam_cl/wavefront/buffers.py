@@ -22,6 +22,8 @@ class SceneBuffers:
         Values of ``SCENE_PARAMETERS`` (``kernels/common/scene.h``), in its order.
     tree_facts : dict
         Facts of the trees for the compilation; none where there are none.
+    colours : buffer
+        Wavelengths of paths; a single 0 where they have none.
     camera : tuple
         The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
     course : tuple
@@ -41,13 +43,18 @@ class SceneBuffers:
             upload(np.concatenate([plan.emitters.curve, plan.surroundings.distribution])),
             np.int32(plan.emitters.count),
         )
+        self.colours = upload(plan.spectrum.table)
+        if plan.facts["SPECTRUM"]:
+            self.scene += (self.colours,)
         self.tree_facts: dict[str, int] = {}
-        tree = primitive_tree(plan.primitives, plan.kind_end, session)
+        if plan.facts["HAS_MOTION"]:
+            self.scene += (upload(plan.movements.legs), upload(plan.movements.of_primitive))
+        tree = primitive_tree(plan.primitives, plan.kind_end, session, plan.movements)
         if tree is not None:
             self.tree_facts |= tree.facts
             self.scene += (upload(tree.nodes), upload(tree.leaves))
         if plan.meshes is not None:
-            trees = scene_trees(plan.meshes, session)
+            trees = scene_trees(plan.meshes, session, plan.movements)
             self.tree_facts |= trees.facts
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             low, high = (bound.tobytes() for bound in trees.bounds)

@@ -90,7 +90,7 @@ class Wavefront:
         self._lanes = {"trace": lanes, "camera": LENS_LANES if plan.camera.has_lens and lanes > 1 else lanes}
         self._allocate(plan, buffers)
         self._build(plan)
-        self._bind()
+        self._bind(plan)
 
     def _size_wave(self, slots: int) -> None:
         at_least = STREAM_SAMPLES if self.organisation == "stream" else 1
@@ -117,6 +117,7 @@ class Wavefront:
             "SAMPLER_LATTICE": plan.facts["SAMPLER_LATTICE"],
             "HAS_MESH": plan.facts["HAS_MESH"],
             "FILTER": plan.camera_filter.cells,
+            **plan.spectrum.facts,
             "MOVES": plan.facts["MOVES"],
             "CAMERA_LEGS": plan.facts["CAMERA_LEGS"],
             "STREAM": int(self.organisation == "stream"),
@@ -126,9 +127,12 @@ class Wavefront:
 
     def _allocate(self, plan: Plan, buffers: SceneBuffers | None) -> None:
         floats = floats_per_slot(
-            stream=self.organisation == "stream", emitters=self._emitters > 0, meshes=plan.facts["HAS_MESH"] > 0,
+            stream=self.organisation == "stream",
+            emitters=self._emitters > 0,
+            meshes=plan.facts["HAS_MESH"] > 0,
             moves=plan.facts["MOVES"] > 0,
-        )  # fmt: skip
+            colours=plan.facts["SPECTRUM"] > 0,
+        )
         state_bytes = 4 * floats * self.capacity
         planes = LayerPlanes(self.settings.layers)
         self._film_planes = PLANES + (self.settings.clamp is not None)
@@ -152,12 +156,12 @@ class Wavefront:
                 tiles=self._tile_list, capacity=self.capacity, stream=self.organisation == "stream",
             )  # fmt: skip
 
-    def _bind(self) -> None:
+    def _bind(self, plan: Plan) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
         scene, pixels = self._buffers.scene, np.uint32(self.layout.pixels)
         self._generate = session.bind(
             self._camera, "generate", *self._camera_buffers, self._counters, self._state, capacity, empty,
-            self._tile_list, self._buffers.filter, *self._buffers.course,
+            self._tile_list, self._buffers.filter, self._buffers.colours, *self._buffers.course,
         )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(
@@ -175,8 +179,9 @@ class Wavefront:
             for edge in range(1, self.settings.max_depth + 1)
         ]  # fmt: skip
         self._develop = session.bind(
-            self._trace, "film", self._state, self._film, self._counters, empty, capacity, pixels, self._tile_list
-        )
+            self._trace, "film", self._state, self._film, self._counters, empty, capacity, pixels, self._tile_list,
+            *((self._buffers.colours,) if plan.facts["SPECTRUM"] else ()),
+        )  # fmt: skip
 
     def _limits(self) -> bytes:
         record = LIMITS.zeros(1)

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device import Session
+from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.materials import pack_materials
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.scene import load_scene
@@ -49,7 +50,7 @@ def scatter(session: Session, material, wi, wo=None, numbers=None) -> Scattered:
     for first, part in ((0, -wi), (3, np.asarray(wo)), (6, np.asarray(numbers))):
         table[first : first + 3, :count] = np.broadcast_to(np.atleast_2d(part), (count, 3)).T
     scene = load_scene(still_life() | {"materials": {"tested": material}})
-    records = pack_materials([scene.materials["tested"]], TextureTable(scene)).records
+    records = pack_materials([scene.materials["tested"]], TextureTable(scene), KnownSpectra()).records
     out = session.allocate(11 * 4 * padded)
     run(
         session, "probe_scatter", FACTS, padded // LANES, session.upload(records), np.int32(0),

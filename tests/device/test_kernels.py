@@ -43,6 +43,7 @@ IMAGE = PATTERNS["image"]
 EVERY_MATERIAL = {
     "metal": {"kind": "conductor", "metal": "gold", "alpha": [0.1, 0.3]},
     "frosted": {"kind": "dielectric", "alpha": 0.2, "absorption_per_m": 1, "opacity": 0.5},
+    "prism": {"kind": "dielectric", "glass": "N-BK7"},
     "pane": {"kind": "thin_glass"},
     "plastic": {"kind": "plastic", "reflectance": 0.5},
     "rough plastic": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.3},
@@ -55,6 +56,8 @@ EVERY_MATERIAL = {
 
 
 GLOW = {"kind": "emissive", "radiance": GRID}
+LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
+GLASS = {"LENS_SPLITS": 1}
 TREES = {"BVH_WIDTH": 16, "LEAF_WIDTH": 16, "BVH_STACK": 64, "HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": 16}
 
 
@@ -79,7 +82,10 @@ def all_facts():
     shown = [PLANE | {"material": name} for name in (*PATTERNS, *EVERY_MATERIAL)]
     scene |= {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials}
     scene |= {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"], "render": {"clamp": 9.0}}
+    scene |= {"spectrum": "spectral"}
     leaning = [{"time_s": 0}, {"time_s": 1e-3}, {"time_s": 1, "up": [0.1, 0, 1]}]
+    turning = [{"time_s": 0}, {"time_s": 1e-3, "rotate": {"axis": [0, 0, 1], "degrees": 90}}, {"time_s": 1}]
+    scene["objects"] = [item | {"motion": turning} for item in scene["objects"][:1]] + scene["objects"][1:]
     return facts_of(scene | {"camera": scene["camera"] | {"motion": leaning}})
 
 
@@ -104,7 +110,7 @@ def without_warnings(session, files, facts):
 def test_scene_with_everything_turns_every_fact_on():
     # one emitter is not many, and what there is of the world is one kind
     off = {name for name, value in all_facts().items() if not value}
-    assert off == {"ONE_EMITTER"}
+    assert off == {"ONE_EMITTER", "LENS_SPLITS"}
 
 
 SCENE_PASSES = [name for name in PASSES if name not in ("pass/generate.cl", "pass/trace_rays.cl")]
@@ -118,7 +124,14 @@ def test_meshes_compile_for_trees_of_four(session, file):
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], all_facts() | TREES | layer_facts(LAYER_NAMES) | {"VW": lanes})
+    facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | GLASS | {"VW": lanes}
+    without_warnings(session, [file], facts)
+
+
+@pytest.mark.parametrize("file", ["pass/stream.cl", "pass/shade.cl", "pass/film.cl"])
+def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
+    facts = all_facts() | TREES | GLASS | {"SPECTRUM": 1, "HUES": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}
+    without_warnings(session, [file], facts)
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
@@ -135,13 +148,15 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
     for rest, shape in ((0, "APERTURE_ROWS"), (1, "APERTURE_PARTS")):
         facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
         facts |= {"HAS_EMITTERS": rest, shape: 9, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
-        facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream)}
+        facts |= {"SPECTRUM": rest, "HUE_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
+        facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream), **dict.fromkeys(LOSSES, rest)}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])
 def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
+    without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes, **dict.fromkeys(LOSSES, 1)})
 
 
 @pytest.mark.parametrize("file", FILES)

@@ -1,5 +1,6 @@
 """Films that were saved come back, and other files are refused."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -74,3 +75,42 @@ def test_file_that_is_no_film_is_named(tmp_path: Path) -> None:
     for name in ("none.exr", "none.npy"):
         with pytest.raises(StateError, match=f"{name}: cannot be read: No such file"):
             read_film(tmp_path / name)
+
+
+ODD = [
+    None,
+    True,
+    -1,
+    0,
+    1e300,
+    2**70,
+    "x",
+    "\0ß",
+    [],
+    [1],
+    [1, 2],
+    [0, 0, 9, 6],
+    ["a", "b"],
+    {"a": [1]},
+    float("nan"),
+    float("inf"),
+]
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".exr"])
+def test_metadata_of_any_author_do_no_harm(tmp_path: Path, image: Image, suffix: str) -> None:
+    names = ["window", "resolution", "film_size_mm", "lens", "software", "iso", "f_number", "focal_length_mm", "spp",
+             "focus_distance_m", "exposure_time_s", "größe", "", "a b", "x" * 100]  # fmt: skip
+    random = np.random.default_rng(1)
+    for _ in range(8):
+        metadata = {name: ODD[random.integers(len(ODD))] for name in names}
+        if suffix == ".npz":
+            np.savez(tmp_path / "film.npz", rgb=image.pixels, metadata=np.array(json.dumps(metadata)))
+        else:
+            header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+            header |= {"rptcam_metadata": json.dumps(metadata), "lensModel": "", "focus": -1.0}
+            with OpenEXR.File(header, {"RGB": image.pixels}) as file:
+                file.write(str(tmp_path / "film.exr"))
+        film = read_film(tmp_path / f"film{suffix}")
+        for name in ("a.png", "a.tif", "a.npz", "a.exr"):
+            film.save(tmp_path / name)

@@ -129,6 +129,12 @@ def test_agx_keeps_grey_and_its_contrast() -> None:
     assert np.diff(below_and_above) == pytest.approx(np.diff(plain), rel=0.01)
 
 
+def test_agx_keeps_the_saturation_of_mid_tones() -> None:
+    near_grey = np.array([[[0.184, 0.18, 0.175]]], np.float32)
+    plain, shaped = (develop(near_grey, Development(tone=tone))[0, 0] for tone in ("srgb", "agx"))
+    assert shaped - shaped[1] == pytest.approx(plain - plain[1], rel=0.03)
+
+
 def test_agx_turns_bright_colours_white_and_leaves_dim_ones_coloured() -> None:
     lamp = np.array([[[1.0, 0.05, 0.02]]], np.float32)
     spread = [float(np.ptp(develop(lamp, Development(ev=ev, tone="agx")))) for ev in (-2.0, 2.0, 4.0, 6.0, 9.0)]

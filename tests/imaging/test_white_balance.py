@@ -7,7 +7,7 @@ from rptcam_cl.developing import development
 from rptcam_cl.imaging import Development, Grey, GreyWorld, Image, KnownLight, develop
 from rptcam_cl.scene import load_picture
 from rptcam_cl.scene.white_balance import LIGHTS
-from rptcam_cl.spectra import blackbody, illuminant, srgb_from_spectrum
+from rptcam_cl.spectra import WAVELENGTHS_NM, blackbody, illuminant, srgb_from_reflectance, srgb_from_spectrum
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
@@ -16,32 +16,67 @@ def wall(colour: np.ndarray, shape: tuple[int, int] = (4, 5)) -> np.ndarray:
     return np.broadcast_to(np.asarray(colour, np.float32), (*shape, 3)).copy()
 
 
-def linear(pixels: np.ndarray, **settings: object) -> np.ndarray:
-    picture = development(load_picture({"tone": "linear", **settings}))
-    return develop(pixels, picture)
+def linear(pixels: np.ndarray, *, spectrum: str = "rgb", **settings: object) -> np.ndarray:
+    return develop(pixels, development(load_picture({"tone": "linear", **settings}), {"spectrum": spectrum}))
 
 
 @pytest.mark.parametrize("name", [name for name in LIGHTS if name != "auto"])
-def test_wall_in_the_light_of_an_illuminant_becomes_grey(name: str) -> None:
-    shown = linear(wall(0.4 * srgb_from_spectrum(illuminant(name))), white_balance=name)
+@pytest.mark.parametrize("spectrum", ["rgb", "spectral"])
+def test_wall_in_the_light_of_an_illuminant_becomes_grey(name: str, spectrum: str) -> None:
+    lit = wall(0.4 * srgb_from_spectrum(illuminant(name)))
+    shown = linear(lit, white_balance=name, spectrum=spectrum)
     assert np.ptp(shown) < 1e-6
     assert shown.mean() == pytest.approx(0.4, abs=1e-3)  # its luminance stays
-    other = linear(wall(0.4 * srgb_from_spectrum(illuminant(name))), white_balance="A" if name != "A" else "D50")
+    other = linear(lit, white_balance="A" if name != "A" else "D50", spectrum=spectrum)
     assert np.ptp(other) > 1e-2
 
 
-@pytest.mark.parametrize("kelvin", [2000.0, 3200.0, 5600.0, 20000.0])
-def test_wall_in_the_light_of_a_black_body_becomes_grey(kelvin: float) -> None:
+@pytest.mark.parametrize("kelvin", [1800.0, 2000.0, 3200.0, 5600.0, 40000.0])  # at 1800 K, blue is below 0
+@pytest.mark.parametrize("adaptation", ["channels", "bradford"])
+def test_wall_in_the_light_of_a_black_body_becomes_grey(kelvin: float, adaptation: str) -> None:
     light = srgb_from_spectrum(blackbody(kelvin))
-    shown = linear(wall(0.3 * light / (light @ WEIGHTS)), white_balance={"temperature_k": kelvin})
+    lit = wall(0.3 * light / (light @ WEIGHTS))
+    shown = linear(lit, white_balance={"temperature_k": kelvin, "adaptation": adaptation})
     assert np.ptp(shown) < 1e-6
     assert shown.mean() == pytest.approx(0.3, abs=1e-3)
+
+
+def reflectances() -> np.ndarray:
+    """Smooth reflectance spectra of many colours, (300, 401)."""
+    random = np.random.default_rng(1)
+    centre, width = random.uniform(420, 680, (2, 300, 1)), random.uniform(40, 120, (2, 300, 1))
+    humps = np.exp(-(((WAVELENGTHS_NM - centre) / width) ** 2) / 2) * random.uniform(-0.3, 0.6, (2, 300, 1))
+    return np.clip(random.uniform(0.1, 0.4, (300, 1)) + humps.sum(axis=0), 0.02, 1)
+
+
+@pytest.mark.parametrize("name", ["A", "F11", "LED-B1"])
+def test_colours_of_an_rgb_render_are_those_under_white_light_exactly(name: str) -> None:
+    colours = np.maximum(srgb_from_reflectance(reflectances()), 0)[None] * 0.4
+    light = srgb_from_spectrum(illuminant(name))  # multiplied channel by channel where RGB is rendered
+    shown = linear((colours * light).astype(np.float32), white_balance=name)
+    np.testing.assert_allclose(shown / shown.max(), colours / colours.max(), atol=2e-6)
+    by_bradford = linear((colours * light).astype(np.float32), white_balance={"light": name, "adaptation": "bradford"})
+    assert np.abs(by_bradford - shown).max() > 0.02
+
+
+@pytest.mark.parametrize("name", ["A", "F11", "LED-B1"])
+def test_colours_of_a_spectral_render_are_nearer_to_those_under_white_light_by_bradford(name: str) -> None:
+    truth = 0.4 * srgb_from_reflectance(reflectances())[None]
+    lit = (0.4 * srgb_from_spectrum(reflectances() * illuminant(name))[None]).astype(np.float32)
+    balanced, by_channel = (
+        linear(lit, white_balance={"light": name, "adaptation": adaptation}) for adaptation in ("bradford", "channels")
+    )
+    assert np.array_equal(linear(lit, white_balance=name, spectrum="spectral"), balanced)
+    errors = [float(np.sqrt(np.mean((shown - truth) ** 2))) for shown in (balanced, by_channel, np.maximum(lit, 0))]
+    assert errors[0] < 0.02
+    assert 1.5 * errors[0] < errors[1]
+    assert 5 * errors[0] < errors[2]
 
 
 def test_daylight_is_ten_tints_greener_than_a_black_body() -> None:
     pixels = np.random.default_rng(1).random((6, 7, 3), dtype=np.float32)
     shown = linear(pixels, white_balance={"temperature_k": 6504, "tint": 9.6})
-    np.testing.assert_allclose(shown, pixels, atol=3e-4)
+    np.testing.assert_allclose(shown, pixels, atol=3e-4)  # tint 9.6 is rounded
     greener = linear(wall([0.5, 0.5, 0.5]), white_balance={"temperature_k": 6504, "tint": 40})[0, 0]
     assert greener[1] < min(greener[0], greener[2])  # green light is compensated by magenta
 
@@ -82,11 +117,15 @@ def test_place_that_is_told_becomes_grey(grey: list[float], column: int, other: 
     assert shown[5, column].mean() == pytest.approx(scene()[5, column] @ WEIGHTS, abs=1e-3)
 
 
-def test_place_is_of_the_whole_film_also_in_a_part_of_it() -> None:
-    picture = Development(tone="linear", white_balance=Grey((0.75, 0.5)))
-    metadata = {"resolution": [20, 10], "window": [8, 2, 12, 6]}
-    part = Image(scene()[2:8, 8:], metadata, picture=picture).developed()
-    np.testing.assert_allclose(part, Image(scene(), picture=picture).developed()[2:8, 8:], atol=1e-6)
+@pytest.mark.parametrize(
+    "place", [(0.4, 0.5, 0.3, 0.7), (0.5, 0.5), (0.55, 0.4), (0.61, 0.47), (0.41, 0.415, 0.3, 0.301)]
+)
+def test_place_is_of_the_whole_film_also_in_a_part_of_it(place: tuple[float, ...]) -> None:
+    picture = Development(tone="linear", white_balance=Grey(place))
+    metadata = {"resolution": [20, 10], "window": [8, 2, 12, 7]}
+    pixels = np.random.default_rng(4).random((10, 20, 3), dtype=np.float32)
+    part = Image(pixels[2:9, 8:], metadata, picture=picture).developed()
+    np.testing.assert_allclose(part, Image(pixels, picture=picture).developed()[2:9, 8:], atol=1e-6)
 
 
 def test_mean_of_the_picture_becomes_grey_without_its_lamps() -> None:
@@ -101,7 +140,7 @@ def test_mean_of_the_picture_becomes_grey_without_its_lamps() -> None:
 @pytest.mark.parametrize("balance", [GreyWorld(), Grey((0.5, 0.5))])
 @pytest.mark.parametrize("colour", [[0, 0, 0], [0.1, 0.3, -0.1], [-0.1, -0.2, 0.3]])
 def test_what_cannot_be_grey_is_left_with_a_warning(balance: GreyWorld | Grey, colour: list[float]) -> None:
-    with pytest.warns(UserWarning, match="too colourful to be grey; left as it is"):
+    with pytest.warns(UserWarning, match="black or of no colour that light has; left as it is"):
         shown = develop(wall(colour), Development(tone="linear", white_balance=balance))
     assert np.array_equal(shown, np.clip(wall(colour), 0, 1))
 

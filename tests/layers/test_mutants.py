@@ -65,7 +65,7 @@ def sky():
 
 PASS, HELPERS = "pass/layers.cl", "integrator/layers.h"
 MUTANTS = [
-    Mutant("depth along the ray", PASS, "F depth = -dot3(vertex.p, back);", "F depth = hit.t;", depths),
+    Mutant("depth along the ray", PASS, "F depth = -dot3(seen_at, back);", "F depth = hit.t;", depths),
     Mutant("normals as they are", PASS, "I behind = dot3(vertex.ng, ray.d) > 0.0f;", "I behind = FALSE;", facing),
     Mutant("neighbour's name", HELPERS, "hit.primitive * 2 + which", "hit.primitive * 2 + 1 - which", objects),
     Mutant("u for v", PASS, "on ? uv.v :", "on ? uv.u :", objects),

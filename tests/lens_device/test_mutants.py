@@ -71,7 +71,7 @@ class KernelMutant:
 
 RIM = "p.x * p.x + p.y * p.y <= surface->semi_diameter2"
 NORMAL = "hit.n = f3(-c * hit.p.x, -c * hit.p.y, 1.0f - c * hit.p.z);"
-BENDS = "return along(along_surface, n, root(cosine2_after));"
+BENDS = "return along(along_surface, n, *cosine_after);"
 TAN = "return normalized(along(along_surface, n, cosine));"
 KERNEL_MUTANTS = [
     KernelMutant(
@@ -84,7 +84,7 @@ KERNEL_MUTANTS = [
     KernelMutant("2 no root in the aperture", "F r = sqrt(v);\n    *x = r * c;", "F r = v;\n    *x = r * c;",
                  (aperture,)),
     KernelMutant("3 diameter for radius", RIM, RIM.replace("<= ", "<= 4 * "), (etendue, rays_of("dgauss50"))),
-    KernelMutant("4 index off by 1e-3", "hit.cosine, s->eta, &bends", "hit.cosine, s->eta + 1e-3f, &bends",
+    KernelMutant("4 index off by 1e-3", "F eta = (F)(s->eta);", "F eta = (F)(s->eta + 1e-3f);",
                  (weierstrass, rays_of("dgauss50"), BALL)),
     KernelMutant("6 normal not flipped", NORMAL, "hit.n = f3(c * hit.p.x, c * hit.p.y, 1.0f - c * hit.p.z);",
                  (snell, rays_of("dgauss50"))),

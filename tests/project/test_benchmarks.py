@@ -91,6 +91,13 @@ def test_surfaces_of_every_kind_are_compared_with_a_sphere(checkout: Path, tmp_p
     assert results["spheres"]["sphere"] == 1 and results["spheres"]["toroid"] > 1
 
 
+@pytest.mark.slow
+def test_losses_in_a_lens_are_compared_with_none(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "loss_costs")
+    assert "single layers, absorption" in printed
+    assert all(time > 0 for times in results["seconds_per_ray"].values() for time in times)
+
+
 def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "bvh_build")
     assert "wide nodes" in printed

@@ -20,6 +20,7 @@ from tests.device import test_bsdf_values as bsdf_values
 from tests.device import test_camera_rays as rays
 from tests.device import test_random as random
 from tests.device.probes import open_session
+from tests.exposure import test_light as exposure
 from tests.render import test_determinism as determinism
 from tests.render import test_emitters as emitters
 from tests.render import test_furnaces as furnaces
@@ -95,10 +96,13 @@ MUTANTS = [
     ),
     Mutant("diameter for radius", RIM, "p.y * p.y <= 4 * surface->semi_diameter2", lens_row),
     Mutant("stop 1 % wider", RIM, "p.y * p.y <= 1.02f * surface->semi_diameter2", lens_row),
-    Mutant("index off by 1e-3", "hit.cosine, s->eta, &bends", "hit.cosine, s->eta + 1e-3f, &bends", pixel_of_rays),
+    Mutant("index off by 1e-3", "F eta = (F)(s->eta);", "F eta = (F)(s->eta + 1e-3f);", pixel_of_rays),
     Mutant("normal not unit", "hit.n = f3(-c * hit.p.x, -c", "hit.n = f3(-1.01f * c * hit.p.x, -c", pixel_of_rays),
     Mutant("pupil too tight", "o.r = blend(blend(", "o.r = 0.9f * blend(blend(", lens_row),
     Mutant("blocked rays weigh", "r.weight = out.passed ? weight : ZERO", "r.weight = weight", lens_corner),
+    Mutant("exposure forgotten", "ray.weight * camera->exposure", "ray.weight",
+           lambda: exposure.test_unit_radiance_gives_the_irradiance_of_the_tables_on_the_axis(
+               "dgauss-50mm", 8.55, 0.04665, 0.005)),
     Mutant("depth off by one", DEPTH, DEPTH.replace("<", "<="), cavity),
     Mutant("survivors keep their weight", "path->beta = scale(path->beta, ONE / MAX(survive",
            "path->beta = scale(path->beta, ONE / MAX(ONE", lambda: furnaces.test_roulette_changes_no_mean(1)),

@@ -225,7 +225,7 @@ CAMERAS = [
         "camera.f_number: cannot be given together with aperture_radius_m …exactly one of",
     ),
     ("kind: thin_lens, f_number: 2, focus_distance_m: 3", "needs one of fov_degrees | focal_length_mm"),
-    (THIN, "camera.focus_distance_m: is required"),
+    (THIN, "camera: needs one of focus_distance_m | focus"),
     (
         "kind: thin_lens, f_number: 2, focal_length_mm: 50, focus_distance_m: 0.05",
         "focus_distance_m: lies within the focal length…allowed: more than 0.05",

@@ -33,9 +33,16 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Outline aperture": (model.OutlineAperture,),
     "Image aperture": (model.ImageAperture,),
     "Focus": (model.Focus,),
+    "Autofocus": (model.AutoFocus,),
+    "Zones file": (model.ZonesFile,),
+    "Autofocus of a thin lens": (model.OnlyAuto,),
+    "Transmission": (model.Transmission,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
+    "spectrum": (model.SpectrumSettings,),
+    "Sensor": (model.Sensor,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
+    "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.Picture,),
     "White balance": (model.WhiteBalance,),
@@ -46,6 +53,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Mirror": (model.Mirror, "Holes"),
     "Conductor": (model.Conductor, "Holes", "Normals", "Roughness"),
     "Optical constants": (model.OpticalConstants,),
+    "Metal table": (model.MetalTable,),
     "Dielectric": (model.Dielectric, "Holes", "Normals", "Roughness", "Absorption"),
     "Thin glass": (model.ThinGlass, "Holes"),
     "Plastic": (model.Plastic, "Holes", "Normals", "Roughness"),
@@ -95,7 +103,8 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "exposure", "shutter", "time_s", "render", "picture", "filter", "radius_px", "tone"}
+IN_WORDS = {"film", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"}
+IN_WORDS |= {"transmission"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),

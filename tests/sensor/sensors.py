@@ -43,7 +43,7 @@ class Transfer:
 
 
 def photon_transfer(frame: Callable[[float, int], NDArray[Any]], levels: Sequence[float], beyond: float) -> Transfer:
-    """Return gain, dark noise and saturation capacity by the photon transfer method of EMVA 1288 release 4, part 8.
+    """Return gain, dark noise and saturation capacity by the photon transfer method of EMVA 1288 (release 3.1, 6.6).
 
     Differences of two frames leave the temporal noise alone, so that film noise and fixed patterns cancel. The spread
     over strips of the frame tells the errors.

@@ -204,7 +204,7 @@ REFUSED_TABLES = [
     ("{file: wood.png}", "reflectance.file: is not a table of a spectrum"),
     ("{file: absent.csv}", "reflectance.file: no such file"),
     ("{file: ../a.csv}", "reflectance.file: lies outside the scene's folder"),
-    ("{file: words.csv}", "reflectance.file: line 3 holds no wavelength and value (got 'b c')"),
+    ("{file: words.csv}", "reflectance.file: line 3 does not hold a wavelength and a value (got 'b c')"),
     ("{file: short.csv}", "reflectance.file: holds 1 rows"),
     ("{file: falls.csv}", "reflectance.file: line 4 has a wavelength that is not longer"),
     ("{file: bright.csv}", "reflectance.file: holds at 500 nm a value that would reflect more light than arrives"),

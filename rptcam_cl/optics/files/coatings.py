@@ -7,7 +7,15 @@ from itertools import pairwise
 from pathlib import Path
 
 from rptcam_cl.errors import InputError, StateError
-from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Bare, Coating, MeasuredReflectance, QuarterWave
+from rptcam_cl.optics.coating import (
+    BARE,
+    MAGNESIUM_FLUORIDE,
+    Bare,
+    Coating,
+    MeasuredReflectance,
+    QuarterWave,
+    constant_reflectance,
+)
 from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, QUARTER_WAVE, REFLECTANCE
 from rptcam_cl.optics.glass import WAVELENGTH_D, Medium
@@ -85,7 +93,7 @@ def _measured(fields: Fields) -> Coating:
     share = fields.number("reflectance")
     if not 0 <= share < 1:
         raise fields.fail("reflectance", "lies between 0 and 1, not in percent")
-    return MeasuredReflectance((0.0,), (share,))
+    return constant_reflectance(share)
 
 
 def read_spectrum(fields: Fields, what: str) -> tuple[tuple[float, ...], tuple[float, ...]]:

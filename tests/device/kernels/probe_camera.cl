@@ -13,7 +13,7 @@ __kernel void probe_camera(const __global Camera  *camera,
     uint slot = get_global_id(0) * VW;
     Lane lane = lane_of(slot, wave, tiles);
     F4 u = random4(lane.pixel, lane.sample, (U)(0u), wave.seed);
-    CameraRay ray = camera_ray(lane, u, camera, tables, surfaces, stop);
+    CameraRay ray = camera_ray(lane, u, (F)(camera->wavelength), camera, tables, surfaces, stop);
     STORE_F(out, slot, ray.o.x);
     STORE_F(out + capacity, slot, ray.o.y);
     STORE_F(out + 2 * capacity, slot, ray.o.z);

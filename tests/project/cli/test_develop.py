@@ -101,5 +101,9 @@ def test_python_develops_by_the_same_keys(film: Image) -> None:
     assert image.picture.tone == "srgb"
     with pytest.raises(InputError, match=r"picture\.white_balance\.tint: needs temperature_k"):
         rptcam_cl.develop(image, white_balance={"light": "A", "tint": 3})
+    with pytest.raises(InputError, match=r"picture\.white_balance\.adaptation: has no use beside gains"):
+        rptcam_cl.develop(image, white_balance={"gains": [1, 1, 2], "adaptation": "bradford"})
+    with pytest.raises(InputError, match=r"picture\.bits: is not a known choice \(got 9; allowed: 8, 16\)"):
+        rptcam_cl.develop(image, bits=9)
     with pytest.raises(InputError, match=r"picture\.white_balance\.temperature_k: cannot be given together with light"):
         rptcam_cl.develop(image, white_balance={"light": "A", "temperature_k": 5000})

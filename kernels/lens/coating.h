@@ -1,0 +1,73 @@
+// Light that surfaces and glass of a lens leave to a ray, the mean of both polarisations: the closed forms of
+// rptcam_cl/optics/coating.py. Facts: LENS_FRESNEL (surfaces reflect), LENS_LAYERS (some through a quarter-wave layer),
+// LENS_ABSORPTION (glass absorbs), LENS_TINTED (what they do depends on the wavelengths of the lanes: tables of one number
+// per nm from LOSS_TABLE_NM on, LOSS_TABLE_LENGTH long).
+#ifndef LENS_COATING_H
+#define LENS_COATING_H
+#include "common/math.h"
+
+#if LENS_TINTED
+// A value at a wavelength [nm] from the table that begins at `first`; where there is none, one value holds for all.
+static F over_wavelength(real value, int first, const __global real *tables, F wavelength)
+{
+    if (first < 0)
+        return (F)(value);
+    F place = MIN(MAX(wavelength - (real)LOSS_TABLE_NM, ZERO), (F)(LOSS_TABLE_LENGTH - 1));
+    I cell = MIN(TO_I(place), (I)(LOSS_TABLE_LENGTH - 2));
+    F low = GATHER(F, tables + first, cell, );
+    F high = GATHER(F, tables + first + 1, cell, );
+    return low + (place - TO_F(cell)) * (high - low);
+}
+#else
+#define over_wavelength(value, first, tables, wavelength) ((F)(value))
+#endif
+
+#if LENS_FRESNEL
+// Fresnel's equations between media of indices n and m, met at cosines c and d: 1 - (s^2 + p^2) / 2 with one division.
+static F bare_share(F n, F m, F c, F d)
+{
+    F s = n * c + m * d;
+    F p = m * c + n * d;
+    F s2 = s * s, p2 = p * p;
+    return 2.0f * n * m * c * d * (s2 + p2) / (s2 * p2);
+}
+
+#if LENS_LAYERS
+// The same through a layer of index f; `turns` is how far the phase of light that crosses it twice at a right angle gets.
+static F layer_share(F n, F m, real f, F turns, F c, F d)
+{
+    F ratio = n / f;
+    F inside = root(1.0f - ratio * ratio * (1.0f - c * c));
+    F turn = turns * inside;
+    F sine, cosine;
+    sincos_turns(turn - floor(turn), &sine, &cosine);
+    F nc = n * c, fi = f * inside, md = m * d;
+    F fc = f * c, ni = n * inside, mi = m * inside, fd = f * d;
+    F s = (nc + fi) * (fi + md), s_back = (nc - fi) * (fi - md);
+    F p = (fc + ni) * (mi + fd), p_back = (fc - ni) * (mi - fd);
+    F s2 = s * s + s_back * (s_back + 2.0f * s * cosine);
+    F p2 = p * p + p_back * (p_back + 2.0f * p * cosine);
+    return 8.0f * nc * md * fi * fi * (s2 + p2) / (s2 * p2);
+}
+#endif
+
+// What a surface lets through; `eta` is the index before over that after, c and d the cosines of the ray before and after.
+static F surface_share(const __global Surface *s, const __global real *tables, F wavelength, F eta, F c, F d)
+{
+#if LENS_LAYERS
+    if (s->layer > 0.0f) {
+        F n = over_wavelength(s->index, s->index_table, tables, wavelength);
+#if LENS_TINTED
+        F turns = s->layer_turns / wavelength;
+#else
+        F turns = (F)(s->layer_turns);
+#endif
+        return layer_share(n, n / eta, s->layer, turns, c, d);
+    }
+#endif
+    F gain = over_wavelength(s->gain, s->gain_table, tables, wavelength);
+    return MIN(gain * bare_share(eta, ONE, c, d), ONE);
+}
+#endif
+
+#endif

@@ -1,0 +1,202 @@
+"""Autofocus of a scene: from what the scene asks for to the focus that was found."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import astuple
+from typing import Any
+
+from pydantic import ValidationError
+
+from rptcam_cl.autofocus.contrast import focus_by_contrast, focus_by_laplacian
+from rptcam_cl.autofocus.depth import focus_by_depth
+from rptcam_cl.autofocus.drives import focus_drive
+from rptcam_cl.autofocus.looks import Look
+from rptcam_cl.autofocus.policy import Policy
+from rptcam_cl.autofocus.probe import Zone
+from rptcam_cl.autofocus.renderer import ProbeRenderer
+from rptcam_cl.autofocus.report import FocusReport, NoContrast
+from rptcam_cl.autofocus.subject import zone_of_object
+from rptcam_cl.autofocus.task import Task
+from rptcam_cl.autofocus.variance import focus_by_variance
+from rptcam_cl.device import Session
+from rptcam_cl.errors import InputError
+from rptcam_cl.imaging.marks import MARKED
+from rptcam_cl.scene import AutoFocus, LensCamera, ThinLensCamera, change_scene
+from rptcam_cl.scene.problems import input_error
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.zones_file import read_zones
+
+METHODS: dict[str, Callable[[Task], FocusReport]] = {
+    "contrast": focus_by_contrast,
+    "laplacian": focus_by_laplacian,
+    "variance": focus_by_variance,
+    "depth": focus_by_depth,
+}
+MIDDLE = Zone(0.45, 0.55, 0.43, 0.57)  # 1.4 % of the picture
+PLACES = ("zones", "zones_from", "point", "object")
+POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
+
+
+def wanted(scene: Scene) -> AutoFocus | None:
+    """Return the autofocus that a scene asks for, if it does."""
+    camera = scene.camera
+    if isinstance(camera, LensCamera):
+        return camera.focus.auto
+    return camera.focus.auto if isinstance(camera, ThinLensCamera) and camera.focus is not None else None
+
+
+def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, Any]) -> AutoFocus:
+    """Return the autofocus that a scene asks for, or the usual one, with some keys replaced.
+
+    Parameters
+    ----------
+    manner
+        `method` and `policy`, as far as given.
+    where
+        Ways to say what to focus on, as far as given; one replaces that of the scene.
+
+    Raises
+    ------
+    InputError
+        When the result is not valid.
+    """
+    given = wanted(scene) or AutoFocus()
+    known = {name: getattr(given, name) for name in given.model_fields_set}
+    places = {key: value for key, value in where.items() if value is not None}
+    if places:
+        known = {key: value for key, value in known.items() if key not in PLACES}
+    data = known | {key: value for key, value in manner.items() if value is not None} | places
+    try:
+        return AutoFocus.model_validate(data)
+    except ValidationError as problem:
+        raise input_error(problem, data, lambda path, at_key: "") from None
+
+
+def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
+    """Return the zones that settings name, but for an object's, which only a look can tell."""
+    if settings.zones is not None:
+        return tuple(Zone(*zone) for zone in settings.zones)
+    if settings.zones_from is not None:
+        content = scene.content_of(settings.zones_from)
+        return tuple(Zone(*zone) for zone in read_zones(content, settings.zones_from.place.rstrip(": ")))
+    if settings.point is not None:
+        return (zone_at(scene, *settings.point),)
+    return (MIDDLE,)
+
+
+def zone_at(scene: Scene, right: float, down: float) -> Zone:
+    """Return a square zone round a point of the picture, moved inside where it would reach over the edge."""
+    width, height = scene.film.size_m()
+    side = POINT_SIZE * scene.film.diagonal_m()
+    across, tall = min(side / width, 1.0), min(side / height, 1.0)
+    left = min(max(right - across / 2, 0.0), 1.0 - across)
+    top = min(max(down - tall / 2, 0.0), 1.0 - tall)
+    return Zone(left, left + across, top, top + tall)
+
+
+def find_focus(
+    scene: Scene,
+    session: Session,
+    settings: AutoFocus,
+    *,
+    zones: Sequence[Zone] | None = None,
+    near: float | None = None,
+    on_look: Callable[[Look], None] | None = None,
+) -> FocusReport:
+    """Return the focus of a scene's camera.
+
+    Parameters
+    ----------
+    settings
+        Method, zones and policy.
+    zones
+        In place of those of the settings.
+    near
+        State near which the focus is expected; by default it is sought over the whole reach.
+    on_look
+        Told of every look.
+
+    Raises
+    ------
+    NoContrast
+        When there is nothing to focus on.
+    InputError
+        When the camera has no focus, or a zone or object is not there.
+    """
+    probe = ProbeRenderer(scene, session)
+    if zones is None and settings.object is not None:
+        zones = [zone_of_object(probe, settings.object)]
+    task = Task(
+        probe,
+        tuple(zones) if zones is not None else zones_of(scene, settings),
+        Policy(settings.policy),
+        scene.render.seed,
+        near,
+        on_look,
+    )
+    return METHODS[settings.method](task)
+
+
+def focused_scene(scene: Scene, report: FocusReport) -> Scene:
+    """Return a scene with its camera in the state that was found."""
+    return change_scene(scene, camera=focus_drive(scene).camera_keys(report.state))
+
+
+def follow_focus(scenes: Iterable[Scene], session: Session, settings: AutoFocus) -> Iterator[FocusReport]:
+    """Yield the focus of one frame after the other (AF-C), each sought near the last one first.
+
+    Where there is nothing near it any more, the whole reach is searched; a frame without contrast keeps the focus, with
+    a confidence of 0.
+
+    Raises
+    ------
+    NoContrast
+        When the first frame has nothing to focus on.
+    """
+    last: FocusReport | None = None
+    for scene in scenes:
+        try:
+            try:
+                found = find_focus(scene, session, settings, near=None if last is None else last.state)
+            except NoContrast:
+                if last is None:
+                    raise
+                found = find_focus(scene, session, settings)
+        except NoContrast:
+            if last is None:
+                raise
+            found = last.kept()
+        last = found
+        yield found
+
+
+def in_focus(
+    scene: Scene, session: Session, known: dict[str, Any] | None = None
+) -> tuple[Scene, dict[str, Any] | None]:
+    """Return a scene whose camera is in focus, and how that came about; as it was where it asks for no autofocus.
+
+    Parameters
+    ----------
+    known
+        How it came about the last time, to do without autofocus: `camera`, the keys of the camera that set its focus,
+        and `metadata` for the picture.
+
+    Raises
+    ------
+    InputError
+        When there is nothing to focus on.
+    """
+    settings = wanted(scene)
+    if settings is None:
+        return scene, None
+    if known is None:
+        try:
+            report = find_focus(scene, session, settings)
+        except NoContrast as problem:
+            raise InputError(f"camera.focus.auto: {problem}") from None
+        metadata: dict[str, Any] = {"autofocus": report.summary()}
+        if settings.draw_zones:
+            metadata[MARKED] = [list(astuple(zone)) for zone in report.zones]
+        known = {"camera": focus_drive(scene).camera_keys(report.state), "metadata": metadata}
+    return change_scene(scene, camera=known["camera"]), known

@@ -1,0 +1,108 @@
+"""What surfaces and glass take from the light, as the device needs it: numbers in the records of a lens, and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.optics import Lens
+from rptcam_cl.optics.coating import BARE, Coating, Interface, QuarterWave
+from rptcam_cl.optics.glass import Medium, attenuation
+from rptcam_cl.optics.transmission import Transmission
+from rptcam_cl.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
+
+Array = NDArray[np.float64]
+Values = Callable[[Array], Array]  # of wavelengths [nm]
+
+TABLE_NM = LOSS_TABLE_NM + np.arange(float(LOSS_TABLE_LENGTH))  # catalogues measure at whole nanometres
+NO_LOSSES = {"LENS_FRESNEL": 0, "LENS_LAYERS": 0, "LENS_ABSORPTION": 0, "LENS_TINTED": 0}
+
+
+@dataclass
+class LossTables:
+    """Tables over the wavelength, each of which is there once.
+
+    Attributes
+    ----------
+    start : int
+        Where the first one will stand.
+    range_nm : (low, high)
+        Wavelengths that the lens is known for [nm]; beyond them the last value stays.
+    """
+
+    start: int
+    range_nm: tuple[float, float]
+    rows: list[Array] = field(default_factory=list)
+
+    def place(self, values: Values) -> int:
+        """Return where the table of a function of wavelengths [nm] stands, -1 when it is the same everywhere."""
+        row = np.asarray(values(np.clip(TABLE_NM, *self.range_nm)))
+        if np.ptp(row) == 0:
+            return -1
+        known = [k for k, other in enumerate(self.rows) if np.array_equal(row, other)]
+        if not known:
+            self.rows.append(row)
+        return self.start + (known[0] if known else len(self.rows) - 1) * LOSS_TABLE_LENGTH
+
+
+@dataclass(frozen=True)
+class LossFiller:
+    """Fills records of surfaces.
+
+    Attributes
+    ----------
+    transmission : Transmission
+    wavelength_nm : float
+        Of all rays; where there are tables, of those values that do not depend on it.
+    tables : LossTables or None
+        None when all rays have one wavelength.
+    """
+
+    transmission: Transmission
+    wavelength_nm: float
+    tables: LossTables | None
+
+    def fill(self, records: NDArray[np.void], lens: Lens, backwards: bool) -> dict[str, int]:
+        """Fill what each surface, and the glass before it, let through, in order of travel; return the facts."""
+        if not self.transmission:
+            return NO_LOSSES
+        count = len(lens.surfaces)
+        for name in ("index", "gain", "attenuation"):
+            records[f"{name}_table"] = -1
+        for number, record in enumerate(records):
+            k = count - 1 - number if backwards else number
+            before, after = (lens.media[k + 1], lens.media[k]) if backwards else (lens.media[k], lens.media[k + 1])
+            if self.transmission.fresnel:
+                self._fill_surface(record, before, after, self.transmission.coating_of(lens.surfaces[k]))
+            if self.transmission.absorption and number > 0 and before.absorption is not None:
+                self._put(record, "attenuation", partial(attenuation, before))
+        layers = bool(np.any(records["layer"] > 0))
+        return {
+            "LENS_FRESNEL": int(self.transmission.fresnel),
+            "LENS_LAYERS": int(layers),
+            "LENS_ABSORPTION": int(bool(np.any((records["attenuation"] > 0) | (records["attenuation_table"] >= 0)))),
+            "LENS_TINTED": int(self.tables is not None and (layers or bool(self.tables.rows))),
+        }
+
+    def _fill_surface(self, record: np.void, before: Medium, after: Medium, coating: Coating) -> None:
+        record["gain"] = 1.0
+        if isinstance(coating, QuarterWave):
+            record["layer"] = coating.index
+            record["layer_turns"] = 0.5 * coating.wavelength_nm / (self.wavelength_nm if self.tables is None else 1.0)
+            self._put(record, "index", before.index)
+        elif coating != BARE:
+
+            def gain(nm: Array) -> Array:
+                head_on = Interface(before.index(nm), after.index(nm))
+                return coating.transmittance(head_on, nm) / BARE.transmittance(head_on, nm)
+
+            self._put(record, "gain", gain)
+
+    def _put(self, record: np.void, name: str, values: Values) -> None:
+        """Fill a value and the place of its table."""
+        record[name] = values(np.asarray(self.wavelength_nm))
+        record[f"{name}_table"] = -1 if self.tables is None else self.tables.place(values)

@@ -1,0 +1,184 @@
+"""What the numbers of a path's light are, and which wavelengths paths have."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.errors import InputError
+from rptcam_cl.kinds import SpectrumKind
+from rptcam_cl.plan.known_spectra import KnownSpectra
+from rptcam_cl.plan.materials import Materials
+from rptcam_cl.scene.scene import Scene
+from rptcam_cl.sensor import response_curves
+from rptcam_cl.spectra import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis, srgb_from_xyz
+
+Array = NDArray[np.float64]
+
+HUE_CELLS = 528  # a multiple of 3, for three wavelengths per path
+GREEN_NM = 550.0
+WHITE_ON_AXIS = ("relative", "auto")  # exposures that divide out what the lens leaves of white
+
+AxialColour = tuple[Array, Array] | None
+
+
+@dataclass(frozen=True)
+class Spectrum:
+    """The kind of light that paths carry.
+
+    Attributes
+    ----------
+    kind : SpectrumKind
+    table : float32 array
+        Wavelengths and what they weigh, as ``kernels/common/wavelength.h`` reads them; a single 0 for RGB.
+    facts : dict
+        Facts for the compilation.
+    metadata : dict
+        What the picture's metadata should say.
+    """
+
+    kind: SpectrumKind
+    table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
+    facts: dict[str, int] = field(default_factory=dict)
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        absent = {"HUE_CELLS": 0, "HUES": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "HAS_DISPERSION": 0}
+        cells = {"HUE_CELLS": HUE_CELLS} if self.kind else {}
+        object.__setattr__(self, "facts", absent | cells | self.facts | {"SPECTRUM": int(self.kind)})
+
+
+def primary_spectra() -> Array:
+    """Return how red, green and blue light is spread over `WAVELENGTHS_NM`, shape (401, 3), each of sum 1.
+
+    White light of D65 as the sRGB primaries' matching functions (CIE 1931) see it, their negative parts left out: none
+    of red, green and blue can be less than nothing. Each channel then is light of its own, and white a mixture of all.
+    """
+    matching = cie_1931() @ srgb_from_xyz().T * daylight_65()[:, None]
+    spread = np.maximum(matching, 0.0)
+    return np.asarray(spread / spread.sum(axis=0))
+
+
+def hue_table(spectra: Array, density: Array, low_nm: float, high_nm: float) -> NDArray[np.float32]:
+    """Return rows (wavelength where the cell starts, weights of red, green, blue): `HUE_CELLS` equally likely cells.
+
+    Parameters
+    ----------
+    spectra : (401, 3) array
+        What light of each wavelength of `WAVELENGTHS_NM` adds to the channels.
+    density : (401,) array
+        How likely each wavelength is to be chosen; above 0 wherever a spectrum is.
+    low_nm, high_nm
+        Wavelengths that paths may have [nm]; the spectra are cut there and keep their sums.
+    """
+    grid = np.concatenate([[low_nm], WAVELENGTHS_NM[(low_nm < WAVELENGTHS_NM) & (high_nm > WAVELENGTHS_NM)], [high_nm]])
+    columns = np.stack([np.interp(grid, WAVELENGTHS_NM, values) for values in (*spectra.T, density)])
+    pieces = (columns[:, 1:] + columns[:, :-1]) / 2 * np.diff(grid)
+    sums = np.concatenate([np.zeros((4, 1)), np.cumsum(pieces, axis=1)], axis=1)
+    sums *= np.append(spectra.sum(axis=0), 1.0)[:, None] / sums[:, -1:]
+    starts = np.interp(np.arange(HUE_CELLS + 1) / HUE_CELLS, sums[3], grid)
+    shares = np.array([np.interp(starts, grid, row) for row in sums[:3]])
+    weights = np.append(np.diff(shares, axis=1) * HUE_CELLS, np.zeros((3, 1)), axis=1)
+    return np.concatenate([starts[None], weights]).T.astype(np.float32)
+
+
+def seen_by(
+    scene: Scene, camera: CameraModel | None, spectra: KnownSpectra, materials: Materials
+) -> tuple[CameraModel, Spectrum]:
+    """Return the camera of a scene, or the one given, and the kind of light of its paths: as asked for, or as needed.
+
+    A mode that nothing in the scene calls for is not compiled: without dispersion, `dispersive` is RGB.
+    """
+    settings = scene.spectrum
+    camera = camera or camera_model(scene, settings.lens_colour)
+    lens = camera.facts.get("LENS_DISPERSION", 0) > 0
+    low, high = camera.usable_nm
+    if low >= GREEN_NM or high <= GREEN_NM:
+        raise InputError(
+            f"spectrum: the glasses of the lens are not all known for green light ({low:g} to {high:g} nm)"
+        )
+    axial = camera.axial_colour if scene.exposure.mode in WHITE_ON_AXIS else None
+    glass = materials.facts["HAS_DISPERSION"] > 0
+    told = {}
+    if settings.mode == "spectral" or (settings.mode == "auto" and spectra.colours > 0):
+        told["observer"], matching = _observer(scene)
+        spectrum = _spectral(matching, axial, spectra, (low, high), lens=lens)
+    elif settings.mode != "rgb" and (lens or glass):
+        spectrum = _dispersive(axial, (low, high))
+    else:
+        spectrum = Spectrum(SpectrumKind.RGB)
+    told |= {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
+    facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
+    return camera, replace(spectrum, facts=facts, metadata=told)
+
+
+def _dispersive(axial: AxialColour, range_nm: tuple[float, float]) -> Spectrum:
+    """Return the spectrum of RGB light whose paths have a wavelength each."""
+    spectra = primary_spectra()
+    table = hue_table(spectra, spectra.mean(axis=1), *range_nm)
+    table[:, 1:] /= _left_of_white(table, np.ones(HUE_CELLS), axial)
+    return Spectrum(SpectrumKind.DISPERSIVE, table.ravel())
+
+
+def _observer(scene: Scene) -> tuple[str, Array]:
+    """Return who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
+    if scene.sensor is not None and scene.sensor.response is not None:
+        return scene.sensor.response, response_curves(scene.sensor.response)
+    return "cie_1931", cie_1931() @ srgb_from_xyz().T
+
+
+def _spectral(
+    matching: Array, axial: AxialColour, spectra: KnownSpectra, range_nm: tuple[float, float], *, lens: bool
+) -> Spectrum:
+    """Return the spectrum of light at three wavelengths per path, which ``matching`` (401, 3) makes linear sRGB of.
+
+    The weights of cells are corrected, by about one part in a thousand, so that the primaries that colours are made of
+    come out exactly.
+    """
+    table = hue_table(matching, _density(matching, spectra.lights), *range_nm)
+    edges = table[:, 0].astype(np.float64)
+    colours = np.concatenate([rgb_basis().T, daylight_65()[None]])
+    colours = cell_means(colours, edges)
+    seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / HUE_CELLS
+    table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
+    table[:, 1:] /= _left_of_white(table, colours[3], axial)
+    known = cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, HUE_CELLS))
+    parts = (table, colours.T, known)
+    facts = {"HUES": 1, "HAS_SPECTRA": int(len(known) > 0), "LENS_SPLITS": int(lens)}
+    return Spectrum(SpectrumKind.SPECTRAL, np.concatenate([part.ravel() for part in parts]).astype(np.float32), facts)
+
+
+def _density(matching: Array, lights: list[Array]) -> Array:
+    """Return how likely wavelengths are: as daylight is seen, and half of them as the lights of known spectra are."""
+    sees = np.abs(matching).mean(axis=1)
+    found = sees * daylight_65()
+    density = found / found.sum()
+    shining = [light for light in lights if (light * sees).sum() > 0]
+    if shining:
+        density = (density + np.mean([light * sees / (light * sees).sum() for light in shining], axis=0)) / 2
+    return np.asarray(density)
+
+
+def cell_means(spectra: Array, edges_nm: Array) -> Array:
+    """Return means (n, cells) of spectra (n, 401), linear between `WAVELENGTHS_NM`, over cells of wavelength."""
+    grid = np.union1d(WAVELENGTHS_NM, edges_nm)
+    values = np.array([np.interp(grid, WAVELENGTHS_NM, row) for row in spectra])
+    pieces = (values[:, 1:] + values[:, :-1]) / 2 * np.diff(grid)
+    sums = np.concatenate([np.zeros((len(values), 1)), np.cumsum(pieces, axis=1)], axis=1)
+    places = np.searchsorted(grid, edges_nm)
+    widths = np.diff(edges_nm)
+    return np.asarray(np.diff(sums[:, places], axis=1) / np.where(widths > 0, widths, 1.0))
+
+
+def _left_of_white(table: NDArray[np.float32], white: Array, axial: AxialColour) -> Array:
+    """Return what a lens leaves of white on its axis, as a factor on each channel; 1s where the exposure shows it."""
+    if axial is None:
+        return np.ones(3)
+    middles = (table[:-1, 0] + table[1:, 0]) / 2
+    seen = np.interp(middles, *axial)
+    weights = table[:-1, 1:].astype(np.float64) * white[:, None]
+    return np.asarray((weights * seen[:, None]).mean(axis=0) / weights.mean(axis=0))
