@@ -13,6 +13,7 @@ import numpy as np
 
 from rptcam_cl import optics
 from rptcam_cl._version import __version__
+from rptcam_cl.accuracy import decided
 from rptcam_cl.autofocus import FocusReport, focused_scene, in_focus
 from rptcam_cl.autofocus.interface import autofocus
 from rptcam_cl.cameras import camera_geometry
@@ -135,7 +136,8 @@ def render(
     saver = None if checkpoint is None else Saver(checkpoint, scene, session.info.name)
     saved = saver.load() if saver is not None and resume else None
     sharp, focus = in_focus(scene, session, None if saver is None else saver.focus)
-    shot = settled(sharp, session, None if saver is None else saver.metered_cd_m2)
+    chosen = decided(sharp)
+    shot = settled(chosen.scene, session, None if saver is None else saver.metered_cd_m2)
     if saver is not None:
         saver.metered_cd_m2, saver.focus = shot.metered_cd_m2, focus
     plan = make_plan(shot.scene)
@@ -162,7 +164,7 @@ def render(
         "render": rendering.seconds,
         "total": time.perf_counter() - begun,
     }
-    metadata = _metadata(scene, rendering, plan, session.info) | shot.metadata
+    metadata = _metadata(scene, rendering, plan, session.info) | shot.metadata | chosen.metadata
     metadata |= {} if focus is None else focus["metadata"]
     if (sensor := sensor_of(shot.scene, metadata)) is not None:
         metadata["sensor"] = sensor.described()

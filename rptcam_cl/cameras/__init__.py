@@ -9,6 +9,7 @@ from rptcam_cl.cameras.exposure import exposed
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.spectrum_mode import LensColour
 
@@ -21,13 +22,14 @@ _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
 
 
 def camera_model(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
-    """Return what the camera of a scene needs on the device.
+    """Return what the camera of a scene needs on the device, where it is when the shutter opens.
 
     Parameters
     ----------
     lens_colour
         Whether the lens bends each wavelength by itself: only where a picture of this size shows it with ``auto``.
     """
+    scene = at_opening(scene)
     if isinstance(scene.camera, RealisticCamera):
         return exposed(realistic.build(scene, lens_colour), scene)
     return exposed(_MODELS[scene.camera.kind](scene), scene)

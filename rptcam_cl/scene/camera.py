@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.scene.accuracy import AUTO, Accuracy
 from rptcam_cl.scene.aperture import Aperture, CircularAperture
 from rptcam_cl.scene.autofocus import AutoFocusOrMethod, OnlyAuto
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel
@@ -328,6 +329,9 @@ class RealisticCamera(LensCamera):
     pupil: Literal["auto", "rear", "thick", "bounds", "tight"] = "auto"
     """Where rays aim: the whole rear element, the paraxial exit pupil, a box per film cell or the pupil's true outline;
     auto takes the last. It changes noise only."""
+
+    accuracy: Annotated[Accuracy, AlsoAccepts(AUTO)] | None = None
+    """What a cheaper camera model may err by to be taken instead; by default every ray is traced."""
 
 
 Camera = Annotated[

@@ -15,7 +15,7 @@ SHORTEST_S = 1e-9
 LONGEST_S = 1e9
 
 _FRACTION = re.compile(r"\s*([0-9]{1,9}(?:\.[0-9]{1,9})?)\s*/\s*([0-9]{1,9}(?:\.[0-9]{1,9})?)\s*")
-_FRACTION_FOR_EDITORS = "^ *[0-9]{1,9}(\\.[0-9]{1,9})? */ *[0-9]{1,9}(\\.[0-9]{1,9})? *$"
+_FRACTION_FOR_EDITORS = "[0-9]{1,9}(\\.[0-9]{1,9})? */ *[0-9]{1,9}(\\.[0-9]{1,9})? *$"
 
 
 def _read_duration(value: Any) -> float:
@@ -29,16 +29,23 @@ def _read_duration(value: Any) -> float:
     return float(match[1]) / float(match[2])
 
 
-def _seconds_schema(least: float) -> WithJsonSchema:
+def _read_moment(value: Any) -> float:
+    """Return a number of seconds or the value of a fraction, which may be negative: -1/125."""
+    if isinstance(value, str) and value.strip().startswith("-"):
+        return -_read_duration(value.strip()[1:])
+    return _read_duration(value)
+
+
+def _seconds_schema(least: float, sign: str = "") -> WithJsonSchema:
     number = {"type": "number", "minimum": least, "maximum": LONGEST_S}
-    return WithJsonSchema({"anyOf": [number, {"type": "string", "pattern": _FRACTION_FOR_EDITORS}]})
+    return WithJsonSchema({"anyOf": [number, {"type": "string", "pattern": f"^ *{sign}{_FRACTION_FOR_EDITORS}"}]})
 
 
 Duration = Annotated[
     float, Field(ge=SHORTEST_S, le=LONGEST_S), BeforeValidator(_read_duration), _seconds_schema(SHORTEST_S)
 ]
 Moment = Annotated[
-    float, Field(ge=-LONGEST_S, le=LONGEST_S), BeforeValidator(_read_duration), _seconds_schema(-LONGEST_S)
+    float, Field(ge=-LONGEST_S, le=LONGEST_S), BeforeValidator(_read_moment), _seconds_schema(-LONGEST_S, "-?")
 ]
 
 

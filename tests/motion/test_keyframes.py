@@ -82,6 +82,8 @@ def test_camera_at_opening_keeps_its_way():
 
 
 def test_fractions_are_read_for_moments_as_well():
-    scene = load_scene(with_camera({"time_s": 0}, {"time_s": "1/50"}, time_s="1/25", open_s="1/100"))
-    assert [frame.time_s for frame in scene.camera.motion] == [0, 0.02]
+    scene = load_scene(with_camera({"time_s": "-1/8"}, {"time_s": "1/50"}, time_s="1/25", open_s="1/100"))
+    assert [frame.time_s for frame in scene.camera.motion] == [-0.125, 0.02]
     assert scene.shutter.span_s == (0.01, 0.05)
+    with pytest.raises(InputError, match=r"shutter.open_s: is neither a number nor a fraction"):
+        load_scene(with_shutter(open_s="--1/25"))

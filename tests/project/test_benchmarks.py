@@ -35,6 +35,12 @@ def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None
     assert all(0 < found["passed"] <= 1 for found in results["pupils"].values())
 
 
+def test_motion_is_compared_with_the_scene_standing_still(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "motion_costs")
+    assert printed.count("camera moves") == len(results) == 3
+    assert all(found["still"] == [1.0] and len(found) == 5 for found in results.values())
+
+
 def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "growth")
     assert printed.count("Msamples/s by wall") == len(results) == 4
