@@ -200,6 +200,8 @@ def in_focus(
         except NoContrast as problem:
             raise InputError(f"camera.focus.auto: {problem}") from None
         metadata: dict[str, Any] = {"autofocus": report.summary()}
+        if report.focus_distance_m is not None:  # by exact rays, where the camera knows it by first-order optics
+            metadata["focus_distance_m"] = report.focus_distance_m
         if settings.draw_zones:
             metadata[MARKED] = [list(astuple(zone)) for zone in report.zones]
         known = {"camera": focus_drive(scene).camera_keys(report.state), "metadata": metadata}

@@ -80,12 +80,12 @@ def _run(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         device=arguments.device,
     )
+    if arguments.plot is not None:
+        write_picture(focus_plot(report, f"{arguments.scene.stem}: autofocus by {report.method}"), arguments.plot)
     if arguments.json:
         print(as_json(report.as_dict()))
     else:
         _print(report)
-    if arguments.plot is not None:
-        write_picture(focus_plot(report, f"{arguments.scene.stem}: autofocus by {report.method}"), arguments.plot)
     return 0
 
 
