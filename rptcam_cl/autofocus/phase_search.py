@@ -25,7 +25,7 @@ CAPTURE = 0.3  # of the zone's side: largest displacement that a look is to find
 LEAST_STOP = 0.04  # share of the opening
 SAMPLES, MOST_SAMPLES = 64, 512  # per pixel
 DEVIATIONS = 6.0  # standard errors to either side that the next look is prepared for
-LEAST_REACH = 5.0  # displacement that it is prepared for in any case [pixels]
+LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
 NEAR = 1.0  # depths of focus: a look so near to the focus that it found is the last one
 PRECISE, ENOUGH = 0.08, 0.125  # depths of focus: standard error aimed at, and taken
 MOST_LOOKS = 12
@@ -111,10 +111,10 @@ class PhaseSearch:
         samples = SAMPLES
         while len(self.looks) < MOST_LOOKS:
             state = self.state
-            if self.look.stop == 1.0 and self.moved <= NEAR:
+            if self.moved <= NEAR:
                 if self.error <= ENOUGH or samples == MOST_SAMPLES:
                     return state
-                samples *= 2
+                samples *= 2 if self.look.stop == 1.0 else 1
             samples = self.step(state, samples)
         raise NoContrast(f"no focus found in the zone after {MOST_LOOKS} looks; the focus stays as it was")
 
@@ -122,7 +122,7 @@ class PhaseSearch:
         """Look from a state near the focus, and return with how many samples per pixel."""
         match, look = self.match, self.look
         samples = int(min(max(samples, SAMPLES * self.error * look.stop / PRECISE), MOST_SAMPLES))
-        reach = max(DEVIATIONS * match.error, LEAST_REACH * match.error / match.displacement_error)
+        reach = max(DEVIATIONS * match.error, LEAST_REACH * look.stop * match.error / match.displacement_error)
         found = self._look(state, look.view.split, samples, (match.vergence - reach, match.vergence + reach))
         if found is None or found.refusal in ("flat", "vague"):  # the first look has told rivals apart
             raise nothing_to_see(REASONS["flat" if found is None else str(found.refusal)])

@@ -103,7 +103,7 @@ def test_phase_finds_the_least_spot_in_three_looks(camera, distance, start, zone
 
 
 def test_stripes_along_one_axis_are_seen_by_the_other_split():
-    rows = {"kind": "checker", "even": 0.9, "odd": 0.1, "scale": [0.01, 25]}
+    rows = {"kind": "checker", "even": 0.9, "odd": 0.1, "scale": [0.01, 75]}
     probe = probe_of(scene_of([target(4.0, 2.0, {"kind": "matte", "reflectance": rows})], DGAUSS))
     report = phase(probe, CENTRE, "stripes")
     assert miss(probe, report.state, 4.0) < QUARTER
