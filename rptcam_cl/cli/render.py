@@ -10,7 +10,7 @@ from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError, RptcamError
+from rptcam_cl.errors import InputError, NumericError, RptcamError
 from rptcam_cl.progress import as_duration, progress_on_stderr
 
 if TYPE_CHECKING:
@@ -67,6 +67,11 @@ def add_to(commands: Commands) -> None:
         help="replace a value of the scene file, as camera.f_number=4; may be repeated",
     )  # fmt: skip
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write what the render took and met")
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="fail, with exit code 5, when numbers cannot be trusted; the picture is written all the same",
+    )
     parser.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
@@ -143,6 +148,17 @@ def _save(image: "Image", arguments: argparse.Namespace) -> None:
         raise failures[0]
 
 
+def _chosen(told: dict[str, Any]) -> str:
+    """Say which camera model a picture's accuracy allowed, and by how much it errs."""
+    model = told["camera_model"]
+    if model == "realistic":
+        return "every ray traced, as no cheaper camera is as accurate"
+    found = next(errors for errors in told["errors"] if errors["camera_model"] == model)
+    return (
+        f"camera model {model} (errs by {max(found['pixels']):.2g} px, brightness by {max(found['illumination']):.2%})"
+    )
+
+
 def _metered(told: dict[str, Any]) -> str:
     """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
     chosen = f"metered {told['metered_cd_m2']:.4g} cd/m²"
@@ -164,13 +180,47 @@ def _summary(image: "Image", outputs: list[Path]) -> str:
     outcomes = stats.get("lens")
     if outcomes and sum(outcomes.values()):
         parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
+    if "accuracy" in image.metadata:
+        parts.append(_chosen(image.metadata["accuracy"]))
     if "metered_cd_m2" in image.metadata:
         parts.append(_metered(image.metadata))
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 
+def _render(arguments: argparse.Namespace, scene: "Scene", checkpoint: Path) -> tuple["Image", NumericError | None]:
+    """Return the picture, and why a strict render fails all the same."""
+    from rptcam_cl.api import render
+    from rptcam_cl.imaging import Image
+
+    shown = contextlib.nullcontext() if arguments.quiet else progress_on_stderr(arguments.time)
+    with stop_on_interrupt() as stop, shown as show:
+        try:
+            image = render(
+                scene,
+                spp=arguments.spp,
+                seconds=arguments.time,
+                seed=arguments.seed,
+                size=arguments.size,
+                crop=arguments.crop,
+                layers=_layers(arguments),
+                denoise=arguments.denoise,
+                noise=arguments.noise,
+                checkpoint=checkpoint,
+                resume=arguments.resume,
+                device=arguments.device,
+                numerics=arguments.stats is not None,
+                strict=arguments.strict,
+                on_progress=show,
+                should_stop=stop.is_set,
+            )
+        except NumericError as failure:
+            assert isinstance(failure.image, Image)
+            return failure.image, failure
+    return image, None
+
+
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.api import load_scene, render
+    from rptcam_cl.api import load_scene
 
     scene = load_scene(arguments.scene, arguments.overrides)
     _check_outputs(arguments, scene)
@@ -179,29 +229,13 @@ def _run(arguments: argparse.Namespace) -> int:
     checkpoint = _checkpoint(arguments)
     if checkpoint.exists() and not arguments.resume and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
-    shown = contextlib.nullcontext() if arguments.quiet else progress_on_stderr(arguments.time)
-    with stop_on_interrupt() as stop, shown as show:
-        image = render(
-            scene,
-            spp=arguments.spp,
-            seconds=arguments.time,
-            seed=arguments.seed,
-            size=arguments.size,
-            crop=arguments.crop,
-            layers=_layers(arguments),
-            denoise=arguments.denoise,
-            noise=arguments.noise,
-            checkpoint=checkpoint,
-            resume=arguments.resume,
-            device=arguments.device,
-            on_progress=show,
-            should_stop=stop.is_set,
-        )
+    image, failure = _render(arguments, scene, checkpoint)
     _save(image, arguments)
     if not arguments.quiet:
         print(_summary(image, [*arguments.outputs, *arguments.raws]), file=sys.stderr)
     if image.stats.get("interrupted"):
         more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""
         print(f"interrupted: the picture holds what was rendered so far{more}", file=sys.stderr)
-        return INTERRUPTED
-    return 0
+    if failure is not None:
+        raise failure
+    return INTERRUPTED if image.stats.get("interrupted") else 0

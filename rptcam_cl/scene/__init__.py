@@ -1,5 +1,6 @@
 """Scene files: a validated, frozen model of everything that a picture needs. Knows nothing of OpenCL."""
 
+from rptcam_cl.scene.accuracy import Accuracy
 from rptcam_cl.scene.aperture import (
     Aperture,
     CircularAperture,
@@ -20,7 +21,7 @@ from rptcam_cl.scene.camera import (
     ThickLensCamera,
     ThinLensCamera,
 )
-from rptcam_cl.scene.change import change_scene
+from rptcam_cl.scene.change import change_scene, with_camera
 from rptcam_cl.scene.coverage import NormalMap
 from rptcam_cl.scene.dielectric import Dielectric, ThinGlass
 from rptcam_cl.scene.environment import (
@@ -58,6 +59,7 @@ from rptcam_cl.scene.transmission import Transmission
 from rptcam_cl.scene.white_balance import WhiteBalance
 
 __all__ = [
+    "Accuracy",
     "Aperture",
     "AutoFocus",
     "Box",
@@ -145,4 +147,5 @@ __all__ = [
     "load_picture",
     "load_scene",
     "scene_json_schema",
+    "with_camera",
 ]

@@ -33,6 +33,21 @@ def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:
     data = _fields(scene)
     for name, changes in parts.items():
         data[name] = _fields(getattr(scene, name)) | dict(changes)
+    return _checked(scene, data)
+
+
+def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
+    """Return a copy of a scene with another camera, given by its keys, checked as `change_scene` does.
+
+    Raises
+    ------
+    InputError
+        When the camera is not valid, or does not fit the scene.
+    """
+    return _checked(scene, _fields(scene) | {"camera": dict(keys)})
+
+
+def _checked(scene: Scene, data: dict[str, Any]) -> Scene:
     try:
         changed = Scene.model_validate(data, context={"folders": scene._folders})
     except ValidationError as problem:

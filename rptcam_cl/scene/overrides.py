@@ -23,7 +23,7 @@ _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
 }
 
 # Parts that a word stands for, and the key whose value that word is.
-_WORDS: dict[KeyPath, str] = {("exposure",): "mode"}
+_WORDS: dict[KeyPath, str] = {("exposure",): "mode", ("spectrum",): "mode"}
 
 
 def apply_overrides(data: dict[Any, Any], overrides: Iterable[str]) -> dict[KeyPath, str]:

@@ -37,12 +37,15 @@ ALLOWED: dict[str, set[str]] = {
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures", "spectra"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "cameras", "device", "acceleration"},
+    "accuracy": GROUND | {"scene", "optics", "cameras"},
     "autofocus": GROUND
     | {"records", "imaging", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
     "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
     "sensing": GROUND | {"scene", "sensor"},
     "developing": GROUND | {"imaging", "scene"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
+    "numerics": FILES
+    | {"kinds", "records", "scene", "optics", "device", "acceleration", "cameras", "plan", "lens_tracing", "wavefront"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}

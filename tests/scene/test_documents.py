@@ -26,6 +26,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Thin-lens camera": (model.ThinLensCamera, "Pose"),
     "Thick-lens camera": (model.ThickLensCamera, "Pose", "Lens cameras"),
     "Realistic camera": (model.RealisticCamera, "Pose", "Lens cameras"),
+    "Accuracy": (model.Accuracy,),
     "Circular aperture": (model.CircularAperture,),
     "Polygon aperture": (model.PolygonAperture,),
     "Star aperture": (model.StarAperture,),

@@ -1,0 +1,37 @@
+"""Renders that choose their camera model."""
+
+import numpy as np
+
+from rptcam_cl.accuracy import equivalent
+from rptcam_cl.api import render
+from rptcam_cl.scene import change_scene
+from tests.accuracy.test_errors import scene_of
+
+
+def test_picture_is_that_of_the_chosen_camera_and_says_so():
+    film = {"resolution": [48, 32]}
+    accuracy = {"max_error_px": 0.3, "max_illumination_error": 0.01}
+    scene = scene_of("telephoto-250mm", accuracy=accuracy, film=film, focus=5.0, f_number=22)
+    image = render(scene, spp=4)
+    told = image.metadata["accuracy"]
+    assert told["camera_model"] == "thick_lens"
+    assert image.metadata["camera"] == "thick_lens"
+    assert [found["camera_model"] for found in told["errors"]] == ["pinhole", "thin_lens", "thick_lens"]
+    other = render(equivalent(scene, "thick_lens"), spp=4)
+    assert np.array_equal(np.asarray(image), np.asarray(other))
+
+
+def test_chosen_camera_shows_what_the_traced_lens_does():
+    """A lamp's middle and brightness agree within what the choice allows."""
+    film = {"resolution": [64, 64], "width_mm": 10}
+    accuracy = {"max_error_px": 0.2, "max_illumination_error": 0.02}
+    scene = scene_of("telephoto-250mm", accuracy=accuracy, film=film, focus=5.0, f_number=11)
+    lamp = {"kind": "emissive", "radiance": 1.0}
+    ball = {"shape": "sphere", "center": [0.05, 0.04, -5], "radius": 0.02, "material": lamp}
+    scene = type(scene).model_validate({"film": scene.film, "camera": scene.camera, "objects": [ball]})
+    traced = change_scene(scene, camera={"accuracy": None})
+    chosen, full = (np.asarray(render(each, spp=256))[..., 1] for each in (scene, traced))
+    assert chosen.sum() / full.sum() - 1 < 0.03
+    rows, columns = np.mgrid[:64, :64]
+    for axis in (rows, columns):
+        assert abs((axis * chosen).sum() / chosen.sum() - (axis * full).sum() / full.sum()) < 0.2
