@@ -19,9 +19,11 @@ from rptcam_cl.autofocus.interface import autofocus
 from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.developing import develop, developed_as
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
+from rptcam_cl.errors import NumericError
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
 from rptcam_cl.metering import settled
+from rptcam_cl.numerics import anomalies, lens_margin, self_knowledge, summary
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
@@ -48,7 +50,16 @@ __all__ = [
 ]
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
-GEOMETRY = ("world_from_camera", "intrinsics", "resolution", "window", "film_size_mm", "near_m")
+GEOMETRY = (
+    "world_from_camera",
+    "world_from_camera_at_close",
+    "shutter",
+    "intrinsics",
+    "resolution",
+    "window",
+    "film_size_mm",
+    "near_m",
+)
 
 
 def devices() -> list[dict[str, Any]]:
@@ -82,6 +93,8 @@ def render(
     resume: bool = False,
     device: str | Session | None = None,
     wave_size: int | None = None,
+    numerics: bool = False,
+    strict: bool = False,
     on_progress: Callable[[Progress], Any] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Image:
@@ -113,6 +126,10 @@ def render(
         As ``--device`` on the command line, or a session to reuse; see `choose_device`.
     wave_size
         Paths in flight; changes speed and memory, never the picture.
+    numerics
+        Whether to measure too what float32 costs in the lens, by the kernel that traces given rays.
+    strict
+        Whether numbers that cannot be trusted are an error; measures as ``numerics`` does. See docs/numerics.md.
     on_progress
         Called with a `Progress` several times a second.
     should_stop
@@ -126,6 +143,8 @@ def render(
         No device fits, or a kernel failed.
     StateError
         The checkpoint is damaged, of another render, or cannot be written.
+    NumericError
+        With ``strict``; its ``image`` is the picture.
     """
     begun = time.perf_counter()
     scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers, noise)
@@ -171,6 +190,9 @@ def render(
     if (sensor := sensor_of(shot.scene, metadata)) is not None:
         metadata["sensor"] = sensor.described()
     stats = _stats(rendering, wavefront, plan, session.info, times)
+    margin = lens_margin(shot.scene, session) if numerics or strict else None
+    stats["numerics"] = self_knowledge(plan, wavefront, rendering, margin)
+    metadata["numerics"] = summary(stats["numerics"])
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
         metadata["device"] = saver.devices
@@ -179,7 +201,11 @@ def render(
         metadata["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     image = developed_as(Image(rendering.pixels, metadata, stats, layers=rendering.layers), scene.picture)
-    return replace(image.denoised(), layers={name: image[name] for name in wanted}) if denoise else image
+    if denoise:
+        image = replace(image.denoised(), layers={name: image[name] for name in wanted})
+    if strict and (met := anomalies(stats["numerics"])):
+        raise NumericError(f"strict: {'; '.join(met)}", image)
+    return image
 
 
 def _limit(scene: Scene, spp: int | None, seconds: float | None, noise: float | None) -> int | None:

@@ -23,3 +23,19 @@ class StateError(RptcamError):
     """A file could not be read or written, or a saved state does not fit."""
 
     exit_code = 4
+
+
+class NumericError(RptcamError):
+    """A strict render met numbers that cannot be trusted.
+
+    Attributes
+    ----------
+    image
+        The picture all the same.
+    """
+
+    exit_code = 5
+
+    def __init__(self, message: str, image: object = None) -> None:
+        super().__init__(message)
+        self.image = image

@@ -34,5 +34,5 @@ def _by(method: str, measure: str, task: Task) -> FocusReport:
     looks = task.looks(MEASURES[measure])
     peak, zone = greatest_contrast(looks, task.policy, task.near_place(looks))
     state = looks.state_of(peak.place)
-    sure = within(task.probe.depth_of_focus / 4, peak.error)
+    sure = within(task.probe.depth_of_focus / 4, peak.error) if peak.inside else 0.0  # at the far end of the reach
     return task.report(method, state, task.zones[zone], peak.error, sure, looks.records(zone))

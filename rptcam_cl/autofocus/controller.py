@@ -11,7 +11,9 @@ from pydantic import ValidationError
 from rptcam_cl.autofocus.contrast import focus_by_contrast, focus_by_laplacian
 from rptcam_cl.autofocus.depth import focus_by_depth
 from rptcam_cl.autofocus.drives import focus_drive
+from rptcam_cl.autofocus.hybrid import focus_by_hybrid
 from rptcam_cl.autofocus.looks import Look
+from rptcam_cl.autofocus.phase import focus_by_phase
 from rptcam_cl.autofocus.policy import Policy
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.autofocus.renderer import ProbeRenderer
@@ -32,6 +34,8 @@ METHODS: dict[str, Callable[[Task], FocusReport]] = {
     "laplacian": focus_by_laplacian,
     "variance": focus_by_variance,
     "depth": focus_by_depth,
+    "phase": focus_by_phase,
+    "hybrid": focus_by_hybrid,
 }
 MIDDLE = Zone(0.45, 0.55, 0.43, 0.57)  # 1.4 % of the picture
 PLACES = ("zones", "zones_from", "point", "object")
@@ -196,6 +200,8 @@ def in_focus(
         except NoContrast as problem:
             raise InputError(f"camera.focus.auto: {problem}") from None
         metadata: dict[str, Any] = {"autofocus": report.summary()}
+        if report.focus_distance_m is not None:  # by exact rays, where the camera knows it by first-order optics
+            metadata["focus_distance_m"] = report.focus_distance_m
         if settings.draw_zones:
             metadata[MARKED] = [list(astuple(zone)) for zone in report.zones]
         known = {"camera": focus_drive(scene).camera_keys(report.state), "metadata": metadata}

@@ -22,10 +22,11 @@ FIRST_LOOKS = 5
 OPENING = 5.2  # most by which a round opens the stop
 STRIDE = 1.5  # by which steps grow when the top lies beyond the places of a round
 SHARE = 0.6  # of the half width: steps of the last round, whose outer looks then see three quarters of the contrast
+WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
 OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three looks
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
 COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
-FIRST_SAMPLES, MOST_SAMPLES = 128, 1024  # per pixel
+FIRST_SAMPLES, MOST_SAMPLES = 128, 512  # per pixel
 
 
 def nothing_to_see(why: str) -> NoContrast:
@@ -66,7 +67,8 @@ def greatest_contrast(looks: Looks, policy: Policy, start: tuple[float, float] |
     step = (high - low) / (count - 1)
     zones = list(range(len(looks.zones)))
     places = [low + k * step for k in range(count)]
-    made, samples = _round(looks, places, stop, FIRST_SAMPLES, zones, COARSE)
+    reference = None if start is None else start[0]
+    made, samples = _round(looks, places, stop, FIRST_SAMPLES, zones, COARSE, reference)
     peaks = _widened(looks, made, zones, step, samples)
     rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
     factor = stop ** (-1 / rounds) if rounds else 1.0
@@ -78,7 +80,12 @@ def greatest_contrast(looks: Looks, policy: Policy, start: tuple[float, float] |
         made, samples = _round(looks, _about(looks, centre, step), stop, samples, zones, FINE, centre)
         peaks = _widened(looks, made, zones, step, samples)
     zone = chosen(policy, looks.zones, {k: peaks[k].place for k in zones})
-    return _refined(looks, made, zone, peaks[zone], samples), zone
+    peak = _refined(looks, made, zone, peaks[zone], samples)
+    if peak.place >= looks.ends[1] - 1e-9 * abs(looks.ends[1]):
+        raise NoContrast(
+            "what the zone shows is too near: it still gets sharper where the focus ends; it stays as it was"
+        )
+    return peak, zone
 
 
 def _round(
@@ -166,7 +173,7 @@ def _next_step(looks: Looks, peaks: dict[int, Peak], zones: list[int], stop: flo
     """Return the step of a round: a share of the half width, which shrinks as the stop opens."""
     sharp = looks.probe.depth_of_focus / stop
     width = min((peaks[zone].width for zone in zones), default=math.inf) / opened
-    return min(max(SHARE * width, STEP / 4 * sharp), 0.75 * STEP * sharp)
+    return min(max(SHARE * width, STEP / 4 * sharp), WIDEST * sharp)
 
 
 def _refined(looks: Looks, made: list[Look], zone: int, peak: Peak, samples: int) -> Peak:
@@ -177,12 +184,12 @@ def _refined(looks: Looks, made: list[Look], zone: int, peak: Peak, samples: int
     for _ in range(4):
         if peak.rise < CLEAR and samples >= MOST_SAMPLES:
             raise nothing_to_see("it looks the same in and out of focus")
-        if peak.rise >= CLEAR and peak.error < sharp / 8 and _is_even(made, zone, peak, (low, high)):
+        if peak.rise >= CLEAR and peak.error < sharp / 8 and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
             return peak
-        step = min(max(SHARE * peak.width, sharp), STEP / 2 * sharp)
+        step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
         if peak.rise < CLEAR or peak.error >= sharp / 8:
             samples, made, reference = min(4 * samples, MOST_SAMPLES), [], peak.place
-            step = min(2 * step, STEP * sharp)
+            step = min(2 * step, WIDEST * sharp)
         for place in _about(looks, peak.place, step):
             if not any(abs(look.place - place) < 0.25 * step for look in made):
                 made.append(looks.at(place, samples, reference=reference))
@@ -192,10 +199,11 @@ def _refined(looks: Looks, made: list[Look], zone: int, peak: Peak, samples: int
     return peak
 
 
-def _is_even(made: Sequence[Look], zone: int, peak: Peak, ends: tuple[float, float]) -> bool:
-    """Whether the top lies in the middle of its neighbours, so that a lopsided curve does not pull it to a side."""
+def _is_even(made: Sequence[Look], zone: int, peak: Peak, ends: tuple[float, float], widest: float) -> bool:
+    """Whether the top lies in the middle of near neighbours, so that a lopsided curve does not pull it to a side."""
     places = sorted(look.place for look in made)
     if not peak.inside:
         return min(abs(peak.place - end) for end in ends) < 1e-9 * abs(peak.place)
     k = places.index(_top(made, zone).place)
-    return abs(peak.place - places[k]) <= OFF_MIDDLE * min(places[k] - places[k - 1], places[k + 1] - places[k])
+    left, right = places[k] - places[k - 1], places[k + 1] - places[k]
+    return max(left, right) <= widest and abs(peak.place - places[k]) <= OFF_MIDDLE * min(left, right)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
+from rptcam_cl.scene.camera import pose_matrix
 from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.scene.scene import Scene
 
 
@@ -40,15 +40,26 @@ def camera_geometry(scene: Scene) -> dict[str, Any]:
     """Return pose [m], resolution and size of the film, and the nearest distance seen by a pinhole.
 
     ``world_from_camera`` is the 4x4 matrix by rows whose columns are right, up, back and eye, in the axes of the scene;
-    of a moving camera when the shutter opens.
+    of a moving camera when the shutter opens, and ``world_from_camera_at_close`` when the last light falls on the film.
     """
-    matrix = at_opening(scene).camera.world_from_camera()
-    matrix[:3, 3] *= scene.metres_per_unit
+    camera, (opens, closes) = scene.camera, scene.shutter.span_s
+    last = {"world_from_camera_at_close": _matrix(scene, closes)} if camera.motion else {}
+    moves = camera.motion or any(item.motion for item in scene.objects)
     width, height = scene.film.size_m()
     near_m = getattr(scene.camera, "near_m", None)
     return {
-        "world_from_camera": matrix.tolist(),
+        "world_from_camera": _matrix(scene, opens),
+        **last,
+        **({"shutter": scene.shutter.model_dump(exclude_none=True)} if moves else {}),
         "resolution": list(scene.film.resolution),
         "film_size_mm": [width * 1e3, height * 1e3],
         **({"near_m": near_m} if near_m else {}),
     }
+
+
+def _matrix(scene: Scene, time_s: float) -> list[list[float]]:
+    """Return the rows of the pose at a moment [m]."""
+    matrix = pose_matrix(scene.camera.pose_at(time_s))
+    matrix[:3, 3] *= scene.metres_per_unit
+    rows: list[list[float]] = matrix.tolist()
+    return rows

@@ -28,7 +28,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "--method", type=values.focus_method, metavar="NAME",
-        help="contrast, laplacian, variance or depth (default: the scene's, or contrast)",
+        help="contrast, laplacian, variance, depth, phase or hybrid (default: the scene's, or contrast)",
     )  # fmt: skip
     parser.add_argument(
         "--zone", action="append", type=values.crop, metavar="x0,x1,y0,y1", dest="zones",
@@ -80,12 +80,12 @@ def _run(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         device=arguments.device,
     )
+    if arguments.plot is not None:
+        write_picture(focus_plot(report, f"{arguments.scene.stem}: autofocus by {report.method}"), arguments.plot)
     if arguments.json:
         print(as_json(report.as_dict()))
     else:
         _print(report)
-    if arguments.plot is not None:
-        write_picture(focus_plot(report, f"{arguments.scene.stem}: autofocus by {report.method}"), arguments.plot)
     return 0
 
 

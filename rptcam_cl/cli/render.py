@@ -10,7 +10,7 @@ from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError, RptcamError
+from rptcam_cl.errors import InputError, NumericError, RptcamError
 from rptcam_cl.progress import as_duration, progress_on_stderr
 
 if TYPE_CHECKING:
@@ -67,6 +67,11 @@ def add_to(commands: Commands) -> None:
         help="replace a value of the scene file, as camera.f_number=4; may be repeated",
     )  # fmt: skip
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write what the render took and met")
+    parser.add_argument(
+        "--strict",
+        action="store_true",
+        help="fail, with exit code 5, when numbers cannot be trusted; the picture is written all the same",
+    )
     parser.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
@@ -182,8 +187,40 @@ def _summary(image: "Image", outputs: list[Path]) -> str:
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 
+def _render(arguments: argparse.Namespace, scene: "Scene", checkpoint: Path) -> tuple["Image", NumericError | None]:
+    """Return the picture, and why a strict render fails all the same."""
+    from rptcam_cl.api import render
+    from rptcam_cl.imaging import Image
+
+    shown = contextlib.nullcontext() if arguments.quiet else progress_on_stderr(arguments.time)
+    with stop_on_interrupt() as stop, shown as show:
+        try:
+            image = render(
+                scene,
+                spp=arguments.spp,
+                seconds=arguments.time,
+                seed=arguments.seed,
+                size=arguments.size,
+                crop=arguments.crop,
+                layers=_layers(arguments),
+                denoise=arguments.denoise,
+                noise=arguments.noise,
+                checkpoint=checkpoint,
+                resume=arguments.resume,
+                device=arguments.device,
+                numerics=arguments.stats is not None,
+                strict=arguments.strict,
+                on_progress=show,
+                should_stop=stop.is_set,
+            )
+        except NumericError as failure:
+            assert isinstance(failure.image, Image)
+            return failure.image, failure
+    return image, None
+
+
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.api import load_scene, render
+    from rptcam_cl.api import load_scene
 
     scene = load_scene(arguments.scene, arguments.overrides)
     _check_outputs(arguments, scene)
@@ -192,29 +229,13 @@ def _run(arguments: argparse.Namespace) -> int:
     checkpoint = _checkpoint(arguments)
     if checkpoint.exists() and not arguments.resume and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
-    shown = contextlib.nullcontext() if arguments.quiet else progress_on_stderr(arguments.time)
-    with stop_on_interrupt() as stop, shown as show:
-        image = render(
-            scene,
-            spp=arguments.spp,
-            seconds=arguments.time,
-            seed=arguments.seed,
-            size=arguments.size,
-            crop=arguments.crop,
-            layers=_layers(arguments),
-            denoise=arguments.denoise,
-            noise=arguments.noise,
-            checkpoint=checkpoint,
-            resume=arguments.resume,
-            device=arguments.device,
-            on_progress=show,
-            should_stop=stop.is_set,
-        )
+    image, failure = _render(arguments, scene, checkpoint)
     _save(image, arguments)
     if not arguments.quiet:
         print(_summary(image, [*arguments.outputs, *arguments.raws]), file=sys.stderr)
     if image.stats.get("interrupted"):
         more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""
         print(f"interrupted: the picture holds what was rendered so far{more}", file=sys.stderr)
-        return INTERRUPTED
-    return 0
+    if failure is not None:
+        raise failure
+    return INTERRUPTED if image.stats.get("interrupted") else 0

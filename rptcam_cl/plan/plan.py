@@ -12,6 +12,7 @@ from rptcam_cl.cameras.course import camera_course
 from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.geometry.movement import Movements
 from rptcam_cl.geometry.packed import PackedMeshes
+from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
 from rptcam_cl.plan.known_spectra import KnownSpectra
@@ -46,6 +47,7 @@ class Plan:
     meshes: PackedMeshes | None
     owners: Owners
     eye_m: NDArray[np.float64]
+    albedo: LargestAlbedo
 
 
 def _is_smooth(primitive: Primitive) -> bool:
@@ -100,4 +102,5 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
         meshes=meshes.packed if meshes else None,
         owners=owners_of(scene, primitives),
         eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
+        albedo=largest_albedo(materials),
     )

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.wavefront.achieved import AchievedNoise, TwoParts, noise_of_runs
 from rptcam_cl.wavefront.film import TILE_PIXELS
 from rptcam_cl.wavefront.noise import NoiseEstimate, NoiseReport, next_end
 from rptcam_cl.wavefront.tracer import Wavefront
@@ -66,6 +67,8 @@ class Rendering:
         Of each pixel's mean luminance; nan unless it was asked for and there are 64 samples to estimate it from.
     noise : NoiseReport or None
         How noisy the tiles are, likewise.
+    achieved : AchievedNoise or None
+        How noisy the picture is, as far as it is known without having been asked for.
     seconds : float
         Time spent rendering [s].
     interrupted : bool
@@ -85,6 +88,7 @@ class Rendering:
     samples: NDArray[np.uint32]
     variance: NDArray[np.float32]
     noise: NoiseReport | None
+    achieved: AchievedNoise | None
     seconds: float
     interrupted: bool
     layers: dict[str, NDArray[Any]]
@@ -135,6 +139,9 @@ def render_plan(
         if estimate is not None:
             estimate.restore(saved.arrays)
             wavefront.choose_tiles(estimate.tiles)
+    parts = TwoParts(wavefront.layout) if estimate is None else None
+    if parts is not None and done:
+        parts.take(done, wavefront.sums())
     clock = _Clock(wavefront, estimate, spp, done, has_lens, on_progress)
 
     def state() -> SavedState:
@@ -156,6 +163,9 @@ def render_plan(
             wavefront.finish()
             if estimate.take(done, wavefront.sums()):
                 wavefront.choose_tiles(estimate.tiles)
+        if parts is not None and done != spp and parts.wants(done):
+            wavefront.finish()
+            parts.take(done, wavefront.sums())
         if save is not None:
             save(state)
         if seconds is not None or should_stop is not None:
@@ -164,12 +174,13 @@ def render_plan(
                 break
     wavefront.finish()
     clock.report(done)
-    return _rendering(wavefront, estimate, done, start, clock, stopped, state)
+    return _rendering(wavefront, estimate, parts, done, start, clock, stopped, state)
 
 
 def _rendering(
     wavefront: Wavefront,
     estimate: NoiseEstimate | None,
+    parts: TwoParts | None,
     done: int,
     start: int,
     clock: _Clock,
@@ -182,12 +193,15 @@ def _rendering(
     in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": variance}
     film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
     found = wavefront.layers() | film
+    sums = wavefront.sums()
+    achieved = parts.report(done, sums) if parts is not None else noise_of_runs(layout, tiles, sums, variance)
     return Rendering(
-        pixels=wavefront.picture(tiles),
+        pixels=layout.picture(sums, tiles),
         spp=int(film["samples"].max()),
         samples=film["samples"],
         variance=film["variance"],
         noise=None if estimate is None else estimate.report(),
+        achieved=achieved,
         seconds=clock.elapsed,
         interrupted=stopped,
         layers={name: found[name] for name in wavefront.settings.layers},

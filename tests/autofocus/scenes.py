@@ -6,7 +6,7 @@ import rptcam_cl
 from rptcam_cl.autofocus import ProbeRenderer, Zone
 from rptcam_cl.device import open_session
 
-CENTRE = Zone(0.46, 0.54, 0.44, 0.56)
+CENTRE = Zone(0.475, 0.525, 0.4625, 0.5375)
 
 
 def noise(scale: float) -> dict[str, Any]:
@@ -31,12 +31,12 @@ def lens_camera(lens: Any, kind: str = "realistic", **options: Any) -> dict[str,
     return {"kind": kind, "lens": lens, "focus": {"distance_m": 5}, **pose, **options}
 
 
-def scene_of(objects: list[Any], camera: dict[str, Any], **rest: Any) -> rptcam_cl.Scene:
+def scene_of(objects: list[Any], camera: dict[str, Any], base_dir: Any = None, **rest: Any) -> rptcam_cl.Scene:
     """Return a scene under an even sky, on a film of 36 x 24 mm."""
     film = {"resolution": [360, 240], "size_mm": [36, 24], **rest.pop("film", {})}
     light = {"environment": {"kind": "constant", "radiance": 1.0}}
     parts = {"film": film, "camera": camera, "render": {"max_depth": 2}, "objects": objects}
-    return rptcam_cl.load_scene(parts | light | rest)
+    return rptcam_cl.load_scene(parts | light | rest, base_dir=base_dir)
 
 
 def probe_of(scene: rptcam_cl.Scene) -> ProbeRenderer:

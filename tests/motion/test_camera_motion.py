@@ -133,3 +133,18 @@ def test_samples_of_a_pixel_are_spread_over_the_exposure(session):
         picture = pixels(scene | {"render": {"spp": 64, "max_depth": 1, "sampler": sampler}}, device=session, seed=1)
         errors[sampler] = np.abs(picture[:, inside, 0] - expected[inside]).mean()
     assert errors["lattice"] < 0.02 < errors["independent"]
+
+
+def test_metadata_tell_shutter_and_poses_at_opening_and_close(session):
+    shutter = {"open_s": 0.5, "time_s": 0.25, "kind": "rolling", "readout_s": 0.75}
+    image = rptcam_cl.render(moving(**shutter) | {"metres_per_unit": 0.5}, spp=1, device=session)
+    assert image.metadata["shutter"] == shutter | {"direction": "top_down"}
+    for key, t in (("world_from_camera", 0.5), ("world_from_camera_at_close", 1.5)):
+        assert image.stats["camera"][key] == image.metadata[key]
+        matrix, pose = np.array(image.metadata[key]), pose_at(t)
+        np.testing.assert_allclose(matrix[:3, 3], 0.5 * np.array(pose["eye"]))
+        view = np.subtract(pose["target"], pose["eye"])
+        np.testing.assert_allclose(-matrix[:3, 2], view / np.linalg.norm(view))
+        assert np.dot(matrix[:3, 0], pose["up"]) == pytest.approx(0)
+    still = rptcam_cl.render(scene_with(), spp=1, device=session)
+    assert not {"shutter", "world_from_camera_at_close"} & still.metadata.keys()

@@ -46,6 +46,8 @@ ALLOWED: dict[str, set[str]] = {
     "sensing": GROUND | {"scene", "sensor"},
     "developing": GROUND | {"imaging", "scene"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
+    "numerics": FILES
+    | {"kinds", "records", "scene", "optics", "device", "acceleration", "cameras", "plan", "lens_tracing", "wavefront"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}

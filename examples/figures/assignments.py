@@ -1,0 +1,125 @@
+"""The figures of CS348b's camera assignments of 2015 and 2003."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from examples.figures.figure import Figure, Group, Section, shared
+from examples.figures.film_numbers import irradiances, lit_floors
+from examples.figures.lens_numbers import focus_and_circle, focus_rays, stops
+
+FOUR = {
+    "cones_dgauss": "double Gauss",
+    "cones_wide": "wide angle",
+    "cones_fisheye": "fisheye",
+    "cones_telephoto": "telephoto",
+}
+EYES = {"0.5": 15.905, "1": 14.702, "2": 14.151}  # the first vertex stands at the origin
+
+
+def at_four_samples(name: str, title: str) -> Figure:
+    """Return a picture of the gallery with four samples per pixel."""
+    picture = shared(name, f"{title}, 4")
+    return replace(picture, name=f"{name}_4spp", size=(200, 200), spp=4, folder="figures")
+
+
+def stop_shape(name: str, title: str, aperture: str) -> Figure:
+    """Return the chess board through a shaped stop."""
+    changes = (f"camera.aperture={aperture}", "film.crop=[0.1, 0.9, 0, 0.6]")
+    return Figure(f"assignment_bokeh_{name}", title, "first_light.yaml", changes, (400, 225), 1024)
+
+
+def targets(name: str, title: str, *changes: str) -> Figure:
+    """Return the three cards with some changes."""
+    return Figure(f"assignment_{name}", title, "assignment/cards.yaml", changes, (300, 200), 512)
+
+
+def focused(metres: str) -> Figure:
+    """Return the three cards, focused at a distance from the first vertex."""
+    changes = (f"camera.focus.front_distance_m={metres}", f"camera.eye=[0, 0, {EYES[metres]}]")
+    return targets(f"focus_{metres.replace('.', '')}", f"{metres} m", *changes)
+
+
+ASSIGNMENT_2015 = Section(
+    "CS348b 2015, assignment 3",
+    """\
+Thirteen cones, 300 x 300 pixels on a film of 70 mm across, the film distances of the assignment. A checker stands in
+for a picture of a text and plain colours for two measured paints. The written questions are answered in
+[theory.md](theory.md).""",
+    (
+        Group(
+            "Four lenses, 4 samples per pixel",
+            """\
+What is left of the noise is that of the lamp, a disk eight units in radius, and of the blur. Hardly a sample is lost
+in a lens, since rays aim at what their film point sees of the pupil.""",
+            tuple(at_four_samples(name, title) for name, title in FOUR.items()),
+        ),
+        Group(
+            "Four lenses, 512 samples per pixel",
+            "The same with the noise gone. What they focus on, and how far they light the film:",
+            tuple(shared(name, f"{title}, 512") for name, title in FOUR.items()),
+            (focus_and_circle,),
+        ),
+        Group(
+            "The telephoto with half its stop",
+            """\
+Half the blur and two stops less light (the pictures are scaled by what reaches the centre). Below, the irradiance of
+the film in a world of radiance 1, at distances from its centre: "expected" is an independent Monte Carlo estimate
+with its error of 0.4 %.""",
+            (shared("cones_telephoto", "stop 40.5 mm"), shared("cones_telephoto_half", "stop 20.25 mm")),
+            (irradiances,),
+        ),
+        Group(
+            "How bright",
+            """\
+The scene without its walls under the lamps of the assignment, `exposure: irradiance`: brightest hundredth of what
+lies within 25 pixels of the centre. The reference pictures are those of a teaching assistant elsewhere; the
+prediction knows no vignetting within these 25 pixels.""",
+            (),
+            (lit_floors,),
+        ),
+        Group(
+            "Bokeh",
+            """\
+[The chess board](../examples/README.md#first-light) through stops of other shapes, in the middle of a double Gauss.
+Towards the edges rims cut the shapes as they cut disks.""",
+            (
+                stop_shape("blades", "five blades", "{shape: polygon, blades: 5}"),
+                stop_shape("star", "star", "{shape: star, points: 5}"),
+                stop_shape("heart", "heart", "{shape: heart}"),
+            ),
+        ),
+    ),
+)
+
+ASSIGNMENT_2003 = Section(
+    "CS348b 2003, assignment 2",
+    """\
+A 100 mm double Gauss before three cards at 0.5, 1 and 2 m from its first vertex; models and scenes of the assignment
+are not given.""",
+    (
+        Group(
+            "Camera test: f-stops",
+            """\
+Focused at 1 m. At f/2 the thick lens, which knows principal planes and pupils alone, and the traced one draw nearly
+the same; the corners of the second are darker. Stopping down deepens what is sharp. Stop diameters by the
+assignment's rule, sin θ = 1 / (2 N) behind the lens; at f/2 the rule asks for 0.07 mm more than the stop has:""",
+            (
+                targets("thick", "thick lens, f/2.03", "camera.kind=thick_lens"),
+                replace(focused("1"), title="traced, f/2.03"),
+                targets("f4", "traced, f/4", "camera.f_number=4"),
+                targets("f16", "traced, f/16", "camera.f_number=16"),
+            ),
+            (stops,),
+        ),
+        Group(
+            "Focus test",
+            """\
+Wide open. Film distances by the thick lens; a ray from the film's centre, sent through the lens at a share of the
+rear radius, must cross the axis at the distance asked for. It does so within 1 % near the axis; what it is off by at
+half the radius is spherical aberration, and wide angle and fisheye are not thick lenses even at a tenth.""",
+            tuple(focused(metres) for metres in EYES),
+            (focus_rays,),
+        ),
+    ),
+)

@@ -1,0 +1,152 @@
+"""The figures of the rptcam paper (Kumar, Kumar, Meng, Yu, 2024)."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from examples.figures.colour_numbers import (
+    DOUBLET,
+    DOUBLET_PLACED,
+    PLACED,
+    blurs_by_wavelength,
+    focus_by_wavelength,
+    singlet,
+)
+from examples.figures.figure import Figure, Group, Section
+from examples.figures.film_numbers import blurs_of_distances, blurs_of_stops
+from examples.figures.lens_numbers import doublet_of_the_paper, indices, placements
+
+QUARTER = "film.crop=[0.42, 0.92, 0.3, 0.8]"
+FILM = "camera.focus.film_distance_mm"
+CROP = "film.crop=[0.06, 0.94, 0.29, 0.8]"
+
+
+def bokeh(name: str, title: str, aperture: str) -> Figure:
+    """Return figure 1 through one opening."""
+    changes = (CROP, f"camera.aperture={aperture}", "picture.ev=0.5")
+    return Figure(f"paper_1_{name}", title, "paper/figure_1.yaml", changes, (400, 300), 1024)
+
+
+def basic(name: str, title: str, *changes: str) -> Figure:
+    """Return the scene of figures 2 and 3 with some changes."""
+    return Figure(f"paper_{name}", title, "paper/figure_2.yaml", (*changes, "picture.ev=1"), spp=512)
+
+
+def inline(lens: dict[str, Any]) -> str:
+    """Return a lens as a value for the command line."""
+    return json.dumps(lens)
+
+
+def colour(name: str, title: str, *changes: str) -> Figure:
+    """Return a quarter of the picture of figures 4 and 7 with some changes."""
+    return Figure(f"paper_{name}", title, "paper/figure_4.yaml", (*changes, QUARTER), (640, 480), 1024)
+
+
+def distance(units: int) -> Figure:
+    """Return figure 5 focused at a distance."""
+    changes = (f"camera.focus.distance_m={units / 1000:g}",)
+    return Figure(f"paper_5_{units}", f"{units} units", "paper/figure_5.yaml", changes, spp=512)
+
+
+PAPER = Section(
+    "rptcam (Kumar, Kumar, Meng, Yu, 2024)",
+    """\
+Its scenes are in units without a name; here one is a millimetre. Pictures stand upright, the paper's as they lie on
+the film. Rays are bent by Snell's law; the paper's step 3 bends tangents in place of sines, which agrees near the
+axis alone. Off the axis its pictures are therefore sharper than such a lens draws, and ours are right. The materials
+are ours: a diffuse base under a rough clear coat.""",
+    (
+        Group(
+            "Figure 1: the shape of the blur",
+            """\
+Five lamps, the green one in focus. All others are pictures of the opening, the farther from the plane of focus the
+larger, and all of them behind it, so the same way up as the opening is seen from the camera.""",
+            (
+                bokeh("circle", "circle", "{shape: circle}"),
+                bokeh("heart", "heart", "{shape: heart}"),
+                bokeh("star", "star", "{shape: star, points: 5}"),
+                bokeh("polygon", "polygon, 6 blades", "{shape: polygon, blades: 6}"),
+            ),
+        ),
+        Group(
+            "Figure 2: three stops",
+            """\
+The farther ball is 3.4 units before the plane of focus, and sharp enough; the edge of the box, nearest to the
+camera, shows what the stop does: blur is proportional to its diameter. The field is 100 degrees wide. Balls off the
+axis are eggs, as on any flat film, and the corners get little light (cos⁴).""",
+            (
+                basic("2_d002", "stop 0.02", "camera.stop_diameter_mm=0.02"),
+                basic("2_d005", "stop 0.05", "camera.stop_diameter_mm=0.05"),
+                basic("2_d007", "stop 0.07", "camera.stop_diameter_mm=0.07"),
+            ),
+            (blurs_of_stops,),
+        ),
+        Group(
+            "Figure 3: three indices of refraction",
+            """\
+The paper moved the lens with its index by a formula that does not keep the focus: from far behind the scene it comes
+to the balls at the sides (n = 2.3) and to the small one (n = 3.5). The lens distances are the paper's.""",
+            (
+                basic("2_d007", "n = 1.8", "camera.stop_diameter_mm=0.07"),
+                basic(
+                    "3_n23",
+                    "n = 2.3",
+                    "camera.lens.surfaces.0.glass.index=2.3",
+                    "camera.focus.film_distance_mm=3.56358",
+                ),
+                basic(
+                    "3_n35",
+                    "n = 3.5",
+                    "camera.lens.surfaces.0.glass.index=3.5",
+                    "camera.focus.film_distance_mm=3.78365",
+                ),
+            ),
+            (indices,),
+        ),
+        Group(
+            "Figure 4: three Abbe numbers",
+            """\
+One index of 1.8 at 589.3 nm, linear in the wavelength as the paper has it, and Abbe numbers from glass (200 has
+hardly any colour) to what no glass does (3). Shown is a quarter of the picture. Lamps get fringes, since for blue
+the plane of focus lies nearer than for red.""",
+            (
+                colour("4_v200", "V = 200", "camera.lens.surfaces.0.glass.linear_abbe.v=200"),
+                colour("4_v10", "V = 10", "camera.lens.surfaces.0.glass.linear_abbe.v=10"),
+                colour("4_v3", "V = 3", "camera.lens.surfaces.0.glass.linear_abbe.v=3"),
+            ),
+            (blurs_by_wavelength,),
+        ),
+        Group(
+            "Figure 5: four distances in focus",
+            """\
+Four balls whose size grows with their distance; one after the other is sharp. "Formula" is the closed form, "our
+lens" a ray near the axis, "our film" the blur that the camera's own rays leave, spherical aberration of the open
+lens included: that is why it is not 0 in focus.""",
+            tuple(distance(units) for units in (15, 20, 25, 30)),
+            (blurs_of_distances,),
+        ),
+        Group(
+            "Figure 7: singlet and achromat",
+            """\
+Both focused 18 units from the film, on the middle ball; shown is a quarter of the picture. The doublet's two glasses
+have Abbe numbers of 3 and 1, and its power, taken as thin, is the same at every wavelength. The single lens has
+purple fringes; through the doublet a thread of orange is left, and the box is out of focus without colour.""",
+            (
+                colour(
+                    "7_singlet", "single lens, V = 3", f"camera.lens={inline(singlet(3, 0.2))}", f"{FILM}={PLACED[18]}"
+                ),
+                colour("7_doublet", "doublet", f"camera.lens={inline(DOUBLET)}", f"{FILM}={DOUBLET_PLACED}"),
+            ),
+            (focus_by_wavelength,),
+        ),
+        Group(
+            "Closed forms",
+            """\
+The paper's placement takes the lens as thin; our cameras take principal planes into account ("exact"). Its equation
+12 lacks a minus sign; with P1/V1 + P2/V2 = 0 the default doublet is""",
+            (),
+            (doublet_of_the_paper, placements),
+        ),
+    ),
+)

@@ -1,0 +1,79 @@
+"""The figures of the camera report after chapter 6 of Physically Based Rendering."""
+
+from __future__ import annotations
+
+from examples.figures.figure import Figure, Group, Section, shared
+from examples.figures.lens_numbers import ball
+
+
+def photographic(lens: str, title: str) -> Figure:
+    """Return the small room through a lens of several elements."""
+    changes = (f"camera.lens={lens}", "film.width_mm=36", "camera.focus.distance_m=0.385")
+    return Figure(f"report_{lens}", title, "report/lens.yaml", changes, (300, 200), 512)
+
+
+REPORT = Section(
+    "Camera report after PBRT, chapter 6: figures 2 to 17",
+    """\
+The report's rooms are models that are not given; a room with three balls takes their place, and the same room at a
+tenth of the size where there are lenses. [The gallery](../examples/README.md#cameras-without-glass) says more about
+most of these pictures.""",
+    (
+        Group(
+            "Pinhole and environment",
+            "90 degrees, sharp from front to back; and all directions, twice as wide as high.",
+            (shared("pinhole", "pinhole"), shared("environment", "environment")),
+        ),
+        Group(
+            "Thin lens: three distances in focus",
+            "Radius 0.1 m: the red ball at 2 m, the gold one at 3 m and the blue one at 4 m are sharp in turn.",
+            tuple(shared(f"thin_lens_focus_{distance}", f"{distance} m") for distance in (2, 3, 4)),
+        ),
+        Group(
+            "Thin lens: three openings",
+            """\
+Focused at 3 m. The report has it the wrong way round in its text: the larger the opening, the *smaller* the depth of
+field.""",
+            (
+                shared("thin_lens_aperture_005", "radius 0.05 m"),
+                shared("thin_lens_focus_3", "radius 0.1 m"),
+                shared("thin_lens_aperture_02", "radius 0.2 m"),
+            ),
+        ),
+        Group(
+            "No lens, and a ball",
+            """\
+A hole of 0.3 mm draws upside down, as shown; a ball draws a core under a veil of spherical aberration, and out of
+focus nothing but blurs.""",
+            (
+                shared("no_lens", "no lens"),
+                shared("ball_in_focus", "ball in focus"),
+                shared("ball_out_of_focus", "ball out of focus"),
+            ),
+            (ball,),
+        ),
+        Group(
+            "Single lenses",
+            """\
+The biconvex lens is sharp in the middle; a stop in front sharpens the rest. The biconcave one forms no image at all.
+That in the report all is sharp at every distance is due to the smallness of its scene beside its lens.""",
+            (
+                shared("biconvex", "biconvex"),
+                shared("biconvex_stop", "with a stop"),
+                shared("biconcave", "biconcave"),
+            ),
+        ),
+        Group(
+            "Lenses of several elements",
+            """\
+All three focused on the gold ball, on the same film of 36 mm. The report's wide angle is "very dim" since its
+renderer averages over ten tries per sample and weights nothing; measured against the light on the axis, as here,
+only its corners are dark.""",
+            (
+                photographic("wide-22mm", "wide angle 22 mm"),
+                photographic("dgauss-50mm", "double Gauss 50 mm"),
+                photographic("fisheye-10mm", "fisheye 10 mm"),
+            ),
+        ),
+    ),
+)

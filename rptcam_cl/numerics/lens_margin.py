@@ -1,0 +1,112 @@
+"""What float32 costs in a lens: the same rays through the float64 reference and through the kernel that renders."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras.aperture import stop_shape
+from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
+from rptcam_cl.cameras.thick_lens import thick_lens
+from rptcam_cl.device import Session
+from rptcam_cl.errors import InputError
+from rptcam_cl.lens_tracing import trace_on_device
+from rptcam_cl.optics import Lens, Rays
+from rptcam_cl.optics.probe import FilmProbe
+from rptcam_cl.scene import Scene
+from rptcam_cl.scene.camera import RealisticCamera
+
+RAYS = 512
+SEED = 20
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class LensMargin:
+    """The largest differences between float32 on a device and float64 on the host.
+
+    Attributes
+    ----------
+    rays, passed : int
+        Rays that were sent from the film, and those that pass in float64.
+    other_fate : int
+        Rays that pass in one and not in the other.
+    position_mm, direction : float
+        Of the rays that pass both: where they leave the lens [mm], and their unit direction.
+    pixels : float or None
+        The same in the plane in focus, in pixels at the scale of the picture's centre; None for a lens that has no
+        focal length.
+    """
+
+    rays: int
+    passed: int
+    other_fate: int
+    position_mm: float
+    direction: float
+    pixels: float | None
+
+
+def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
+    """Return what float32 costs in the lens of a scene's camera; None for cameras that trace no lens."""
+    camera = scene.camera
+    if not isinstance(camera, RealisticCamera):
+        return None
+    setting = lens_setting(scene)
+    lens, wavelength_nm = setting.lens, camera.wavelength_nm
+    shape = stop_shape(scene, camera.aperture)
+    if shape is not None and lens.stop is not None:
+        lens = lens.with_stop_shape(shape)
+    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+    origins, directions = film_rays(lens, setting.film_distance_mm, (width_mm / 2, height_mm / 2), wavelength_nm)
+    exact = lens.trace(origins, directions, wavelength_nm)
+    single = trace_on_device(lens, session, origins, directions, wavelength_nm, "film", "single")
+    return _compared(exact, single, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
+
+
+def film_rays(
+    lens: Lens, film_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, count: int = RAYS
+) -> tuple[Array, Array]:
+    """Return origins on the film and directions (n, 3) [mm], half to all of the last surface, half to the exit pupil.
+
+    A lens whose exit pupil is infinitely far gets all of them over its last surface.
+    """
+    rng = np.random.default_rng(SEED)
+    film = rng.uniform(-1, 1, (count, 2)) * half_film_mm
+    boxes = FilmProbe(lens, film_mm, wavelength_nm).windows(film)
+    aims = boxes[:, ::2] + rng.random(film.shape) * (boxes[:, 1::2] - boxes[:, ::2])
+    aims = np.column_stack([aims, np.full(count, lens.length)])
+    pupil = lens.first_order(wavelength_nm).exit_pupil
+    if np.isfinite(pupil.distance_mm) and np.isfinite(pupil.diameter_mm) and pupil.distance_mm < film_mm:
+        half = count // 2
+        radius, turn = pupil.diameter_mm / 2 * np.sqrt(rng.random(half)), 2 * np.pi * rng.random(half)
+        there = np.full(half, lens.length + pupil.distance_mm)
+        aims[:half] = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), there])
+    origins = np.column_stack([film, np.full(count, lens.length + film_mm)])
+    return origins, aims - origins
+
+
+def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
+    """Return the scale of the picture at its centre, None for a lens that has none."""
+    try:
+        thick = thick_lens(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+    except InputError:
+        return None
+    return scene.film.resolution[0] / (scene.film.size_m()[0] * 1e3) / abs(float(thick.slope[0]))
+
+
+def _compared(exact: Rays, single: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
+    both = exact.passed & single.passed
+    apart = np.linalg.norm((single.origins - exact.origins)[both], axis=1)
+    turned = np.linalg.norm((single.directions - exact.directions)[both], axis=1)
+    angles = turned + (0.0 if focus_mm is None else apart / abs(focus_mm))
+    return LensMargin(
+        rays=len(both),
+        passed=int(exact.passed.sum()),
+        other_fate=int((exact.passed != single.passed).sum()),
+        position_mm=float(apart.max(initial=0.0)),
+        direction=float(turned.max(initial=0.0)),
+        pixels=None if pixels_per_radian is None else float(angles.max(initial=0.0)) * pixels_per_radian,
+    )
