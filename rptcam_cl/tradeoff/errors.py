@@ -1,14 +1,16 @@
 """How pictures of one way to render differ from each other and from those of another, by pairs of seeds.
 
 The measure is relMSE, the mean over the picture of |x - r|^2 / (|r|^2 + (0.01 mean r)^2), with vectors of the three
-channels and |r|^2 averaged over the tile of 8 x 8 pixels: a pixel's own, known from few samples, would add as much noise
-as all that is measured. It comes from pictures of the reference under other seeds than the pair's.
+channels and |r|^2 averaged over the tile of 8 x 8 pixels: a pixel's own, known from few samples, would add as much
+noise as all that is measured. It comes from pictures of the reference under other seeds than the pair's.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +36,9 @@ class PairErrors:
         Mean of the picture.
     by_tile : (tiles,) array
         The mean of `bias` in each tile.
+    weight_variances : dict
+        Variances that the means of `bias` and of the last of `noise` have besides, because the reference that they are
+        relative to is known from few seeds itself.
     tile_errors : dict
         Standard errors of the means of `bias`, of the last of `noise`, and of `brightness` relative to the reference's,
         that come from rendering some of the tiles only. Cells of a grid are taken for a random sample, which makes them
@@ -44,7 +49,28 @@ class PairErrors:
     noise: tuple[Array, ...]
     brightness: Array
     by_tile: Array
+    weight_variances: dict[str, float]
     tile_errors: dict[str, float]
+
+
+class _Scales:
+    """What squared differences in each tile are divided by, from the pictures of the reference under some seeds."""
+
+    def __init__(self, reference: Array, tiles: SpreadTiles) -> None:
+        self.seeds, self._tiles = len(reference), tiles
+        self.shares = _sums(np.ones(len(tiles.pixels)), tiles)
+        self._pictures, self._total = reference, reference.sum(axis=0)
+        self._squares = np.mean(reference**2, axis=2)
+        self._all_squares = self._squares.sum(axis=0)
+        self._edge = EDGE * float(tiles.weights @ self._total.mean(axis=1)) / self.seeds
+
+    def without(self, *left_out: int) -> Array:
+        """Return |r|^2 + (0.01 mean r)^2 of each tile from the other seeds: over pairs, without the noise of either."""
+        total, squares, count = self._total, self._all_squares, self.seeds - len(left_out)
+        for seed in left_out:
+            total, squares = total - self._pictures[seed], squares - self._squares[seed]
+        found = (np.mean(total**2, axis=1) - squares) / (count * (count - 1))
+        return np.asarray(np.maximum(_sums(found, self._tiles) / self.shares, 0.0) + self._edge**2)
 
 
 def pair_errors(
@@ -61,45 +87,74 @@ def pair_errors(
     tiles
         Where the pixels are.
     """
-    share = np.array(samples) / sum(samples)
-    seeds, count = len(pictures[0][0]), len(tiles.tiles)
-    means = [sum(part * stack.astype(np.float64) for part, stack in zip(share, own, strict=True)) for own in pictures]
-    reference = np.asarray(means[0])
-    total = reference.sum(axis=0)
-    squares = np.mean(reference**2, axis=2)
-    edge = EDGE * float(tiles.weights @ total.mean(axis=1)) / seeds
-    share_of_tile = _sums(np.ones(len(tiles.pixels)), tiles)
-    bias = np.zeros((len(pictures), seeds, seeds))
-    noise = np.zeros((len(pictures), len(samples), seeds, seeds))
-    by_tile = np.zeros((2, len(pictures), count))  # bias and noise
-    for s, t in combinations(range(seeds), 2):
-        others = np.mean((total - reference[s] - reference[t]) ** 2, axis=1)  # over pairs of the others, without noise:
-        others = (others - squares.sum(axis=0) + squares[s] + squares[t]) / ((seeds - 2) * (seeds - 3))
-        weights = tiles.weights / (np.maximum(_sums(others, tiles) / share_of_tile, 0.0) + edge**2)[tiles.cell]
-        for index, own in enumerate(pictures):
-            product = weights * np.mean((means[index][s] - reference[s]) * (means[index][t] - reference[t]), axis=1)
-            bias[index, s, t] = bias[index, t, s] = product.sum()
-            by_tile[0, index] += np.bincount(tiles.cell, product, count)
-            for k, stack in enumerate(own):
-                apart = weights * np.mean(np.square(stack[s].astype(np.float64) - stack[t]), axis=1) / 2
-                noise[index, k, s, t] = noise[index, k, t, s] = apart.sum()
-            by_tile[1, index] += np.bincount(tiles.cell, apart, count)
-    by_tile *= 2 / (seeds * (seeds - 1))
-    light = np.array([_sums(np.asarray(mean).mean(axis=(0, 2)), tiles) for mean in means])
-    return [
-        PairErrors(
-            bias=bias[i],
-            noise=tuple(noise[i]),
-            brightness=np.asarray(means[i]).mean(axis=2) @ tiles.weights,
-            by_tile=by_tile[0, i] / share_of_tile,
-            tile_errors={
-                "bias": _sampling_error(by_tile[0, i], share_of_tile, tiles.all),
-                "noise": _sampling_error(by_tile[1, i], share_of_tile, tiles.all),
-                "energy": _ratio_error(light[i], light[0], share_of_tile, tiles.all),
-            },
-        )
-        for i in range(len(pictures))
+    part = np.array(samples) / sum(samples)
+    means = [
+        np.asarray(np.sum([share * stack for share, stack in zip(part, own, strict=True)], axis=0, dtype=np.float64))
+        for own in pictures
     ]
+    scales = _Scales(means[0], tiles)
+    light = [_sums(mean.mean(axis=(0, 2)), tiles) for mean in means]
+    found = []
+    for own, mean, lit in zip(pictures, means, light, strict=True):
+        away = _by_pair(mean - means[0], tiles, _product)
+        noises = [_by_pair(stack, tiles, _half_square) for stack in own]
+        bias, last = _over_tiles(away, scales), _over_tiles(noises[-1], scales)
+        by_tile = {"bias": _mean_of_pairs(away, scales), "noise": _mean_of_pairs(noises[-1], scales)}
+        errors = {name: _sampling_error(sums, scales.shares, tiles.all) for name, sums in by_tile.items()}
+        found.append(
+            PairErrors(
+                bias=bias,
+                noise=(*(_over_tiles(noise, scales) for noise in noises[:-1]), last),
+                brightness=mean.mean(axis=2) @ tiles.weights,
+                by_tile=by_tile["bias"] / scales.shares,
+                weight_variances={
+                    "bias": _weight_variance(away, bias, scales),
+                    "noise": _weight_variance(noises[-1], last, scales),
+                },
+                tile_errors=errors | {"energy": _ratio_error(lit, light[0], scales.shares, tiles.all)},
+            )
+        )
+    return found
+
+
+def _product(first: Array, second: Array) -> Array:
+    return np.asarray(np.mean(first * second, axis=1))
+
+
+def _half_square(first: Array, second: Array) -> Array:
+    return np.asarray(np.mean(np.square(first.astype(np.float64) - second), axis=1) / 2)
+
+
+def _by_pair(values: Any, tiles: SpreadTiles, together: Callable[[Array, Array], Array]) -> Array:
+    """Return sums over each tile, shape (seeds, seeds, tiles), of what two pictures of different seeds give."""
+    seeds = len(values)
+    sums = np.zeros((seeds, seeds, len(tiles.tiles)))
+    for s, t in combinations(range(seeds), 2):
+        sums[s, t] = sums[t, s] = _sums(together(values[s], values[t]), tiles)
+    return sums
+
+
+def _over_tiles(sums: Array, scales: _Scales) -> Array:
+    """Return the matrix (seeds, seeds) of sums over tiles, relative to the reference under other seeds."""
+    matrix = np.zeros((scales.seeds, scales.seeds))
+    for s, t in combinations(range(scales.seeds), 2):
+        matrix[s, t] = matrix[t, s] = float(np.sum(sums[s, t] / scales.without(s, t)))
+    return matrix
+
+
+def _mean_of_pairs(sums: Array, scales: _Scales) -> Array:
+    """Return the mean over pairs in each tile, relative to the reference under all seeds."""
+    return np.asarray(sums.sum(axis=(0, 1)) / (scales.seeds * (scales.seeds - 1)) / scales.without())
+
+
+def _weight_variance(sums: Array, matrix: Array, scales: _Scales) -> float:
+    """Return by how much the variance (jackknife over seeds) grows when what tiles are divided by is found anew."""
+    seeds = scales.seeds
+    pairs = (seeds - 1) * (seeds - 2)
+    all_sums, all_pairs = sums.sum(axis=(0, 1)), matrix.sum()
+    anew = [float(np.sum((all_sums - 2 * sums[s].sum(axis=0)) / scales.without(s))) / pairs for s in range(seeds)]
+    kept = [(all_pairs - 2 * matrix[s].sum()) / pairs for s in range(seeds)]
+    return float(max(np.var(anew) - np.var(kept), 0.0) * (seeds - 1))
 
 
 def _sums(values: Array, tiles: SpreadTiles) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,13 +12,13 @@ from numpy.typing import NDArray
 from rptcam_cl.tradeoff.errors import PairErrors
 from rptcam_cl.tradeoff.statistics import (
     Interval,
-    bias_replicates,
+    error_over_pairs,
     interval,
     median_over_seeds,
     once,
     over_pairs,
     over_seeds,
-    widened,
+    spread_about,
 )
 
 Array = NDArray[np.float64]
@@ -140,11 +141,9 @@ def measurements(
     counts = np.concatenate([once(seeds), counts])  # the first row gives the estimates
     sources = []
     for names, error, times in zip(named, errors, timings, strict=True):
-        noise = over_pairs(error.noise[-1], counts)
-        noise = noise[0] * np.exp(widened(0.0, np.log(noise / noise[0]), error.tile_errors["noise"] / noise[0]))
+        noise = _noise(error, counts) * samples[-1]
         exact = names["unbiased"] or not names["knob"]
-        bias = np.zeros(len(counts)) if exact else bias_replicates(error.bias, counts, error.tile_errors["bias"])
-        noise *= samples[-1]
+        bias = np.zeros(len(counts)) if exact else _bias(error, counts)
         sources.append(_Replicates(noise, noise * median_over_seeds(times.undisturbed, counts), bias))
     found = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
@@ -155,7 +154,7 @@ def measurements(
             "slope": _slope(error, samples, counts),
             "rate": own.rate,
             "wall_rate": own.noise * median_over_seeds(times.wall, counts),
-            "bias": bias_replicates(error.bias, counts, error.tile_errors["bias"]),
+            "bias": _bias(error, counts),
             "energy": _energy(error, errors[0], counts),
             "better_until": _better_until(own, sources[0]),
         }
@@ -166,9 +165,23 @@ def measurements(
     return found
 
 
+def _bias(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+    found = over_pairs(error.bias, counts)
+    own = math.sqrt(error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
+    return spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+
+
+def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+    """Return the noise of a picture, spread by its logarithm, as it is above 0."""
+    found = over_pairs(error.noise[-1], counts)
+    own = math.sqrt(float(found.var()) + error.weight_variances["noise"])
+    spread = max(own, error.tile_errors["noise"]) / found[0]
+    return np.asarray(found[0] * np.exp(spread_about(0.0, np.log(found / found[0]), spread)))
+
+
 def _energy(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
     found = over_seeds(error.brightness, counts) / over_seeds(reference.brightness, counts) - 1
-    return widened(found[0], found, error.tile_errors["energy"])
+    return spread_about(found[0], found, max(float(found.std()), error.tile_errors["energy"]))
 
 
 def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:

@@ -68,29 +68,10 @@ def error_over_pairs(matrix: Array) -> float:
     return math.sqrt(max(spread, float(np.mean((values - mean) ** 2)) / len(values)))
 
 
-def bias_replicates(matrix: Array, counts: NDArray[np.int64], least_error: float = 0.0) -> Array:
-    """Return `over_pairs` of draws, spread about the estimate as its standard error asks for.
-
-    Parameters
-    ----------
-    matrix, counts
-        As for `over_pairs`.
-    least_error
-        Standard error that the estimate has for other reasons than the seeds.
-    """
-    value = over_pairs(matrix, once(len(matrix)))[0]
-    return spread_about(value, over_pairs(matrix, counts), max(error_over_pairs(matrix), least_error))
-
-
 def spread_about(value: float, replicates: Array, error: float) -> Array:
     """Return replicates moved away from an estimate, or towards it, so that their standard deviation is its error."""
     spread = float(replicates.std())
     return np.asarray(value + (replicates - value) * (error / spread if spread > 0 else 0.0))
-
-
-def widened(value: float, replicates: Array, least_error: float) -> Array:
-    """Return replicates spread about an estimate by at least a standard error."""
-    return spread_about(value, replicates, max(float(replicates.std()), least_error))
 
 
 def over_seeds(values: Array, counts: NDArray[np.int64]) -> Array:
