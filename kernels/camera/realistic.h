@@ -7,21 +7,31 @@
 #include "lens/pupil.h"
 #include "lens/trace.h"
 
-static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
-                            const __global float *tables, const __global Surface *surfaces,
-                            const __global float *stop)
+// A ray on its way through the lens, and what its weight needs.
+typedef struct {
+    LensPath path;
+    Aim      at;
+    F        fx, fy, length2;
+} Underway;
+
+static Underway enter_camera(Lane lane, F4 u, F wavelength, const __global Camera *camera, const __global float *tables)
+{
+    Underway ray;
+    ray.fx = -film_x(lane, u.a, camera) * camera->a.x;      // a lens inverts: right in the picture is left on the film
+    ray.fy = -film_y(lane, u.b, camera) * camera->a.y;
+    ray.at = aim(ray.fx, ray.fy, u.c, u.d, camera, tables);
+    F3 d = f3(ray.at.x - ray.fx, ray.at.y - ray.fy, (F)(camera->a.z));
+    ray.length2 = dot3(d, d);
+    ray.path = enter_lens(f3(ray.fx, ray.fy, ZERO), scale(d, ONE / sqrt(ray.length2)), wavelength);
+    return ray;
+}
+
+static CameraRay leave_camera(Underway ray, const __global Camera *camera)
 {
     CameraRay r;
-    F fx = -film_x(lane, u.a, camera) * camera->a.x;      // a lens inverts: right in the picture is left on the film
-    F fy = -film_y(lane, u.b, camera) * camera->a.y;
-    Aim at = aim(fx, fy, u.c, u.d, camera, tables);
-    F z = (F)(camera->a.z);
-    F3 d = f3(at.x - fx, at.y - fy, z);
-    F length2 = dot3(d, d);
-    d = scale(d, ONE / sqrt(length2));
-    LensRay out = trace_lens(f3(fx, fy, ZERO), d, wavelength, surfaces, camera->count, stop);
-    F cos2_over_length2 = z / length2;                     // cos^2 / Z, as cos^2 = Z^2 / length^2
-    F weight = camera->a.w * at.inverse_density * cos2_over_length2 * cos2_over_length2;
+    LensRay out = leave_lens(&ray.path);
+    F cos2_over_length2 = camera->a.z / ray.length2;        // cos^2 / Z, as cos^2 = Z^2 / length^2
+    F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;
 #if LENS_LOSSES
     weight *= out.transmittance;
 #endif
@@ -30,8 +40,18 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     r.d = select3(out.passed, f3(out.d.x, out.d.y, -out.d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z
     r.weight = out.passed ? weight : ZERO;
 #if HALF_PUPIL
-    r.weight = of_half(r.weight, at.x, at.y, fx, fy, camera);
+    r.weight = of_half(r.weight, ray.at.x, ray.at.y, ray.fx, ray.fy, camera);
 #endif
-    r.status = at.inverse_density > 0.0f ? out.status : (I)(RAY_CLIPPED);
+    r.status = ray.at.inverse_density > 0.0f ? out.status : (I)(RAY_CLIPPED);
     return r;
+}
+
+static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
+                            const __global float *tables, const __global Surface *surfaces,
+                            const __global float *stop)
+{
+    Underway ray = enter_camera(lane, u, wavelength, camera, tables);
+    for (int k = 0; k < camera->count; ++k)
+        cross_surface(&ray.path, surfaces + k, stop);
+    return leave_camera(ray, camera);
 }

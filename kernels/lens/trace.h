@@ -83,6 +83,7 @@ typedef struct {
 #endif
 } LensPath;
 
+// `wavelength` in nanometres.
 static LensPath enter_lens(F3 p, F3 d, F wavelength)
 {
     LensPath path;
@@ -217,16 +218,6 @@ static LensRay leave_lens(const LensPath *path)
     ray.status = ray.passed ? (I)(RAY_OK) : reason;
     ray.surface = ray.passed ? (I)(-1) : path->crossed;
     return ray;
-}
-
-// `wavelength` in nanometres.
-static LensRay trace_lens(F3 p, F3 d, F wavelength, const __global Surface *surfaces, int count,
-                          const __global real *stop)
-{
-    LensPath path = enter_lens(p, d, wavelength);
-    for (int k = 0; k < count; ++k)
-        cross_surface(&path, surfaces + k, stop);
-    return leave_lens(&path);
 }
 
 #endif

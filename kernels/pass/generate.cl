@@ -1,7 +1,7 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
 // records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, TIME, HUE, and clears
 // L, PDF and REACH.
-// Facts: CAMERA_FILE, CAMERA_HAS_LENS, STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
+// Facts: CAMERA_FILE, CAMERA_HAS_LENS, CAMERA_PACKETS (packets of lanes per work item), STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
 #include CAMERA_FILE
 #include "camera/filter.h"
 #if MOVES
@@ -17,35 +17,49 @@ static F3 in_world(const __global Camera *c, F3 v)
               c->right.z * v.x + c->up.z * v.y + c->back.z * v.z);
 }
 
-__kernel void generate(const __global Camera  *camera,
-                       const __global float   *tables,     // pupil circles of a lens camera
-                       const __global Surface *surfaces,   // of a lens camera, film side first
-                       const __global float   *stop,       // shape of its stop
-                       __global uint          *counters,   // rays by status
-                       __global float         *state,      // path state
-                       uint                    capacity,   // slots in the state
-                       Wave                    wave,
-                       const __global uint    *tiles,      // that are rendered
-                       const __global float   *filter,     // of the film
-                       const __global float   *colours     // wavelengths, common/wavelength.h
-#if MOVES
-                     , const __global float4  *course      // of shutter and camera
-#endif
-                       )
-{
-    uint slot = get_global_id(0) * VW;
-    Lane lane = lane_of(slot, wave, tiles);
-    F4 u = random4(lane.pixel, lane.sample, (U)(0u), wave.seed);
+// What a ray is made of before it enters the camera.
+typedef struct {
+    Lane lane;
+    F4   u;
+    F    wavelength;
 #if FILTER
-    F sign = filter_sign(&u.a, filter) * filter_sign(&u.b, filter);
+    F    sign;
 #endif
 #if SPECTRUM
-    F hue = hue_of(lane.pixel, lane.sample, wave.seed);
-    F wavelength = wavelength_of(hue, colours);
-#else
-    F wavelength = (F)(camera->wavelength);
+    F    hue;
 #endif
-    CameraRay ray = camera_ray(lane, u, wavelength, camera, tables, surfaces, stop);
+} Draw;
+
+static Draw draw_of(uint slot, Wave wave, const __global uint *tiles, const __global Camera *camera,
+                    const __global float *filter, const __global float *colours)
+{
+    Draw draw;
+    draw.lane = lane_of(slot, wave, tiles);
+    draw.u = random4(draw.lane.pixel, draw.lane.sample, (U)(0u), wave.seed);
+#if FILTER
+    draw.sign = filter_sign(&draw.u.a, filter) * filter_sign(&draw.u.b, filter);
+#endif
+#if SPECTRUM
+    draw.hue = hue_of(draw.lane.pixel, draw.lane.sample, wave.seed);
+    draw.wavelength = wavelength_of(draw.hue, colours);
+#else
+    draw.wavelength = (F)(camera->wavelength);
+#endif
+    return draw;
+}
+
+#if MOVES
+#define COURSE_PARAMETER , const __global float4 *course      // of shutter and camera
+#define COURSE , course
+#else
+#define COURSE_PARAMETER
+#define COURSE
+#endif
+
+static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __global Camera *camera,
+                       __global uint *counters, __global float *state, uint capacity COURSE_PARAMETER)
+{
+    Lane lane = draw.lane;
     I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
     if (ANY(ray.status != RAY_OK))                              // those that passed are the rest
@@ -68,7 +82,7 @@ __kernel void generate(const __global Camera  *camera,
 #endif
     F weight = alive ? ray.weight * camera->exposure : ZERO;
 #if FILTER
-    weight *= sign;
+    weight *= draw.sign;
 #endif
 #if STREAM
     Eight record;
@@ -90,11 +104,43 @@ __kernel void generate(const __global Camera  *camera,
 #endif
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if SPECTRUM
-    WRITE_F(HUE, slot, hue);
+    WRITE_F(HUE, slot, draw.hue);
 #endif
 #if HAS_EMITTERS
     WRITE_F(REACH, slot, ZERO);
     WRITE_F(PDF, slot, ZERO);
 #endif
+#endif
+}
+
+__kernel void generate(const __global Camera  *camera,
+                       const __global float   *tables,     // pupil circles of a lens camera
+                       const __global Surface *surfaces,   // of a lens camera, film side first
+                       const __global float   *stop,       // shape of its stop
+                       __global uint          *counters,   // rays by status
+                       __global float         *state,      // path state
+                       uint                    capacity,   // slots in the state
+                       Wave                    wave,
+                       const __global uint    *tiles,      // that are rendered
+                       const __global float   *filter,     // of the film
+                       const __global float   *colours     // wavelengths, common/wavelength.h
+                       COURSE_PARAMETER)
+{
+    uint slot = get_global_id(0) * (VW * CAMERA_PACKETS);
+    Draw draw = draw_of(slot, wave, tiles, camera, filter, colours);
+#if CAMERA_PACKETS == 2
+    // A surface is a long chain of roots and divisions that leaves room for another.
+    Draw other = draw_of(slot + VW, wave, tiles, camera, filter, colours);
+    Underway first = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
+    Underway second = enter_camera(other.lane, other.u, other.wavelength, camera, tables);
+    for (int k = 0; k < camera->count; ++k) {
+        cross_surface(&first.path, surfaces + k, stop);
+        cross_surface(&second.path, surfaces + k, stop);
+    }
+    start_path(draw, leave_camera(first, camera), slot, wave, camera, counters, state, capacity COURSE);
+    start_path(other, leave_camera(second, camera), slot + VW, wave, camera, counters, state, capacity COURSE);
+#else
+    CameraRay ray = camera_ray(draw.lane, draw.u, draw.wavelength, camera, tables, surfaces, stop);
+    start_path(draw, ray, slot, wave, camera, counters, state, capacity COURSE);
 #endif
 }

@@ -64,9 +64,13 @@ class Pose(SceneModel):
 
     @model_validator(mode="after")
     def _check_motion(self) -> Self:
-        poses = [self.pose_at(frame.time_s) for frame in self.motion]
-        for index, (first, second) in enumerate(zip(poses, poses[1:] or poses, strict=False)):
-            if not _keeps_a_view(first, second):
+        if not self.motion:
+            return self
+        own = np.array([self.eye, self.target, self.up])
+        poses = np.array([self._pose_of(index, own) for index in range(len(self.motion))])
+        following = np.concatenate([poses[1:], poses[-1:]])
+        for index in np.flatnonzero(~_turns_little(poses, following)).tolist():
+            if not _keeps_a_view(poses[index], following[index]):
                 raise refuse(
                     "leads to a moment without a viewing direction, or with one parallel to up",
                     got=self.motion[index].time_s,
@@ -103,6 +107,18 @@ def pose_matrix(pose: Vector) -> Vector:
     matrix = np.eye(4)
     matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(back, right), back, eye
     return matrix
+
+
+def _turns_little(first: Vector, second: Vector) -> NDArray[np.bool_]:
+    """Return where (n,) a camera between two poses (n, 3, 3) surely keeps a view, as it hardly turns."""
+    view, up = first[:, 1] - first[:, 0], first[:, 2]
+    view_step, up_step = second[:, 1] - second[:, 0] - view, second[:, 2] - up
+    view_length, up_length, view_change, up_change = (
+        np.linalg.norm(vectors, axis=1) for vectors in (view, up, view_step, up_step)
+    )
+    side = np.linalg.norm(np.cross(up, view), axis=1)
+    change = up_change * view_length + up_length * view_change + up_change * view_change
+    return np.asarray(side - change > 0.01 * view_length * up_length)
 
 
 def _keeps_a_view(first: Vector, second: Vector) -> bool:

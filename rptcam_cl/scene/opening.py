@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rptcam_cl.scene.change import change_scene
+from rptcam_cl.scene.camera import Pose
 from rptcam_cl.scene.scene import Scene
 
 
@@ -11,11 +11,17 @@ def at_opening(scene: Scene) -> Scene:
 
     The lens is set there and stays as it is.
     """
-    camera = scene.camera
-    if not camera.motion:
+    if not scene.camera.motion:
         return scene
-    names = ("eye", "target", "up")
-    places = [frame.time_s for frame in camera.motion]
-    frames = [{"time_s": time} | dict(zip(names, camera.pose_at(time).tolist(), strict=True)) for time in places]
-    pose = dict(zip(names, camera.pose_at(scene.shutter.open_s).tolist(), strict=True))
-    return change_scene(scene, camera=pose | {"motion": frames})
+    return scene.model_copy(update={"camera": _moved(scene.camera, scene.shutter.open_s)})
+
+
+def _moved(camera: Pose, time_s: float) -> Pose:
+    """Return a camera at the place that it has at a moment, on the same way."""
+    given = {"eye": camera.eye, "target": camera.target, "up": camera.up}
+    frames = tuple(
+        frame.model_copy(update={key: value for key, value in given.items() if getattr(frame, key) is None})
+        for frame in camera.motion
+    )
+    eye, target, up = (tuple(row.tolist()) for row in camera.pose_at(time_s))
+    return camera.model_copy(update={"eye": eye, "target": target, "up": up, "motion": frames})

@@ -87,6 +87,7 @@ class Wavefront:
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
         lanes = session.lanes
+        self._packets = 2 if plan.camera.has_lens and lanes > 1 else 1  # of lanes per work item that trace a lens
         self._lanes = {"trace": lanes, "camera": LENS_LANES if plan.camera.has_lens and lanes > 1 else lanes}
         self._allocate(plan, buffers)
         self._build(plan)
@@ -121,6 +122,7 @@ class Wavefront:
             "MOVES": plan.facts["MOVES"],
             "CAMERA_LEGS": plan.facts["CAMERA_LEGS"],
             "STREAM": int(self.organisation == "stream"),
+            "CAMERA_PACKETS": self._packets,
             "VW": self._lanes["camera"],
         }
         self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
@@ -238,7 +240,7 @@ class Wavefront:
         tiles = self.tiles[first_pixel // TILE_PIXELS : (first_pixel + pixels) // TILE_PIXELS]
         self._enqueued += samples * int(self.layout.pixels_of_tile[tiles].sum())
         self._generate.set(WAVE_OF_GENERATE, wave)
-        self._run(self._generate, slots // self._lanes["camera"])
+        self._run(self._generate, slots // (self._packets * self._lanes["camera"]))
         if self._layers is not None and first_sample < self.settings.layers_spp:
             seen = min(samples, self.settings.layers_spp - first_sample)
             self._layers.set_wave(self._wave_bytes(first_pixel, pixels, first_sample, seen))

@@ -146,7 +146,13 @@ def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lan
 def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream):
     lens = int(camera == "realistic")
     for rest, shape in ((0, "APERTURE_ROWS"), (1, "APERTURE_PARTS")):
-        facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_HAS_LENS": lens, "STREAM": stream, "VW": lanes}
+        facts = {
+            "CAMERA_FILE": f"camera/{camera}.h",
+            "CAMERA_HAS_LENS": lens,
+            "CAMERA_PACKETS": 1 + lens * rest,
+            "STREAM": stream,
+            "VW": lanes,
+        }
         facts |= {"HAS_EMITTERS": rest, shape: 9, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
         facts |= {"SPECTRUM": rest, "HUE_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
         facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream), **dict.fromkeys(LOSSES, rest)}
