@@ -62,11 +62,11 @@ def relative_variance(pictures: NDArray[np.float64]) -> float:
 def measure(scene: Scene, session: Session, counts: list[int], seeds: int) -> dict[int, tuple[float, float]]:
     """Return relative variance per sample and device time per sample [ns], by samples per pixel."""
     wavefront = wavefront_of(scene, session)
-    base, found = wavefront.settings, {}
+    found = {}
     for spp in counts:
         pictures, seconds = [], 0.0
         for seed in range(seeds):
-            wavefront.settings = base.model_copy(update={"seed": seed})
+            wavefront.seed = seed
             wavefront.clear()
             seconds += timed(lambda spp=spp: render_samples(wavefront, spp)).cpu  # type: ignore[misc]
             pictures.append(wavefront.picture(spp).astype(float))

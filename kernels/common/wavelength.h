@@ -3,14 +3,15 @@
 // green and blue of the film, and one row more. Spectral light follows its hue at two wavelengths more, a third and two
 // thirds of the cells ahead (hero wavelengths: Wilkie et al. 2014); the table then goes on with the share of each cell's
 // light that a red, a green and a blue surface reflect and the light of white, then with the spectra of the scene.
-// A hue with its sign bit set belongs to a path that glass has split: the first wavelength alone stays on it.
+// A hue with its sign bit set belongs to a path that glass has split: only then RGB light is weighted by its wavelength, and
+// of spectral light the first wavelength alone stays.
 // Facts: SPECTRUM, HUE_CELLS, HUES (whether colours are wanted at these wavelengths), HAS_SPECTRA, LENS_SPLITS.
 #ifndef WAVELENGTH_H
 #define WAVELENGTH_H
 #include "common/math.h"
 #include "common/sampler.h"
 
-#if LENS_SPLITS
+#if LENS_SPLITS && SPECTRUM == SPECTRUM_SPECTRAL
 #define FIRST_BETA f3((F)(3.0f), ZERO, ZERO)      // the lens lets one of three wavelengths pass on a path
 #else
 #define FIRST_BETA f3(ONE, ONE, ONE)
@@ -72,10 +73,19 @@ static F3 film_value(F3 light, F hue, const __global float *colours)
     return scale(sum, (F)(1.0f / 3.0f));
 }
 #else
-// What a path's light adds to the film: its red, green and blue, each by how much of it has the path's wavelength.
+// How much of red, green and blue light has the path's wavelength: 1 in the mean.
+static F3 share_of_wavelength(F hue, const __global float *colours)
+{
+    return cell_weight(TO_I(absolute(hue) * (float)HUE_CELLS), colours);
+}
+
+// What a path's light adds to the film. What glass of the scene has split is weighted already.
 static F3 film_value(F3 light, F hue, const __global float *colours)
 {
-    return mul(light, cell_weight(TO_I(hue * (float)HUE_CELLS), colours));
+#if LENS_SPLITS
+    light = mul(light, share_of_wavelength(hue, colours));
+#endif
+    return light;
 }
 #endif
 #endif

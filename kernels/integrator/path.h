@@ -124,11 +124,16 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     F choice = ZERO;
 #endif
     Vertex vertex = vertex_of(path->ray, hit, on, choice, scene);
-#if HAS_DISPERSION && HUES
-    // Glass that bends each wavelength by itself leaves a path one of the three, which stands for all.
+#if HAS_DISPERSION && !LENS_SPLITS
+    // Glass that bends each wavelength by itself leaves a path one of them, which stands for all.
     I splits = on & vertex.splits & (AS_I(path->hue) >= 0);
     if (ANY(splits)) {
-        path->beta = select3(splits, f3(3.0f * path->beta.x, ZERO, ZERO), path->beta);
+#if HUES
+        F3 one = f3(3.0f * path->beta.x, ZERO, ZERO);
+#else
+        F3 one = mul(path->beta, share_of_wavelength(path->hue, scene.colours));
+#endif
+        path->beta = select3(splits, one, path->beta);
         path->hue = splits ? AS_F(AS_I(path->hue) | SIGN_BIT) : path->hue;
     }
 #endif

@@ -51,7 +51,7 @@ __kernel void shade(SCENE_PARAMETERS,
     scene.inverse = inverse_wavelength(path.hue, scene.colours);
 #endif
     ShadowRay shadow = shade_vertex(&path, hit, scene, rules_of(wave, limits));
-#if HUES
+#if HAS_DISPERSION
     WRITE_F(HUE, slot, path.hue);
 #endif
     WRITE_F3(L, slot, path.radiance);

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras import CameraModel, camera_model
 from rptcam_cl.errors import InputError
 from rptcam_cl.kinds import SpectrumKind
+from rptcam_cl.plan.colour import LUMINANCE
 from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.materials import Materials
 from rptcam_cl.scene.scene import Scene
@@ -108,7 +109,7 @@ def seen_by(
         told["observer"], matching = _observer(scene)
         spectrum = _spectral(matching, axial, spectra, (low, high), lens=lens)
     elif settings.mode != "rgb" and (lens or glass):
-        spectrum = _dispersive(axial, (low, high))
+        spectrum = _dispersive(axial, (low, high), lens=lens)
     else:
         spectrum = Spectrum(SpectrumKind.RGB)
     told |= {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
@@ -116,12 +117,22 @@ def seen_by(
     return camera, replace(spectrum, facts=facts, metadata=told)
 
 
-def _dispersive(axial: AxialColour, range_nm: tuple[float, float]) -> Spectrum:
+def _dispersive(axial: AxialColour, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
     """Return the spectrum of RGB light whose paths have a wavelength each."""
     spectra = primary_spectra()
-    table = hue_table(spectra, spectra.mean(axis=1), *range_nm)
+    table = hue_table(spectra, least_noise(spectra), *range_nm)
     table[:, 1:] /= _left_of_white(table, np.ones(HUE_CELLS), axial)
-    return Spectrum(SpectrumKind.DISPERSIVE, table.ravel())
+    return Spectrum(SpectrumKind.DISPERSIVE, table.ravel(), {"LENS_SPLITS": int(lens)})
+
+
+def least_noise(spectra: Array) -> Array:
+    """Return the density of wavelengths with which light of these spectra (401, 3) has the least noise in grey.
+
+    The variances of its luminance and of the differences of red and of blue to it count alike; their sum is least where
+    the density goes with the root of the sum of their squares.
+    """
+    bright = spectra @ LUMINANCE
+    return np.asarray(np.sqrt(bright**2 + (spectra[:, 0] - bright) ** 2 + (spectra[:, 2] - bright) ** 2))
 
 
 def _observer(scene: Scene) -> tuple[str, Array]:

@@ -9,7 +9,7 @@ from scipy import stats
 import rptcam_cl
 from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan
-from rptcam_cl.plan.spectrum import HUE_CELLS, hue_table, primary_spectra
+from rptcam_cl.plan.spectrum import HUE_CELLS, hue_table, least_noise, primary_spectra
 from rptcam_cl.records import device_declarations
 from rptcam_cl.scene import load_scene
 from rptcam_cl.spectra import WAVELENGTHS_NM
@@ -225,7 +225,7 @@ def test_weights_of_all_wavelengths_average_to_one():
     np.testing.assert_allclose(spectra.sum(axis=0), 1)
     assert (spectra >= 0).all()
     for low, high in ((380, 780), (420.5, 699.2)):
-        table = hue_table(spectra, spectra.mean(axis=1), low, high)
+        table = hue_table(spectra, least_noise(spectra), low, high)
         assert table.shape == (HUE_CELLS + 1, 4)
         np.testing.assert_allclose(table[:-1, 1:].mean(axis=0), 1, rtol=1e-6)
         assert (np.diff(table[:, 0]) > 0).all()
@@ -237,7 +237,7 @@ def test_weights_of_all_wavelengths_average_to_one():
 
 def test_wavelengths_are_drawn_by_their_density():
     spectra = primary_spectra()
-    density = spectra.mean(axis=1)
+    density = least_noise(spectra)
     table = hue_table(spectra, density, 380, 780)
     hues = np.random.default_rng(1).random(200_000)
     starts = table[:, 0].astype(float)
