@@ -31,7 +31,7 @@ def stop_shape(name: str, title: str, aperture: str) -> Figure:
 
 def targets(name: str, title: str, *changes: str) -> Figure:
     """Return the three cards with some changes."""
-    return Figure(f"assignment_{name}", title, "figures/targets.yaml", changes, (300, 200), 512)
+    return Figure(f"assignment_{name}", title, "assignment/cards.yaml", changes, (300, 200), 512)
 
 
 def focused(metres: str) -> Figure:

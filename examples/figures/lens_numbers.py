@@ -11,6 +11,7 @@ from rptcam_cl.api import TraceableLens
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
 from rptcam_cl.optics.focus import film_distance, object_distance
+from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.summary import image_circle, stop_diameter_by_sine
 
 NEAR_AXIS = 0.01  # share of the clear radius
@@ -72,10 +73,13 @@ def paper_singlet(index: float = 1.8, diameter: float = 0.4) -> TraceableLens:
     return load_lens({"name": "single lens", "surfaces": surfaces})
 
 
-def blur_on_film(lens: TraceableLens, film_mm: float, object_to_film_mm: float) -> float:
+def blur_on_film(
+    lens: TraceableLens, film_mm: float, object_to_film_mm: float, wavelength_nm: float = WAVELENGTH_D
+) -> float:
     """Return the diameter [mm] of the blur of a point on the axis, to first order: by a traced ray near the axis."""
     front = object_to_film_mm - lens.length - film_mm
-    rays = lens.trace([[0, 0, -front]], [[0, NEAR_AXIS * lens.surfaces[0].semi_diameter, front]], start="scene")
+    aim = [[0, NEAR_AXIS * lens.surfaces[0].semi_diameter, front]]
+    rays = lens.trace([[0, 0, -front]], aim, wavelength_nm, start="scene")
     (origin,), (direction,) = rays.origins, rays.directions
     height = origin[1] + direction[1] / direction[2] * (lens.length + film_mm - origin[2])
     return 2 * abs(float(height)) / NEAR_AXIS

@@ -2,28 +2,51 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
+from examples.figures.colour_numbers import (
+    DOUBLET,
+    DOUBLET_PLACED,
+    PLACED,
+    blurs_by_wavelength,
+    focus_by_wavelength,
+    singlet,
+)
 from examples.figures.figure import Figure, Group, Section
 from examples.figures.film_numbers import blurs_of_distances, blurs_of_stops
 from examples.figures.lens_numbers import doublet_of_the_paper, indices, placements
 
+QUARTER = "film.crop=[0.42, 0.92, 0.3, 0.8]"
+FILM = "camera.focus.film_distance_mm"
 CROP = "film.crop=[0.06, 0.94, 0.29, 0.8]"
 
 
 def bokeh(name: str, title: str, aperture: str) -> Figure:
     """Return figure 1 through one opening."""
     changes = (CROP, f"camera.aperture={aperture}", "picture.ev=0.5")
-    return Figure(f"paper_1_{name}", title, "figures/bokeh.yaml", changes, (400, 300), 1024)
+    return Figure(f"paper_1_{name}", title, "paper/figure_1.yaml", changes, (400, 300), 1024)
 
 
 def basic(name: str, title: str, *changes: str) -> Figure:
     """Return the scene of figures 2 and 3 with some changes."""
-    return Figure(f"paper_{name}", title, "figures/basic.yaml", (*changes, "picture.ev=1"), spp=512)
+    return Figure(f"paper_{name}", title, "paper/figure_2.yaml", (*changes, "picture.ev=1"), spp=512)
+
+
+def inline(lens: dict[str, Any]) -> str:
+    """Return a lens as a value for the command line."""
+    return json.dumps(lens)
+
+
+def colour(name: str, title: str, *changes: str) -> Figure:
+    """Return a quarter of the picture of figures 4 and 7 with some changes."""
+    return Figure(f"paper_{name}", title, "paper/figure_4.yaml", (*changes, QUARTER), (640, 480), 1024)
 
 
 def distance(units: int) -> Figure:
     """Return figure 5 focused at a distance."""
     changes = (f"camera.focus.distance_m={units / 1000:g}",)
-    return Figure(f"paper_5_{units}", f"{units} units", "figures/distances.yaml", changes, spp=512)
+    return Figure(f"paper_5_{units}", f"{units} units", "paper/figure_5.yaml", changes, spp=512)
 
 
 PAPER = Section(
@@ -82,6 +105,19 @@ to the balls at the sides (n = 2.3) and to the small one (n = 3.5). The lens dis
             (indices,),
         ),
         Group(
+            "Figure 4: three Abbe numbers",
+            """\
+One index of 1.8 at 589.3 nm, linear in the wavelength as the paper has it, and Abbe numbers from glass (200 has
+hardly any colour) to what no glass does (3). Shown is a quarter of the picture. Lamps get fringes, since for blue
+the plane of focus lies nearer than for red.""",
+            (
+                colour("4_v200", "V = 200", "camera.lens.surfaces.0.glass.linear_abbe.v=200"),
+                colour("4_v10", "V = 10", "camera.lens.surfaces.0.glass.linear_abbe.v=10"),
+                colour("4_v3", "V = 3", "camera.lens.surfaces.0.glass.linear_abbe.v=3"),
+            ),
+            (blurs_by_wavelength,),
+        ),
+        Group(
             "Figure 5: four distances in focus",
             """\
 Four balls whose size grows with their distance; one after the other is sharp. "Formula" is the closed form, "our
@@ -89,6 +125,20 @@ lens" a ray near the axis, "our film" the blur that the camera's own rays leave,
 lens included: that is why it is not 0 in focus.""",
             tuple(distance(units) for units in (15, 20, 25, 30)),
             (blurs_of_distances,),
+        ),
+        Group(
+            "Figure 7: singlet and achromat",
+            """\
+Both focused 18 units from the film, on the middle ball; shown is a quarter of the picture. The doublet's two glasses
+have Abbe numbers of 3 and 1, and its power, taken as thin, is the same at every wavelength. The single lens has
+purple fringes; through the doublet a thread of orange is left, and the box is out of focus without colour.""",
+            (
+                colour(
+                    "7_singlet", "single lens, V = 3", f"camera.lens={inline(singlet(3, 0.2))}", f"{FILM}={PLACED[18]}"
+                ),
+                colour("7_doublet", "doublet", f"camera.lens={inline(DOUBLET)}", f"{FILM}={DOUBLET_PLACED}"),
+            ),
+            (focus_by_wavelength,),
         ),
         Group(
             "Closed forms",

@@ -11,7 +11,9 @@ from pydantic import ValidationError
 from rptcam_cl.autofocus.contrast import focus_by_contrast, focus_by_laplacian
 from rptcam_cl.autofocus.depth import focus_by_depth
 from rptcam_cl.autofocus.drives import focus_drive
+from rptcam_cl.autofocus.hybrid import focus_by_hybrid
 from rptcam_cl.autofocus.looks import Look
+from rptcam_cl.autofocus.phase import focus_by_phase
 from rptcam_cl.autofocus.policy import Policy
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.autofocus.renderer import ProbeRenderer
@@ -32,6 +34,8 @@ METHODS: dict[str, Callable[[Task], FocusReport]] = {
     "laplacian": focus_by_laplacian,
     "variance": focus_by_variance,
     "depth": focus_by_depth,
+    "phase": focus_by_phase,
+    "hybrid": focus_by_hybrid,
 }
 MIDDLE = Zone(0.45, 0.55, 0.43, 0.57)  # 1.4 % of the picture
 PLACES = ("zones", "zones_from", "point", "object")

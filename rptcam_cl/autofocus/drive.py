@@ -5,8 +5,12 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.cameras import CameraModel
+from rptcam_cl.cameras.pupil_rays import PupilRays
 from rptcam_cl.scene.scene import Scene
 
 CIRCLES_PER_DIAGONAL = 1500  # circle of confusion: 0.029 mm on 36 x 24 mm, the convention of depth-of-field scales
@@ -40,6 +44,10 @@ class Drive(ABC):
     @abstractmethod
     def image_scale(self, state: float, reference: float) -> float:
         """Return how large a state draws what is sharp in another one, against that one."""
+
+    @abstractmethod
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+        """Return the rays of places (m, 2) of the picture [pixels], in float64."""
 
     @abstractmethod
     def film_distance(self, state: float) -> float:

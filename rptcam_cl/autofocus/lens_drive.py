@@ -8,11 +8,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.autofocus.drive import Drive, circle_of_confusion
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.cameras import CameraModel, realistic, thick_lens
 from rptcam_cl.cameras.lens_setting import LensSetting, film_point, lens_setting
+from rptcam_cl.cameras.pupil_rays import PupilRays, lens_rays
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
@@ -77,6 +79,11 @@ class LensDrive(Drive):
         if not isinstance(self.own_camera, RealisticCamera):
             return thick_lens.model_of(scene, setting)
         return realistic.model_of(scene, setting, [self._window(scene, zone) for zone in zones])
+
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+        """Return the rays of places of the picture."""
+        lens, back_mm = self.lens_at(state)
+        return lens_rays(scene, LensSetting(stopped(lens, stop), back_mm, None, self.own_camera), places)
 
     def _window(self, scene: Scene, zone: Zone) -> tuple[float, float, float, float]:
         """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""

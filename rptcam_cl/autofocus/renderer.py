@@ -20,11 +20,13 @@ from rptcam_cl.autofocus.first_hits import first_hits
 from rptcam_cl.autofocus.probe import Zone, ZoneImage
 from rptcam_cl.cameras import CameraModel
 from rptcam_cl.cameras.exposure import exposed
+from rptcam_cl.cameras.pupil_rays import PupilRays
 from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import Scene, change_scene
 from rptcam_cl.scene.exposure import Exposure
+from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.opening import at_opening
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.buffers import SceneBuffers
@@ -64,6 +66,7 @@ class ProbeRenderer:
         self.samples, self.seconds = 0, 0.0
         self._buffers: SceneBuffers | None = None
         self._zones: tuple[Zone, ...] = ()
+        self._margin = (0, 0)
         self._wavefronts: dict[tuple[tuple[str, int], ...], Wavefront] = {}
 
     @property
@@ -130,13 +133,30 @@ class ProbeRenderer:
         film = self._seen.film.model_copy(update={"size_mm": (width * 1e3 * scale, height * 1e3 * scale)})
         return self._seen.model_copy(update={"film": film})
 
-    def look_at(self, zones: Sequence[Zone]) -> None:
-        """Choose the zones of the looks that follow."""
-        if tuple(zones) != self._zones:
-            self._zones = tuple(zones)
+    def camera(self, state: float, stop: float = 1.0) -> CameraModel:
+        """Return the camera in a state for the device; it sees the chosen zones and their margin."""
+        width, height = self._seen.film.resolution
+        shown = [self._shown(zone) for zone in self._zones]
+        zones = [Zone(x0 / width, x1 / width, y0 / height, y1 / height) for x0, x1, y0, y1 in shown]
+        return self.drive.camera(self._seen, state, stop, zones)
+
+    def rays(self, state: float, places: NDArray[np.float64], stop: float = 1.0) -> PupilRays:
+        """Return the rays of places [pixels] of the film that the zones are seen on."""
+        return self.drive.rays(self._seen, state, stop, places)
+
+    def look_at(self, zones: Sequence[Zone], margin: tuple[int, int] = (0, 0)) -> None:
+        """Choose the zones of the looks that follow, and how many pixels across and down to see beyond them."""
+        if (tuple(zones), margin) != (self._zones, self._margin):
+            if tuple(zones) != self._zones:
+                self.__dict__.pop("_seen", None)
+            self._zones, self._margin = tuple(zones), margin
             self._wavefronts.clear()
-            self.__dict__.pop("_seen", None)
             self.__dict__.pop("_layout", None)
+
+    @property
+    def film(self) -> Film:
+        """The film that the zones are seen on."""
+        return self._seen.film
 
     @cached_property
     def _seen(self) -> Scene:
@@ -155,7 +175,7 @@ class ProbeRenderer:
     def _layout(self) -> FilmLayout:
         """The part of the film that holds all zones."""
         width, height = self._seen.film.resolution
-        corners = np.array([self._pixels_of(zone) for zone in self._zones])
+        corners = np.array([self._shown(zone) for zone in self._zones])
         (x0, _, y0, _), (_, x1, _, y1) = corners.min(axis=0).tolist(), corners.max(axis=0).tolist()
         return FilmLayout(width, height, x0, y0, x1 - x0, y1 - y0)
 
@@ -165,12 +185,23 @@ class ProbeRenderer:
         x0, y0 = min(math.floor(zone.left * width), width - 1), min(math.floor(zone.top * height), height - 1)
         return x0, max(math.ceil(zone.right * width), x0 + 1), y0, max(math.ceil(zone.bottom * height), y0 + 1)
 
+    def _shown(self, zone: Zone) -> tuple[int, int, int, int]:
+        """Return the columns and rows of a zone with the margin, as far as the film goes."""
+        (width, height), (across, down) = self._seen.film.resolution, self._margin
+        x0, x1, y0, y1 = self._pixels_of(zone)
+        return max(x0 - across, 0), min(x1 + across, width), max(y0 - down, 0), min(y1 + down, height)
+
+    def margins(self, zone: Zone) -> tuple[int, int, int, int]:
+        """Return how many pixels are seen beyond a zone: left, right, above, below."""
+        (x0, x1, y0, y1), (left, right, top, bottom) = self._pixels_of(zone), self._shown(zone)
+        return x0 - left, right - x1, y0 - top, bottom - y1
+
     def _tiles(self) -> NDArray[np.uint32]:
         """Return the tiles of the layout that zones touch."""
         layout = self._layout
         touched = np.zeros((-(-layout.height // TILE), layout.tiles_across), np.bool_)
         for zone in self._zones:
-            x0, x1, y0, y1 = self._pixels_of(zone)
+            x0, x1, y0, y1 = self._shown(zone)
             rows = slice((y0 - layout.y) // TILE, (y1 - layout.y - 1) // TILE + 1)
             touched[rows, (x0 - layout.x) // TILE : (x1 - layout.x - 1) // TILE + 1] = True
         return np.flatnonzero(touched).astype(np.uint32)
@@ -221,7 +252,7 @@ class ProbeRenderer:
         return np.asarray(layers["object_id"], np.int32)
 
     def _cut(self, parts: NDArray[np.float32], zone: Zone, samples: int) -> ZoneImage:
-        x0, x1, y0, y1 = self._pixels_of(zone)
+        x0, x1, y0, y1 = self._shown(zone)
         x, y = self._layout.x, self._layout.y
         return ZoneImage(np.ascontiguousarray(parts[:, y0 - y : y1 - y, x0 - x : x1 - x]), samples)
 

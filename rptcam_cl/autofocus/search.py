@@ -67,7 +67,8 @@ def greatest_contrast(looks: Looks, policy: Policy, start: tuple[float, float] |
     step = (high - low) / (count - 1)
     zones = list(range(len(looks.zones)))
     places = [low + k * step for k in range(count)]
-    made, samples = _round(looks, places, stop, FIRST_SAMPLES, zones, COARSE)
+    reference = None if start is None else start[0]
+    made, samples = _round(looks, places, stop, FIRST_SAMPLES, zones, COARSE, reference)
     peaks = _widened(looks, made, zones, step, samples)
     rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
     factor = stop ** (-1 / rounds) if rounds else 1.0

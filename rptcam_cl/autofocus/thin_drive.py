@@ -6,9 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rptcam_cl.autofocus.drive import Drive, circle_of_confusion
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.cameras import CameraModel, thin_lens
+from rptcam_cl.cameras.pupil_rays import PupilRays, thin_lens_rays
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene import ThinLensCamera
 from rptcam_cl.scene.scene import Scene
@@ -77,6 +81,13 @@ class ThinDrive(Drive):
 
     def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
         """Return the camera in a state for the device."""
+        return thin_lens.model_of(scene, self._set(state, stop))
+
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+        """Return the rays of places of the picture."""
+        return thin_lens_rays(scene, self._set(state, stop), places)
+
+    def _set(self, state: float, stop: float) -> ThinLensCamera:
         camera = self._camera
         opening: dict[str, float | None]
         if camera.f_number is not None:
@@ -84,7 +95,7 @@ class ThinDrive(Drive):
         else:
             assert camera.aperture_radius_m is not None
             opening = {"aperture_radius_m": camera.aperture_radius_m * stop}
-        return thin_lens.model_of(scene, camera.model_copy(update={"focus_distance_m": state, **opening}))
+        return camera.model_copy(update={"focus_distance_m": state, **opening})
 
     def image_scale(self, state: float, reference: float) -> float:
         """Return how large a state draws what is sharp in another one, against that one."""

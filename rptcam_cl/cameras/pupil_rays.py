@@ -14,7 +14,7 @@ from rptcam_cl.cameras.thin_lens import optics_of, radius_of
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.probe import cells, grid
 from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
-from rptcam_cl.scene.camera import RealisticCamera, ThickLensCamera, ThinLensCamera
+from rptcam_cl.scene.camera import LensCamera, RealisticCamera, ThinLensCamera
 from rptcam_cl.scene.scene import Scene
 
 Array = NDArray[np.float64]
@@ -55,13 +55,8 @@ class PupilRays:
         return np.asarray(vergence * self.origins[..., :2] + ahead * self.slopes)
 
 
-def pupil_rays(scene: Scene, places: Array, setting: LensSetting | None = None) -> PupilRays:
+def pupil_rays(scene: Scene, places: Array) -> PupilRays:
     """Return the rays of places of the picture (m, 2), right and down in pixels.
-
-    Parameters
-    ----------
-    setting
-        The lens as it is focused, where that is not as the scene says.
 
     Raises
     ------
@@ -69,15 +64,17 @@ def pupil_rays(scene: Scene, places: Array, setting: LensSetting | None = None) 
         When the camera has no aperture, or a place receives no light.
     """
     camera = scene.camera
-    film = 2.0 * np.asarray(places, np.float64) / scene.film.resolution - 1.0
-    film = film * (1.0, -1.0) * (1.0 if camera.flip else -1.0)  # right and up in the upright picture, to 1 at the edge
     if isinstance(camera, ThinLensCamera):
-        return _thin(scene, camera, film)
-    if not isinstance(camera, ThickLensCamera | RealisticCamera):
-        raise InputError(f"camera.kind: {camera.kind} has no pupil (allowed: thin_lens, thick_lens, realistic)")
-    setting = setting or lens_setting(scene)
-    film_mm = -film * np.array(scene.film.size_m()) * 500.0  # a lens inverts
-    return _thick(setting, film_mm) if isinstance(camera, ThickLensCamera) else _traced(scene, setting, film_mm)
+        return thin_lens_rays(scene, camera, places)
+    if isinstance(camera, LensCamera):
+        return lens_rays(scene, lens_setting(scene), places)
+    raise InputError(f"camera.kind: {camera.kind} has no pupil (allowed: thin_lens, thick_lens, realistic)")
+
+
+def _on_film(scene: Scene, places: Array) -> Array:
+    """Return places right and up in the upright picture, to 1 at its edges."""
+    film = 2.0 * np.asarray(places, np.float64) / scene.film.resolution - 1.0
+    return np.asarray(film * (1.0, -1.0) * (1.0 if scene.camera.flip else -1.0))
 
 
 def _unit_grid() -> Array:
@@ -85,7 +82,9 @@ def _unit_grid() -> Array:
     return np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def _thin(scene: Scene, camera: ThinLensCamera, film: Array) -> PupilRays:
+def thin_lens_rays(scene: Scene, camera: ThinLensCamera, places: Array) -> PupilRays:
+    """Return the rays of places of the picture as `pupil_rays` does, for a thin lens on the scene's film."""
+    film = _on_film(scene, places)
     across, down, focal_length = optics_of(camera, scene.film)
     points, shape = _unit_grid(), stop_shape(scene, camera.aperture)
     x, y = points.T
@@ -97,6 +96,14 @@ def _thin(scene: Scene, camera: ThinLensCamera, film: Array) -> PupilRays:
     weights = np.full(many[:2], 1.0 / len(points))
     cell = np.full((len(film), 2), 2.0 / ACROSS)
     return PupilRays(origins, slopes, weights, np.broadcast_to(points, many), cell, np.zeros_like(film))
+
+
+def lens_rays(scene: Scene, setting: LensSetting, places: Array) -> PupilRays:
+    """Return the rays of places of the picture as `pupil_rays` does, for a lens as it is set."""
+    film_mm = -_on_film(scene, places) * np.array(scene.film.size_m()) * 500.0  # a lens inverts
+    if isinstance(setting.camera, RealisticCamera):
+        return _traced(scene, setting, film_mm)
+    return _thick(setting, film_mm)
 
 
 def _thick(setting: LensSetting, film_mm: Array) -> PupilRays:

@@ -28,7 +28,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "--method", type=values.focus_method, metavar="NAME",
-        help="contrast, laplacian, variance or depth (default: the scene's, or contrast)",
+        help="contrast, laplacian, variance, depth, phase or hybrid (default: the scene's, or contrast)",
     )  # fmt: skip
     parser.add_argument(
         "--zone", action="append", type=values.crop, metavar="x0,x1,y0,y1", dest="zones",

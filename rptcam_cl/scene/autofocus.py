@@ -11,7 +11,7 @@ from rptcam_cl.scene.file_reference import FileReference
 from rptcam_cl.scene.quantities import Fraction, list_of
 from rptcam_cl.scene.refusal import listed, near_name, refuse
 
-Method = Literal["contrast", "laplacian", "variance", "depth"]
+Method = Literal["contrast", "laplacian", "variance", "depth", "phase", "hybrid"]
 METHODS: tuple[Method, ...] = get_args(Method)
 Policy = Literal["closest", "farthest", "centre", "weighted"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)

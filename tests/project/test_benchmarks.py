@@ -169,3 +169,22 @@ def test_description_of_the_cornell_box_has_every_face(tmp_path: Path) -> None:
     faces = sum(Path(mesh["filename"]).read_text("ascii").count("\n3 ") for mesh in meshes)
     assert faces == 2 * (8 + 2 * 6)  # eight reflecting rectangles and two boxes, two triangles a face
     assert sum("emitter" in item for item in description.values() if isinstance(item, dict)) == 1
+
+
+@pytest.mark.slow
+def test_measures_of_contrast_are_compared(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "focus_measures")
+    assert "| wavelet" in printed
+    figures = results["16"]["fine spots"]["wavelet"]
+    assert figures["monotonic"] > 0.8
+    assert all(abs(miss) < 1 for miss in figures["argmax"])
+
+
+@pytest.mark.slow
+def test_curve_of_the_paper_is_drawn(checkout: Path, tmp_path: Path) -> None:
+    plot = tmp_path / "curve.svg"
+    printed, results = quick(checkout, tmp_path, "paper_focus", "--seeds", "2", "--plot", str(plot))
+    assert "variance of the picture" in printed
+    contrast = [sum(row) for row in results["wavelet contrast of the zone"]]
+    assert contrast[1] == max(contrast)  # of 20, 25 and 30 units
+    assert plot.read_text("utf-8").startswith("<svg")

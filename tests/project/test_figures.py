@@ -77,7 +77,7 @@ def test_names_of_the_code_in_the_theory_are_there() -> None:
     for path in re.findall(r"`((?:kernels|rptcam_cl)/[^`]+)`", text):
         assert (ROOT / path).is_file()
     kernels = "".join(path.read_text("utf-8") for path in (ROOT / "kernels").rglob("*.h"))
-    for name in ("camera_ray", "film_x", "film_y", "aim", "inverse_density", "trace_lens"):
+    for name in ("camera_ray", "film_x", "film_y", "aim", "inverse_density", "cross_surface"):
         assert f"`{name}`" in text and re.search(rf"\b{name}\b", kernels)
 
 

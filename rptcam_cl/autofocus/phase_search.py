@@ -1,0 +1,223 @@
+"""The looks of a phase detection in one zone."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from rptcam_cl.autofocus.drive import circle_of_confusion
+from rptcam_cl.autofocus.half_looks import HalfLook, half_look, half_view
+from rptcam_cl.autofocus.looks import Look
+from rptcam_cl.autofocus.measures import Measured
+from rptcam_cl.autofocus.phase_match import Match, PhaseMatch
+from rptcam_cl.autofocus.probe import Zone
+from rptcam_cl.autofocus.renderer import ProbeRenderer
+from rptcam_cl.autofocus.report import NoContrast, ProbeRecord
+from rptcam_cl.autofocus.search import nothing_to_see
+from rptcam_cl.cameras.half_pupil import Split
+from rptcam_cl.errors import InputError
+
+CAPTURE = 0.3  # of the zone's side: largest displacement that a look is to find
+LEAST_STOP = 0.04  # share of the opening
+SAMPLES, MOST_SAMPLES = 64, 512  # per pixel
+DEVIATIONS = 6.0  # standard errors to either side that the next look is prepared for
+LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
+NEAR = 1.0  # depths of focus: a look so near to the focus that it found is the last one
+PRECISE, ENOUGH = 0.08, 0.125  # depths of focus: standard error aimed at, and taken
+MOST_LOOKS = 12
+SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
+BLUR = 1.2  # radius of a blurred point over the displacement of its halves
+OTHER_STARTS = (0.12, 0.45, 0.8)  # of the reach, from far to near
+REASONS = {
+    "flat": "its details are no stronger than the noise",
+    "vague": "it looks the same in and out of focus",
+    "ambiguous": "it repeats itself, and fits at more than one distance",
+    "dark": "it is dark",
+}
+
+
+@dataclass
+class PhaseSearch:
+    """A phase detection under way.
+
+    Attributes
+    ----------
+    probe : ProbeRenderer
+    zone : Zone
+    seed : int
+    on_look : callable or None
+        Told of every look.
+    looks : list
+        Every look so far and what was made of it; None where it shows nothing.
+    others : list
+        The same of zones that did not decide.
+    """
+
+    probe: ProbeRenderer
+    zone: Zone
+    seed: int = 0
+    on_look: Callable[[Look], None] | None = None
+    looks: list[tuple[HalfLook, Match | None]] = field(default_factory=list)
+    others: list[tuple[HalfLook, Match | None]] = field(default_factory=list)
+
+    @property
+    def look(self) -> HalfLook:
+        """The last look."""
+        return self.looks[-1][0]
+
+    @property
+    def match(self) -> Match:
+        """What was made of it."""
+        match = self.looks[-1][1]
+        assert match is not None
+        return match
+
+    def begin(self, start: float) -> None:
+        """Look from a state, and from others where that shows too little, until there is a distance.
+
+        Raises
+        ------
+        NoContrast
+            When there is none.
+        """
+        reach = self._reach()
+        refusal = "flat"
+        for number, state in enumerate(self._starts(start)):
+            samples = SAMPLES if number == 0 else 4 * SAMPLES
+            match = self._look(state, "x", samples, reach)
+            if match is not None and match.refusal in ("vague", "ambiguous"):  # it may change along the other axis
+                refusal = str(match.refusal)
+                match = self._look(state, "y", samples, reach)
+            if match is not None and match.refusal is None:
+                return
+            if match is not None and match.refusal in ("vague", "ambiguous"):
+                refusal = str(match.refusal)
+            if not self.look.halves.pictures.any():
+                raise nothing_to_see(REASONS["dark"])
+        raise nothing_to_see(REASONS[refusal])
+
+    def finish(self) -> float:
+        """Return the state that makes the target sharpest, after as many looks as that takes.
+
+        Raises
+        ------
+        NoContrast
+            When the target is lost on the way.
+        """
+        samples = SAMPLES
+        while len(self.looks) < MOST_LOOKS:
+            state = self.state
+            if self.moved <= NEAR:
+                if self.error <= ENOUGH or samples == MOST_SAMPLES:
+                    return state
+                samples *= 2 if self.look.stop == 1.0 else 1
+            samples = self.step(state, samples)
+        raise NoContrast(f"no focus found in the zone after {MOST_LOOKS} looks; the focus stays as it was")
+
+    def step(self, state: float, samples: int) -> int:
+        """Look from a state near the focus, and return with how many samples per pixel."""
+        match, look = self.match, self.look
+        samples = int(min(max(samples, SAMPLES * self.error * look.stop / PRECISE), MOST_SAMPLES))
+        reach = max(DEVIATIONS * match.error, LEAST_REACH * look.stop * match.error / match.displacement_error)
+        found = self._look(state, look.view.split, samples, (match.vergence - reach, match.vergence + reach))
+        if found is None or found.refusal in ("flat", "vague"):  # the first look has told rivals apart
+            raise nothing_to_see(REASONS["flat" if found is None else str(found.refusal)])
+        return samples
+
+    def _starts(self, start: float) -> Iterator[float]:
+        yield start
+        ends = sorted((self.probe.coordinate(limit) for limit in self.probe.limits), reverse=self.probe.nearer < 0)
+        for share in OTHER_STARTS:
+            yield self.probe.state_at(ends[0] + share * (ends[1] - ends[0]))
+
+    def _reach(self) -> tuple[float, float]:
+        """Return the vergences [1/m] that are sharp at the ends of the focus."""
+        try:
+            ends = [half_view(self.probe, state, self.zone, "x").sharpest() for state in self.probe.limits]
+        except InputError as problem:
+            raise NoContrast(f"no contrast in the zone: {problem}") from None
+        return min(ends), max(ends)
+
+    def _look(self, state: float, split: Split, samples: int, reach: tuple[float, float]) -> Match | None:
+        """Look from a state for a distance within a reach, through as small a stop as that needs."""
+        view = half_view(self.probe, state, self.zone, split)
+        low, high = max(reach[0], -view.nearest), min(reach[1], view.nearest)
+        largest = max(abs(view.displacement(low)), abs(view.displacement(high)))
+        room = CAPTURE * self._side(view.axis)
+        stop = min(max(room / largest, LEAST_STOP), 1.0)
+        if stop < 1.0:
+            view = half_view(self.probe, state, self.zone, split, stop)
+        blur = math.ceil(BLUR * min(largest * stop, room)) + 2
+        look = half_look(self.probe, view, state, self.zone, samples, self.seed, stop, (blur, blur))
+        match = PhaseMatch(look.halves, view).best(low, high) if look.halves.pictures.any() else None
+        self.looks.append((look, match))
+        if self.on_look is not None:
+            value, error = self._shown(look, match)
+            place = self.probe.nearer * self.probe.coordinate(state)
+            found = [Measured(value, error, np.zeros(0))]
+            self.on_look(Look(place, stop, None, 1.0, found, look.samples, look.seconds))
+        return match
+
+    def _side(self, axis: int) -> float:
+        """Return the side of the zone [pixels]."""
+        share = (self.zone.right - self.zone.left, self.zone.bottom - self.zone.top)[axis]
+        return share * self.probe.film.resolution[axis]
+
+    @property
+    def state(self) -> float:
+        """The state that makes the target sharpest, by the last look."""
+        low, high = self.probe.limits
+        vergence = self.match.vergence
+        try:
+            state = self.probe.state_for(1 / vergence if vergence > 0 else math.inf, self.zone)
+        except InputError:  # out of reach
+            state = high if (self.probe.nearer > 0) == (vergence > 0) else low
+        return min(max(state, low), high)
+
+    @property
+    def moved(self) -> float:
+        """How far that state lies from the one looked from [depths of focus]."""
+        probe = self.probe
+        return abs(probe.coordinate(self.state) - probe.coordinate(self.look.state)) / probe.depth_of_focus
+
+    @property
+    def error(self) -> float:
+        """Standard error of that state [depths of focus]."""
+        axis = self.look.view.axis
+        pixel_mm = self.probe.film.size_m()[axis] * 1e3 / self.probe.film.resolution[axis]
+        per_pixel = pixel_mm / (2 * SEPARATION * circle_of_confusion(self.probe.scene))
+        return self.match.displacement_error * per_pixel / self.look.stop
+
+    def _shown(self, look: HalfLook, match: Match | None) -> tuple[float, float]:
+        """Return the displacement that a look shows, and its standard error; the zone's side where it shows none."""
+        if match is None:
+            return 0.0, self._side(look.view.axis)
+        return match.displacement, match.displacement_error
+
+    def records(self) -> list[ProbeRecord]:
+        """Return every look: its value is the displacement of the halves [pixels]."""
+        return [
+            ProbeRecord(
+                look.state,
+                self.probe.film_distance(look.state),
+                *self._shown(look, match),
+                look.stop,
+                look.samples,
+                look.seconds,
+            )
+            for look, match in (*self.others, *self.looks)
+        ]
+
+    def notes(self) -> dict[str, Any]:
+        """Return what else there is to say of the last look."""
+        match = self.match
+        return {
+            "displacement_pixels": match.displacement,
+            "split": {"x": "left and right", "y": "below and above"}[self.look.view.split],
+            "contrast": match.contrast,
+            "target_distance_m": 1 / match.vergence if match.vergence > 0 else None,
+        }
