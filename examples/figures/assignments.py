@@ -79,6 +79,13 @@ prediction knows no vignetting within these 25 pixels.""",
             (lit_floors,),
         ),
         Group(
+            "Autofocus",
+            """\
+Two zones, white in the picture, and the farther of them in focus ([autofocus.md](autofocus.md)). Zones files of the
+assignment are read as they are.""",
+            (shared("autofocus_farthest", "the farther zone"),),
+        ),
+        Group(
             "Bokeh",
             """\
 [The chess board](../examples/README.md#first-light) through stops of other shapes, in the middle of a double Gauss.

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rptcam_cl import load_lens
-from rptcam_cl.api import TraceableLens
 from rptcam_cl.errors import InputError
+from rptcam_cl.lens_tracing import TraceableLens
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.glass import WAVELENGTH_D
@@ -49,7 +49,7 @@ STOPS_2003 = {
     ("wide-22mm", 4.0): "5.972",
 }
 # Lens, share of the rear clear radius: distance in focus, and where a ray of the film's centre crosses the axis [mm].
-CROSSINGS_2003 = {
+CROSSINGS_2003: dict[tuple[str, float], dict[int, float]] = {
     ("dgauss-100mm", 0.1): {500: 499.71, 1000: 998.91, 2000: 1996.0, 5000: 4977},
     ("dgauss-100mm", 0.5): {500: 494.9, 1000: 981, 2000: 1936, 5000: 4666},
     ("telephoto-250mm", 0.1): {1000: 999.1, 2000: 1995.8, 5000: 4971},
@@ -58,9 +58,9 @@ CROSSINGS_2003 = {
 }
 
 
-def table(head: Sequence[str], rows: Sequence[Sequence[Any]]) -> str:
+def table(head: Sequence[Any], rows: Sequence[Sequence[Any]]) -> str:
     """Return a Markdown table."""
-    lines = [head, ["---"] * len(head), *rows]
+    lines: list[Sequence[Any]] = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(str(cell) for cell in line) + " |" for line in lines)
 
 

@@ -99,6 +99,7 @@ def test_targets_of_the_assignment_are_found(lens, focal_length, front_mm, film_
     assert report.method == method
 
 
+@pytest.mark.slow
 def test_sum_modified_laplacian_finds_it_too():
     scene = scene_of([wall(2.0, 50, checker)], lens_camera("dgauss-50mm", f_number=2.8))
     error, report = missed(scene, 2.0, CENTRE, method="laplacian")
@@ -187,7 +188,7 @@ def test_object_that_is_not_there_is_refused(auto, message):
 
 
 def test_moving_target_is_followed_from_frame_to_frame():
-    distances = [2.0, 1.9, 1.8, 1.72]
+    distances = [2.0, 1.9, 1.8]
     scenes = [scene_of([wall(distance, 50)], lens_camera("dgauss-50mm")) for distance in distances]
     reports = list(follow_focus(scenes, open_session(None), AutoFocus()))
     for report, distance in zip(reports, distances, strict=True):
@@ -196,6 +197,7 @@ def test_moving_target_is_followed_from_frame_to_frame():
     assert max(warm) < cold
 
 
+@pytest.mark.slow
 def test_frame_without_contrast_keeps_the_focus():
     scenes = [scene_of([target(2.0, 2.0, material)], lens_camera("dgauss-50mm")) for material in (noise(200), GREY)]
     first, second = follow_focus(scenes, open_session(None), AutoFocus())

@@ -109,6 +109,11 @@ def test_state_out_of_range_is_refused():
         probe.measure(500.0, [CENTRE], 4, seed=1)
 
 
+def test_package_is_the_function_that_interface_promises():
+    assert callable(rptcam_cl.autofocus)
+    assert rptcam_cl.autofocus.ProbeRenderer is type(probe_of(scene_of([], lens_camera("dgauss-50mm"))))
+
+
 @pytest.mark.parametrize(
     ("camera", "message"),
     [
