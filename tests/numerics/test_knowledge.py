@@ -104,6 +104,15 @@ def test_float32_margin_of_a_lens_is_small_and_only_measured_when_asked_for():
     np.testing.assert_array_equal(np.asarray(told), np.asarray(plain))
 
 
+def test_lens_that_no_ray_passes_has_no_margin():
+    # the image of the objective is a millimetre across, and the film 36: none of the rays comes through
+    camera = LENS | {"lens": "microscope-20x"}
+    margin = rptcam_cl.render(still_life() | {"camera": camera}, spp=1, **SMALL, strict=True).stats["numerics"]
+    assert margin["float32_lens"] == {
+        "rays": 512, "passed": 0, "other_fate": 0, "position_mm": None, "direction": None, "pixels": None
+    }  # fmt: skip
+
+
 @pytest.fixture
 def poisoned(tmp_path, monkeypatch):
     """Kernels whose brightest samples are not numbers."""
