@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from rptcam_cl.numerics.number_checks import CORNERS, pcg4d
+from rptcam_cl.numerics.probe import random_numbers
 from rptcam_cl.resources import kernels_dir
-from tests.device.probes import run
-from tests.device.test_random import CORNERS, pcg4d
 from tests.support.statistics import ALPHA, Z, assert_equivalent, chi_squared, sidak
 
 MASK = (1 << 32) - 1
@@ -21,14 +21,7 @@ DIMENSIONS = {
 
 def numbers(session, pixel, sample, dimension, *, lanes=8, lattice=True, seed=SEED):
     """Four numbers per counter, shape (n, 4)."""
-    counters = np.broadcast_arrays(pixel, sample, dimension)
-    count = counters[0].size
-    buffers = [session.upload(np.ascontiguousarray(counter.ravel(), np.uint32)) for counter in counters]
-    out = session.allocate(16 * count)
-    facts = {"VW": lanes, "SAMPLER_LATTICE": int(lattice)}
-    words = np.array(seed, np.uint32).tobytes()
-    run(session, "probe_random", facts, count // lanes, *buffers, out, np.uint32(count), words)
-    return session.read(out, np.float32, 4 * count).reshape(4, count).T
+    return random_numbers(session, pixel, sample, dimension, seed, lanes=lanes, lattice=lattice)
 
 
 def vector():

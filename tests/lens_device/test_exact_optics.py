@@ -3,28 +3,17 @@
 import numpy as np
 import pytest
 
+from rptcam_cl.numerics.lens_checks import (
+    crossings,
+    ellipsoidal,
+    parallel,
+    plano_hyperbolic,
+    spot,
+    weierstrass_error,
+)
 from rptcam_cl.optics import Lens, Status, Surface
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 from tests.lens_device.beams import PRECISIONS, generator, on_device
-
-
-def parallel(heights, z=-20.0):
-    """Rays along the axis at heights, all round it."""
-    turn = np.arange(len(heights)) * 2.4
-    origins = np.column_stack([heights * np.cos(turn), heights * np.sin(turn), np.full(len(heights), z)])
-    return origins, np.tile([0, 0, 1.0], (len(heights), 1))
-
-
-def spot(rays, z):
-    """Distances [mm] from the axis at which rays cross a plane."""
-    step = (z - rays.origins[:, 2]) / rays.directions[:, 2]
-    return np.hypot(*(rays.origins + step[:, None] * rays.directions)[:, :2].T)
-
-
-def crossings(rays):
-    """Where rays come nearest to the axis, z [mm]."""
-    p, d = rays.origins, rays.directions
-    return p[:, 2] - np.sum(p[:, :2] * d[:, :2], axis=1) / np.sum(d[:, :2] ** 2, axis=1) * d[:, 2]
 
 
 @pytest.mark.parametrize("start", ["film", "scene"])
@@ -87,33 +76,10 @@ def test_ball_lens_focuses_behind_itself_in_the_limit_of_small_heights(session):
         np.testing.assert_allclose(crossings(rays) - 10, distance, atol=1e-6)
 
 
-def weierstrass_error(session, index, precision):
-    """Largest difference [mm] from the image of the aplanatic point of a sphere of 10 mm and index 1.5."""
-    n, r = 1.5, 10.0
-    lens = Lens("aplanatic", (Surface(-1 / r, 0, AIR, r),), object_medium=ConstantIndex(index))
-    angles, turn = np.radians(np.linspace(2, 56, 60)), np.arange(60) * 2.4  # atan n is where the hemisphere ends
-    directions = np.column_stack([np.sin(angles) * np.cos(turn), np.sin(angles) * np.sin(turn), np.cos(angles)])
-    rays = on_device(session, lens, np.tile([0, 0, -r - r / n], (60, 1)), directions, precision, "scene")
-    assert rays.passed.all()
-    return np.abs(crossings(rays) + r + n * r).max()
-
-
 def test_the_aplanatic_point_of_a_sphere_is_imaged_sharply_at_every_angle(session):
     assert weierstrass_error(session, 1.5, "single") <= 1e-4
     assert weierstrass_error(session, 1.5, "double") <= 1e-11
     assert weierstrass_error(session, 1.5 + 1e-4, "single") > 4e-4  # a ten-thousandth of the index shows
-
-
-def plano_hyperbolic(conic, n=1.5, focal=20.0):
-    """Collimated light through a plane and out of a hyperboloid, to a point at `focal` behind it."""
-    front = Surface(0.0, 10.0, ConstantIndex(n), 12.0)
-    return Lens("hyperboloid", (front, Surface(-1 / (focal * (n - 1)), 0, AIR, 12.0, conic=conic))), 10.0 + focal
-
-
-def ellipsoidal(conic, n=1.5, focal=20.0):
-    """Collimated light into an ellipsoid of glass, to a point inside it."""
-    surface = Surface(n / (focal * (n - 1)), 0, ConstantIndex(n), 5.5, conic=conic)
-    return Lens("ellipsoid", (surface,)), focal
 
 
 @pytest.mark.parametrize("precision", PRECISIONS)

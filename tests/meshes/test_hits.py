@@ -5,8 +5,9 @@ import pytest
 
 import rptcam_cl.acceleration.scene_trees
 import rptcam_cl.plan.meshes
-from tests.meshes.probe import MATTE, MeshScene, mesh_object
-from tests.meshes.shapes import directions, globe
+from rptcam_cl.numerics.geometry_checks import departures, leaks, mesh_rays_of
+from rptcam_cl.numerics.globe import directions, globe
+from rptcam_cl.numerics.mesh_rays import MATTE, MeshScene, mesh_object
 
 
 def rng_of(name: str) -> np.random.Generator:
@@ -15,40 +16,7 @@ def rng_of(name: str) -> np.random.Generator:
 
 @pytest.mark.parametrize("place", [(0, 0, 0), (1000, -2000, 500), (148376, 1234, -223423)])
 def test_no_ray_leaks_through_edges_or_vertices(session, place):
-    points, faces = globe(100, 100)
-    rng = rng_of(f"leaks {place}")
-    scene = MeshScene(session, [mesh_object(points * 2 + place, faces)])
-    stored = scene.trees.vertices[:, :3].astype(np.float64)  # where the device has them
-    corners = stored[scene.plan.meshes.triangles[:, :3]]
-    n = 200_000
-    inside = np.asarray(place) + 0.9 * directions(rng, n) * rng.random((n, 1))
-    chosen = corners[rng.integers(len(corners), size=n)]
-    edge = np.where(rng.random(n) < 2 / 3, rng.random(n), 0.0)[:, None]  # a third at a vertex
-    origin = inside.astype(np.float32)
-    d = chosen[:, 0] * (1 - edge) + chosen[:, 1] * edge - origin
-    d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
-    hits = scene.trace(origin, d)
-    assert (hits.primitive == 0).all()
-    assert scene.trace(origin, d).blocked.all()
-
-
-def rays_of(kind: str, rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray]:
-    d = directions(rng, n)
-    o = 3 * directions(rng, n)
-    if kind == "random":
-        return o, (rng.uniform(-1, 1, (n, 3)) - o)
-    if kind == "axis":  # along an axis, in the planes of the grid that tree boxes share, with zeros of both signs
-        o = np.round(rng.uniform(-1.5, 1.5, (n, 3)) * 8) / 8
-        d = np.zeros((n, 3))
-        axis = rng.integers(3, size=n)
-        d[np.arange(n), axis] = rng.choice([-1.0, 1.0], n)
-        o[np.arange(n), axis] = -3 * d[np.arange(n), axis]
-        return o, np.where(rng.random((n, 3)) < 0.5, d, d + 0.0 * -1.0)
-    # nearly along z, the rest so small that its inverse is not finite, or zero of either sign
-    o = np.concatenate([rng.uniform(-1, 1, (n, 2)), np.full((n, 1), 3.0)], axis=1)
-    return o, np.concatenate(
-        [rng.choice([1e-42, -1e-42, 0.0, -0.0, 1e-30, 1e-3], (n, 2)), np.full((n, 1), -1.0)], axis=1
-    )
+    assert leaks(session, place, rng_of(f"leaks {place}"), 200_000, 100) == 0
 
 
 @pytest.mark.parametrize("width", [4, 8, 16])
@@ -65,7 +33,7 @@ def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind,
         k = (np.arange(16)[:, None] * 17 + np.arange(16)).ravel()
         faces = np.concatenate([np.stack([k, k + 17, k + 18], 1), np.stack([k, k + 18, k + 1], 1)])
     scene = MeshScene(session, [mesh_object(points, faces)])
-    o, d = (rows.astype(np.float32) for rows in rays_of(kind, rng, 16384))
+    o, d = (rows.astype(np.float32) for rows in mesh_rays_of(kind, rng, 16384))
     t, triangle = scene.brute(o, d)
     for lanes in (1, 8):
         hits = scene.trace(o, d, lanes=lanes)
@@ -77,19 +45,11 @@ def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind,
 
 
 def test_rays_that_leave_a_convex_mesh_do_not_meet_it_again(session):
-    points, faces = globe(12, 16)
     rng = rng_of("departures")
     for _ in range(12):
-        size = 10.0 ** rng.uniform(-5, 5)
-        place = directions(rng, 1)[0] * size * 10.0 ** rng.uniform(0, 2.5)
-        scene = MeshScene(session, [mesh_object(points * size + place, faces)])
-        n = 16384
-        o = place + size * 2 * directions(rng, n)
-        d = place + size * rng.uniform(-0.6, 0.6, (n, 3)) - o
-        d /= np.linalg.norm(d, axis=1, keepdims=True)
-        again = scene.departures(o, d, directions(rng, n))
-        assert (again == -1).mean() < 0.02
-        assert (again == 1).sum() == 0
+        again, lost = departures(session, 10.0 ** rng.uniform(-5, 5), 10.0 ** rng.uniform(0, 2.5), rng, 16384)
+        assert again == 0
+        assert lost < 0.02
 
 
 def test_offset_is_small_beside_the_distance(session):

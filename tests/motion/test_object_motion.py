@@ -8,7 +8,7 @@ from rptcam_cl.device import Session
 from rptcam_cl.wavefront import tracer
 from tests.device.probes import open_session
 from tests.motion.pictures import BALL, FLOOR, GREY, PINHOLE, exposures, film, scene_with, still_mean
-from tests.primitives.probe import with_tree
+from tests.primitives.trees import with_tree
 from tests.render.pictures import lamp
 from tests.support.statistics import assert_same_tiles
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from rptcam_cl.acceleration.primitive_tree import primitive_bounds, primitive_tree
+from rptcam_cl.numerics.crowd import axis_rays, crowd, directions, random_rays, slanting_rays
+from rptcam_cl.numerics.globe import globe
+from rptcam_cl.numerics.mesh_rays import mesh_object
+from rptcam_cl.numerics.primitive_rays import Objects
 from rptcam_cl.records import Kind
-from tests.meshes.probe import mesh_object
-from tests.meshes.shapes import globe
-from tests.primitives.probe import Objects, with_tree
-from tests.primitives.still import axis_rays, crowd, directions, random_rays, slanting_rays
+from tests.primitives.trees import with_tree
 
 RAYS = {"random": random_rays, "axis": axis_rays, "slanting": slanting_rays}
 FAR = (6000.0, -5000.0, 6500.0)  # about 1e4 from the eye

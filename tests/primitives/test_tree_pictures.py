@@ -5,8 +5,8 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.acceleration import primitive_tree
-from tests.primitives.probe import with_tree
-from tests.primitives.still import LAMP, MATTE, NET
+from rptcam_cl.numerics.crowd import LAMP, MATTE, NET
+from tests.primitives.trees import with_tree
 from tests.render.pictures import looking, scene_of
 
 GLASS = {"kind": "dielectric", "index": 1.5}

@@ -8,11 +8,11 @@ import pytest
 import rptcam_cl.acceleration.scene_trees as scene_trees
 import rptcam_cl.plan.meshes
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.numerics.globe import globe
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene
 from rptcam_cl.wavefront import Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
-from tests.meshes.shapes import globe
 from tests.render.pictures import MATTE, batches, looking, scene_of
 from tests.support.statistics import assert_same_tiles
 

@@ -7,17 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.numerics.globe import directions
+
 Array = NDArray[np.float64]
 MATTE = {"kind": "matte", "reflectance": 0.6}
 NET = {"kind": "matte", "reflectance": 0.6, "opacity": {"kind": "checker", "even": 1, "odd": 0.3, "scale": [6, 6]}}
 LAMP = {"kind": "emissive", "radiance": 4}
 KINDS = ("sphere", "ellipsoid", "rectangle", "disk", "box", "cylinder", "cone")
-
-
-def directions(rng: np.random.Generator, count: int) -> Array:
-    """Return unit vectors (count, 3), even over the sphere."""
-    d = rng.normal(size=(count, 3))
-    return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
 def one(kind: str, center: Array, size: float, rng: np.random.Generator) -> dict[str, Any]:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
+import copy
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 
-from rptcam_cl.acceleration import primitive_tree
 from rptcam_cl.device import Session
+from rptcam_cl.numerics.probe import GROUP, run_probe
 from rptcam_cl.plan import make_plan
-from rptcam_cl.records import device_declarations
 from rptcam_cl.scene import load_scene
 from rptcam_cl.wavefront.buffers import SceneBuffers
 
-KERNEL = str(Path(__file__).parent / "kernels" / "probe_primitives.cl")
-GROUP = 16
 NOTHING = -1
 
 
@@ -32,20 +28,15 @@ class Met:
 
     def unlike(self, other: Met) -> NDArray[np.bool_]:
         """Return which rays met something else, to the last bit."""
-        return (
+        return np.asarray(
             (self.t.view(np.int32) != other.t.view(np.int32))
             | (self.primitive != other.primitive)
             | (self.blocked != other.blocked)
         )
 
 
-def with_tree(monkeypatch: pytest.MonkeyPatch, wanted: bool) -> None:
-    """Make scenes get a tree over their primitives however few they are, or never."""
-    monkeypatch.setattr(primitive_tree, "BREAK_EVEN", 0 if wanted else 1 << 30)
-
-
 class Objects:
-    """Objects on a device, the eye where it is asked for; whether they have a tree is settled by `with_tree`."""
+    """Objects on a device, the eye where it is asked for; with a tree over them where they are many."""
 
     def __init__(self, session: Session, objects: list[dict[str, Any]], eye: Any = (0, 0, 0), **keys: Any) -> None:
         target = [eye[0], eye[1], eye[2] - 1]
@@ -56,7 +47,17 @@ class Objects:
 
     @property
     def has_tree(self) -> bool:
+        """Whether rays walk a tree over the primitives."""
         return "HAS_PRIMITIVE_TREE" in self.buffers.tree_facts
+
+    def without_tree(self) -> Objects:
+        """Return the same objects, all of which every ray is tested against; they must hold no mesh."""
+        assert self.has_tree
+        assert self.plan.meshes is None
+        other = copy.copy(self)
+        other.buffers = copy.copy(self.buffers)
+        other.buffers.scene, other.buffers.tree_facts = self.buffers.scene[:-2], {}
+        return other
 
     def trace(
         self, o: Any, d: Any, self_hit: Any = NOTHING, reach: Any = 3e38, target: Any = NOTHING, lanes: int = 8
@@ -71,11 +72,9 @@ class Objects:
         rays[8, :n] = np.broadcast_to(np.int32(target), n).view(np.float32)
         hits, dark = self.session.allocate(8 * count), self.session.allocate(4 * count)
         facts = self.plan.facts | self.buffers.tree_facts | {"VW": lanes}
-        program = self.session.program([KERNEL], facts, device_declarations())
         held = self.session.allocate(rays.nbytes)  # aligned for packs, as the host's array need not be
         self.session.write(held, rays)
         arguments = (*self.buffers.scene, held, hits, dark, np.uint32(count))
-        self.session.bind(program, "probe_primitives", *arguments).enqueue(count // lanes, GROUP)
-        self.session.finish()
+        run_probe(self.session, "probe_primitives", facts, count // lanes, *arguments)
         t, primitive = self.session.read(hits, np.float32, 2 * count).reshape(2, count)[:, :n]
         return Met(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)

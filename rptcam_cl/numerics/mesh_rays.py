@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,14 +10,12 @@ from numpy.typing import NDArray
 
 from rptcam_cl.acceleration.scene_trees import scene_trees
 from rptcam_cl.device import Session
+from rptcam_cl.numerics.probe import GROUP, run_probe
 from rptcam_cl.plan import make_plan
-from rptcam_cl.records import device_declarations
 from rptcam_cl.scene import load_scene
 from rptcam_cl.wavefront.buffers import SceneBuffers
 
-FOLDER = Path(__file__).parent / "kernels"
 MATTE = {"kind": "matte", "reflectance": 0.5}
-GROUP = 16
 
 
 @dataclass(frozen=True)
@@ -46,7 +43,7 @@ def mesh_object(points: Any, faces: Any, **keys: Any) -> dict[str, Any]:
 
 
 class MeshScene:
-    """Objects on a device, the eye at the origin."""
+    """Objects with meshes on a device, the eye at the origin."""
 
     def __init__(self, session: Session, objects: list[dict[str, Any]], **keys: Any) -> None:
         camera = {"kind": "pinhole", "eye": [0, 0, 0], "target": [0, 0, -1], "up": [0, 1, 0], "fov_degrees": 40}
@@ -58,9 +55,7 @@ class MeshScene:
 
     def _run(self, name: str, items: int, lanes: int, *arguments: Any) -> None:
         facts = self.plan.facts | self.buffers.tree_facts | {"VW": lanes}
-        program = self.session.program([str(FOLDER / f"{name}.cl")], facts, device_declarations())
-        self.session.bind(program, name, *self.buffers.scene, *arguments).enqueue(items, GROUP)
-        self.session.finish()
+        run_probe(self.session, name, facts, items, *self.buffers.scene, *arguments)
 
     def trace(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> Hits:
         """Return what the rays (n, 3) meet."""
@@ -94,11 +89,11 @@ class MeshScene:
         rows = self.session.read(out, np.float32, 2 * count).reshape(2, count)
         return rows[0], rows[1].view(np.int32)
 
-    def departures(self, o: Any, d: Any, onward: Any) -> NDArray[np.int32]:
+    def departures(self, o: Any, d: Any, onward: Any, lanes: int = 8) -> NDArray[np.int32]:
         """Return 1 where a ray that leaves the point met goes on to meet something, 0 where not, -1 without a point."""
         count = len(o)
         rays = np.concatenate([np.asarray(rows, np.float32).T for rows in (o, d, onward)])
         out = self.session.allocate(4 * count)
         held = self.session.upload(np.ascontiguousarray(rays))
-        self._run("probe_departure", count // 8, 8, held, out, np.uint32(count))
+        self._run("probe_departure", count // lanes, lanes, held, out, np.uint32(count))
         return self.session.read(out, np.int32, count)

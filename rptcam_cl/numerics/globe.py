@@ -1,9 +1,12 @@
-"""Meshes for tests."""
+"""A closed mesh, and directions, to try rays on."""
+
+from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 
-def globe(rings: int, segments: int) -> tuple[np.ndarray, np.ndarray]:
+def globe(rings: int, segments: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
     """Return points and faces of a unit sphere of rings and segments, facing outwards, convex and closed."""
     theta = np.pi * np.arange(1, rings) / rings
     phi = 2 * np.pi * np.arange(segments) / segments
@@ -22,7 +25,7 @@ def globe(rings: int, segments: int) -> tuple[np.ndarray, np.ndarray]:
     return points, np.array(faces)
 
 
-def directions(rng: np.random.Generator, count: int) -> np.ndarray:
+def directions(rng: np.random.Generator, count: int) -> NDArray[np.float64]:
     """Return unit vectors, evenly over the sphere."""
     v = rng.standard_normal((count, 3))
-    return v / np.linalg.norm(v, axis=1, keepdims=True)
+    return np.asarray(v / np.linalg.norm(v, axis=1, keepdims=True))

@@ -1,0 +1,86 @@
+"""``rptcam doctor``: what renders run on, and whether the devices compute what they should."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.parser import Commands
+from rptcam_cl.errors import DeviceError, NumericError
+
+if TYPE_CHECKING:
+    from rptcam_cl.numerics.check import Check
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "doctor",
+        help="report on versions, devices and caches, and check what devices compute",
+        description="Report on versions, devices with their drivers, and caches. With --numerics, check what the"
+        " devices compute at the extremes, in half a minute each. Worth sending with a report of a problem.",
+    )
+    parser.add_argument(
+        "--numerics", action="store_true", help="check what the devices compute; exit code 5 on failure"
+    )
+    parser.add_argument(
+        "--device", metavar="SPEC", help="check this device alone, as in render (default: every device found)"
+    )
+    parser.add_argument("--json", action="store_true", help="print JSON")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _line(check: "Check") -> str:
+    verdict = "ok  " if check.passed else "FAIL"
+    note = f" ({check.note})" if check.note else ""
+    return f"  {verdict} {check.name:<49} {check.measured:>9.3g}  allowed {check.allowed:.3g} {check.unit}{note}"
+
+
+def _checked(device: str, show: bool) -> Iterator[dict[str, Any]]:
+    """Yield the checks of a device as plain data, and print each as soon as it is made."""
+    from rptcam_cl.device import open_session
+    from rptcam_cl.numerics.suite import outcomes
+
+    session = open_session(device)
+    for outcome in outcomes(session):
+        for check in outcome.checks:
+            if show:
+                print(_line(check), flush=True)
+            yield {**vars(check), "passed": check.passed, "seconds_of_part": outcome.seconds}
+
+
+def _numerics(spec: str | None, show: bool) -> dict[str, list[dict[str, Any]]]:
+    """Return the checks of one device or of all, by the device's id."""
+    from rptcam_cl.device import choose_device, list_devices
+
+    devices = list_devices() if spec is None else [choose_device(spec)]
+    found: dict[str, list[dict[str, Any]]] = {}
+    for device in devices:
+        if show:
+            print(f"\nnumerics of {device.id} {device.name}", flush=True)
+        found[device.id] = list(_checked(device.id, show))
+        if show:
+            failed = sum(not check["passed"] for check in found[device.id])
+            print(f"  {len(found[device.id]) - failed} of {len(found[device.id])} checks passed")
+    return found
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.numerics.environment import as_lines, environment
+
+    found = environment()
+    if not arguments.json:
+        print("\n".join(as_lines(found)), flush=True)
+    if arguments.numerics and found["devices"]:
+        found["numerics"] = _numerics(arguments.device, not arguments.json)
+    if arguments.json:
+        print(as_json(found))
+    sys.stdout.flush()
+    if "no_device" in found:
+        raise DeviceError(found["no_device"])
+    failed = sum(not check["passed"] for checks in found.get("numerics", {}).values() for check in checks)
+    if failed:
+        what = "1 check" if failed == 1 else f"{failed} checks"
+        raise NumericError(f"{what} failed; please send the report above to the authors")
+    return 0

@@ -1,0 +1,163 @@
+"""The checks of a device: a sound one passes them all, and each fault in the kernels fails one."""
+
+import json
+import math
+import shutil
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from rptcam_cl.cli import main
+from rptcam_cl.device import Session, choose_device, program
+from rptcam_cl.errors import DeviceError
+from rptcam_cl.numerics import suite
+from rptcam_cl.numerics.check import Check
+from rptcam_cl.numerics.lens_margin import film_rays
+from rptcam_cl.numerics.number_checks import film_values
+from rptcam_cl.numerics.suite import SUITE, Part, outcomes
+from rptcam_cl.optics import load_lens
+from rptcam_cl.resources import kernels_dir
+
+PARTS = {part.name: part for part in SUITE}
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return Session(choose_device())
+
+
+def checks_of(session, name):
+    return [check for outcome in outcomes(session, [PARTS[name]]) for check in outcome.checks]
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_sound_device_passes(session, name):
+    checks = checks_of(session, name)
+    assert checks
+    assert [check for check in checks if not check.passed] == []
+    assert all(check.name and check.unit for check in checks)
+
+
+def test_there_are_at_least_a_dozen_checks_of_different_names():
+    assert len(PARTS) == len(SUITE) >= 12
+
+
+@dataclass(frozen=True)
+class Fault:
+    file: str
+    text: str
+    wrong: str
+    part: str
+
+
+FAULTS = [
+    Fault("common/rng.h", "h.d += h.b * h.c;\n    h.a ^=", "h.d += h.b;\n    h.a ^=", "random numbers"),
+    Fault("common/math.h", ">= INFINITE; }", "> INFINITE; }", "arithmetic"),
+    Fault("integrator/film.h", "F3 y = sub(value, s.rest);", "F3 y = value;", "film"),
+    Fault("lens/surface.h", "F g = d.z - c * (x * d.x + y * d.y);", "F g = d.z - c * x * d.x;", "lens surfaces"),
+    Fault("lens/trace.h", "cosine2_after > CRITICAL;", "cosine2_after > 1e-3f;", "total reflection"),
+    Fault("lens/surface.h", "(1.0f + k) * d.z * d.z);", "(1.001f + k) * d.z * d.z);", "stigmatic lenses"),
+    Fault("geometry/primitives.h", "r * r - dot3(l, l);", "b * b - c;", "far spheres"),
+    Fault("integrator/film.h", "lanes = lanes & NOT(bad);", "", "film"),
+]
+
+
+@pytest.mark.parametrize("fault", FAULTS, ids=lambda fault: fault.text)
+def test_fault_in_the_kernels_is_found(fault, tmp_path, monkeypatch):
+    folder = tmp_path / "kernels"
+    shutil.copytree(kernels_dir(), folder)
+    file = folder / fault.file
+    text = file.read_text("utf-8")
+    assert text.count(fault.text) == 1
+    file.write_text(text.replace(fault.text, fault.wrong), encoding="utf-8")
+    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
+    assert not all(check.passed for check in checks_of(Session(choose_device()), fault.part))
+
+
+def test_plain_float32_sum_would_fail_the_check_of_the_film():
+    values = film_values(3, 1 << 20)
+    exact = values.sum(axis=1, dtype=np.float64)
+    plain = np.cumsum(values, axis=1, dtype=np.float32)[:, -1]
+    error = np.abs(plain / exact - 1)
+    assert (error > 2e-7).all()
+    assert error.max() > 1e-3
+
+
+def test_what_is_not_a_number_fails():
+    assert not Check("x", math.nan, 1.0, "mm").passed
+    assert Check("x", 1.0, 1.0, "mm").passed
+
+
+def test_device_that_throws_in_one_check_is_tried_in_the_next(session):
+    def broken(_):
+        raise DeviceError("out of\nresources")
+
+    first, second = outcomes(session, [Part("broken", broken), PARTS["random numbers"]])
+    (check,) = first.checks
+    assert (check.passed, check.name, check.note) == (False, "broken", "DeviceError: out of resources")
+    assert all(check.passed for check in second.checks)
+
+
+def test_rays_of_the_margin_fill_film_and_pupil():
+    lens = load_lens("wide-22mm")
+    origins, directions = film_rays(lens, 14.54, (18.0, 12.0), 587.5618)
+    assert (np.abs(origins[:, :2]).max(axis=0) > (17.5, 11.5)).all()
+    assert (np.abs(origins[:, :2]).max(axis=0) <= (18.0, 12.0)).all()
+    assert (directions[:, 2] < 0).all()
+    assert lens.trace(origins, directions).passed.mean() > 0.3
+
+
+def test_doctor_reports_what_there_is(capsys):
+    assert main(["doctor"]) == 0
+    said = capsys.readouterr().out
+    device = choose_device()
+    assert f"* {device.id} {device.type}  {device.name}" in said
+    assert "driver" in said
+    assert "cache of trees" in said
+    assert main(["doctor", "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["packages"]["numpy"] == np.__version__
+    assert [entry["id"] for entry in told["devices"] if entry["default"]] == [device.id]
+    assert "numerics" not in told
+
+
+@pytest.fixture
+def short(monkeypatch):
+    """A suite that is done at once."""
+    monkeypatch.setattr(suite.outcomes, "__defaults__", ((PARTS["random numbers"], PARTS["total reflection"]),))
+
+
+def test_doctor_checks_the_devices(short, capsys):
+    assert main(["doctor", "--numerics"]) == 0
+    said = capsys.readouterr().out
+    assert f"numerics of {choose_device().id}" in said
+    assert "  ok   random numbers: known answers" in said
+    assert "2 of 2 checks passed" in said
+
+
+def test_doctor_says_which_check_failed_and_exits_with_5(monkeypatch, capsys):
+    part = Part("x", lambda _: Check("points", 2e-3, 1e-4, "mm"))
+    monkeypatch.setattr(suite.outcomes, "__defaults__", ((part, PARTS["random numbers"]),))
+    assert main(["doctor", "--numerics", "--device", "cpu"]) == 5
+    streams = capsys.readouterr()
+    assert "  FAIL points" in streams.out
+    assert "0.002  allowed 0.0001 mm" in streams.out
+    assert "1 of 2 checks passed" in streams.out
+    assert streams.err == "error: 1 check failed; please send the report above to the authors\n"
+    assert main(["doctor", "--numerics", "--json"]) == 5
+    (checks,) = json.loads(capsys.readouterr().out)["numerics"].values()
+    assert [check["passed"] for check in checks] == [False, True]
+
+
+def test_doctor_without_a_device_reports_all_the_same(monkeypatch, capsys):
+    from rptcam_cl.numerics import environment
+
+    def none():
+        raise DeviceError("no OpenCL platform was found")
+
+    monkeypatch.setattr(environment, "list_devices", none)
+    assert main(["doctor", "--numerics"]) == 3
+    streams = capsys.readouterr()
+    assert "no device: no OpenCL platform was found" in streams.out
+    assert streams.err == "error: no OpenCL platform was found\n"
