@@ -17,8 +17,8 @@ from rptcam_cl.scene.layers import LayerName
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.film import FilmLayout
 
-# Shares of the opening's diameter, the first f/100 for a lens of f/2. Where a lens is stopped down so far that rays hardly
-# find so small a pupil, as they aim at boxes, the next one is taken.
+# Shares of the opening's diameter, the first f/100 for a lens of f/2. Where a lens is stopped down so far that rays,
+# which aim at boxes, hardly ever find the pupil, the next one is taken.
 OPENINGS = (0.02, 0.1, 0.5, 1.0)
 ENOUGH = 0.05  # of the rays pass
 SAMPLES = 16  # per pixel
