@@ -144,7 +144,7 @@ purple fringes; through the doublet a thread of orange is left, and the box is o
             "Figure 8: autofocus",
             """\
 The same scene. The paper's autofocus climbs the variance of the whole picture and is said to come to 25 units from
-any start; that curve is flat within 1 % from 15 to 27 units here, and as broad in the paper's own renderer
+any start; that curve is flat within 1 % from 16 to 26 units here, and as broad in the paper's own renderer
 ([curves](autofocus.md#the-figures-of-the-paper)). Found here is the sphere in the white rectangle, by its contrast
 and by its distance.""",
             (shared("autofocus_paper", "by contrast"),),
