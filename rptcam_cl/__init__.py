@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         focused_scene,
         load_lens,
         load_scene,
+        measure_tradeoff,
         render,
     )
 
@@ -35,6 +36,7 @@ __all__ = [
     "focused_scene",
     "load_lens",
     "load_scene",
+    "measure_tradeoff",
     "render",
 ]
 

@@ -29,6 +29,7 @@ from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.scene.sampling import ADAPTIVE_SPP
 from rptcam_cl.sensing import check_sensor, sensor_of
+from rptcam_cl.tradeoff import measure_tradeoff
 from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -44,6 +45,7 @@ __all__ = [
     "focused_scene",
     "load_lens",
     "load_scene",
+    "measure_tradeoff",
     "render",
 ]
 

@@ -24,6 +24,8 @@ def focus_plot(report: FocusReport, title: str) -> Picture:
     InputError
         When a method has not looked often enough for a curve.
     """
+    if report.method in ("phase", "hybrid"):
+        raise InputError(f"--plot: method {report.method} has no curve to draw (it looks at displacements)")
     if len(report.probes) < FEWEST:
         raise InputError(f"--plot: method {report.method} has no curve to draw (it looks {len(report.probes)} times)")
     stops = sorted({probe.stop for probe in report.probes})

@@ -62,6 +62,15 @@ def test_samplers_are_compared_on_every_scene(checkout: Path, tmp_path: Path) ->
 
 
 @pytest.mark.slow
+def test_modes_of_the_spectrum_are_compared(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "spectra")
+    assert "dispersive (compiled as rgb)" in printed
+    for found in results.values():
+        assert list(found) == ["rgb", "dispersive", "spectral"]
+        assert all(mode["ns_per_sample"] > 0 and mode["colour_noise"] > 0 for mode in found.values())
+    assert results["a lens that disperses"]["dispersive"]["light"] == "dispersive"
+
+
 def test_noise_behind_every_shape_of_aperture_is_measured(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "apertures", "--seeds", "3")
     assert "mask" in printed

@@ -41,6 +41,8 @@ ALLOWED: dict[str, set[str]] = {
     "autofocus": GROUND
     | {"records", "imaging", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
     "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
+    "tradeoff": GROUND
+    | {"records", "scene", "cameras", "plan", "device", "wavefront", "accuracy", "autofocus", "metering", "lensview"},
     "sensing": GROUND | {"scene", "sensor"},
     "developing": GROUND | {"imaging", "scene"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},

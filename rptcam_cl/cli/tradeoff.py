@@ -1,0 +1,165 @@
+"""``rptcam tradeoff``: what each approximation of a picture costs and gains."""
+
+import argparse
+import contextlib
+import re
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rptcam_cl.cli import parser as values
+from rptcam_cl.cli.lens_options import check_picture, write, write_picture
+from rptcam_cl.cli.lens_table import print_table
+from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.parser import Commands
+from rptcam_cl.errors import InputError
+
+if TYPE_CHECKING:
+    from rptcam_cl.tradeoff import TradeoffReport
+
+_LINE_INTERVAL = 10.0  # [s], where no terminal watches
+_UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
+
+
+def duration(text: str) -> float:
+    """Time of ``60``, ``60s``, ``2min`` or ``1h`` [s]."""
+    match = re.fullmatch(r"([0-9.]+(?:e[+-]?\d+)?)\s*(s|min|h|)", text.strip(), re.IGNORECASE)
+    try:
+        found = float(match[1]) * _UNITS[match[2].lower()] if match else -1.0
+    except ValueError:
+        found = -1.0
+    if not 0 < found <= 1e9:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed a time above 0, as 60s, 2min or 1h")
+    return found
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    parser = commands.add_parser(
+        "tradeoff",
+        help="measure what each approximation of a scene's picture costs and gains",
+        description="Render a scene in many ways by turns, and tell which is worth its time.",
+    )
+    parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    parser.add_argument(
+        "--budget",
+        type=duration,
+        metavar="TIME",
+        default=60.0,
+        help="about how long to measure, as 60s or 5min (default 60s)",
+    )
+    parser.add_argument(
+        "--time",
+        type=duration,
+        metavar="TIME",
+        default=60.0,
+        help="time to render that advice is wanted for (default 60s)",
+    )
+    parser.add_argument(
+        "--error", type=values.share, metavar="X", default=0.02,
+        help="relative error (root of relMSE) that advice is wanted for (default 0.02)",
+    )  # fmt: skip
+    parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution in pixels, in place of the scene's")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write every number, .json")
+    parser.add_argument("--markdown", type=Path, metavar="FILE", help="write advice and tables, .md")
+    parser.add_argument(
+        "--plot", type=Path, metavar="FILE", help="draw errors over time, field and picture, .svg or .png"
+    )
+    parser.add_argument(
+        "--device", metavar="SPEC",
+        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="key.path=value", dest="overrides",
+        help="replace a value of the scene file, as camera.f_number=4; may be repeated",
+    )  # fmt: skip
+    parser.add_argument("--quiet", action="store_true", help="say nothing along the way but warnings and errors")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    _check_outputs(arguments)
+    from rptcam_cl.api import load_scene, measure_tradeoff
+
+    scene = load_scene(arguments.scene, arguments.overrides)
+    for warning in scene.warnings:
+        print(f"warning: {warning}", file=sys.stderr)
+    with contextlib.nullcontext() if arguments.quiet else _progress() as show:
+        report = measure_tradeoff(
+            scene,
+            budget=arguments.budget,
+            seconds=arguments.time,
+            error=arguments.error,
+            size=arguments.size,
+            device=arguments.device,
+            on_progress=show,
+        )
+    _print(report)
+    _write(report, arguments)
+    return 0
+
+
+def _check_outputs(arguments: argparse.Namespace) -> None:
+    """Refuse, before anything is measured, what could not be written at the end."""
+    from rptcam_cl.imaging.atomic import check_writable
+
+    for path, suffix in ((arguments.json, ".json"), (arguments.markdown, ".md")):
+        if path is None:
+            continue
+        if path.suffix.lower() != suffix:
+            raise InputError(f"{path}: unknown kind of file (allowed: a name that ends in {suffix})")
+        check_writable(path, [arguments.scene])
+    if arguments.plot is not None:
+        check_picture(arguments.plot, str(arguments.scene))
+
+
+def _print(report: "TradeoffReport") -> None:
+    """Print advice, tables and how they were found."""
+    from rptcam_cl.tradeoff.table import CAMERA_COLUMNS, COLUMNS, camera_rows, rows
+    from rptcam_cl.tradeoff.text import caveats, recommendation
+
+    print("\n".join(recommendation(report)), end="\n\n")
+    print_table(COLUMNS, rows(report))
+    if report.cameras:
+        print()
+        print_table(CAMERA_COLUMNS, camera_rows(report), "error of cheaper cameras over the half diagonal")
+    print()
+    print("\n".join(caveats(report)))
+
+
+def _write(report: "TradeoffReport", arguments: argparse.Namespace) -> None:
+    from rptcam_cl.tradeoff.plot import tradeoff_plot
+    from rptcam_cl.tradeoff.table import markdown
+
+    title = f"{arguments.scene.stem}: accuracy and time"
+    if arguments.json is not None:
+        write((as_json(report.as_dict()) + "\n").encode(), arguments.json)
+    if arguments.markdown is not None:
+        write(markdown(report, title).encode(), arguments.markdown)
+    if arguments.plot is not None:
+        write_picture(tradeoff_plot(report, title), arguments.plot)
+
+
+@contextlib.contextmanager
+def _progress() -> Iterator[Callable[[str, float], Any]]:
+    """A function that shows what is being done and the share that is done: a bar on a terminal, else lines."""
+    if not sys.stderr.isatty():
+        last = time.monotonic()
+
+        def say(words: str, share: float) -> None:
+            nonlocal last
+            if time.monotonic() - last >= _LINE_INTERVAL:
+                last = time.monotonic()
+                print(f"{words} ({share:.0%})", file=sys.stderr, flush=True)
+
+        yield say
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = (BarColumn(bar_width=None), TextColumn("{task.description}", markup=False))
+    with Progress(*columns, console=Console(stderr=True), transient=True, expand=True) as bar:
+        task = bar.add_task("start", total=1.0)
+        yield lambda words, share: bar.update(task, description=words, completed=share)

@@ -1,0 +1,126 @@
+"""The Python interface of the comparison."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rptcam_cl.autofocus import in_focus
+from rptcam_cl.device import Session, open_session
+from rptcam_cl.metering import settled
+from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.tradeoff.advice import for_error, for_time
+from rptcam_cl.tradeoff.errors import pair_errors
+from rptcam_cl.tradeoff.ladder import ladder, most_accurate
+from rptcam_cl.tradeoff.measurement import Measurement, measurements
+from rptcam_cl.tradeoff.report import TradeoffReport
+from rptcam_cl.tradeoff.runs import Ready, prepare
+from rptcam_cl.tradeoff.schedule import Pictures, render_by_turns
+from rptcam_cl.tradeoff.statistics import draws
+from rptcam_cl.tradeoff.truncation import truncation_bound
+
+BUDGET_S = 60.0
+WISHED_S, WISHED_ERROR = 60.0, 0.02
+DRAWS_SEED = 7  # of the bootstrap
+
+
+def measure_tradeoff(
+    scene: Scene | str | Path | Mapping[str, Any],
+    *,
+    budget: float = BUDGET_S,
+    seconds: float = WISHED_S,
+    error: float = WISHED_ERROR,
+    size: tuple[int, int] | None = None,
+    device: str | Session | None = None,
+    on_progress: Callable[[str, float], Any] | None = None,
+) -> TradeoffReport:
+    """Return what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
+
+    Parameters
+    ----------
+    scene
+        A scene, or anything that `load_scene` takes.
+    budget
+        About how long the comparison may take [s]; compilation may take longer.
+    seconds, error
+        What to advise for: a time to render [s], and a relative error (root of relMSE).
+    size
+        Replaces the scene's resolution [pixels].
+    device
+        As for `render`.
+    on_progress
+        Called with what is being done and the share of the work that is done.
+
+    Raises
+    ------
+    InputError
+        Something in the scene or the arguments is wrong.
+    DeviceError
+        No device fits, or a kernel failed.
+    """
+    begun = time.perf_counter()
+    tell = on_progress or (lambda words, share: None)
+    scene = scene if isinstance(scene, Scene) else load_scene(scene)
+    if size is not None:
+        scene = change_scene(scene, film={"resolution": size})
+    session = device if isinstance(device, Session) else open_session(device)
+    tell("focus and exposure", 0.0)
+    sharp, _ = in_focus(scene, session, None)
+    shot = settled(most_accurate(sharp).scene, session)
+    fixed = change_scene(sharp, exposure=_given(shot.scene.exposure), shutter=_given(shot.scene.shutter))
+    steps = ladder(fixed)
+    count = len(steps.configurations)
+    ready, impossible = prepare(
+        steps.configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
+    )
+    left = max(budget - (time.perf_counter() - begun), budget / 3)
+    pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
+    tell("errors", 1.0)
+    found = _measured(ready, pictures)
+    decision = steps.decision
+    reflectance = ready[0].reflectance
+    return TradeoffReport(
+        scene=fixed.content_hash(),
+        device=session.info.name,
+        resolution=fixed.film.resolution,
+        tiles=(len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
+        grid=pictures.tiles.shape,
+        samples=pictures.samples,
+        seeds=pictures.seeds,
+        seconds=time.perf_counter() - begun,
+        by_cpu=pictures.by_cpu,
+        measurements=tuple(found),
+        cameras=() if decision is None else decision.errors,
+        allowed="" if decision is None else decision.tier,
+        lens_colour_px=ready[0].facts.get("lens_colour_px"),
+        reflectance=reflectance,
+        truncation=truncation_bound(reflectance, fixed.render.max_depth),
+        depth=fixed.render.max_depth,
+        advice=(for_time(found, seconds), for_error(found, error)),
+        skipped=steps.skipped | impossible,
+    )
+
+
+def _given(part: Any) -> dict[str, Any]:
+    return {name: getattr(part, name) for name in part.model_fields_set}
+
+
+def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
+    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles)
+    named = [
+        {
+            "name": each.configuration.name,
+            "knob": each.configuration.knob,
+            "same_as": each.configuration.same_as,
+            "tier": each.configuration.tier,
+            "unbiased": each.configuration.unbiased,
+            "start_s": each.start_s,
+        }
+        for each in ready
+    ]
+    counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
+    return measurements(named, errors, pictures.timings, pictures.samples, counts)

@@ -1,0 +1,138 @@
+"""The configurations that are compared: the most accurate one of a scene, and others with one thing changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import partial
+
+from rptcam_cl.accuracy import TIERS, Decision, decided, equivalent
+from rptcam_cl.errors import InputError
+from rptcam_cl.scene import Scene, change_scene
+from rptcam_cl.scene.camera import RealisticCamera
+
+REFERENCE = "full"
+PUPILS = ("rear", "thick", "bounds")  # beside the outline of the pupil itself, which the reference has
+SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """One way to render a scene.
+
+    Attributes
+    ----------
+    name : str
+    knob : str
+        What was changed of the most accurate one; empty for that one itself.
+    scene : Scene
+    tier : str
+        Camera model, as `accuracy.TIERS` has them; empty for the scene's own camera without a lens.
+    unbiased : bool
+        Whether the change cannot change the mean of the picture, only its noise.
+    same_as : tuple of str
+        Other names that turned out to be the same way.
+    """
+
+    name: str
+    knob: str
+    scene: Scene
+    tier: str = ""
+    unbiased: bool = False
+    same_as: tuple[str, ...] = ()
+
+    def also(self, name: str) -> Configuration:
+        """Return it with one more name."""
+        return replace(self, same_as=(*self.same_as, name))
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Configurations, the most accurate first.
+
+    Attributes
+    ----------
+    configurations : tuple of Configuration
+    skipped : dict
+        Why a configuration is missing, by its name.
+    decision : Decision or None
+        What `camera.accuracy: auto` would choose; None for a camera without a lens of surfaces.
+    """
+
+    configurations: tuple[Configuration, ...]
+    skipped: dict[str, str]
+    decision: Decision | None
+
+
+def ladder(scene: Scene) -> Ladder:
+    """Return the configurations of a scene; some may turn out to be the same once they are planned."""
+    full = most_accurate(scene)
+    is_lens = isinstance(full.scene.camera, RealisticCamera)
+    decision = decided(change_scene(full.scene, camera={"accuracy": "auto"})) if is_lens else None
+    found, skipped = [full], {}
+    for change in _changes(scene, full.scene, decision):
+        try:
+            made = change.make()
+        except InputError as problem:
+            skipped[change.name] = str(problem)
+            continue
+        found.append(Configuration(change.name, change.knob, made, change.tier or full.tier, change.unbiased))
+    return Ladder(tuple(found), skipped, decision)
+
+
+def most_accurate(scene: Scene) -> Configuration:
+    """Return a scene with everything that makes its picture more accurate.
+
+    Every ray goes through every surface, aimed at the pupil's outline; the lens bends each wavelength by itself unless
+    the spectrum is fixed to RGB; no limit of samples or noise.
+    """
+    plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
+    if not isinstance(scene.camera, RealisticCamera):
+        return Configuration(REFERENCE, "", plain)
+    plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto"})
+    if plain.spectrum.mode != "rgb":
+        plain = change_scene(plain, spectrum={"lens": "on"})
+    return Configuration(REFERENCE, "", plain, "realistic")
+
+
+@dataclass(frozen=True)
+class _Change:
+    """A configuration yet to be made."""
+
+    name: str
+    knob: str
+    make: Callable[[], Scene]
+    unbiased: bool = False
+    tier: str = ""
+
+
+def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_Change]:
+    """Yield every other configuration."""
+    yield _Change("as the scene says", "scene", partial(_as_it_is, scene))
+    if decision is not None:
+        for tier in reversed(TIERS[:-1]):
+            yield _Change(tier.replace("_", " "), "camera", partial(equivalent, full, tier), tier=tier)
+        for pupil in PUPILS:
+            make = partial(change_scene, full, camera={"pupil": pupil})
+            yield _Change(f"pupil: {pupil}", "pupil", make, unbiased=True)
+    for mode in ("dispersive", "rgb"):
+        yield _Change(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
+    for depth in SHORT_DEPTHS:
+        if depth < full.render.max_depth:
+            yield _Change(f"depth {depth}", "depth", partial(change_scene, full, render={"max_depth": depth}))
+    make = partial(change_scene, full, render={"sampler": "independent"})
+    yield _Change("independent samples", "sampler", make, unbiased=True)
+    if decision is not None:
+        cheap = change_scene(scene, camera={"accuracy": "auto"})
+        yield _Change("accuracy: auto", "combination", partial(_as_it_is, cheap), tier=decision.tier)
+
+
+def _as_it_is(scene: Scene) -> Scene:
+    plain = change_scene(scene, render={"noise": None, "layers": ()})
+    return decided(plain).scene
+
+
+def _with_mode(scene: Scene, mode: str) -> Scene:
+    if mode == "dispersive" and scene.spectrum.mode != "spectral":
+        return scene
+    return change_scene(scene, spectrum={"mode": mode, "lens": "off" if mode == "rgb" else "on"})

@@ -1,0 +1,203 @@
+"""What is said of each configuration: rates, bias and times, with intervals."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.tradeoff.errors import PairErrors
+from rptcam_cl.tradeoff.statistics import (
+    Interval,
+    error_over_pairs,
+    interval,
+    median_over_seeds,
+    once,
+    over_pairs,
+    over_seeds,
+    spread_about,
+)
+
+Array = NDArray[np.float64]
+
+TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for
+
+
+@dataclass(frozen=True)
+class Timings:
+    """Times of one configuration, per sample per pixel of the whole picture, one for each seed [s].
+
+    Attributes
+    ----------
+    undisturbed : (seeds,) array
+        With the device to itself: on a processor the CPU time of all threads divided by the cores, else by the clock.
+    wall : (seeds,) array
+        By the clock.
+    """
+
+    undisturbed: Array
+    wall: Array
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """One configuration. Times are those of the whole picture with the device to itself, unless told otherwise.
+
+    Attributes
+    ----------
+    name, knob : str
+        As in `ladder.Configuration`.
+    same_as : tuple of str
+    tier : str
+    unbiased : bool
+    start_s : float
+        From the scene to the first ray [s].
+    sample_s, wall_sample_s : Interval
+        Time of one sample per pixel [s], and that by the clock.
+    noise : Interval
+        relMSE of the noise of one sample per pixel.
+    slope : Interval
+        Exponent of the noise over the samples; -1 for independent ones.
+    rate, wall_rate : Interval
+        relMSE times seconds: what the noise is after a second.
+    bias : Interval
+        The relMSE that no time removes, against the most accurate configuration.
+    energy : Interval
+        Relative error of the mean of the picture.
+    seconds_to : dict
+        Time to each of `TARGETS` [s]; infinite where the bias forbids it.
+    better_until : Interval
+        Time until which it errs less than the most accurate configuration [s]; 0 never, infinite always.
+    bias_of_tiles : (tiles,) array
+        relMSE of the bias in each rendered tile.
+    """
+
+    name: str
+    knob: str
+    same_as: tuple[str, ...]
+    tier: str
+    unbiased: bool
+    start_s: float
+    sample_s: Interval
+    wall_sample_s: Interval
+    noise: Interval
+    slope: Interval
+    rate: Interval
+    wall_rate: Interval
+    bias: Interval
+    energy: Interval
+    seconds_to: dict[float, Interval]
+    better_until: Interval
+    bias_of_tiles: Array
+
+    @property
+    def sure_bias(self) -> float:
+        """What the bias is at most, as relMSE: the upper end of its interval, or nothing where there can be none."""
+        return 0.0 if self.unbiased or not self.knob else max(self.bias.high, 0.0)
+
+    def error_after(self, seconds: float) -> float:
+        """Return the relative error (root of relMSE) after a time, with the most that the bias may be."""
+        return float(np.sqrt(self.sure_bias + self.rate.value / seconds))
+
+    def seconds_until(self, error: float) -> float:
+        """Return the time to a relative error [s], with the most that the bias may be; infinite where it forbids it."""
+        left = error**2 - self.sure_bias
+        return self.rate.value / left if left > 0 else np.inf
+
+
+@dataclass(frozen=True)
+class _Replicates:
+    """Noise, rate and bias of one configuration for each draw of the seeds; the first draw has each once."""
+
+    noise: Array
+    rate: Array
+    bias: Array
+
+
+def measurements(
+    named: list[dict[str, Any]],
+    errors: list[PairErrors],
+    timings: list[Timings],
+    samples: tuple[int, ...],
+    counts: NDArray[np.int64],
+) -> list[Measurement]:
+    """Return the measurement of every configuration, the reference first.
+
+    Parameters
+    ----------
+    named
+        The first six attributes of each.
+    errors, timings
+        What was measured.
+    samples
+        Numbers of samples per pixel of the pictures.
+    counts
+        Draws of the seeds, by `statistics.draws`.
+    """
+    seeds = counts.shape[1]
+    counts = np.concatenate([once(seeds), counts])  # the first row gives the estimates
+    sources = []
+    for names, error, times in zip(named, errors, timings, strict=True):
+        noise = _noise(error, counts) * samples[-1]
+        exact = names["unbiased"] or not names["knob"]
+        bias = np.zeros(len(counts)) if exact else _bias(error, counts)
+        sources.append(_Replicates(noise, noise * median_over_seeds(times.undisturbed, counts), bias))
+    found = []
+    for names, error, times, own in zip(named, errors, timings, sources, strict=True):
+        values = {
+            "sample_s": median_over_seeds(times.undisturbed, counts),
+            "wall_sample_s": median_over_seeds(times.wall, counts),
+            "noise": own.noise,
+            "slope": _slope(error, samples, counts),
+            "rate": own.rate,
+            "wall_rate": own.noise * median_over_seeds(times.wall, counts),
+            "bias": _bias(error, counts),
+            "energy": _energy(error, errors[0], counts),
+            "better_until": _better_until(own, sources[0]),
+        }
+        intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
+        reached = {target: _time_to(own, target) for target in TARGETS}
+        to = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached.items()}
+        found.append(Measurement(**names, **intervals, seconds_to=to, bias_of_tiles=error.by_tile))
+    return found
+
+
+def _bias(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+    found = over_pairs(error.bias, counts)
+    own = math.sqrt(error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
+    return spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+
+
+def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+    """Return the noise of a picture, spread by its logarithm, as it is above 0."""
+    found = over_pairs(error.noise[-1], counts)
+    own = math.sqrt(float(found.var()) + error.weight_variances["noise"])
+    spread = max(own, error.tile_errors["noise"]) / found[0]
+    return np.asarray(found[0] * np.exp(spread_about(0.0, np.log(found / found[0]), spread)))
+
+
+def _energy(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
+    found = over_seeds(error.brightness, counts) / over_seeds(reference.brightness, counts) - 1
+    return spread_about(found[0], found, max(float(found.std()), error.tile_errors["energy"]))
+
+
+def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
+    first, last = over_pairs(error.noise[0], counts), over_pairs(error.noise[-1], counts)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.log(last / first) / np.log(samples[-1] / samples[0]))
+
+
+def _time_to(own: _Replicates, target: float) -> Array:
+    left = target**2 - np.maximum(own.bias, 0.0)
+    with np.errstate(divide="ignore"):
+        return np.where(left > 0, own.rate / left, np.inf)
+
+
+def _better_until(own: _Replicates, reference: _Replicates) -> Array:
+    """Return where rate / t + bias of both meet: until then the faster one errs less."""
+    gain = reference.rate - own.rate
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(gain <= 0, 0.0, np.where(own.bias > 0, gain / own.bias, np.inf))

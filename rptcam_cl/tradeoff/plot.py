@@ -1,0 +1,159 @@
+"""Three pictures of a comparison in one: error against time, error over the field, and where pictures differ."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rptcam_cl.accuracy.errors import FIELDS
+from rptcam_cl.lensview.chart import Axes, Key, draw_key
+from rptcam_cl.lensview.picture import FAINT, GRID, INK, SERIES, Path, Picture, Text
+from rptcam_cl.tradeoff.measurement import Measurement
+from rptcam_cl.tradeoff.report import TradeoffReport
+from rptcam_cl.tradeoff.tile_map import draw_map, map_scale
+from rptcam_cl.tradeoff.words import seconds
+
+WIDTH, HEIGHT = 1180.0, 800.0
+LEFT, RIGHT = (70.0, 66.0, 600.0, 400.0), (690.0, 66.0, 1150.0, 400.0)
+MAPS_TOP, MAP_WIDTH, MAP_GAP = 570.0, 250.0, 26.0
+MOST_MAPS = 4
+PER_DECADE = 8  # points of a curve
+
+
+def tradeoff_plot(report: TradeoffReport, title: str) -> Picture:
+    """Return the three pictures.
+
+    On the left root of relMSE over time, a line each; those that become level have reached their bias, and what falls
+    as fast as noise does falls along the dotted guide. On the right how far cheaper cameras put light beside its place.
+    Below how much the pictures of the configurations that differ most do so, tile by tile.
+    """
+    picture = Picture(WIDTH, HEIGHT, title)
+    picture.add(Text((LEFT[0], 28), title, 15))
+    colours = {found.name: SERIES[i % len(SERIES)] for i, found in enumerate(report.measurements)}
+    dashes: dict[str, tuple[float, ...]] = {
+        found.name: () if i < len(SERIES) else (6.0, 3.0) for i, found in enumerate(report.measurements)
+    }
+    _errors_over_time(picture, report.measurements, colours, dashes)
+    keys = [Key(found.name, colours[found.name], dashes[found.name]) for found in report.measurements]
+    draw_key(picture, [*keys, Key("slope of noise", FAINT, (2.0, 3.0))], 470)
+    _errors_over_field(picture, report, colours)
+    _maps(picture, report)
+    return picture
+
+
+def log_axes(
+    picture: Picture, box: tuple[float, float, float, float], x: tuple[float, float], y: tuple[float, float]
+) -> Axes:
+    """Return axes of decimal logarithms over whole decades, with a grid and the values at the decades."""
+    whole = [(math.floor(low), max(math.ceil(high), math.floor(low) + 1)) for low, high in (x, y)]
+    axes = Axes(picture, box, *whole)
+    left, top, right, bottom = box
+    for decade in range(whole[0][0], whole[0][1] + 1):
+        at, _ = axes.place(decade, whole[1][0])
+        picture.add(Path([(at, top), (at, bottom)], GRID, 0.7))
+        picture.add(Text((at, bottom + 16), seconds(10.0**decade), 11, "middle"))
+    for decade in range(whole[1][0], whole[1][1] + 1):
+        _, at = axes.place(whole[0][0], decade)
+        picture.add(Path([(left, at), (right, at)], GRID, 0.7))
+        picture.add(Text((left - 6, at + 4), f"{100 * 10.0**decade:g} %", 11, "end"))
+    picture.add(Path([(left, top), (right, top), (right, bottom), (left, bottom)], INK, 1.0, closed=True))
+    return axes
+
+
+def _errors_over_time(
+    picture: Picture, found: Sequence[Measurement], colours: dict[str, str], dashes: dict[str, tuple[float, ...]]
+) -> None:
+    full = found[0].rate.value
+    x = (math.log10(full) - 0.5, math.log10(full / 0.005**2))
+    times = 10 ** np.linspace(math.floor(x[0]), math.ceil(x[1]), PER_DECADE * 10)
+    curves = {each.name: _log_error(each, times, each.bias.value) for each in found}
+    ends = np.concatenate(list(curves.values()))
+    axes = log_axes(picture, LEFT, x, (float(ends.min()), float(np.quantile(ends, 0.98))))
+    _titles(picture, LEFT, "error (root of relMSE) over time, with bands of 95 %", "time to render the picture", "")
+    low, high = axes.y_range
+    middle = (math.log10(times[0]) + math.log10(times[-1])) / 2
+    start = curves[found[0].name][0] - 0.5  # half a decade below the most accurate one
+    guide = [(at, start - (at - math.log10(times[0])) / 2) for at in (math.log10(times[0]), middle)]
+    picture.add(Path([axes.place(*point) for point in guide], FAINT, 1.4, dash=(2.0, 3.0)))
+    for each in found:
+        band = [np.clip(_log_error(each, times, end.bias, end.rate), low, high) for end in _ends(each)]
+        outline = [*zip(np.log10(times), band[0], strict=True), *zip(np.log10(times)[::-1], band[1][::-1], strict=True)]
+        picture.add(Path([axes.place(*point) for point in outline], None, fill=_pale(colours[each.name])))
+    for each in found:
+        axes.curve(np.log10(times), np.clip(curves[each.name], low, high), colours[each.name], dashes[each.name])
+        meets = each.better_until.value
+        if each.knob and times[0] < meets < times[-1]:
+            at = np.array([meets])
+            axes.dots(np.log10(at), np.clip(_log_error(each, at, each.bias.value), low, high), colours[each.name], 4.0)
+
+
+class _End:
+    """One end of the intervals of a configuration."""
+
+    def __init__(self, found: Measurement, name: str) -> None:
+        self.bias, self.rate = getattr(found.bias, name), getattr(found.rate, name)
+
+
+def _ends(found: Measurement) -> tuple[_End, _End]:
+    return _End(found, "low"), _End(found, "high")
+
+
+def _log_error(found: Measurement, times: np.ndarray, bias: float, rate: float | None = None) -> np.ndarray:
+    floor = 0.0 if found.unbiased or not found.knob else max(bias, 0.0)
+    return np.asarray(np.log10(floor + (found.rate.value if rate is None else rate) / times) / 2)
+
+
+def _pale(colour: str) -> str:
+    """Return a colour mixed with much white: bands lie over each other without transparency."""
+    channels = [int(colour[i : i + 2], 16) for i in (1, 3, 5)]
+    return "#" + "".join(f"{round(255 - 0.16 * (255 - value)):02x}" for value in channels)
+
+
+def _titles(picture: Picture, box: tuple[float, float, float, float], title: str, below: str, beside: str) -> None:
+    left, top, right, bottom = box
+    picture.add(Text((left, top - 10), title, 12.5))
+    picture.add(Text(((left + right) / 2, bottom + 36), below, 12, "middle"))
+    if beside:
+        picture.add(Text((left - 48, (top + bottom) / 2), beside, 12, "middle", turned=True))
+
+
+def _errors_over_field(picture: Picture, report: TradeoffReport, colours: dict[str, str]) -> None:
+    cameras = [each for each in report.cameras if each.tier != "realistic"]
+    title = "error of cheaper cameras over the field [pixels]"
+    if not cameras:
+        _titles(picture, RIGHT, title, "", "")
+        picture.add(Text((RIGHT[0], RIGHT[1] + 24), "The camera has no cheaper model.", 12, colour=FAINT))
+        return
+    values = [value for each in cameras for value in each.pixels if math.isfinite(value)]
+    axes = Axes(picture, RIGHT, (0.0, 1.0), (0.0, 1.08 * max([*values, 1.0])))
+    axes.frame("", "")
+    _titles(picture, RIGHT, title, "film point, share of the half diagonal", "pixels")
+    axes.curve([0.0, 1.0], [0.5, 0.5], FAINT, (5.0, 4.0))
+    for each in cameras:
+        colour = colours.get(each.tier.replace("_", " "), INK)
+        axes.curve(FIELDS, each.pixels, colour)
+        good = [(field, value) for field, value in zip(FIELDS, each.pixels, strict=True) if math.isfinite(value)]
+        axes.dots([field for field, _ in good], [value for _, value in good], colour, 3.0)
+
+
+def _maps(picture: Picture, report: TradeoffReport) -> None:
+    biased = [found for found in report.measurements if found.knob and not found.unbiased]
+    shown = sorted(biased, key=lambda found: found.bias.value, reverse=True)[:MOST_MAPS]
+    top = MAPS_TOP - 40
+    picture.add(
+        Text((LEFT[0], top), "where the picture differs from the most accurate one (root of relMSE of each tile)", 12.5)
+    )
+    height = MAP_WIDTH * report.resolution[1] / report.resolution[0]
+    size = (MAP_WIDTH, height) if height <= HEIGHT - MAPS_TOP - 44 else _narrow(report)
+    for place, found in enumerate(shown):
+        left = LEFT[0] + place * (MAP_WIDTH + MAP_GAP)
+        picture.add(Text((left, MAPS_TOP - 8), found.name, 11))
+        draw_map(picture, (left, MAPS_TOP), size, np.asarray(found.bias_of_tiles).reshape(report.grid))
+    map_scale(picture, (LEFT[0], HEIGHT - 26))
+
+
+def _narrow(report: TradeoffReport) -> tuple[float, float]:
+    height = HEIGHT - MAPS_TOP - 44
+    return height * report.resolution[0] / report.resolution[1], height

@@ -1,0 +1,111 @@
+"""What a comparison of configurations found."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from typing import Any
+
+from rptcam_cl.accuracy import TierError
+from rptcam_cl.accuracy.errors import FIELDS
+from rptcam_cl.tradeoff.measurement import Measurement
+from rptcam_cl.tradeoff.statistics import CONFIDENCE
+
+Place = tuple[float, float]
+
+
+@dataclass(frozen=True)
+class Advice:
+    """Which configuration suits a wish.
+
+    Attributes
+    ----------
+    wish : str
+        ``time`` or ``error``.
+    amount : float
+        Time [s] or relative error (root of relMSE).
+    chosen : str or None
+        Name of the configuration; None where none reaches the error.
+    seconds, error : float
+        What it takes and errs by; the error counts the bias at the upper end of its interval.
+    full_seconds, full_error : float
+        The same of the most accurate configuration.
+    """
+
+    wish: str
+    amount: float
+    chosen: str | None
+    seconds: float
+    error: float
+    full_seconds: float
+    full_error: float
+
+
+@dataclass(frozen=True)
+class TradeoffReport:
+    """What a comparison of configurations found.
+
+    Attributes
+    ----------
+    scene, device : str
+    resolution : (width, height)
+    tiles : (rendered, all)
+        Tiles of 8 x 8 pixels that the pictures were made of.
+    grid : (rows, columns)
+        How the rendered ones lie, row by row.
+    samples : tuple of int
+        Numbers of samples per pixel of the pictures.
+    seeds : int
+        Independent pictures of each.
+    seconds : float
+        Time that all took [s].
+    by_cpu : bool
+        Whether the times that count are CPU times divided by the cores.
+    measurements : tuple of Measurement
+        The most accurate configuration first.
+    cameras : tuple of TierError
+        Errors of cheaper camera models over the field, traced in float64.
+    allowed : str
+        Camera model that `camera.accuracy: auto` takes; empty without a lens of surfaces.
+    lens_colour_px : float or None
+        How far the lens moves light of other wavelengths [pixels].
+    reflectance, truncation : float
+        Bound of the scene's reflectances, and of what paths beyond the scene's depth add.
+    depth : int
+    advice : tuple of Advice
+    skipped : dict
+        Configurations that could not be rendered, and why.
+    """
+
+    scene: str
+    device: str
+    resolution: tuple[int, int]
+    tiles: tuple[int, int]
+    grid: tuple[int, int]
+    samples: tuple[int, ...]
+    seeds: int
+    seconds: float
+    by_cpu: bool
+    measurements: tuple[Measurement, ...]
+    cameras: tuple[TierError, ...]
+    allowed: str
+    lens_colour_px: float | None
+    reflectance: float
+    truncation: float
+    depth: int
+    advice: tuple[Advice, ...] = ()
+    skipped: dict[str, str] = field(default_factory=dict)
+
+    def named(self, name: str) -> Measurement:
+        """Return the measurement of a configuration."""
+        return next(found for found in self.measurements if found.name == name)
+
+    def camera_of(self, found: Measurement) -> TierError | None:
+        """Return the errors of a configuration's camera model, where it is not the traced lens."""
+        return next((each for each in self.cameras if each.tier == found.tier), None)
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return everything as plain values; what is infinite becomes null in JSON, which means never (or always)."""
+        told = asdict(self)
+        for found in told["measurements"]:
+            found["seconds_to"] = {f"{target:g}": value for target, value in found["seconds_to"].items()}
+        return told | {"fields": list(FIELDS), "confidence": CONFIDENCE}

@@ -1,0 +1,92 @@
+"""How many tiles and samples fit the time, and the order of the renders: by turns, so that other work on the machine
+disturbs all configurations alike."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.tradeoff.measurement import Timings
+from rptcam_cl.tradeoff.runs import Ready, cores, run
+from rptcam_cl.tradeoff.tiles import SpreadTiles, spread_tiles
+from rptcam_cl.wavefront.film import TILE_PIXELS
+
+SEEDS = 8
+GROWTH = 4  # times the samples of the first picture that the second has
+PILOT_TILES, PILOT_SAMPLES = 32, 4
+FEWEST_TILES, MOST_TILES = 64, {"cpu": 512, "gpu": 4096}
+WANTED_SAMPLES = 2  # of the first picture, before more tiles are taken
+TILES_SEED = 5
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """All short renders.
+
+    Attributes
+    ----------
+    tiles : SpreadTiles
+    samples : tuple of int
+        Samples per pixel of the pictures of each seed.
+    seeds : int
+    pixels : list
+        For each configuration and number of samples, pixels (seeds, p, 3).
+    timings : list of Timings
+    by_cpu : bool
+        Whether the undisturbed times are CPU times divided by the cores.
+    """
+
+    tiles: SpreadTiles
+    samples: tuple[int, ...]
+    seeds: int
+    pixels: list[list[NDArray[np.float32]]]
+    timings: list[Timings]
+    by_cpu: bool
+
+
+def render_by_turns(
+    ready: Sequence[Ready], seconds: float, seed: int, on_progress: Callable[[str, float], Any], seeds: int = SEEDS
+) -> Pictures:
+    """Return pictures of every configuration, as large and with as many samples as fit the time."""
+    info, layout = ready[0].wavefront.session.info, ready[0].wavefront.layout
+    on_progress("timing", 0.0)
+    tiles, first = _extent(ready, seconds, seeds)
+    samples = (first, GROWTH * first)
+    pixels = [[np.empty((seeds, len(tiles.pixels), 3), np.float32) for _ in samples] for _ in ready]
+    taken = np.zeros((len(ready), 2, seeds))
+    turns = seeds * len(samples)
+    for turn in range(turns):
+        row, k = divmod(turn, len(samples))
+        order = np.roll(np.arange(len(ready)), turn)
+        for place, index in enumerate(order[:: 1 if turn % 4 < 2 else -1]):
+            on_progress("rendering by turns", (turn + place / len(ready)) / turns)
+            found = run(ready[index], tiles, samples[k], seed + 1 + turn)
+            pixels[index][k][row] = found.pixels
+            taken[index, :, row] += (found.cpu_s, found.wall_s)
+    taken *= layout.samples_per_spp / len(tiles.pixels) / sum(samples)
+    by_cpu = info.type == "cpu"
+    timings = [Timings(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
+    return Pictures(tiles, samples, seeds, pixels, timings, by_cpu)
+
+
+def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadTiles, int]:
+    """Return the tiles and the samples per pixel of the first pictures, by the speed of small ones."""
+    layout, kind = ready[0].wavefront.layout, ready[0].wavefront.session.info.type
+    rng = np.random.default_rng(TILES_SEED)
+    pilot = spread_tiles(layout, PILOT_TILES, rng)
+    for each in ready:
+        run(each, pilot, 1, 0)
+    begun = time.perf_counter()
+    for each in ready:
+        run(each, pilot, PILOT_SAMPLES, 0)
+    per_sample = (time.perf_counter() - begun) / (PILOT_SAMPLES * len(pilot.pixels))
+    # Of one tile with one sample per pixel in the first picture of each seed.
+    fits = seconds / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
+    most = int(np.clip(fits / WANTED_SAMPLES, FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
+    tiles = spread_tiles(layout, most, rng)
+    return tiles, max(int(fits / len(tiles.tiles)), 1)

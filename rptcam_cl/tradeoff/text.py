@@ -1,0 +1,130 @@
+"""The advice in plain words, and how far the numbers behind it can be trusted."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rptcam_cl.accuracy import TierError
+from rptcam_cl.accuracy.errors import FIELDS
+from rptcam_cl.tradeoff.ladder import REFERENCE
+from rptcam_cl.tradeoff.measurement import Measurement
+from rptcam_cl.tradeoff.report import Advice, TradeoffReport
+from rptcam_cl.tradeoff.words import bias, per_cent, pixels, seconds
+
+SHOWS_LOAD = 1.3  # times the undisturbed time that the clock showed, from which on it is said
+PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
+
+
+def recommendation(report: TradeoffReport) -> list[str]:
+    """Return sentences: what to take, what it costs, what it errs by and where; then what else was found."""
+    said = [_advice(report, advice) for advice in report.advice]
+    chosen = {advice.chosen: None for advice in report.advice if advice.chosen not in (None, REFERENCE)}
+    said += [_differs(report, report.named(str(name))) for name in chosen]
+    said += _camera(report)
+    said += _depth(report)
+    return said
+
+
+def caveats(report: TradeoffReport) -> list[str]:
+    """Return sentences on how the numbers were found."""
+    rendered, every = report.tiles
+    made = "every tile" if rendered == every else f"{rendered} of {every} tiles"
+    counts = " and ".join(map(str, report.samples))
+    said = [
+        f"Measured in {seconds(report.seconds)} on {report.device}: {made} of a picture of"
+        f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {counts} samples per"
+        " pixel. Brackets are intervals of 95 %."
+    ]
+    clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
+    if report.by_cpu:
+        said.append("Times are CPU times divided by the cores: what a render takes with the machine to itself.")
+    if clock > SHOWS_LOAD:
+        said.append(f"By the clock all took {clock:.1f} times as long, as other work shared the machine.")
+    said += [f"The same as {f.name}: {', '.join(f.same_as)}." for f in report.measurements if f.same_as]
+    said += [f"Not compared: {name} ({why})." for name, why in report.skipped.items()]
+    return said
+
+
+def _advice(report: TradeoffReport, advice: Advice) -> str:
+    if advice.wish == "time":
+        head = f"In {seconds(advice.amount)}"
+        if advice.chosen == REFERENCE:
+            errs = per_cent(advice.error)
+            return f"{head}: take {_named(report, REFERENCE)}, which errs by {errs}; no approximation does better."
+        return (
+            f"{head}: take {advice.chosen}, which errs by at most {per_cent(advice.error)};"
+            f" {REFERENCE} errs by {per_cent(advice.full_error)}."
+        )
+    head = f"To an error of {per_cent(advice.amount)}"
+    if advice.chosen is None:
+        return f"{head}: no configuration gets there."
+    if advice.chosen == REFERENCE:
+        return f"{head}: take {_named(report, REFERENCE)}, in {seconds(advice.seconds)}; no approximation is faster."
+    return (
+        f"{head}: take {advice.chosen}, in {seconds(advice.seconds)};"
+        f" {REFERENCE} takes {seconds(advice.full_seconds)}, {advice.full_seconds / advice.seconds:.1f} times as long."
+    )
+
+
+def _named(report: TradeoffReport, name: str) -> str:
+    same = report.named(name).same_as
+    return f"{name} (the scene as it is)" if "as the scene says" in same else name
+
+
+def _differs(report: TradeoffReport, found: Measurement) -> str:
+    if found.unbiased:
+        return f"What {found.name} changes is noise alone."
+    where = place(np.asarray(found.bias_of_tiles), report.grid)
+    camera = report.camera_of(found)
+    at = f", {_over_field(camera)}" if camera is not None else ""
+    return f"{found.name} differs from {REFERENCE} by {bias(found.bias)} over the picture, most at the {where}{at}."
+
+
+def place(values: np.ndarray, grid: tuple[int, int]) -> str:
+    """Return in words which ninth of the picture has the largest mean."""
+    rows, columns = grid
+    cells = values.reshape(rows, columns)
+    means = [
+        (float(part.mean()), y, x)
+        for y, band in enumerate(np.array_split(cells, 3, axis=0))
+        for x, part in enumerate(np.array_split(band, 3, axis=1))
+        if part.size
+    ]
+    _, y, x = max(means)
+    return " ".join(dict.fromkeys((PLACES[0][y], PLACES[1][x]))) if (y, x) != (1, 1) else "centre"
+
+
+def _over_field(camera: TierError) -> str:
+    worst = int(np.argmax(camera.pixels))
+    if math.isinf(camera.pixels[worst]):
+        return (
+            f"{pixels(camera.pixels[0])} on the axis; at {FIELDS[worst]:g} of the half diagonal the lens sees nothing"
+        )
+    return (
+        f"{pixels(camera.pixels[0])} on the axis and at most {pixels(camera.worst_px)}"
+        f" (at {FIELDS[worst]:g} of the half diagonal), brightness by up to {per_cent(camera.worst_illumination)}"
+    )
+
+
+def _camera(report: TradeoffReport) -> list[str]:
+    said = []
+    if report.allowed == "realistic":
+        said.append("camera.accuracy: auto would trace every ray: no cheaper camera keeps to half a pixel and 1 %.")
+    elif report.allowed:
+        camera = next(each for each in report.cameras if each.tier == report.allowed)
+        said.append(f"camera.accuracy: auto would take the {report.allowed.replace('_', ' ')}: {_over_field(camera)}.")
+    if report.lens_colour_px is not None:
+        said.append(f"The lens moves light of other wavelengths by up to {pixels(report.lens_colour_px)}.")
+    return said
+
+
+def _depth(report: TradeoffReport) -> list[str]:
+    if math.isinf(report.truncation):
+        return [f"Of what paths beyond {report.depth} edges would add nothing is known but what shorter ones show."]
+    most = per_cent(report.truncation)
+    return [
+        f"Paths beyond {report.depth} edges would add at most {most} of the radiance of the brightest"
+        f" lamp (reflectances up to {report.reflectance:.2g})."
+    ]

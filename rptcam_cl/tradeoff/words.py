@@ -1,0 +1,63 @@
+"""Numbers and intervals as people read them."""
+
+from __future__ import annotations
+
+import math
+
+from rptcam_cl.tradeoff.statistics import Interval
+
+MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
+
+
+def seconds(value: float) -> str:
+    """Return a time, as ``23 ms``, ``4.2 s`` or ``1.5 h``; an infinite one is ``never``."""
+    if math.isinf(value):
+        return "never"
+    for below, unit, scale in (
+        (1.0, "ms", 1e-3),
+        (2 * MINUTE, "s", 1.0),
+        (2 * HOUR, "min", MINUTE),
+        (2 * DAY, "h", HOUR),
+    ):
+        if value < below:
+            return f"{_short(value / scale)} {unit}"
+    return f"{_short(value / DAY)} days"
+
+
+def until(value: float) -> str:
+    """Return a time until which something is better: ``never`` for 0, ``always`` for an infinite one."""
+    if value <= 0:
+        return "never"
+    return "always" if math.isinf(value) else seconds(value)
+
+
+def per_cent(share: float) -> str:
+    """Return a share as ``1.8 %``."""
+    return f"{_short(100 * share)} %"
+
+
+def pixels(value: float) -> str:
+    """Return a distance in pixels; an infinite one is where a lens sees nothing."""
+    return "dark" if math.isinf(value) else f"{_short(value)} px"
+
+
+def bias(found: Interval) -> str:
+    """Return the root of a bias as relMSE with its interval; only what it is at most where it may be nothing."""
+    low, value, high = (math.sqrt(max(end, 0.0)) for end in (found.low, found.value, found.high))
+    if found.low <= 0:
+        return f"below {per_cent(high)}"
+    return f"{per_cent(value)} ({_short(100 * low)} to {_short(100 * high)})"
+
+
+def ends(found: Interval, say: object = seconds) -> str:
+    """Return an estimate with the ends of its interval in brackets, once where they are the same."""
+    assert callable(say)
+    value, low, high = (say(end) for end in (found.value, found.low, found.high))
+    return value if low == high == value else f"{value} ({low} to {high})"
+
+
+def _short(value: float) -> str:
+    """Return a number with two digits, or as a whole number from 10 on."""
+    if value != 0 and abs(value) < 0.001:
+        return f"{value:.1g}"
+    return f"{value:.0f}" if abs(value) >= 9.95 else f"{value:.2g}"

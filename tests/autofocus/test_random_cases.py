@@ -1,0 +1,27 @@
+"""Random cases of the benchmark: every method that looks ends in focus, and refuses blank targets.
+
+python -m pytest -m slow tests/autofocus/test_random_cases.py
+"""
+
+import pytest
+
+from benchmarks.autofocus import BLANK_EVERY, outcome, random_case, wilson
+from rptcam_cl.device import open_session
+
+CASES = 10
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["contrast", "phase", "hybrid"])
+def test_random_cases_end_in_focus_or_in_a_refusal(method):
+    session = open_session(None)
+    found = [outcome(random_case(number), method, session) for number in range(CASES)]
+    assert sum(row["blank"] for row in found) == CASES // BLANK_EVERY
+    assert [row["case"] for row in found if not row["good"]] == []
+
+
+def test_wilson_interval_is_that_of_the_textbook():
+    # Brown, Cai, DasGupta 2001: the interval is never empty, nor leaves [0, 1], at the ends.
+    assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
+    assert wilson(10, 10) == pytest.approx((0.7225, 1.0), abs=1e-4)
+    assert wilson(50, 100) == pytest.approx((0.4038, 0.5962), abs=1e-4)

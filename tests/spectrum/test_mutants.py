@@ -1,0 +1,68 @@
+"""The tests of wavelengths themselves: each deliberate fault in a copy of the kernels must make one of them fail."""
+
+import pytest
+
+from rptcam_cl.device import program
+from tests.device.probes import open_session
+from tests.lens_device import test_wavelengths as rays
+from tests.render.test_mutants import Mutant, mutated
+from tests.spectrum import test_colour_noise as noise
+from tests.spectrum import test_fringes as fringes
+from tests.spectrum import test_modes as modes
+from tests.spectrum import test_prism as prism
+
+pytestmark = pytest.mark.slow
+
+SF11 = modes.GLASS_BALL
+
+
+def lines():
+    prism.test_lines_stand_at_their_angles("SF11", "mercury")
+
+
+def own_wavelengths():
+    rays.test_every_ray_has_the_wavelength_of_its_own(open_session(), "achromat-100mm")
+
+
+def edge_of_white():
+    fringes.test_edge_in_white_light_has_its_fringes(3, "dispersive")
+
+
+MUTANTS = [
+    Mutant("three wavelengths through glass that parts them", "F3 one = f3(3.0f * path->beta.x, ZERO, ZERO);",
+           "F3 one = scale(path->beta, 3.0f);", lambda: modes.test_white_furnace_is_white("spectral", SF11)),
+    Mutant("one wavelength stands for one", "F3 one = f3(3.0f * path->beta.x, ZERO, ZERO);",
+           "F3 one = f3(path->beta.x, ZERO, ZERO);", lambda: modes.test_white_furnace_is_white("spectral", SF11)),
+    Mutant("split at every vertex", "hue = splits ? AS_F(AS_I(path->hue) | SIGN_BIT) : path->hue;", "hue = path->hue;",
+           lambda: modes.test_white_furnace_is_white("spectral", SF11)),
+    Mutant("wavelengths counted from the other end", "return start + (place - TO_F(cell)) * (end - start);",
+           "return 1160.0f - (start + (place - TO_F(cell)) * (end - start));", lines),
+    Mutant("glass of one index", "parameter = index_at(material, scene.inverse);",
+           "parameter = index_at(material, 0.0f);", lines),
+    Mutant("weights of the next channel", "GATHER(F, colours, cell * 4 + 1, ), GATHER(F, colours, cell * 4 + 2, ),",
+           "GATHER(F, colours, cell * 4 + 2, ), GATHER(F, colours, cell * 4 + 1, ),", edge_of_white),
+    Mutant("light behind the lens without its weight", "light = mul(light, share_of_wavelength(hue, colours));", "",
+           edge_of_white),
+    Mutant("lens of one index", "F eta = eta_of(s, path->colour);", "F eta = (F)(s->eta);", own_wavelengths),
+    Mutant("a term of the index forgotten", "for (int i = LENS_DISPERSION - 2; i >= 0; --i)",
+           "for (int i = LENS_DISPERSION - 2; i >= 1; --i)", own_wavelengths),
+    Mutant("white is even", "return mul(surface_in(h, rgb), h.white);", "return surface_in(h, rgb);",
+           modes.test_colours_that_reflect_white_light_once_are_the_same_in_spectra),
+    Mutant("third wavelength twice", "c.z = c.x + 2 * (HUE_CELLS / 3);", "c.z = c.x + HUE_CELLS / 3;",
+           noise.test_three_wavelengths_of_white_leave_little_noise),
+    Mutant("weighted without having met the glass", "#if LENS_SPLITS\n    light = mul", "#if 1\n    light = mul",
+           noise.test_light_that_meets_no_dispersive_glass_has_the_noise_of_rgb),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
+def test_fault_is_found(mutant, tmp_path, monkeypatch):
+    folder = mutated(mutant, tmp_path / "kernels")
+    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
+    with pytest.raises(AssertionError):
+        mutant.killer()
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
+def test_its_test_passes_without_the_fault(mutant):
+    mutant.killer()

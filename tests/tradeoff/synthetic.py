@@ -1,0 +1,49 @@
+"""Pictures whose noise and bias are known: pixels in tiles, of which all or some are rendered."""
+
+import numpy as np
+
+from rptcam_cl.tradeoff.errors import pair_errors
+from rptcam_cl.tradeoff.measurement import Timings, measurements
+from rptcam_cl.tradeoff.statistics import draws
+from rptcam_cl.tradeoff.tiles import SpreadTiles
+
+PER_TILE = 64
+SAMPLES = (2, 8)
+SEEDS = 8
+SECONDS = 0.01  # of a sample
+NOISE = 1.0  # relMSE of one sample, on pixels of 1
+
+
+def spread(rendered, every):
+    """Tiles of a few pixels each."""
+    cell = np.repeat(np.arange(rendered), PER_TILE)
+    weights = np.full(rendered * PER_TILE, 1 / (rendered * PER_TILE))
+    return SpreadTiles(np.arange(rendered, dtype=np.uint32), (1, rendered), np.arange(len(cell)), cell, weights, every)
+
+
+def pictures_of(mean, rng, common):
+    """Pictures (seeds, p, 3) for each number of samples: ``mean`` with skewed noise, partly that of ``common``."""
+    found = []
+    for count, shared in zip(SAMPLES, common, strict=True):
+        own = rng.gamma(count / NOISE, NOISE / count, shared.shape) - 1
+        found.append((mean[:, None] + 0.8 * shared + 0.6 * own).astype(np.float32))
+    return found
+
+
+def measured(rng, bias, rendered, every, replicates=500):
+    """Measurements of a reference of 1 everywhere, and of a configuration that is off by ``bias`` in each pixel of all.
+
+    The tiles that are rendered are the first of a random order.
+    """
+    tiles = spread(rendered, every)
+    seen = bias.reshape(every, PER_TILE)[rng.permutation(every)[:rendered]].ravel()
+    shape = (SEEDS, rendered * PER_TILE, 3)
+    common = [rng.gamma(count / NOISE, NOISE / count, shape) - 1 for count in SAMPLES]
+    reference = [(1 + shared).astype(np.float32) for shared in common]
+    errors = pair_errors([reference, pictures_of(1 + seen, rng, common)], SAMPLES, tiles)
+    times = [Timings(*[scale * SECONDS * rng.lognormal(0, 0.1, SEEDS)] * 2) for scale in (2, 1)]
+    named = [
+        {"name": name, "knob": knob, "same_as": (), "tier": "", "unbiased": False, "start_s": 0.0}
+        for name, knob in (("full", ""), ("other", "camera"))
+    ]
+    return measurements(named, errors, times, SAMPLES, draws(SEEDS, rng, replicates))

@@ -1,0 +1,90 @@
+"""Advice, words and the parts that need no device."""
+
+import math
+
+import numpy as np
+import pytest
+
+from rptcam_cl.records import MATERIAL, MaterialKind
+from rptcam_cl.tradeoff import words
+from rptcam_cl.tradeoff.advice import for_error, for_time
+from rptcam_cl.tradeoff.measurement import TARGETS, Measurement
+from rptcam_cl.tradeoff.statistics import Interval
+from rptcam_cl.tradeoff.text import place
+from rptcam_cl.tradeoff.tiles import spread_tiles
+from rptcam_cl.tradeoff.truncation import largest_reflectance, truncation_bound
+from rptcam_cl.wavefront.film import FilmLayout
+
+
+def measurement(name, rate, bias=0.0, knob="camera"):
+    exact = Interval(0.0, 0.0, 0.0)
+    return Measurement(
+        name=name, knob=knob, same_as=(), tier="", unbiased=False, start_s=0.0, sample_s=exact, wall_sample_s=exact,
+        noise=exact, slope=exact, rate=Interval(rate, rate, rate), wall_rate=exact, bias=Interval(bias, bias, bias),
+        energy=exact, seconds_to=dict.fromkeys(TARGETS, exact), better_until=exact, bias_of_tiles=np.zeros(1),
+    )  # fmt: skip
+
+
+FULL = measurement("full", 4e-3, knob="")
+QUICK = measurement("quick", 1e-3, bias=1e-4)  # crosses the full one after 30 s, with an error of 1.15 %
+
+
+def test_quick_configuration_is_for_short_times_only():
+    assert for_time([FULL, QUICK], 10.0).chosen == "quick"
+    assert for_time([FULL, QUICK], 100.0).chosen == "full"
+
+
+def test_error_that_bias_forbids_takes_the_full_configuration():
+    assert for_error([FULL, QUICK], 0.02).chosen == "quick"
+    advice = for_error([FULL, QUICK], 0.009)
+    assert advice.chosen == "full"
+    assert advice.seconds == pytest.approx(4e-3 / 0.009**2)
+
+
+def test_gain_within_a_twentieth_is_not_worth_an_approximation():
+    close = measurement("close", 3.9e-3)
+    assert for_time([FULL, close], 10.0).chosen == "full"
+    assert for_error([FULL, close], 0.02).chosen == "full"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0231, "23 ms"), (4.21, "4.2 s"), (59.6, "60 s"), (600, "10 min"), (7200 * 2, "4 h"), (math.inf, "never")],
+)
+def test_times_read_well(value, text):
+    assert words.seconds(value) == text
+
+
+def test_bias_that_may_be_nothing_is_told_by_what_it_is_at_most():
+    assert words.bias(Interval(1e-5, -1e-5, 4e-4)) == "below 2 %"
+    assert words.bias(Interval(4e-4, 1e-4, 9e-4)) == "2 % (1 to 3)"
+
+
+def test_place_is_the_ninth_that_differs_most():
+    values = np.zeros((6, 9))
+    values[0, 8] = 1.0
+    assert place(values.ravel(), (6, 9)) == "top right"
+    assert place(np.eye(1, 54, 22).ravel(), (6, 9)) == "centre"
+
+
+def test_what_paths_leave_out_is_bounded_by_the_largest_reflectance():
+    records = MATERIAL.zeros(2)
+    records["kind"], records["opacity"], records["texture"], records["opacity_texture"] = MaterialKind.MATTE, 1, -1, -1
+    records["color"][:, :3] = [[0.2, 0.8, 0.1], [0.5, 0.5, 0.5]]
+    assert largest_reflectance(records) == pytest.approx(0.8)
+    assert truncation_bound(0.8, 4) == pytest.approx(5 - sum(0.8**k for k in range(4)))
+    records["kind"][1] = MaterialKind.DIELECTRIC
+    assert truncation_bound(largest_reflectance(records), 4) == math.inf
+
+
+@pytest.mark.parametrize(("width", "height", "most"), [(320, 180, 100), (100, 60, 500), (37, 9, 3), (8, 8, 64)])
+def test_tiles_are_spread_over_the_film_and_stand_for_it(width, height, most):
+    layout = FilmLayout(width, height, 0, 0, width, height)
+    found = spread_tiles(layout, most, np.random.default_rng(0))
+    assert len(found.tiles) == len(np.unique(found.tiles)) == found.shape[0] * found.shape[1] <= most
+    assert len(found.tiles) > min(layout.tiles, most) * 0.6
+    assert found.weights.sum() == pytest.approx(1.0)
+    assert layout.inside[found.pixels].all()
+    if len(found.tiles) == layout.tiles:
+        assert len(found.pixels) == width * height
+        assert np.ptp(found.weights) == 0

@@ -1,0 +1,117 @@
+"""The comparison of a small scene, and the command that prints it."""
+
+import itertools
+import json
+import math
+
+import numpy as np
+import pytest
+
+from rptcam_cl.cli import main
+from rptcam_cl.scene import load_scene
+from rptcam_cl.tradeoff import measure_tradeoff
+from rptcam_cl.tradeoff.plot import tradeoff_plot
+from rptcam_cl.tradeoff.table import COLUMNS, markdown, rows
+from rptcam_cl.tradeoff.text import recommendation
+
+BOARD = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [60, 60]}}
+LAMP = {"kind": "emissive", "radiance": 2.0}
+SCENE = {
+    "film": {"resolution": [48, 32], "width_mm": 36},
+    "camera": {
+        "kind": "realistic", "lens": "telephoto-250mm", "f_number": 5.6, "eye": [0, 0, 0], "target": [0, 0, -1],
+        "focus": {"distance_m": 5.0},
+    },
+    "render": {"max_depth": 6},
+    "objects": [
+        {"shape": "rectangle", "corner": [-3, -3, -8], "edge_u": [6, 0, 0], "edge_v": [0, 6, 0], "material": BOARD},
+        {"shape": "rectangle", "corner": [-2, -0.2, -8], "edge_u": [4, 0, 0], "edge_v": [0, 0, 6], "material": BOARD},
+        {"shape": "rectangle", "corner": [-3, 3, -8], "edge_u": [6, 0, 0], "edge_v": [0, 0, 8], "material": LAMP},
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def report():
+    return measure_tradeoff(load_scene(SCENE), budget=3.0, seconds=1.0, error=0.05)
+
+
+def test_accuracy_never_makes_the_measured_bias_worse(report):
+    """Camera models and depths by rising accuracy: no bias is surely larger than that of a cheaper one."""
+    for steps in (("pinhole", "thin lens", "thick lens"), ("depth 2", "depth 4")):
+        biases = [report.named(name).bias for name in steps]
+        for worse, better in itertools.pairwise(biases):
+            assert better.low <= worse.high, steps
+        assert biases[0].low > max(biases[-1].value, 0.0), steps  # and the measurement can tell
+    for found in report.measurements:
+        if found.unbiased:
+            assert found.bias.low < 1e-3 and found.bias.value < report.named("pinhole").bias.low, found.name
+
+
+def test_everything_that_differs_is_there_once(report):
+    names = [found.name for found in report.measurements]
+    assert names[0] == "full"
+    assert {"thick lens", "thin lens", "pinhole", "depth 2", "depth 4", "independent samples"} <= set(names)
+    assert len(names) == len(set(names))
+    every = [same for found in report.measurements for same in found.same_as]
+    assert {"as the scene says", "accuracy: auto", "spectrum: rgb"} <= {*names, *every}
+
+
+def test_times_and_rates_are_those_of_the_runs(report):
+    for found in report.measurements:
+        assert 0 < found.sample_s.low <= found.sample_s.value <= found.sample_s.high
+        assert found.rate.value == pytest.approx(found.sample_s.value * found.noise.value)
+        assert found.start_s > 0
+    assert report.named("full").seconds_to[0.02].value < report.named("full").seconds_to[0.01].value
+    assert math.isinf(report.named("pinhole").seconds_to[0.01].value)
+
+
+def test_depth_is_bounded_by_the_reflectance(report):
+    assert report.reflectance == 1.0  # textures are not looked into
+    assert report.truncation == math.inf
+
+
+def test_report_reads_well(report):
+    said = recommendation(report)
+    assert said[0].startswith("In 1 s: take ")
+    assert all(len(row) == len(COLUMNS) for row in rows(report))
+    text = markdown(report, "a scene")
+    assert text.startswith("# a scene\n")
+    assert "| pinhole |" in text
+    assert json.loads(json.dumps(report.as_dict(), default=np.ndarray.tolist))["seeds"] == report.seeds
+    assert tradeoff_plot(report, "a scene").shapes
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--budget", "0"], "got 0; allowed a time above 0"),
+        (["--time", "soon"], "got soon; allowed a time above 0"),
+        (["--error", "2"], "got 2; allowed a number between 0 and 1"),
+        (["--plot", "x.pdf"], "x.pdf: unknown kind of picture"),
+        (["--json", "x.txt"], "x.txt: unknown kind of file"),
+        (["--markdown", "no/x.md"], "there is no folder"),
+    ],
+)
+def test_bad_arguments_are_refused_in_one_line(words, problem, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.yaml").write_text("camera: 1\n")
+    assert main(["tradeoff", "scene.yaml", *words]) in (2, 4)
+    said = capsys.readouterr().err
+    assert problem in said
+    assert said.count("\n") == 1
+
+
+def test_command_writes_what_it_is_asked_for(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps(SCENE | {"camera": {
+        "kind": "pinhole", "fov_degrees": 10, "eye": [0, 0, 0], "target": [0, 0, -1]}}))  # fmt: skip
+    files = [str(tmp_path / f"out.{suffix}") for suffix in ("json", "md", "svg")]
+    options = ["--json", files[0], "--markdown", files[1], "--plot", files[2], "--budget", "0.5s", "--quiet"]
+    assert main(["tradeoff", str(scene), *options]) == 0
+    told = json.loads((tmp_path / "out.json").read_text())
+    assert next(found["name"] for found in told["measurements"]) == "full"
+    assert told["cameras"] == []
+    assert "depth 2" in (tmp_path / "out.md").read_text()
+    assert (tmp_path / "out.svg").read_text().startswith("<svg")
+    assert "In 60 s: take " in capsys.readouterr().out
