@@ -50,8 +50,8 @@ for a picture of a text and plain colours for two measured paints. The written q
         Group(
             "Four lenses, 4 samples per pixel",
             """\
-What is left of the noise is that of the lamp, a disk eight units in radius, and of the blur. Hardly a sample is lost
-in a lens, since rays aim at what their film point sees of the pupil.""",
+What is left of the noise is that of the lamp, a disk eight units in radius, and of the blur. Inside the image circle
+more than nine of ten samples get through the lens, since rays aim at what their film point sees of the pupil.""",
             tuple(at_four_samples(name, title) for name, title in FOUR.items()),
         ),
         Group(

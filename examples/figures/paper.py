@@ -54,8 +54,8 @@ PAPER = Section(
     """\
 Its scenes are in units without a name; here one is a millimetre. Pictures stand upright, the paper's as they lie on
 the film. Rays are bent by Snell's law; the paper's step 3 bends tangents in place of sines, which agrees near the
-axis alone. Off the axis its pictures are therefore sharper than such a lens draws, and ours are right. The materials
-are ours: a diffuse base under a rough clear coat.""",
+axis alone. Off the axis the blur of its pictures is therefore not that of such a lens; ours is. The materials are
+ours: a diffuse base under a rough clear coat.""",
     (
         Group(
             "Figure 1: the shape of the blur",
@@ -72,7 +72,7 @@ larger, and all of them behind it, so the same way up as the opening is seen fro
         Group(
             "Figure 2: three stops",
             """\
-The farther ball is 3.4 units before the plane of focus, and sharp enough; the edge of the box, nearest to the
+In focus is what lies 3.4 units behind the farther ball, which is sharp enough; the edge of the box, nearest to the
 camera, shows what the stop does: blur is proportional to its diameter. The field is 100 degrees wide. Balls off the
 axis are eggs, as on any flat film, and the corners get little light (cos⁴).""",
             (
@@ -144,7 +144,7 @@ purple fringes; through the doublet a thread of orange is left, and the box is o
             "Figure 8: autofocus",
             """\
 The same scene. The paper's autofocus climbs the variance of the whole picture and is said to come to 25 units from
-any start; that curve is flat within 1 % from 15 to 27 units here, and as broad in the paper's own renderer
+any start; that curve is flat within 1 % from 16 to 26 units here, and as broad in the paper's own renderer
 ([curves](autofocus.md#the-figures-of-the-paper)). Found here is the sphere in the white rectangle, by its contrast
 and by its distance.""",
             (shared("autofocus_paper", "by contrast"),),

@@ -17,8 +17,11 @@ from rptcam_cl.scene.layers import LayerName
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.film import FilmLayout
 
-PINHOLE = 0.02  # of the opening's diameter: f/100 for a lens of f/2
-SAMPLES = 16  # per pixel; on the average one in three passes the pupil
+# Shares of the opening's diameter, the first f/100 for a lens of f/2. Where a lens is stopped down so far that rays,
+# which aim at boxes, hardly ever find the pupil, the next one is taken.
+OPENINGS = (0.02, 0.1, 0.5, 1.0)
+ENOUGH = 0.05  # of the rays pass
+SAMPLES = 16  # per pixel
 
 
 def first_hits(
@@ -41,10 +44,15 @@ def first_hits(
         Where the layers are needed.
     """
     seen = change_scene(scene, render={"layers": tuple(names), "layers_spp": SAMPLES, "max_depth": 1, "noise": None})
-    camera = exposed(drive.camera(seen, state, PINHOLE, zones), seen)
-    wavefront = Wavefront(session, make_plan(seen, camera), layout, seen.render)
-    wavefront.seed = seed
-    for wave in wavefront.waves(0, SAMPLES):
-        wavefront.enqueue(*wave)
-    wavefront.finish()
-    return wavefront.layers(), wavefront.camera_rays
+    taken = 0
+    for opening in OPENINGS:
+        camera = exposed(drive.camera(seen, state, opening, zones), seen)
+        wavefront = Wavefront(session, make_plan(seen, camera), layout, seen.render)
+        wavefront.seed = seed
+        for wave in wavefront.waves(0, SAMPLES):
+            wavefront.enqueue(*wave)
+        wavefront.finish()
+        taken += wavefront.camera_rays
+        if wavefront.outcomes()["passed"] >= ENOUGH * wavefront.camera_rays:
+            break
+    return wavefront.layers(), taken

@@ -100,6 +100,14 @@ def test_targets_of_the_assignment_are_found(lens, focal_length, front_mm, film_
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(("lens", "stop"), [("dgauss-50mm", 8), ("dgauss-50mm", 22), ("wide-22mm", 11)])
+def test_depth_is_found_behind_a_small_stop(lens, stop):
+    scene = scene_of([wall(1.5, 30)], lens_camera(lens, f_number=stop))
+    miss, report = missed(scene, 1.5, CENTRE, method="depth")
+    assert abs(miss) < 0.05
+    assert report.confidence > 0.9
+
+
 def test_sum_modified_laplacian_finds_it_too():
     scene = scene_of([wall(2.0, 50, checker)], lens_camera("dgauss-50mm", f_number=2.8))
     error, report = missed(scene, 2.0, CENTRE, method="laplacian")
