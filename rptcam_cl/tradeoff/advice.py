@@ -13,19 +13,29 @@ WORTH = 1.05  # times better than the most accurate configuration that another o
 
 def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     """Return the configuration that errs least after a time; the most accurate one unless another is clearly better."""
-    full = found[0]
-    best = min(found, key=lambda each: each.error_after(seconds))
-    if full.error_after(seconds) <= WORTH * best.error_after(seconds):
-        best = full
-    return Advice("time", seconds, best.name, seconds, best.error_after(seconds), seconds, full.error_after(seconds))
+    errors = [each.error_after(seconds) for each in found]
+    likely = [each.error_after(seconds, each.likely_bias) for each in found]
+    best = _clear_best(errors)
+    perhaps = _better_yet(found, likely, errors[best])
+    return Advice("time", seconds, found[best].name, seconds, errors[best], seconds, errors[0], perhaps)
 
 
 def for_error(found: Sequence[Measurement], error: float) -> Advice:
     """Return the configuration that is soonest at an error; the most accurate one unless another is clearly faster."""
-    full = found[0]
-    best = min(found, key=lambda each: each.seconds_until(error))
-    if full.seconds_until(error) <= WORTH * best.seconds_until(error):
-        best = full
-    seconds = best.seconds_until(error)
-    name = best.name if math.isfinite(seconds) else None
-    return Advice("error", error, name, seconds, error, full.seconds_until(error), error)
+    times = [each.seconds_until(error) for each in found]
+    likely = [each.seconds_until(error, each.likely_bias) for each in found]
+    best = _clear_best(times)
+    name = found[best].name if math.isfinite(times[best]) else None
+    return Advice("error", error, name, times[best], error, times[0], error, _better_yet(found, likely, times[best]))
+
+
+def _clear_best(values: Sequence[float]) -> int:
+    """Return the place of the least value, or the first place unless that is clearly less."""
+    best = min(range(len(values)), key=values.__getitem__)
+    return 0 if values[0] <= WORTH * values[best] else best
+
+
+def _better_yet(found: Sequence[Measurement], likely: Sequence[float], sure: float) -> str | None:
+    """Return the name of the least value where it is clearly less than another."""
+    best = min(range(len(found)), key=likely.__getitem__)
+    return found[best].name if WORTH * likely[best] < sure else None

@@ -8,8 +8,8 @@ from functools import partial
 
 from rptcam_cl.accuracy import TIERS, Decision, decided, equivalent
 from rptcam_cl.errors import InputError
-from rptcam_cl.scene import Scene, change_scene
-from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene import Scene, change_scene, with_camera
+from rptcam_cl.scene.camera import RealisticCamera, ThinLensCamera
 
 REFERENCE = "full"
 AS_IT_IS = "as the scene says"
@@ -116,6 +116,8 @@ def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_
         for pupil in PUPILS:
             make = partial(change_scene, full, camera={"pupil": pupil})
             yield _Change(f"pupil: {pupil}", "pupil", make, unbiased=True)
+    if isinstance(full.camera, ThinLensCamera) and full.camera.fov_degrees is not None:
+        yield _Change("pinhole", "camera", partial(_without_lens, full))
     for mode in ("dispersive", "rgb"):
         yield _Change(f"spectrum: {mode}", "spectrum", partial(_with_mode, full, mode))
     for depth in SHORT_DEPTHS:
@@ -131,6 +133,12 @@ def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_
 def _as_it_is(scene: Scene) -> Scene:
     plain = change_scene(scene, render={"noise": None, "layers": ()})
     return decided(plain).scene
+
+
+def _without_lens(scene: Scene) -> Scene:
+    """Return a scene with a pinhole in place of its thin lens."""
+    names = ("eye", "target", "up", "flip", "motion", "fov_degrees", "fov_axis")
+    return with_camera(scene, {name: getattr(scene.camera, name) for name in names} | {"kind": "pinhole"})
 
 
 def _with_mode(scene: Scene, mode: str) -> Scene:

@@ -107,13 +107,18 @@ class Measurement:
         """What the bias is at most, as relMSE: the upper end of its interval, or nothing where there can be none."""
         return 0.0 if self.unbiased or not self.knob else max(self.bias.high, 0.0)
 
-    def error_after(self, seconds: float) -> float:
-        """Return the relative error (root of relMSE) after a time, with the most that the bias may be."""
-        return float(np.sqrt(self.sure_bias + self.rate.value / seconds))
+    @property
+    def likely_bias(self) -> float:
+        """What the bias was measured to be, as relMSE, or nothing where there can be none."""
+        return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
 
-    def seconds_until(self, error: float) -> float:
-        """Return the time to a relative error [s], with the most that the bias may be; infinite where it forbids it."""
-        left = error**2 - self.sure_bias
+    def error_after(self, seconds: float, bias: float | None = None) -> float:
+        """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be."""
+        return float(np.sqrt((self.sure_bias if bias is None else bias) + self.rate.value / seconds))
+
+    def seconds_until(self, error: float, bias: float | None = None) -> float:
+        """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
+        left = error**2 - (self.sure_bias if bias is None else bias)
         return self.rate.value / left if left > 0 else np.inf
 
 

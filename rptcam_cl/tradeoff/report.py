@@ -29,6 +29,8 @@ class Advice:
         What it takes and errs by; the error counts the bias at the upper end of its interval.
     full_seconds, full_error : float
         The same of the most accurate configuration.
+    perhaps : str or None
+        Another one that would be clearly better yet if its bias were what was measured and not the most it may be.
     """
 
     wish: str
@@ -38,6 +40,7 @@ class Advice:
     error: float
     full_seconds: float
     full_error: float
+    perhaps: str | None
 
 
 @dataclass(frozen=True)

@@ -55,24 +55,28 @@ def caveats(report: TradeoffReport) -> list[str]:
 
 
 def _advice(report: TradeoffReport, advice: Advice) -> str:
-    if advice.wish == "time":
-        head = f"In {seconds(advice.amount)}"
-        if advice.chosen == REFERENCE:
-            errs = per_cent(advice.error)
-            return f"{head}: take {_named(report, REFERENCE)}, which errs by {errs}; no approximation does better."
-        return (
-            f"{head}: take {advice.chosen}, which errs by at most {per_cent(advice.error)};"
-            f" {REFERENCE} errs by {per_cent(advice.full_error)}."
-        )
-    head = f"To an error of {per_cent(advice.amount)}"
-    if advice.chosen is None:
-        return f"{head}: no configuration gets there."
+    said = _for_time(report, advice) if advice.wish == "time" else _for_error(report, advice)
+    if advice.perhaps in (None, advice.chosen):
+        return f"{said}."
+    return f"{said}; {advice.perhaps} may do better, which a longer measurement (--budget) would tell."
+
+
+def _for_time(report: TradeoffReport, advice: Advice) -> str:
+    head, errs = f"In {seconds(advice.amount)}", per_cent(advice.error)
     if advice.chosen == REFERENCE:
-        return f"{head}: take {_named(report, REFERENCE)}, in {seconds(advice.seconds)}; no approximation is faster."
-    return (
-        f"{head}: take {advice.chosen}, in {seconds(advice.seconds)};"
-        f" {REFERENCE} takes {seconds(advice.full_seconds)}, {advice.full_seconds / advice.seconds:.1f} times as long."
-    )
+        return f"{head}: take {_named(report, REFERENCE)}, which errs by {errs}; no approximation surely does better"
+    full = per_cent(advice.full_error)
+    return f"{head}: take {advice.chosen}, which errs by at most {errs}; {REFERENCE} errs by {full}"
+
+
+def _for_error(report: TradeoffReport, advice: Advice) -> str:
+    head, takes = f"To an error of {per_cent(advice.amount)}", seconds(advice.seconds)
+    if advice.chosen is None:
+        return f"{head}: no configuration gets there"
+    if advice.chosen == REFERENCE:
+        return f"{head}: take {_named(report, REFERENCE)}, in {takes}; no approximation surely is faster"
+    full, times = seconds(advice.full_seconds), advice.full_seconds / advice.seconds
+    return f"{head}: take {advice.chosen}, in {takes}; {REFERENCE} takes {full}, {times:.1f} times as long"
 
 
 def _named(report: TradeoffReport, name: str) -> str:

@@ -1,6 +1,7 @@
 """Advice, words and the parts that need no device."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,6 +47,13 @@ def test_gain_within_a_twentieth_is_not_worth_an_approximation():
     close = measurement("close", 3.9e-3)
     assert for_time([FULL, close], 10.0).chosen == "full"
     assert for_error([FULL, close], 0.02).chosen == "full"
+
+
+def test_bias_that_is_not_known_well_is_counted_in_full_and_said():
+    vague = replace(QUICK, bias=Interval(0.0, 0.0, 1.0))
+    advice = for_error([FULL, vague], 0.02)
+    assert (advice.chosen, advice.perhaps) == ("full", "quick")
+    assert for_error([FULL, QUICK], 0.02).perhaps is None
 
 
 @pytest.mark.parametrize(

@@ -104,14 +104,15 @@ def test_bad_arguments_are_refused_in_one_line(words, problem, tmp_path, monkeyp
 
 def test_command_writes_what_it_is_asked_for(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
-    scene.write_text(json.dumps(SCENE | {"camera": {
-        "kind": "pinhole", "fov_degrees": 10, "eye": [0, 0, 0], "target": [0, 0, -1]}}))  # fmt: skip
+    camera = {"kind": "thin_lens", "fov_degrees": 10, "aperture_radius_m": 0.05, "focus_distance_m": 5}
+    scene.write_text(json.dumps(SCENE | {"camera": camera | {"eye": [0, 0, 0], "target": [0, 0, -1]}}))
     files = [str(tmp_path / f"out.{suffix}") for suffix in ("json", "md", "svg")]
     options = ["--json", files[0], "--markdown", files[1], "--plot", files[2], "--budget", "0.5s", "--quiet"]
     assert main(["tradeoff", str(scene), *options]) == 0
     told = json.loads((tmp_path / "out.json").read_text())
     assert next(found["name"] for found in told["measurements"]) == "full"
     assert told["cameras"] == []
+    assert "pinhole" in [found["name"] for found in told["measurements"]]
     assert "depth 2" in (tmp_path / "out.md").read_text()
     assert (tmp_path / "out.svg").read_text().startswith("<svg")
     assert "In 60 s: take " in capsys.readouterr().out
