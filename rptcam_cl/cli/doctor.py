@@ -25,7 +25,7 @@ def add_to(commands: Commands) -> None:
         "--numerics", action="store_true", help="check what the devices compute; exit code 5 on failure"
     )
     parser.add_argument(
-        "--device", metavar="SPEC", help="check this device alone, as in render (default: every device found)"
+        "--device", metavar="SPEC", help="report on this device alone, as in render (default: every device found)"
     )
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.set_defaults(run=_run, parser=parser)
@@ -50,30 +50,27 @@ def _checked(device: str, show: bool) -> Iterator[dict[str, Any]]:
             yield {**vars(check), "passed": check.passed, "seconds_of_part": outcome.seconds}
 
 
-def _numerics(spec: str | None, show: bool) -> dict[str, list[dict[str, Any]]]:
-    """Return the checks of one device or of all, by the device's id."""
-    from rptcam_cl.device import choose_device, list_devices
-
-    devices = list_devices() if spec is None else [choose_device(spec)]
+def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[str, Any]]]:
+    """Return the checks of devices, by the device's id."""
     found: dict[str, list[dict[str, Any]]] = {}
     for device in devices:
         if show:
-            print(f"\nnumerics of {device.id} {device.name}", flush=True)
-        found[device.id] = list(_checked(device.id, show))
+            print(f"\nnumerics of {device['id']} {device['name']}", flush=True)
+        found[device["id"]] = list(_checked(device["id"], show))
         if show:
-            failed = sum(not check["passed"] for check in found[device.id])
-            print(f"  {len(found[device.id]) - failed} of {len(found[device.id])} checks passed")
+            failed = sum(not check["passed"] for check in found[device["id"]])
+            print(f"  {len(found[device['id']]) - failed} of {len(found[device['id']])} checks passed")
     return found
 
 
 def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.numerics.environment import as_lines, environment
 
-    found = environment()
+    found = environment(arguments.device)
     if not arguments.json:
         print("\n".join(as_lines(found)), flush=True)
     if arguments.numerics and found["devices"]:
-        found["numerics"] = _numerics(arguments.device, not arguments.json)
+        found["numerics"] = _numerics(found["devices"], not arguments.json)
     if arguments.json:
         print(as_json(found))
     sys.stdout.flush()

@@ -10,7 +10,7 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.acceleration.cache import cache_folder
-from rptcam_cl.device import list_devices
+from rptcam_cl.device import choose_device, list_devices
 from rptcam_cl.device.choose import default_device
 from rptcam_cl.device.details import device_details, opencl_version
 from rptcam_cl.errors import DeviceError
@@ -19,8 +19,14 @@ PACKAGES = ("numpy", "pyopencl", "pocl-binary-distribution", "pydantic", "OpenEX
 PREFIXES = ("RPTCAM_", "PYOPENCL_CTX", "POCL_", "OCL_ICD_", "CUDA_VISIBLE")
 
 
-def environment() -> dict[str, Any]:
-    """Return what there is, as plain data; without a device, ``devices`` is empty and ``no_device`` says why."""
+def environment(device: str | None = None) -> dict[str, Any]:
+    """Return what there is, as plain data; without a device, ``devices`` is empty and ``no_device`` says why.
+
+    Parameters
+    ----------
+    device
+        The device to tell of, as ``--device`` on the command line; all of them when absent.
+    """
     found: dict[str, Any] = {
         "version": __version__,
         "python": platform.python_version(),
@@ -38,7 +44,8 @@ def environment() -> dict[str, Any]:
     except DeviceError as problem:
         return found | {"no_device": str(problem)}
     default = default_device(devices).id
-    found["devices"] = [device_details(device) | {"default": device.id == default} for device in devices]
+    shown = devices if device is None else [choose_device(device)]
+    found["devices"] = [device_details(each) | {"default": each.id == default} for each in shown]
     return found
 
 

@@ -34,18 +34,18 @@ class LensMargin:
         Rays that were sent from the film, and those that pass in float64.
     other_fate : int
         Rays that pass in one and not in the other.
-    position_mm, direction : float
-        Of the rays that pass both: where they leave the lens [mm], and their unit direction.
+    position_mm, direction : float or None
+        Of the rays that pass both: where they leave the lens [mm], and their unit direction; None when none does.
     pixels : float or None
-        The same in the plane in focus, in pixels at the scale of the picture's centre; None for a lens that has no
-        focal length.
+        The same in the plane in focus, in pixels at the scale of the picture's centre; None also for a lens that has
+        no focal length.
     """
 
     rays: int
     passed: int
     other_fate: int
-    position_mm: float
-    direction: float
+    position_mm: float | None
+    direction: float | None
     pixels: float | None
 
 
@@ -99,14 +99,17 @@ def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
 
 def _compared(exact: Rays, single: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
     both = exact.passed & single.passed
+    passed, other = int(exact.passed.sum()), int((exact.passed != single.passed).sum())
+    if not both.any():
+        return LensMargin(len(both), passed, other, None, None, None)
     apart = np.linalg.norm((single.origins - exact.origins)[both], axis=1)
     turned = np.linalg.norm((single.directions - exact.directions)[both], axis=1)
     angles = turned + (0.0 if focus_mm is None else apart / abs(focus_mm))
     return LensMargin(
         rays=len(both),
-        passed=int(exact.passed.sum()),
-        other_fate=int((exact.passed != single.passed).sum()),
-        position_mm=float(apart.max(initial=0.0)),
-        direction=float(turned.max(initial=0.0)),
-        pixels=None if pixels_per_radian is None else float(angles.max(initial=0.0)) * pixels_per_radian,
+        passed=passed,
+        other_fate=other,
+        position_mm=float(apart.max()),
+        direction=float(turned.max()),
+        pixels=None if pixels_per_radian is None else float(angles.max()) * pixels_per_radian,
     )

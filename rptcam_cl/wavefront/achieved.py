@@ -57,7 +57,7 @@ def noise_of_runs(
 
 
 def _achieved(
-    layout: FilmLayout, mean: NDArray[np.float64], variance: NDArray[np.floating], source: str
+    layout: FilmLayout, mean: NDArray[np.floating], variance: NDArray[np.floating], source: str
 ) -> AchievedNoise | None:
     """Return how noisy a picture is; None where it is black or its noise is not known.
 
@@ -67,7 +67,10 @@ def _achieved(
         Mean luminance of each pixel of the film's buffer, and the variance of that mean.
     """
     inside, pixels = layout.inside, layout.pixels_of_tile[: layout.tiles]
-    tiles = [np.where(inside, values, 0.0).reshape(-1, TILE_PIXELS).sum(axis=1) for values in (mean, variance)]
+    tiles = [
+        np.where(inside, values, 0).reshape(-1, TILE_PIXELS).sum(axis=1, dtype=np.float64)
+        for values in (mean, variance)
+    ]
     means, variances = (values[: layout.tiles] for values in tiles)
     whole = float(means.sum() / pixels.sum())
     if not (whole > 0 and np.isfinite(variances).all()):
@@ -90,7 +93,7 @@ class TwoParts:
 
     def take(self, done: int, sums: NDArray[np.float32]) -> None:
         """Look at the film's sums (6, pixels) after ``done`` samples per pixel."""
-        self._looks = [*self._looks[-1:], (done, _luminance(sums).astype(np.float32))]
+        self._looks = [*self._looks[-1:], (done, _luminance(sums))]
 
     def report(self, done: int, sums: NDArray[np.float32]) -> AchievedNoise | None:
         """Return how noisy the picture is in the end; None where all its samples came at once."""
@@ -104,6 +107,7 @@ class TwoParts:
         return _achieved(self._layout, luminance / done, variance, "two parts of the samples")
 
 
-def _luminance(sums: NDArray[np.float32]) -> NDArray[np.float64]:
-    found: NDArray[np.float64] = LUMINANCE @ (sums[:3].astype(np.float64) - sums[3:].astype(np.float64))
-    return found
+def _luminance(sums: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return the sum of luminance per pixel, in float32: what is asked for is noise, far above its rounding."""
+    weights = LUMINANCE.astype(np.float32)
+    return np.asarray(weights @ sums[:3] - weights @ sums[3:])

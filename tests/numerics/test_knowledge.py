@@ -62,9 +62,10 @@ def test_scene_that_reflects_everything_has_no_bound():
     assert said["no_bound_because"] == "a surface reflects all light"
 
 
-def test_achieved_noise_is_that_of_independent_pictures():
-    # parts of a lattice are evener together than apart, so samples are taken independently here
-    scene = still_life() | {"render": {"sampler": "independent", "max_depth": 3}}
+@pytest.mark.parametrize(("sampler", "least", "most"), [("independent", 0.9, 1.1), ("lattice", 0.95, 1.25)])
+def test_achieved_noise_is_the_spread_of_pictures(sampler, least, most):
+    # parts of a lattice are less even apart than together: the estimate is too large, by an eighth here
+    scene = still_life() | {"render": {"sampler": sampler, "max_depth": 3}}
     told, films = [], []
     for seed in range(8):
         image = rptcam_cl.render(scene, size=(48, 32), spp=64, seed=seed, wave_size=48 * 32 * 16)
@@ -74,7 +75,7 @@ def test_achieved_noise_is_that_of_independent_pictures():
     films = np.array(films)
     true = np.sqrt(films.var(axis=0, ddof=1).mean()) / films.mean()
     # 1536 pixels with eight degrees of freedom against as many with seven; bright samples are rare, so not 2 % but 10 %
-    assert np.sqrt(np.mean([noise["picture"] ** 2 for noise in told])) == pytest.approx(true, rel=0.1)
+    assert least < np.sqrt(np.mean([noise["picture"] ** 2 for noise in told])) / true < most
     assert all(noise["tile_95"] > noise["picture"] / 2 for noise in told)
 
 
@@ -102,6 +103,15 @@ def test_float32_margin_of_a_lens_is_small_and_only_measured_when_asked_for():
     assert 0 < margin["pixels"] < 0.01
     assert told.metadata["numerics"]["float32_lens_px"] == margin["pixels"]
     np.testing.assert_array_equal(np.asarray(told), np.asarray(plain))
+
+
+def test_lens_that_no_ray_passes_has_no_margin():
+    # the image of the objective is a millimetre across, and the film 36: none of the rays comes through
+    camera = LENS | {"lens": "microscope-20x"}
+    margin = rptcam_cl.render(still_life() | {"camera": camera}, spp=1, **SMALL, strict=True).stats["numerics"]
+    assert margin["float32_lens"] == {
+        "rays": 512, "passed": 0, "other_fate": 0, "position_mm": None, "direction": None, "pixels": None
+    }  # fmt: skip
 
 
 @pytest.fixture

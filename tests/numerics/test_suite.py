@@ -120,6 +120,8 @@ def test_doctor_reports_what_there_is(capsys):
     assert told["packages"]["numpy"] == np.__version__
     assert [entry["id"] for entry in told["devices"] if entry["default"]] == [device.id]
     assert "numerics" not in told
+    assert main(["doctor", "--device", "99:9"]) == 3
+    assert "fits no OpenCL device" in capsys.readouterr().err
 
 
 @pytest.fixture
