@@ -7,6 +7,7 @@ noise as all that is measured. It comes from pictures of the reference under oth
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
@@ -36,6 +37,8 @@ class PairErrors:
         Mean of the picture.
     by_tile : (tiles,) array
         The mean of `bias` in each tile.
+    noise_of_tiles : (tiles,) array
+        Standard error of `by_tile`, as it is where nothing but noise is measured.
     weight_variances : dict
         Variances that the means of `bias` and of the last of `noise` have besides, because the reference that they are
         relative to is known from few seeds itself.
@@ -49,6 +52,7 @@ class PairErrors:
     noise: tuple[Array, ...]
     brightness: Array
     by_tile: Array
+    noise_of_tiles: Array
     weight_variances: dict[str, float]
     tile_errors: dict[str, float]
 
@@ -107,6 +111,7 @@ def pair_errors(
                 noise=(*(_over_tiles(noise, scales) for noise in noises[:-1]), last),
                 brightness=mean.mean(axis=2) @ tiles.weights,
                 by_tile=by_tile["bias"] / scales.shares,
+                noise_of_tiles=_noise_of_tiles(away, scales) / scales.shares,
                 weight_variances={
                     "bias": _weight_variance(away, bias, scales),
                     "noise": _weight_variance(noises[-1], last, scales),
@@ -145,6 +150,12 @@ def _over_tiles(sums: Array, scales: _Scales) -> Array:
 def _mean_of_pairs(sums: Array, scales: _Scales) -> Array:
     """Return the mean over pairs in each tile, relative to the reference under all seeds."""
     return np.asarray(sums.sum(axis=(0, 1)) / (scales.seeds * (scales.seeds - 1)) / scales.without())
+
+
+def _noise_of_tiles(sums: Array, scales: _Scales) -> Array:
+    """Return the standard error of `_mean_of_pairs`, all pairs being independent, as of pure noise they are."""
+    first, second = np.triu_indices(scales.seeds, 1)
+    return np.asarray(sums[first, second].std(axis=0) / math.sqrt(len(first)) / scales.without())
 
 
 def _weight_variance(sums: Array, matrix: Array, scales: _Scales) -> float:

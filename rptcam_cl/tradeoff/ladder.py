@@ -12,6 +12,7 @@ from rptcam_cl.scene import Scene, change_scene
 from rptcam_cl.scene.camera import RealisticCamera
 
 REFERENCE = "full"
+AS_IT_IS = "as the scene says"
 PUPILS = ("rear", "thick", "bounds")  # beside the outline of the pupil itself, which the reference has
 SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
 
@@ -108,7 +109,7 @@ class _Change:
 
 def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_Change]:
     """Yield every other configuration."""
-    yield _Change("as the scene says", "scene", partial(_as_it_is, scene))
+    yield _Change(AS_IT_IS, "scene", partial(_as_it_is, scene))
     if decision is not None:
         for tier in reversed(TIERS[:-1]):
             yield _Change(tier.replace("_", " "), "camera", partial(equivalent, full, tier), tier=tier)

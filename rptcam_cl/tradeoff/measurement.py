@@ -23,6 +23,7 @@ from rptcam_cl.tradeoff.statistics import (
 
 Array = NDArray[np.float64]
 
+SURE = 4.0  # standard errors that the bias of a tile has to be above for a map to show it
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for
 
 
@@ -73,6 +74,8 @@ class Measurement:
         Time until which it errs less than the most accurate configuration [s]; 0 never, infinite always.
     bias_of_tiles : (tiles,) array
         relMSE of the bias in each rendered tile.
+    noise_of_tiles : (tiles,) array
+        Standard error that noise alone gives it.
     """
 
     name: str
@@ -92,6 +95,12 @@ class Measurement:
     seconds_to: dict[float, Interval]
     better_until: Interval
     bias_of_tiles: Array
+    noise_of_tiles: Array
+
+    @property
+    def sure_bias_of_tiles(self) -> Array:
+        """The bias of tiles where it is above what noise could be, and 0 elsewhere."""
+        return np.where(self.bias_of_tiles > SURE * self.noise_of_tiles, self.bias_of_tiles, 0.0)
 
     @property
     def sure_bias(self) -> float:
@@ -160,8 +169,9 @@ def measurements(
         }
         intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
         reached = {target: _time_to(own, target) for target in TARGETS}
-        to = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached.items()}
-        found.append(Measurement(**names, **intervals, seconds_to=to, bias_of_tiles=error.by_tile))
+        to: dict[float, Interval] = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached.items()}
+        tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
+        found.append(Measurement(**names, **intervals, **tiles, seconds_to=to))
     return found
 
 

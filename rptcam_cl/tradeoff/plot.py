@@ -19,15 +19,18 @@ WIDTH, HEIGHT = 1180.0, 800.0
 LEFT, RIGHT = (70.0, 66.0, 600.0, 400.0), (690.0, 66.0, 1150.0, 400.0)
 MAPS_TOP, MAP_WIDTH, MAP_GAP = 570.0, 250.0, 26.0
 MOST_MAPS = 4
-PER_DECADE = 8  # points of a curve
+POINTS = 200  # of a curve
+FINEST, COARSEST = 0.005, 3.0  # errors that the chart reaches from the one to the other, about
+DASHES: dict[str, tuple[float, ...]] = {"thick_lens": (7.0, 5.0)}  # which often lies on the thin lens's curve
 
 
 def tradeoff_plot(report: TradeoffReport, title: str) -> Picture:
     """Return the three pictures.
 
     On the left root of relMSE over time, a line each; those that become level have reached their bias, and what falls
-    as fast as noise does falls along the dotted guide. On the right how far cheaper cameras put light beside its place.
-    Below how much the pictures of the configurations that differ most do so, tile by tile.
+    as fast as noise does falls along the dotted guide. Dots are where a line meets that of the most accurate one. On
+    the right how far cheaper cameras put light beside its place. Below how much the pictures of the configurations that
+    differ most do so, tile by tile; those that are advised come first.
     """
     picture = Picture(WIDTH, HEIGHT, title)
     picture.add(Text((LEFT[0], 28), title, 15))
@@ -66,23 +69,22 @@ def _errors_over_time(
     picture: Picture, found: Sequence[Measurement], colours: dict[str, str], dashes: dict[str, tuple[float, ...]]
 ) -> None:
     full = found[0].rate.value
-    x = (math.log10(full) - 0.5, math.log10(full / 0.005**2))
-    times = 10 ** np.linspace(math.floor(x[0]), math.ceil(x[1]), PER_DECADE * 10)
+    x = (math.log10(full), math.log10(full / FINEST**2))  # from an error of 100 % of the most accurate one
+    times = 10 ** np.linspace(math.floor(x[0]), math.ceil(x[1]), POINTS)
     curves = {each.name: _log_error(each, times, each.bias.value) for each in found}
-    ends = np.concatenate(list(curves.values()))
-    axes = log_axes(picture, LEFT, x, (float(ends.min()), float(np.quantile(ends, 0.98))))
+    axes = log_axes(picture, LEFT, x, (math.log10(FINEST / 5), math.log10(COARSEST)))
     _titles(picture, LEFT, "error (root of relMSE) over time, with bands of 95 %", "time to render the picture", "")
     low, high = axes.y_range
-    middle = (math.log10(times[0]) + math.log10(times[-1])) / 2
-    start = curves[found[0].name][0] - 0.5  # half a decade below the most accurate one
-    guide = [(at, start - (at - math.log10(times[0])) / 2) for at in (math.log10(times[0]), middle)]
-    picture.add(Path([axes.place(*point) for point in guide], FAINT, 1.4, dash=(2.0, 3.0)))
     for each in found:
         band = [np.clip(_log_error(each, times, end.bias, end.rate), low, high) for end in _ends(each)]
         outline = [*zip(np.log10(times), band[0], strict=True), *zip(np.log10(times)[::-1], band[1][::-1], strict=True)]
         picture.add(Path([axes.place(*point) for point in outline], None, fill=_pale(colours[each.name])))
+    begin = axes.x_range[0] + 0.3
+    guide = [(begin + decades, low + 1.4 - decades / 2) for decades in (0.0, 2.0)]
+    picture.add(Path([axes.place(*point) for point in guide], FAINT, 1.4, dash=(2.0, 3.0)))
     for each in found:
-        axes.curve(np.log10(times), np.clip(curves[each.name], low, high), colours[each.name], dashes[each.name])
+        inside = np.where((curves[each.name] >= low) & (curves[each.name] <= high), curves[each.name], np.nan)
+        axes.curve(np.log10(times), inside, colours[each.name], dashes[each.name])
         meets = each.better_until.value
         if each.knob and times[0] < meets < times[-1]:
             at = np.array([meets])
@@ -133,24 +135,29 @@ def _errors_over_field(picture: Picture, report: TradeoffReport, colours: dict[s
     axes.curve([0.0, 1.0], [0.5, 0.5], FAINT, (5.0, 4.0))
     for each in cameras:
         colour = colours.get(each.tier.replace("_", " "), INK)
-        axes.curve(FIELDS, each.pixels, colour)
+        axes.curve(FIELDS, each.pixels, colour, DASHES.get(each.tier, ()))
         good = [(field, value) for field, value in zip(FIELDS, each.pixels, strict=True) if math.isfinite(value)]
         axes.dots([field for field, _ in good], [value for _, value in good], colour, 3.0)
 
 
 def _maps(picture: Picture, report: TradeoffReport) -> None:
     biased = [found for found in report.measurements if found.knob and not found.unbiased]
-    shown = sorted(biased, key=lambda found: found.bias.value, reverse=True)[:MOST_MAPS]
+    chosen = {advice.chosen for advice in report.advice}
+    shown = sorted(biased, key=lambda found: (found.name in chosen, found.bias.value), reverse=True)[:MOST_MAPS]
     top = MAPS_TOP - 40
     picture.add(
-        Text((LEFT[0], top), "where the picture differs from the most accurate one (root of relMSE of each tile)", 12.5)
+        Text(
+            (LEFT[0], top),
+            "where pictures differ from the most accurate one: root of relMSE of tiles, white where it may be noise",
+            12.5,
+        )
     )
     height = MAP_WIDTH * report.resolution[1] / report.resolution[0]
     size = (MAP_WIDTH, height) if height <= HEIGHT - MAPS_TOP - 44 else _narrow(report)
     for place, found in enumerate(shown):
         left = LEFT[0] + place * (MAP_WIDTH + MAP_GAP)
         picture.add(Text((left, MAPS_TOP - 8), found.name, 11))
-        draw_map(picture, (left, MAPS_TOP), size, np.asarray(found.bias_of_tiles).reshape(report.grid))
+        draw_map(picture, (left, MAPS_TOP), size, found.sure_bias_of_tiles.reshape(report.grid))
     map_scale(picture, (LEFT[0], HEIGHT - 26))
 
 

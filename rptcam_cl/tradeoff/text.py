@@ -8,9 +8,10 @@ import numpy as np
 
 from rptcam_cl.accuracy import TierError
 from rptcam_cl.accuracy.errors import FIELDS
-from rptcam_cl.tradeoff.ladder import REFERENCE
+from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import Advice, TradeoffReport
+from rptcam_cl.tradeoff.settings import setting
 from rptcam_cl.tradeoff.words import bias, per_cent, pixels, seconds
 
 SHOWS_LOAD = 1.3  # times the undisturbed time that the clock showed, from which on it is said
@@ -20,8 +21,14 @@ PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 def recommendation(report: TradeoffReport) -> list[str]:
     """Return sentences: what to take, what it costs, what it errs by and where; then what else was found."""
     said = [_advice(report, advice) for advice in report.advice]
-    chosen = {advice.chosen: None for advice in report.advice if advice.chosen not in (None, REFERENCE)}
+    chosen: dict[str | None, None] = {
+        advice.chosen: None for advice in report.advice if advice.chosen not in (None, REFERENCE)
+    }
     said += [_differs(report, report.named(str(name))) for name in chosen]
+    asked = [
+        setting(report, report.named(str(name))) for name in dict.fromkeys(a.chosen for a in report.advice) if name
+    ]
+    said += [f"Ask for it by --set '{text}'." for text in dict.fromkeys(asked) if text]
     said += _camera(report)
     said += _depth(report)
     return said
@@ -70,16 +77,18 @@ def _advice(report: TradeoffReport, advice: Advice) -> str:
 
 def _named(report: TradeoffReport, name: str) -> str:
     same = report.named(name).same_as
-    return f"{name} (the scene as it is)" if "as the scene says" in same else name
+    return f"{name} (the scene as it is)" if AS_IT_IS in same else name
 
 
 def _differs(report: TradeoffReport, found: Measurement) -> str:
     if found.unbiased:
         return f"What {found.name} changes is noise alone."
-    where = place(np.asarray(found.bias_of_tiles), report.grid)
+    sure = found.sure_bias_of_tiles
+    where = f", most at the {place(sure, report.grid)}" if sure.any() and found.bias.low > 0 else ""
     camera = report.camera_of(found)
     at = f", {_over_field(camera)}" if camera is not None else ""
-    return f"{found.name} differs from {REFERENCE} by {bias(found.bias)} over the picture, most at the {where}{at}."
+    more = "; a longer measurement would tell more" if found.bias.low <= 0 else ""
+    return f"{found.name} differs from {REFERENCE} by {bias(found.bias)} over the picture{where}{at}{more}."
 
 
 def place(values: np.ndarray, grid: tuple[int, int]) -> str:

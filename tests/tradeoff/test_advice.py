@@ -22,6 +22,7 @@ def measurement(name, rate, bias=0.0, knob="camera"):
         name=name, knob=knob, same_as=(), tier="", unbiased=False, start_s=0.0, sample_s=exact, wall_sample_s=exact,
         noise=exact, slope=exact, rate=Interval(rate, rate, rate), wall_rate=exact, bias=Interval(bias, bias, bias),
         energy=exact, seconds_to=dict.fromkeys(TARGETS, exact), better_until=exact, bias_of_tiles=np.zeros(1),
+        noise_of_tiles=np.zeros(1),
     )  # fmt: skip
 
 
