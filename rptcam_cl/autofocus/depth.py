@@ -47,7 +47,7 @@ def focus_by_depth(task: Task) -> FocusReport:
         zones = {zone: task.zones[zone]}
         film = probe.film_distance(state)
         taken = (probe.samples - samples, probe.seconds - seconds)
-        records.append(ProbeRecord(state, film, medians[zone], _spread(met[zone]), 0.0, *taken))
+        records.append(ProbeRecord(state, film, medians[zone], _spread(met[zone]), 0.0, *taken, "distance"))
     share = _within_depth_of_field(task, state, met[zone])
     return task.report("depth", state, task.zones[zone], 0.0, share, records)
 

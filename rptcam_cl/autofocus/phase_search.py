@@ -208,6 +208,7 @@ class PhaseSearch:
                 look.stop,
                 look.samples,
                 look.seconds,
+                "displacement",
             )
             for look, match in (*self.others, *self.looks)
         ]

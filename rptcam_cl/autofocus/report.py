@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, astuple, dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.errors import InputError
@@ -31,6 +31,8 @@ class ProbeRecord:
         Of all pixels of all zones.
     seconds : float
         Wall clock.
+    quantity : str
+        What the value is: a contrast, the displacement of the pupil's halves [pixels], or a distance [m].
     """
 
     state: float
@@ -40,6 +42,7 @@ class ProbeRecord:
     stop: float
     samples: int
     seconds: float
+    quantity: Literal["contrast", "displacement", "distance"] = "contrast"
 
 
 @dataclass(frozen=True)
