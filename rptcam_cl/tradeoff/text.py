@@ -56,7 +56,7 @@ def caveats(report: TradeoffReport) -> list[str]:
 
 def _advice(report: TradeoffReport, advice: Advice) -> str:
     said = _for_time(report, advice) if advice.wish == "time" else _for_error(report, advice)
-    if advice.perhaps in (None, advice.chosen):
+    if advice.perhaps is None:
         return f"{said}."
     return f"{said}; {advice.perhaps} may do better, which a longer measurement (--budget) would tell."
 
