@@ -134,10 +134,12 @@ def _camera(report: TradeoffReport) -> list[str]:
 
 
 def _depth(report: TradeoffReport) -> list[str]:
-    if math.isinf(report.truncation):
-        return [f"Of what paths beyond {report.depth} edges would add nothing is known but what shorter ones show."]
-    most = per_cent(report.truncation)
+    depth, bound = report.truncation["max_depth"], report.truncation["bound"]
+    if bound is None:
+        why = report.truncation["no_bound_because"]
+        return [f"How much paths beyond {depth} edges would add has no bound ({why})."]
+    largest = report.truncation["largest_albedo"]
     return [
-        f"Paths beyond {report.depth} edges would add at most {most} of the radiance of the brightest"
-        f" lamp (reflectances up to {report.reflectance:.2g})."
+        f"Paths beyond {depth} edges would add at most {per_cent(bound)} of the radiance of the brightest lamp"
+        f" (reflectances up to {largest:.2g})."
     ]
