@@ -48,7 +48,9 @@ def caveats(report: TradeoffReport) -> list[str]:
     if report.by_cpu:
         said.append("Times are CPU times divided by the cores: what a render takes with the machine to itself.")
     if clock > SHOWS_LOAD:
-        said.append(f"By the clock all took {clock:.1f} times as long, as other work shared the machine or cores were idle.")
+        said.append(
+            f"By the clock all took {clock:.1f} times as long, as other work shared the machine or cores were idle."
+        )
     said += [f"The same as {f.name}: {', '.join(f.same_as)}." for f in report.measurements if f.same_as]
     said += [f"Not compared: {name} ({why})." for name, why in report.skipped.items()]
     return said
