@@ -16,7 +16,7 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     errors = [each.error_after(seconds) for each in found]
     likely = [each.error_after(seconds, each.likely_bias) for each in found]
     best = _clear_best(errors)
-    perhaps = _better_yet(found, likely, errors[best])
+    perhaps = _better_yet(found, likely, errors, best)
     return Advice("time", seconds, found[best].name, seconds, errors[best], seconds, errors[0], perhaps)
 
 
@@ -26,7 +26,8 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
     likely = [each.seconds_until(error, each.likely_bias) for each in found]
     best = _clear_best(times)
     name = found[best].name if math.isfinite(times[best]) else None
-    return Advice("error", error, name, times[best], error, times[0], error, _better_yet(found, likely, times[best]))
+    perhaps = _better_yet(found, likely, times, best)
+    return Advice("error", error, name, times[best], error, times[0], error, perhaps)
 
 
 def _clear_best(values: Sequence[float]) -> int:
@@ -35,7 +36,9 @@ def _clear_best(values: Sequence[float]) -> int:
     return 0 if values[0] <= WORTH * values[best] else best
 
 
-def _better_yet(found: Sequence[Measurement], likely: Sequence[float], sure: float) -> str | None:
-    """Return the name of the least value where it is clearly less than another."""
+def _better_yet(
+    found: Sequence[Measurement], likely: Sequence[float], sure: Sequence[float], chosen: int
+) -> str | None:
+    """Return the name of the least likely value where that is another's and clearly less than the sure one chosen."""
     best = min(range(len(found)), key=likely.__getitem__)
-    return found[best].name if WORTH * likely[best] < sure else None
+    return found[best].name if best != chosen and WORTH * likely[best] < sure[chosen] else None

@@ -21,7 +21,6 @@ from rptcam_cl.tradeoff.report import TradeoffReport
 from rptcam_cl.tradeoff.runs import Ready, prepare
 from rptcam_cl.tradeoff.schedule import Pictures, render_by_turns
 from rptcam_cl.tradeoff.statistics import draws
-from rptcam_cl.tradeoff.truncation import truncation_bound
 
 BUDGET_S = 60.0
 WISHED_S, WISHED_ERROR = 60.0, 0.02
@@ -82,7 +81,6 @@ def measure_tradeoff(
     tell("errors", 1.0)
     found = _measured(ready, pictures)
     decision = steps.decision
-    reflectance = ready[0].reflectance
     return TradeoffReport(
         scene=fixed.content_hash(),
         device=session.info.name,
@@ -97,9 +95,7 @@ def measure_tradeoff(
         cameras=() if decision is None else decision.errors,
         allowed="" if decision is None else decision.tier,
         lens_colour_px=ready[0].facts.get("lens_colour_px"),
-        reflectance=reflectance,
-        truncation=truncation_bound(reflectance, fixed.render.max_depth),
-        depth=fixed.render.max_depth,
+        truncation=ready[0].truncation,
         advice=(for_time(found, seconds), for_error(found, error)),
         skipped=steps.skipped | impossible,
     )

@@ -71,9 +71,8 @@ class TradeoffReport:
         Camera model that `camera.accuracy: auto` takes; empty without a lens of surfaces.
     lens_colour_px : float or None
         How far the lens moves light of other wavelengths [pixels].
-    reflectance, truncation : float
-        Bound of the scene's reflectances, and of what paths beyond the scene's depth add.
-    depth : int
+    truncation : dict
+        How much paths beyond the scene's depth could bring, as `numerics.knowledge.truncation` tells it.
     advice : tuple of Advice
     skipped : dict
         Configurations that could not be rendered, and why.
@@ -92,9 +91,7 @@ class TradeoffReport:
     cameras: tuple[TierError, ...]
     allowed: str
     lens_colour_px: float | None
-    reflectance: float
-    truncation: float
-    depth: int
+    truncation: dict[str, Any]
     advice: tuple[Advice, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
 

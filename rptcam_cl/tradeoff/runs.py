@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
+from rptcam_cl.numerics.knowledge import truncation
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import RenderSettings
 from rptcam_cl.tradeoff.ladder import Configuration
 from rptcam_cl.tradeoff.tiles import SpreadTiles
-from rptcam_cl.tradeoff.truncation import largest_reflectance
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -36,15 +36,15 @@ class Ready:
         Time from the scene to the first ray [s]; programs shared with an earlier configuration are there already.
     facts : dict
         What a picture's metadata would say of camera and spectrum.
-    reflectance : float
-        Bound of the scene's reflectances.
+    truncation : dict
+        How much longer paths could bring, as `numerics.knowledge.truncation` tells it.
     """
 
     configuration: Configuration
     wavefront: Wavefront
     start_s: float
     facts: dict[str, Any]
-    reflectance: float
+    truncation: dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -90,8 +90,8 @@ def prepare(
         wavefront = Wavefront(session, plan, layout, configuration.scene.render)
         wavefront.warm_up()
         facts = plan.camera.metadata | plan.spectrum.metadata
-        reflectance = largest_reflectance(plan.materials)
-        found.append(Ready(configuration, wavefront, time.perf_counter() - begun, facts, reflectance))
+        rest = truncation(plan.albedo, configuration.scene.render.max_depth)
+        found.append(Ready(configuration, wavefront, time.perf_counter() - begun, facts, rest))
     return found, skipped
 
 

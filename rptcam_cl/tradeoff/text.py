@@ -48,7 +48,7 @@ def caveats(report: TradeoffReport) -> list[str]:
     if report.by_cpu:
         said.append("Times are CPU times divided by the cores: what a render takes with the machine to itself.")
     if clock > SHOWS_LOAD:
-        said.append(f"By the clock all took {clock:.1f} times as long, as other work shared the machine.")
+        said.append(f"By the clock all took {clock:.1f} times as long, as other work shared the machine or cores were idle.")
     said += [f"The same as {f.name}: {', '.join(f.same_as)}." for f in report.measurements if f.same_as]
     said += [f"Not compared: {name} ({why})." for name, why in report.skipped.items()]
     return said
@@ -56,7 +56,7 @@ def caveats(report: TradeoffReport) -> list[str]:
 
 def _advice(report: TradeoffReport, advice: Advice) -> str:
     said = _for_time(report, advice) if advice.wish == "time" else _for_error(report, advice)
-    if advice.perhaps in (None, advice.chosen):
+    if advice.perhaps is None:
         return f"{said}."
     return f"{said}; {advice.perhaps} may do better, which a longer measurement (--budget) would tell."
 
@@ -134,10 +134,12 @@ def _camera(report: TradeoffReport) -> list[str]:
 
 
 def _depth(report: TradeoffReport) -> list[str]:
-    if math.isinf(report.truncation):
-        return [f"Of what paths beyond {report.depth} edges would add nothing is known but what shorter ones show."]
-    most = per_cent(report.truncation)
+    depth, bound = report.truncation["max_depth"], report.truncation["bound"]
+    if bound is None:
+        why = report.truncation["no_bound_because"]
+        return [f"How much paths beyond {depth} edges would add has no bound ({why})."]
+    largest = report.truncation["largest_albedo"]
     return [
-        f"Paths beyond {report.depth} edges would add at most {most} of the radiance of the brightest"
-        f" lamp (reflectances up to {report.reflectance:.2g})."
+        f"Paths beyond {depth} edges would add at most {per_cent(bound)} of the radiance of the brightest lamp"
+        f" (reflectances up to {largest:.2g})."
     ]

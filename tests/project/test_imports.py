@@ -41,13 +41,13 @@ ALLOWED: dict[str, set[str]] = {
     "autofocus": GROUND
     | {"records", "imaging", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
     "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},
-    "tradeoff": GROUND
-    | {"records", "scene", "cameras", "plan", "device", "wavefront", "accuracy", "autofocus", "metering", "lensview"},
     "sensing": GROUND | {"scene", "sensor"},
     "developing": GROUND | {"imaging", "scene"},
     "saving": GROUND | {"imaging", "scene", "wavefront"},
     "numerics": FILES
     | {"kinds", "records", "scene", "optics", "device", "acceleration", "cameras", "plan", "lens_tracing", "wavefront"},
+    "tradeoff": GROUND
+    | {"scene", "plan", "device", "wavefront", "accuracy", "autofocus", "metering", "lensview", "numerics"},
 }
 FACES = {"__init__", "__main__", "api", "cli", "progress"}
 OPENCL = {"pyopencl", "pytools", "siphash24"}

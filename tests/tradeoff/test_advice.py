@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.records import MATERIAL, MaterialKind
 from rptcam_cl.tradeoff import words
 from rptcam_cl.tradeoff.advice import for_error, for_time
 from rptcam_cl.tradeoff.measurement import TARGETS, Measurement
 from rptcam_cl.tradeoff.statistics import Interval
 from rptcam_cl.tradeoff.text import place
 from rptcam_cl.tradeoff.tiles import spread_tiles
-from rptcam_cl.tradeoff.truncation import largest_reflectance, truncation_bound
 from rptcam_cl.wavefront.film import FilmLayout
 
 
@@ -74,16 +72,6 @@ def test_place_is_the_ninth_that_differs_most():
     values[0, 8] = 1.0
     assert place(values.ravel(), (6, 9)) == "top right"
     assert place(np.eye(1, 54, 22).ravel(), (6, 9)) == "centre"
-
-
-def test_what_paths_leave_out_is_bounded_by_the_largest_reflectance():
-    records = MATERIAL.zeros(2)
-    records["kind"], records["opacity"], records["texture"], records["opacity_texture"] = MaterialKind.MATTE, 1, -1, -1
-    records["color"][:, :3] = [[0.2, 0.8, 0.1], [0.5, 0.5, 0.5]]
-    assert largest_reflectance(records) == pytest.approx(0.8)
-    assert truncation_bound(0.8, 4) == pytest.approx(5 - sum(0.8**k for k in range(4)))
-    records["kind"][1] = MaterialKind.DIELECTRIC
-    assert truncation_bound(largest_reflectance(records), 4) == math.inf
 
 
 @pytest.mark.parametrize(("width", "height", "most"), [(320, 180, 100), (100, 60, 500), (37, 9, 3), (8, 8, 64)])
