@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from rptcam_cl.autofocus.contrast import focus_by_contrast
+from rptcam_cl.autofocus.looks import Looks
 from rptcam_cl.autofocus.measures import BEST, MEASURES
 from rptcam_cl.autofocus.phase import phase_search, still_to_move
 from rptcam_cl.autofocus.phase_search import SAMPLES, PhaseSearch
@@ -17,12 +18,14 @@ NEAR_ENOUGH = 1.0  # depths of focus: uncertainty from which contrast finds the 
 REACH = 2.5  # depths of focus to either side that contrast looks at
 DEVIATIONS = 3.0  # standard errors that it looks at in any case
 MOST_STEPS = 3
+DISAGREE = 0.5  # depths of focus between the two from which aberrations are to blame
 
 
 def focus_by_hybrid(task: Task) -> FocusReport:
     """Return the focus: a look or two through half pupils, then the greatest contrast near where they point.
 
-    Where halves tell nothing, contrast has the whole reach; where contrast tells nothing more, phase detection ends it.
+    Where halves tell nothing, contrast has the whole reach. Where contrast tells nothing more, or is greatest elsewhere
+    because of aberrations, which phase detection knows from its rays, that one ends it.
 
     Raises
     ------
@@ -40,20 +43,28 @@ def focus_by_hybrid(task: Task) -> FocusReport:
     looks.zones = [search.zone]
     sharp = task.probe.depth_of_focus
     reach = max(REACH, DEVIATIONS * still_to_move(search)) * sharp
+    pointed = looks.place_of(search.state)
     try:
-        peak, _ = greatest_contrast(looks, Policy.CENTRE, (looks.place_of(search.state), reach))
+        peak, _ = greatest_contrast(looks, Policy.CENTRE, (pointed, reach))
     except NoContrast:
-        state = search.finish()
-        report = task.report(
-            "hybrid", state, search.zone, search.error * sharp, within(0.25, search.error),
-            search.records() + looks.records(0),
-        )  # fmt: skip
-        report.notes["finished_by"] = "phase"
-        return report
+        return _by_phase(task, search, looks, "phase")
+    if abs(peak.place - pointed) > DISAGREE * sharp:
+        search.step(looks.state_of(peak.place), SAMPLES)
+        return _by_phase(task, search, looks, "phase, as contrast is greatest elsewhere")
     sure = within(sharp / 4, peak.error)
     records = search.records() + looks.records(0)
     report = task.report("hybrid", looks.state_of(peak.place), search.zone, peak.error, sure, records)
     report.notes["finished_by"] = "contrast"
+    return report
+
+
+def _by_phase(task: Task, search: PhaseSearch, looks: Looks, why: str) -> FocusReport:
+    """Return the focus to which phase detection comes by looks of its own."""
+    state = search.finish()
+    error = search.error * task.probe.depth_of_focus
+    sure = within(0.25, search.error)
+    report = task.report("hybrid", state, search.zone, error, sure, search.records() + looks.records(0))
+    report.notes["finished_by"] = why
     return report
 
 
