@@ -20,6 +20,15 @@ def test_random_cases_end_in_focus_or_in_a_refusal(method):
     assert [row["case"] for row in found if not row["good"]] == []
 
 
+@pytest.mark.parametrize("number", [40, 178])
+def test_hybrid_goes_by_the_halves_where_aberrations_move_the_contrast(number):
+    """Off the axis of a wide open single lens, details are clearest half a depth of focus and more from the least spot."""
+    session = open_session(None)
+    contrast, hybrid = (outcome(random_case(number), method, session) for method in ("contrast", "hybrid"))
+    assert contrast["miss"] > 0.5
+    assert hybrid["miss"] < 0.25
+
+
 def test_wilson_interval_is_that_of_the_textbook():
     # Brown, Cai, DasGupta 2001: the interval is never empty, nor leaves [0, 1], at the ends.
     assert wilson(0, 10) == pytest.approx((0.0, 0.2775), abs=1e-4)
