@@ -22,7 +22,7 @@ def test_random_cases_end_in_focus_or_in_a_refusal(method):
 
 @pytest.mark.parametrize("number", [40, 178])
 def test_hybrid_goes_by_the_halves_where_aberrations_move_the_contrast(number):
-    """Off the axis of a wide open single lens, details are clearest half a depth of focus and more from the least spot."""
+    """Behind a wide open single lens details are clearest half a depth of focus and more from the least spot."""
     session = open_session(None)
     contrast, hybrid = (outcome(random_case(number), method, session) for method in ("contrast", "hybrid"))
     assert contrast["miss"] > 0.5
