@@ -156,12 +156,8 @@ def render(
     session = device if isinstance(device, Session) else open_session(device)
     saver = None if checkpoint is None else Saver(checkpoint, scene, session.info.name)
     saved = saver.load() if saver is not None and resume else None
-    sharp, focus = in_focus(scene, session, None if saver is None else saver.focus)
-    chosen = decided(sharp)
-    shot = settled(chosen.scene, session, None if saver is None else saver.metered_cd_m2)
-    if saver is not None:
-        saver.metered_cd_m2, saver.focus = shot.metered_cd_m2, focus
-    plan = make_plan(shot.scene)
+    taken, told = _taken(scene, session, saver)
+    plan = make_plan(taken)
     started = time.perf_counter()
     if on_progress is not None:
         on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -185,20 +181,18 @@ def render(
         "render": rendering.seconds,
         "total": time.perf_counter() - begun,
     }
-    metadata = _metadata(scene, rendering, plan, session.info) | shot.metadata | chosen.metadata
-    metadata |= {} if focus is None else focus["metadata"]
-    if (sensor := sensor_of(shot.scene, metadata)) is not None:
-        metadata["sensor"] = sensor.described()
+    margin = lens_margin(taken, session) if numerics or strict else None
     stats = _stats(rendering, wavefront, plan, session.info, times)
-    margin = lens_margin(shot.scene, session) if numerics or strict else None
     stats["numerics"] = self_knowledge(plan, wavefront, rendering, margin)
-    metadata["numerics"] = summary(stats["numerics"])
-    if saver is not None:
-        stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
-        metadata["device"] = saver.devices
+    metadata = _metadata(scene, rendering, plan, session.info) | told | {"numerics": summary(stats["numerics"])}
+    if (sensor := sensor_of(taken, metadata)) is not None:
+        metadata["sensor"] = sensor.described()
     if "clamp" in stats:
         limit, share = stats["clamp"].values()
         metadata["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
+    if saver is not None:
+        stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
+        metadata["device"] = saver.devices
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     image = developed_as(Image(rendering.pixels, metadata, stats, layers=rendering.layers), scene.picture)
     if denoise:
@@ -206,6 +200,19 @@ def render(
     if strict and (met := anomalies(stats["numerics"])):
         raise NumericError(f"strict: {'; '.join(met)}", image)
     return image
+
+
+def _taken(scene: Scene, session: Session, saver: Saver | None) -> tuple[Scene, dict[str, Any]]:
+    """Return the scene in focus, with the camera model and the exposure that it leaves to be found, and what to tell.
+
+    What was found for an earlier part of the render is kept.
+    """
+    sharp, focus = in_focus(scene, session, None if saver is None else saver.focus)
+    chosen = decided(sharp)
+    shot = settled(chosen.scene, session, None if saver is None else saver.metered_cd_m2)
+    if saver is not None:
+        saver.metered_cd_m2, saver.focus = shot.metered_cd_m2, focus
+    return shot.scene, shot.metadata | chosen.metadata | ({} if focus is None else focus["metadata"])
 
 
 def _limit(scene: Scene, spp: int | None, seconds: float | None, noise: float | None) -> int | None:
