@@ -20,7 +20,7 @@ def test_random_cases_end_in_focus_or_in_a_refusal(method):
     assert [row["case"] for row in found if not row["good"]] == []
 
 
-@pytest.mark.parametrize("number", [40, 178])
+@pytest.mark.parametrize("number", [40, pytest.param(178, marks=pytest.mark.slow)])
 def test_hybrid_goes_by_the_halves_where_aberrations_move_the_contrast(number):
     """Behind a wide open single lens details are clearest half a depth of focus and more from the least spot."""
     session = open_session(None)
