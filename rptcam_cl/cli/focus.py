@@ -44,14 +44,8 @@ def add_to(commands: Commands) -> None:
         help="which of several zones decides: closest (default), farthest, centre or weighted",
     )  # fmt: skip
     parser.add_argument("--seed", type=values.seed, metavar="N", help="seed of the random numbers")
-    parser.add_argument(
-        "--device", metavar="SPEC",
-        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="key.path=value", dest="overrides",
-        help="replace a value of the scene file, as camera.f_number=4; may be repeated",
-    )  # fmt: skip
+    values.add_device(parser)
+    values.add_overrides(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve, .svg or .png")
     parser.set_defaults(run=_run, parser=parser)

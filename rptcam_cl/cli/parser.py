@@ -115,6 +115,22 @@ def _one_of(names: Sequence[str], text: str) -> str:
     return text
 
 
+def add_device(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the device that a scene is rendered on."""
+    parser.add_argument(
+        "--device", metavar="SPEC",
+        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto)",
+    )  # fmt: skip
+
+
+def add_overrides(parser: argparse.ArgumentParser) -> None:
+    """Add changes to the scene file."""
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="key.path=value", dest="overrides",
+        help="replace a value of the scene file, as camera.f_number=4; may be repeated",
+    )  # fmt: skip
+
+
 def layers(text: str) -> tuple[str, ...]:
     """Names of auxiliary layers in ``a,b,c``; ``all`` stands for every one."""
     from rptcam_cl.scene.layers import LAYER_NAMES

@@ -58,14 +58,8 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--denoise", action="store_true", help="remove the noise that is left (biased); needs rptcam_cl[denoise]"
     )
-    parser.add_argument(
-        "--device", metavar="SPEC",
-        help="an index as 0:0, a part of a name, cpu, gpu or auto (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto)",
-    )  # fmt: skip
-    parser.add_argument(
-        "--set", action="append", default=[], metavar="key.path=value", dest="overrides",
-        help="replace a value of the scene file, as camera.f_number=4; may be repeated",
-    )  # fmt: skip
+    values.add_device(parser)
+    values.add_overrides(parser)
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write what the render took and met")
     parser.add_argument(
         "--strict",
