@@ -17,7 +17,9 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     likely = [each.error_after(seconds, each.likely_bias) for each in found]
     best = _clear_best(errors)
     perhaps = _better_yet(found, likely, errors, best)
-    return Advice("time", seconds, found[best].name, seconds, errors[best], seconds, errors[0], perhaps)
+    samples = max(int(seconds / found[best].sample_s.value), 1)
+    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    return Advice("time", seconds, found[best].name, seconds, errors[best], samples, *ends, seconds, errors[0], perhaps)
 
 
 def for_error(found: Sequence[Measurement], error: float) -> Advice:
@@ -25,9 +27,12 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
     times = [each.seconds_until(error) for each in found]
     likely = [each.seconds_until(error, each.likely_bias) for each in found]
     best = _clear_best(times)
-    name = found[best].name if math.isfinite(times[best]) else None
     perhaps = _better_yet(found, likely, times, best)
-    return Advice("error", error, name, times[best], error, times[0], error, perhaps)
+    if math.isinf(times[best]):
+        return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, times[0], error, perhaps)
+    samples = max(math.ceil(times[best] / found[best].sample_s.value), 1)
+    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    return Advice("error", error, found[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
 
 
 def _clear_best(values: Sequence[float]) -> int:

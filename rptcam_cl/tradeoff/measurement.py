@@ -117,6 +117,12 @@ class Measurement:
         """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be."""
         return float(np.sqrt((self.sure_bias if bias is None else bias) + self.rate.value / seconds))
 
+    def errors_after(self, seconds: float) -> tuple[float, float]:
+        """Return the least and the largest relative error after a time that the intervals of noise and bias allow."""
+        noise = self.sample_s.value / seconds
+        least = 0.0 if self.unbiased or not self.knob else max(self.bias.low, 0.0)
+        return math.sqrt(least + noise * self.noise.low), math.sqrt(self.sure_bias + noise * self.noise.high)
+
     def seconds_until(self, error: float, bias: float | None = None) -> float:
         """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
         left = error**2 - (self.sure_bias if bias is None else bias)

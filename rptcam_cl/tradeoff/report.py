@@ -27,6 +27,10 @@ class Advice:
         Name of the configuration; None where none reaches the error.
     seconds, error : float
         What it takes and errs by; the error counts the bias at the upper end of its interval.
+    samples : int
+        Samples per pixel that it takes; 0 where none reaches the error.
+    least_error, most_error : float
+        Between which the error lies after these samples, with noise and bias at the ends of their intervals.
     full_seconds, full_error : float
         The same of the most accurate configuration.
     perhaps : str or None
@@ -38,6 +42,9 @@ class Advice:
     chosen: str | None
     seconds: float
     error: float
+    samples: int
+    least_error: float
+    most_error: float
     full_seconds: float
     full_error: float
     perhaps: str | None

@@ -11,7 +11,7 @@ from rptcam_cl.accuracy.errors import FIELDS
 from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import Advice, TradeoffReport
-from rptcam_cl.tradeoff.words import bias, per_cent, pixels, seconds
+from rptcam_cl.tradeoff.words import between, bias, per_cent, pixels, seconds
 
 SHOWS_LOAD = 1.3  # times the undisturbed time that the clock showed, from which on it is said
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
@@ -58,17 +58,18 @@ def _advice(report: TradeoffReport, advice: Advice) -> str:
 
 
 def _for_time(report: TradeoffReport, advice: Advice) -> str:
-    head, errs = f"In {seconds(advice.amount)}", per_cent(advice.error)
+    head, errs = f"In {seconds(advice.amount)}", between(advice.least_error, advice.most_error)
+    errs = f"which errs by {errs} after {advice.samples} samples per pixel"
     if advice.chosen == REFERENCE:
-        return f"{head}: take {_named(report, REFERENCE)}, which errs by {errs}; no approximation surely does better"
-    full = per_cent(advice.full_error)
-    return f"{head}: take {advice.chosen}, which errs by at most {errs}; {REFERENCE} errs by {full}"
+        return f"{head}: take {_named(report, REFERENCE)}, {errs}; no approximation surely does better"
+    return f"{head}: take {advice.chosen}, {errs}; {REFERENCE} errs by {per_cent(advice.full_error)}"
 
 
 def _for_error(report: TradeoffReport, advice: Advice) -> str:
     head, takes = f"To an error of {per_cent(advice.amount)}", seconds(advice.seconds)
     if advice.chosen is None:
         return f"{head}: no configuration gets there"
+    takes += f" ({advice.samples} samples per pixel)"
     if advice.chosen == REFERENCE:
         return f"{head}: take {_named(report, REFERENCE)}, in {takes}; no approximation surely is faster"
     full, times = seconds(advice.full_seconds), advice.full_seconds / advice.seconds
