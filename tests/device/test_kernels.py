@@ -19,7 +19,9 @@ from tests.render.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
 CAMERAS = sorted(
-    path.stem for path in (kernels_dir() / "camera").glob("*.h") if path.stem not in ("film_point", "filter", "course")
+    path.stem
+    for path in (kernels_dir() / "camera").glob("*.h")
+    if path.stem not in ("film_point", "filter", "course", "draw")
 )
 # How calls pass wide vectors is moot, as every helper is static. Compilers that are not clang ignore the pragma.
 NO_ABI = '#ifdef __clang__\n#pragma clang diagnostic ignored "-Wpsabi"\n#endif\n'
@@ -124,7 +126,8 @@ def test_scene_with_everything_turns_every_fact_on():
     assert off == {"ONE_EMITTER", "LENS_SPLITS"}
 
 
-SCENE_PASSES = [name for name in PASSES if name not in ("pass/generate.cl", "pass/trace_rays.cl")]
+LENS_PASSES = ("pass/generate.cl", "pass/trace_rays.cl", "pass/aim_rays.cl", "pass/trace_lens.cl")
+SCENE_PASSES = [name for name in PASSES if name not in LENS_PASSES]
 
 
 @pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shade.cl"])
@@ -174,6 +177,17 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
 def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes})
     without_warnings(session, ["pass/trace_rays.cl"], {"VW": lanes, **dict.fromkeys(LOSSES, 1)})
+
+
+@pytest.mark.parametrize("lanes", [1, 8, 16])
+def test_passes_about_a_lens_in_float64_compile_alone_without_a_warning(session, lanes):
+    for rest in (0, 1):
+        facts = {"CAMERA_FILE": "camera/realistic.h", "CAMERA_HAS_LENS": 1, "CAMERA_PACKETS": 1, "LENS_FLOAT64": 1}
+        facts |= {"VW": lanes, "SPECTRUM": rest, "HUE_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
+        facts |= {"SAMPLER_LATTICE": rest, "FILTER": 1024 * rest, "STREAM": rest, **dict.fromkeys(LOSSES, rest)}
+        without_warnings(session, ["pass/aim_rays.cl"], facts)
+        without_warnings(session, ["pass/generate.cl"], facts)
+        without_warnings(session, ["pass/trace_lens.cl"], facts | {"VW": min(lanes, 8), "DOUBLE": 1})
 
 
 @pytest.mark.parametrize("file", FILES)
