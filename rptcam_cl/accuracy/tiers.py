@@ -18,7 +18,7 @@ TIERS: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens", "realistic")  #
 
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
 _POSE = ("target", "up", "flip")
-_TRACED_ONLY = ("pupil", "aperture", "accuracy")
+_TRACED_ONLY = ("pupil", "precision", "aperture", "accuracy")
 
 
 @dataclass(frozen=True)

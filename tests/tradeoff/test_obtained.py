@@ -66,12 +66,12 @@ def test_every_case_can_be_loaded():
 
 @pytest.mark.slow
 def test_advice_holds_and_a_spoiled_one_is_found_wrong():
-    case = Case("landscape", Path(__file__).resolve().parents[2] / "examples" / "sunny_sixteen.yaml", (96, 54), 1.0, 0.05)
+    case = Case(
+        "landscape", Path(__file__).resolve().parents[2] / "examples" / "sunny_sixteen.yaml", (96, 54), 1.0, 0.05
+    )
     session = open_session(None)
     scene = load_scene(case.path)
-    report = measure_tradeoff(
-        scene, budget=20, seconds=case.seconds, error=case.error, size=case.size, device=session
-    )
+    report = measure_tradeoff(scene, budget=20, seconds=case.seconds, error=case.error, size=case.size, device=session)
     wrong = {fault for verdict in check(case, report, session, 6.0) for fault in verdict.faults}
     assert not wrong - {"time is off"}, wrong  # other work on the machine may disturb even CPU times
 
