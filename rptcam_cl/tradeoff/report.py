@@ -62,10 +62,12 @@ class TradeoffReport:
         Tiles of 8 x 8 pixels that the pictures were made of.
     grid : (rows, columns)
         How the rendered ones lie, row by row.
-    samples : tuple of int
-        Numbers of samples per pixel of the pictures.
+    samples : (int, int, int)
+        Numbers of samples per pixel of the pictures; the last of some of the tiles only.
+    long_tiles : int
+        How many these are.
     seeds : int
-        Independent pictures of each.
+        Independent pictures of each of the first two.
     seconds : float
         Time that all took [s].
     by_cpu : bool
@@ -90,7 +92,8 @@ class TradeoffReport:
     resolution: tuple[int, int]
     tiles: tuple[int, int]
     grid: tuple[int, int]
-    samples: tuple[int, ...]
+    samples: tuple[int, int, int]
+    long_tiles: int
     seeds: int
     seconds: float
     by_cpu: bool

@@ -15,7 +15,7 @@ from rptcam_cl.tradeoff.statistics import (
     over_pairs,
     student_quantile,
 )
-from tests.tradeoff.synthetic import NOISE, PER_TILE, SECONDS, SEEDS, measured
+from tests.tradeoff.synthetic import NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured
 
 EVERY = 16  # tiles
 TRIALS = 120
@@ -39,13 +39,13 @@ def coverage(trials, scale, rendered=EVERY, every=EVERY, seed=0):
         left = 0.02**2 - floor
         truths = (
             floor,
-            noise,
+            noise / SAMPLES[-1],
             noise * SECONDS,
             float(bias.mean()),
             noise * SECONDS / left if left > 0 else np.inf,
             noise * SECONDS / floor if floor > 0 else np.inf,  # the reference takes twice the time
         )
-        own = (other.bias, other.noise, other.rate, other.energy, other.seconds_to[0.02], other.better_until)
+        own = (other.bias, other.noise[0], other.rate, other.energy, other.seconds_to[0.02], other.better_until)
         for name, interval_of, truth in zip(NAMES, own, truths, strict=True):
             found[name] += holds(interval_of, truth)
     return {name: count / trials for name, count in found.items()}

@@ -1,4 +1,4 @@
-"""The check of an advice: errors of pictures are found in spite of the references' noise, and a wrong advice is told."""
+"""The check of advice: errors are found in spite of the references' noise, and wrong advice is told."""
 
 from dataclasses import replace
 from pathlib import Path
