@@ -133,12 +133,13 @@ class Measurement:
     def errors_after(self, seconds: float) -> tuple[float, float]:
         """Return the least and the largest relative error after a time that the intervals of noise and bias allow."""
         least = 0.0 if self.unbiased or not self.knob else max(self.bias.low, 0.0)
-        low, high = (self.noise_after(seconds, end) for end in ("low", "high"))
+        samples = seconds / self.sample_s.value
+        low, high = float(self.law("low").least(samples)), float(self.law("high").most(samples))
         return math.sqrt(least + low), math.sqrt(self.sure_bias + high)
 
-    def noise_after(self, seconds: Any, end: str = "value") -> Any:
-        """Return the noise after a time as relMSE, or an end of its interval."""
-        return self.law(end).after(seconds / self.sample_s.value)
+    def noise_after(self, seconds: float) -> float:
+        """Return the noise after a time as relMSE."""
+        return float(self.law().after(seconds / self.sample_s.value))
 
     def law(self, end: str = "value") -> NoiseLaw:
         """Return how the noise falls, or with all of it at one end of its interval."""
@@ -159,8 +160,8 @@ class _Replicates:
     law: NoiseLaw
     bias: Array
 
-    def noise_after(self, seconds: Any) -> Array:
-        return np.asarray(self.law.after(seconds / self.sample_s))
+    def even_after(self, seconds: Any) -> Array:
+        return np.asarray(self.law.even(seconds / self.sample_s))
 
 
 def measurements(
@@ -202,7 +203,7 @@ def measurements(
             "before": own.law.before,
             "slope": own.law.between,
             "beyond": own.law.beyond,
-            "rate": own.noise_after(1.0),
+            "rate": np.asarray(own.law.after(1.0 / own.sample_s)),
             "bias": _bias(error, counts),
             "energy": _energy(error, errors[0], counts),
             "better_until": _better_until(own, sources[0]),
@@ -256,7 +257,7 @@ def _better_until(own: _Replicates, reference: _Replicates) -> Array:
     bias = np.maximum(own.bias, 0.0)
     times = np.geomspace(FIRST_S, LAST_S, STEPS)
     with np.errstate(divide="ignore", invalid="ignore"):
-        gains = np.log(reference.noise_after(times[:, None]) / (own.noise_after(times[:, None]) + bias))
+        gains = np.log(reference.even_after(times[:, None]) / (own.even_after(times[:, None]) + bias))
     better = gains > 0
     last = STEPS - 1 - better[::-1].argmax(axis=0)
     after = np.minimum(last + 1, STEPS - 1)

@@ -94,7 +94,7 @@ def _errors_over_time(
 def _log_error(found: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
     floor = 0.0 if found.unbiased or not found.knob else max(getattr(found.bias, end), 0.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log10(floor + found.noise_after(times, end)) / 2)
+        return np.asarray(np.log10(floor + found.law(end).even(times / found.sample_s.value)) / 2)
 
 
 def _pale(colour: str) -> str:

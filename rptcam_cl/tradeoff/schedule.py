@@ -3,6 +3,7 @@ disturbs all configurations alike."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -116,4 +117,4 @@ def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadT
     fits = seconds * (1 - LONG_TIME) / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
     most = int(np.clip(fits / WANTED_SAMPLES, FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
     tiles = spread_tiles(layout, most, rng)
-    return tiles, max(int(fits / len(tiles.tiles)), 1)
+    return tiles, 2 ** max(round(math.log2(fits / len(tiles.tiles))), 0)  # lattices are even at powers of two
