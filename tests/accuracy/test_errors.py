@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.accuracy import TIERS, decided, equivalent, tier_errors
-from rptcam_cl.accuracy.bundles import first_order_bundle, traced_bundle
+
 from rptcam_cl.accuracy.depths import FAR_MM, depth_range_mm
 from rptcam_cl.accuracy.tiers import first_order_camera
 from rptcam_cl.errors import InputError
