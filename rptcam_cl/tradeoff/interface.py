@@ -112,6 +112,7 @@ def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
             "name": each.configuration.name,
             "knob": each.configuration.knob,
             "same_as": each.configuration.same_as,
+            "settings": each.configuration.settings,
             "tier": each.configuration.tier,
             "unbiased": each.configuration.unbiased,
             "start_s": each.start_s,

@@ -51,7 +51,7 @@ class Measurement:
     ----------
     name, knob : str
         As in `ladder.Configuration`.
-    same_as : tuple of str
+    same_as, settings : tuple of str
     tier : str
     unbiased : bool
     start_s : float
@@ -81,6 +81,7 @@ class Measurement:
     name: str
     knob: str
     same_as: tuple[str, ...]
+    settings: tuple[str, ...]
     tier: str
     unbiased: bool
     start_s: float
@@ -143,7 +144,7 @@ def measurements(
     Parameters
     ----------
     named
-        The first six attributes of each.
+        The first seven attributes of each.
     errors, timings
         What was measured.
     samples

@@ -79,13 +79,13 @@ def prepare(
                 raise
             skipped[configuration.name] = str(problem)
             continue
-        mark = _mark(plan, configuration.scene.render)
-        if mark in seen:
-            same = found[seen[mark]]
-            known = same.configuration.also(configuration.name)
-            found[seen[mark]] = replace(same, configuration=known)
+        known_as = mark(plan, configuration.scene.render)
+        if known_as in seen:
+            same = found[seen[known_as]]
+            known = same.configuration.also(configuration)
+            found[seen[known_as]] = replace(same, configuration=known)
             continue
-        seen[mark] = len(found)
+        seen[known_as] = len(found)
         layout = FilmLayout.of(configuration.scene.film)
         wavefront = Wavefront(session, plan, layout, configuration.scene.render)
         wavefront.warm_up()
@@ -95,7 +95,7 @@ def prepare(
     return found, skipped
 
 
-def _mark(plan: Plan, settings: RenderSettings) -> bytes:
+def mark(plan: Plan, settings: RenderSettings) -> bytes:
     """Return what two configurations that render the same picture have in common."""
     camera = plan.camera
     arrays = (camera.record, camera.tables, camera.surfaces, camera.stop, plan.spectrum.table)

@@ -11,7 +11,6 @@ from rptcam_cl.accuracy.errors import FIELDS
 from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import Advice, TradeoffReport
-from rptcam_cl.tradeoff.settings import setting
 from rptcam_cl.tradeoff.words import bias, per_cent, pixels, seconds
 
 SHOWS_LOAD = 1.3  # times the undisturbed time that the clock showed, from which on it is said
@@ -21,14 +20,9 @@ PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 def recommendation(report: TradeoffReport) -> list[str]:
     """Return sentences: what to take, what it costs, what it errs by and where; then what else was found."""
     said = [_advice(report, advice) for advice in report.advice]
-    chosen: dict[str | None, None] = {
-        advice.chosen: None for advice in report.advice if advice.chosen not in (None, REFERENCE)
-    }
-    said += [_differs(report, report.named(str(name))) for name in chosen]
-    asked = [
-        setting(report, report.named(str(name))) for name in dict.fromkeys(a.chosen for a in report.advice) if name
-    ]
-    said += [f"Ask for it by --set '{text}'." for text in dict.fromkeys(asked) if text]
+    chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
+    said += [_differs(report, report.named(name)) for name in chosen if name != REFERENCE]
+    said += [asked for name in chosen if (asked := _asked(report.named(name)))]
     said += _camera(report)
     said += _depth(report)
     return said
@@ -84,6 +78,11 @@ def _for_error(report: TradeoffReport, advice: Advice) -> str:
 def _named(report: TradeoffReport, name: str) -> str:
     same = report.named(name).same_as
     return f"{name} (the scene as it is)" if AS_IT_IS in same else name
+
+
+def _asked(found: Measurement) -> str:
+    sets = " ".join(f"--set '{text}'" for text in found.settings)
+    return f"Ask for {found.name} by {sets}." if sets else ""
 
 
 def _differs(report: TradeoffReport, found: Measurement) -> str:

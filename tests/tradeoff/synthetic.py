@@ -43,7 +43,7 @@ def measured(rng, bias, rendered, every, replicates=500):
     errors = pair_errors([reference, pictures_of(1 + seen, rng, common)], SAMPLES, tiles)
     times = [Timings(*[scale * SECONDS * rng.lognormal(0, 0.1, SEEDS)] * 2) for scale in (2, 1)]
     named = [
-        {"name": name, "knob": knob, "same_as": (), "tier": "", "unbiased": False, "start_s": 0.0}
+        {"name": name, "knob": knob, "same_as": (), "settings": (), "tier": "", "unbiased": False, "start_s": 0.0}
         for name, knob in (("full", ""), ("other", "camera"))
     ]
     return measurements(named, errors, times, SAMPLES, draws(SEEDS, rng, replicates))

@@ -18,10 +18,10 @@ from rptcam_cl.wavefront.film import FilmLayout
 def measurement(name, rate, bias=0.0, knob="camera"):
     exact = Interval(0.0, 0.0, 0.0)
     return Measurement(
-        name=name, knob=knob, same_as=(), tier="", unbiased=False, start_s=0.0, sample_s=exact, wall_sample_s=exact,
-        noise=exact, slope=exact, rate=Interval(rate, rate, rate), wall_rate=exact, bias=Interval(bias, bias, bias),
-        energy=exact, seconds_to=dict.fromkeys(TARGETS, exact), better_until=exact, bias_of_tiles=np.zeros(1),
-        noise_of_tiles=np.zeros(1),
+        name=name, knob=knob, same_as=(), settings=(), tier="", unbiased=False, start_s=0.0, sample_s=exact,
+        wall_sample_s=exact, noise=exact, slope=exact, rate=Interval(rate, rate, rate), wall_rate=exact,
+        bias=Interval(bias, bias, bias), energy=exact, seconds_to=dict.fromkeys(TARGETS, exact), better_until=exact,
+        bias_of_tiles=np.zeros(1), noise_of_tiles=np.zeros(1),
     )  # fmt: skip
 
 
