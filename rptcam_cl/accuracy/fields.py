@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 
 from rptcam_cl.accuracy.bundles import RINGS, Bundle
 from rptcam_cl.accuracy.pupils import Pupils
+from rptcam_cl.accuracy.stops import coverage
 from rptcam_cl.cameras.lens_setting import LensSetting
 from rptcam_cl.optics import Lens
+from rptcam_cl.optics.stop_shape import StopMask, StopShape
 
 Array = NDArray[np.float64]
 
 NUDGE = 0.01  # of the half diagonal, between film points that tell the scale of the picture
-SHAPED_RINGS = 24  # of a pupil whose stop is not round
+SHAPED_RINGS = 16  # of rays through a stop that is not round
 CORNERS = np.array([(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)])
 
 
@@ -70,7 +72,7 @@ class Field:
 
 def traced_fields(
     setting: LensSetting,
-    shaped: Lens,
+    shape: StopShape | StopMask | None,
     half_mm: Array,
     pixel_mm: float,
     shares: Sequence[float],
@@ -82,8 +84,8 @@ def traced_fields(
     ----------
     setting
         The lens in use.
-    shaped
-        The same lens with its stop in the shape that it has.
+    shape
+        Of its stop; None is round.
     half_mm
         (2,) half the sides of the film.
     pixel_mm
@@ -102,7 +104,7 @@ def traced_fields(
     here = _bundles(setting, points, rear, area)
     beside = _bundles(setting, points + nudges, moved, area)
     others = [_bundles(setting, points, rear, area, nm) for nm in colours_nm]
-    light = np.array([[bundle.light for bundle in here]]) if shaped is lens else _shaped_light(setting, shaped, pupils)
+    light = np.array([[bundle.light for bundle in here]]) if shape is None else _shaped_light(setting, shape, pupils)
     found: list[Field | None] = []
     for k, point in enumerate(points):
         if not here[k].light > 0:
@@ -128,18 +130,15 @@ def _bundles(
         That of the camera by default, which losses in the lens are known for.
     """
     lens, back_mm = setting.lens, setting.film_distance_mm
-    origins, towards = np.empty((2, *area.shape, 3))
-    origins[..., :2], origins[..., 2] = points[:, None], lens.length + back_mm
-    across = rear - points[:, None]
-    towards[..., :2], towards[..., 2] = across, -back_mm
+    origins, towards = _from_film(lens, back_mm, points, rear)
     rays = lens.trace(
-        origins.reshape(-1, 3),
-        towards.reshape(-1, 3),
+        origins,
+        towards,
         setting.camera.wavelength_nm if wavelength_nm is None else wavelength_nm,
         transmission=setting.transmission if wavelength_nm is None and setting.transmission else None,
     )
     good = rays.passed
-    weights = np.where(good, (area * (back_mm / (back_mm**2 + np.sum(across**2, axis=-1))) ** 2).ravel(), 0.0)
+    weights = np.where(good, area.ravel() * (back_mm / np.sum(towards**2, axis=1)) ** 2, 0.0)
     if rays.transmittance is not None:
         weights = weights * rays.transmittance
     starts = np.where(good[:, None], rays.origins * (1, 1, -1) + (0, 0, lens.length + back_mm), np.nan)
@@ -156,8 +155,27 @@ def _follows(lens: Lens, back_mm: float, wavelength_nm: float) -> float:
     return 1.0 - back_mm / from_film if np.isfinite(from_film) and from_film else 1.0
 
 
-def _shaped_light(setting: LensSetting, shaped: Lens, pupils: Pupils) -> Array:
-    """Return the irradiance (corners, m) through a stop that is not round."""
+def _shaped_light(setting: LensSetting, shape: StopShape | StopMask, pupils: Pupils) -> Array:
+    """Return the irradiance (corners, m) through a stop that is not round, whose mirror images the corners see."""
     rear, area = pupils.nodes(SHAPED_RINGS)
-    mirrored = [_bundles(replace(setting, lens=shaped), pupils.film * side, rear * side, area) for side in CORNERS]
-    return np.array([[bundle.light for bundle in bundles] for bundles in mirrored])
+    light = np.array([bundle.weights for bundle in _bundles(setting, pupils.film, rear, area)])
+    at_stop = _at_stop(setting, pupils.film, rear)
+    return np.array([np.sum(light * coverage(shape, at_stop * side), axis=1) for side in CORNERS])
+
+
+def _at_stop(setting: LensSetting, film: Array, rear: Array) -> Array:
+    """Return where rays from film points (m, 2) cross the stop (m, n, 2), in units of its radius."""
+    lens, back_mm = setting.lens, setting.film_distance_mm
+    assert lens.stop is not None and lens.stop_index is not None
+    behind = replace(lens, surfaces=lens.surfaces[lens.stop_index :], stop_index=0)
+    origins, towards = _from_film(behind, back_mm, film, rear)
+    rays = behind.trace(origins, towards, setting.camera.wavelength_nm)
+    return rays.origins[:, :2].reshape(rear.shape) / lens.stop.semi_diameter
+
+
+def _from_film(lens: Lens, back_mm: float, film: Array, rear: Array) -> tuple[Array, Array]:
+    """Return origins and directions of rays from film points (m, 2) through points (m, n, 2) behind the last vertex."""
+    origins, towards = np.empty((2, *rear.shape[:2], 3))
+    origins[..., :2], origins[..., 2] = film[:, None], lens.length + back_mm
+    towards[..., :2], towards[..., 2] = rear - film[:, None], -back_mm
+    return origins.reshape(-1, 3), towards.reshape(-1, 3)

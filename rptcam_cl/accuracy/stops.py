@@ -12,6 +12,9 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape
 Array = NDArray[np.float64]
 
 CELLS = 64  # along the side of the square round a stop
+FINE_CELLS = 288  # along the side of a larger square
+REACH = 1.125  # half that side
+BLURRED = 0.1
 ROWS = 256  # points whose distances are found at a time
 
 
@@ -45,6 +48,24 @@ def round_stop(shape: StopShape | StopMask | None) -> RoundStop:
     beyond = float(np.max(distance[inside] - radius, initial=0.0))
     left_out = points[(distance <= radius) & ~inside]
     return RoundStop(radius, max(beyond, _farthest(left_out, points[inside])) + 1 / CELLS)
+
+
+def coverage(shape: StopShape | StopMask, points: Array) -> Array:
+    """Return which share of the surroundings of points (..., 2) lies in a shape: of a square of side `BLURRED`.
+
+    Integrals over the shape by points that far apart then are as smooth as those over the circle.
+    """
+    side = (np.arange(FINE_CELLS) + 0.5) * 2 * REACH / FINE_CELLS - REACH
+    x, y = np.meshgrid(side, side)
+    share: Array = np.asarray(shape.holds(x, y) & (np.hypot(x, y) <= 1), dtype=np.float64)
+    width = round(BLURRED * FINE_CELLS / (2 * REACH))
+    for axis in (0, 1):
+        sums = np.insert(np.cumsum(share, axis=axis), 0, 0.0, axis=axis)
+        ends, starts = np.arange(width, FINE_CELLS + 1), np.arange(FINE_CELLS + 1 - width)
+        share = (np.take(sums, ends, axis) - np.take(sums, starts, axis)) / width
+    first = -REACH + BLURRED / 2  # middle of the first square
+    places = np.clip(np.rint((points - first) * FINE_CELLS / (2 * REACH)), 0, len(share) - 1).astype(np.intp)
+    return np.asarray(share[places[..., 1], places[..., 0]])
 
 
 def _farthest(points: Array, others: Array) -> float:

@@ -70,8 +70,8 @@ class Truth:
         asked = scene.spectrum.lens_colour != "off"
         coloured = asked and disperses(setting.lens)
         colours_nm = [min(max(end, low), high) for end in EXTREMES_NM] if coloured else []
-        pixel_mm = 2 * half_mm[0] / scene.film.resolution[0]
-        fields = traced_fields(setting, shaped, half_mm, pixel_mm, FIELDS, colours_nm)
+        pixel_mm = float(2 * half_mm[0] / scene.film.resolution[0])
+        fields = traced_fields(setting, shape, half_mm, pixel_mm, FIELDS, colours_nm)
         tint = lens_tint(scene, setting) if asked else 0.0
         return cls(scene, first, shaped, half_mm, tuple(fields), round_stop(shape), tint, coloured)
 
