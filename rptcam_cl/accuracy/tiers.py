@@ -44,7 +44,7 @@ TRAITS: dict[Tier, Traits] = {
 
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
 _POSE = ("target", "up", "flip")
-_TRACED_ONLY = ("pupil", "aperture", "accuracy")
+_TRACED_ONLY = ("pupil", "precision", "aperture", "accuracy")
 
 
 @dataclass(frozen=True)

@@ -83,18 +83,24 @@ def model_of(
     record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
     record["wavelength"] = camera.wavelength_nm
+    double = camera.precision == "double"
     traced = lens_records(
-        lens, camera.wavelength_nm, "film", back_mm, dispersive=colour.dispersive, transmission=losses
+        lens, camera.wavelength_nm, "film", back_mm, double=double, dispersive=colour.dispersive, transmission=losses
     )
     return CameraModel(
         "camera/realistic.h",
         record,
-        facts=traced.facts | pupil.facts,
+        facts=traced.facts | pupil.facts | ({"LENS_FLOAT64": 1} if double else {}),
         tables=pupil.table,
         surfaces=traced.surfaces,
-        stop=traced.stop.astype(np.float32),
+        stop=traced.stop,
         has_lens=True,
-        metadata={"camera": "realistic", **setting.metadata, "on_axis_irradiance": on_axis}
+        metadata={
+            "camera": "realistic",
+            "lens_precision": camera.precision,
+            **setting.metadata,
+            "on_axis_irradiance": on_axis,
+        }
         | ({"transmittance": on_axis / clear} if losses else {})
         | pupil.metadata
         | colour.metadata
