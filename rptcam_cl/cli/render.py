@@ -35,10 +35,12 @@ def add_to(commands: Commands) -> None:
         help="raw file of the scene's sensor to write besides, format by suffix: .dng, .tif or .npy; may be repeated",
     )  # fmt: skip
     parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
-    parser.add_argument("--time", type=values.positive, metavar="S", help="end after so many seconds of rendering")
+    parser.add_argument(
+        "--time", type=values.duration, metavar="TIME", help="end after so much time of rendering, as 60s or 5min"
+    )
     parser.add_argument(
         "--noise", type=values.share, metavar="X",
-        help="give every tile of 8 x 8 pixels samples until its relative standard error is X, as 0.02",
+        help="give every tile of 8 x 8 pixels samples until its relative standard error is X, as 0.02 or 2%%",
     )  # fmt: skip
     parser.add_argument(
         "--resume",

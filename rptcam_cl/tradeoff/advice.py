@@ -12,12 +12,16 @@ WORTH = 1.05  # times better than the most accurate configuration that another o
 
 
 def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
-    """Return the configuration that errs least after a time; the most accurate one unless another is clearly better."""
+    """Return the configuration that errs least after a time; the most accurate one unless another is clearly better.
+
+    None of them where the time is not enough for a sample in every pixel.
+    """
     errors = [each.error_after(seconds) for each in found]
     likely = [each.error_after(seconds, each.likely_bias) for each in found]
     best = _clear_best(errors)
+    name = found[best].name if math.isfinite(errors[best]) else None
     perhaps = _better_yet(found, likely, errors, best)
-    return Advice("time", seconds, found[best].name, seconds, errors[best], seconds, errors[0], perhaps)
+    return Advice("time", seconds, name, seconds, errors[best], seconds, errors[0], perhaps)
 
 
 def for_error(found: Sequence[Measurement], error: float) -> Advice:

@@ -24,6 +24,7 @@ from rptcam_cl.tradeoff.statistics import (
 Array = NDArray[np.float64]
 
 SURE = 4.0  # standard errors that the bias of a tile has to be above for a map to show it
+LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for
 
 
@@ -69,7 +70,7 @@ class Measurement:
     energy : Interval
         Relative error of the mean of the picture.
     seconds_to : dict
-        Time to each of `TARGETS` [s]; infinite where the bias forbids it.
+        Time to each of `TARGETS` [s], at least that of one sample per pixel; infinite where the bias forbids it.
     better_until : Interval
         Time until which it errs less than the most accurate configuration [s]; 0 never, infinite always.
     bias_of_tiles : (tiles,) array
@@ -114,19 +115,25 @@ class Measurement:
         return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
 
     def error_after(self, seconds: float, bias: float | None = None) -> float:
-        """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be."""
+        """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be.
+
+        Infinite where the time is not enough for a sample in every pixel.
+        """
+        if seconds < self.sample_s.value:
+            return math.inf
         return float(np.sqrt((self.sure_bias if bias is None else bias) + self.rate.value / seconds))
 
     def seconds_until(self, error: float, bias: float | None = None) -> float:
         """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
         left = error**2 - (self.sure_bias if bias is None else bias)
-        return self.rate.value / left if left > 0 else np.inf
+        return max(self.rate.value / left, self.sample_s.value) if left > 0 else math.inf
 
 
 @dataclass(frozen=True)
 class _Replicates:
-    """Noise, rate and bias of one configuration for each draw of the seeds; the first draw has each once."""
+    """What one configuration takes and errs by for each draw of the seeds; the first draw has each once."""
 
+    sample_s: Array
     noise: Array
     rate: Array
     bias: Array
@@ -159,11 +166,12 @@ def measurements(
         noise = _noise(error, counts) * samples[-1]
         exact = names["unbiased"] or not names["knob"]
         bias = np.zeros(len(counts)) if exact else _bias(error, counts)
-        sources.append(_Replicates(noise, noise * median_over_seeds(times.undisturbed, counts), bias))
+        sample_s = median_over_seeds(times.undisturbed, counts)
+        sources.append(_Replicates(sample_s, noise, noise * sample_s, bias))
     found = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
         values = {
-            "sample_s": median_over_seeds(times.undisturbed, counts),
+            "sample_s": own.sample_s,
             "wall_sample_s": median_over_seeds(times.wall, counts),
             "noise": own.noise,
             "slope": _slope(error, samples, counts),
@@ -188,8 +196,11 @@ def _bias(error: PairErrors, counts: NDArray[np.int64]) -> Array:
 
 
 def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
-    """Return the noise of a picture, spread by its logarithm, as it is above 0."""
+    """Return the noise of a picture, spread by its logarithm, as it is above 0; nothing where pictures are the same."""
     found = over_pairs(error.noise[-1], counts)
+    if not found[0] > 0:
+        return np.zeros_like(found)
+    found = np.maximum(found, LEAST_NOISE * found[0])
     own = math.sqrt(float(found.var()) + error.weight_variances["noise"])
     spread = max(own, error.tile_errors["noise"]) / found[0]
     return np.asarray(found[0] * np.exp(spread_about(0.0, np.log(found / found[0]), spread)))
@@ -209,7 +220,7 @@ def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64
 def _time_to(own: _Replicates, target: float) -> Array:
     left = target**2 - np.maximum(own.bias, 0.0)
     with np.errstate(divide="ignore"):
-        return np.where(left > 0, own.rate / left, np.inf)
+        return np.where(left > 0, np.maximum(own.rate / left, own.sample_s), np.inf)
 
 
 def _better_until(own: _Replicates, reference: _Replicates) -> Array:
