@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import Advice
@@ -18,7 +19,7 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     """
     errors = [each.error_after(seconds) for each in found]
     likely = [each.error_after(seconds, each.likely_bias) for each in found]
-    best = _clear_best(errors)
+    best = _clear_best([each.error_after(seconds) for each in _surely(found)])
     name = found[best].name if math.isfinite(errors[best]) else None
     perhaps = _better_yet(found, likely, errors, best)
     if name is None:
@@ -32,13 +33,27 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
     """Return the configuration that is soonest at an error; the most accurate one unless another is clearly faster."""
     times = [each.seconds_until(error) for each in found]
     likely = [each.seconds_until(error, each.likely_bias) for each in found]
-    best = _clear_best(times)
+    best = _clear_best([each.seconds_until(error) for each in _surely(found)])
     perhaps = _better_yet(found, likely, times, best)
     if math.isinf(times[best]):
         return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, times[0], error, perhaps)
     samples = max(math.ceil(times[best] / found[best].sample_s.value), 1)
     ends = found[best].errors_after(samples * found[best].sample_s.value)
     return Advice("error", error, found[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
+
+
+def _surely(found: Sequence[Measurement]) -> list[Measurement]:
+    """Return measurements as noisy against the most accurate one as the interval of their gain allows."""
+    return [_noisier(each, found[0].rate.value) for each in found]
+
+
+def _noisier(found: Measurement, full: float) -> Measurement:
+    """Return a measurement whose noise is as much below that of the most accurate one as is sure."""
+    if not full > 0 or not found.rate.value > 0:
+        return found
+    times = full / found.gain.low / found.rate.value if found.gain.low > 0 else math.inf
+    first, last = (replace(end, value=end.value * times) for end in found.noise)
+    return replace(found, noise=(first, last))
 
 
 def _clear_best(values: Sequence[float]) -> int:
