@@ -11,6 +11,7 @@ import pytest
 from rptcam_cl.cli import main
 from rptcam_cl.cli import parser as values
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.errors import InputError
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
 from rptcam_cl.tradeoff.ladder import ladder
@@ -140,6 +141,12 @@ def test_times_and_shares_are_read_with_their_units():
     times = [values.duration(text) for text in ("90", "90s", "1.5m", "1.5 min", "0.025h")]
     assert times == [90.0] * 5
     assert [values.share(text) for text in ("0.02", "2%", "2 %", "2e-2")] == [0.02] * 4
+
+
+@pytest.mark.parametrize("wish", [{"budget": math.nan}, {"budget": "5s"}, {"seconds": 0}, {"error": 2}])
+def test_wish_that_cannot_be_is_refused(wish):
+    with pytest.raises(InputError, match=rf"^{next(iter(wish))}: is out of range \(got "):
+        measure_tradeoff(SCENE, **wish)
 
 
 def test_picture_without_light_is_refused(tmp_path, capsys):
