@@ -36,12 +36,14 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
 
 
 def _surely(found: Sequence[Measurement]) -> list[Measurement]:
-    """Return measurements as slow against the most accurate one as the interval of their gain allows."""
-    full = found[0].rate
-    return [
-        replace(each, rate=replace(full, value=full.value / each.gain.low if each.gain.low > 0 else math.inf))
-        for each in found
-    ]
+    """Return measurements as slow against the most accurate one as their intervals allow."""
+    return [found[0], *(_at_worst(each, found[0].rate.value) for each in found[1:])]
+
+
+def _at_worst(found: Measurement, full_rate: float) -> Measurement:
+    rate = full_rate / found.gain.low if found.gain.low > 0 else math.inf
+    sample_s = replace(found.sample_s, value=found.sample_s.high)
+    return replace(found, rate=replace(found.rate, value=rate), sample_s=sample_s)
 
 
 def _clear_best(values: Sequence[float]) -> int:

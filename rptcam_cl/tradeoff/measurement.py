@@ -236,9 +236,10 @@ def _time_to(own: _Replicates, target: float) -> Array:
 
 
 def _gain(own: _Replicates, reference: _Replicates) -> Array:
-    """Return by how much the reference takes longer; as one where neither has any noise."""
+    """Return by how much the reference takes longer; to a sample where neither has any noise."""
+    even = np.where(reference.rate > 0, np.inf, reference.sample_s / own.sample_s)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(own.rate > 0, reference.rate / own.rate, np.where(reference.rate > 0, np.inf, 1.0))
+        return np.where(own.rate > 0, reference.rate / own.rate, even)
 
 
 def _better_until(own: _Replicates, reference: _Replicates) -> Array:

@@ -166,6 +166,22 @@ def test_even_picture_has_no_noise_and_takes_a_sample(tmp_path, capsys):
     assert full["noise"]["value"] == full["rate"]["high"] == 0
     assert full["seconds_to"]["0.01"] == full["sample_s"]
     assert "nan" not in plot.read_text()
+    assert "below the chart: all" in plot.read_text()
+
+
+def test_files_are_written_though_nobody_reads_the_text(tmp_path, monkeypatch):
+    scene, written = tmp_path / "scene.yaml", tmp_path / "out.md"
+    scene.write_text(
+        json.dumps({"camera": PINHOLE, "film": TINY, "environment": {"kind": "constant", "radiance": 0.5}})
+    )
+
+    def ended(*_):
+        raise BrokenPipeError
+
+    monkeypatch.setattr("rptcam_cl.cli.tradeoff._print", ended)
+    monkeypatch.setattr("rptcam_cl.cli._abandon_output", lambda: None)
+    assert main(["tradeoff", str(scene), "--budget", "0.1s", "--markdown", str(written), "--quiet"]) == 0
+    assert "full accuracy" in written.read_text()
 
 
 def test_command_writes_what_it_is_asked_for(tmp_path, capsys):
