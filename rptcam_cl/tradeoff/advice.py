@@ -43,15 +43,14 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
 
 
 def _surely(found: Sequence[Measurement]) -> list[Measurement]:
-    """Return measurements as noisy against the most accurate one as the interval of their gain allows."""
-    return [_noisier(each, found[0].rate.value) for each in found]
+    """Return measurements as noisy and slow against the most accurate one as their intervals allow."""
+    return [found[0], *(_at_worst(each, found[0].rate.value) for each in found[1:])]
 
 
-def _noisier(found: Measurement, full: float) -> Measurement:
-    """Return a measurement whose noise is as much below that of the most accurate one as is sure."""
-    if not full > 0 or not found.rate.value > 0:
-        return found
-    times = full / found.gain.low / found.rate.value if found.gain.low > 0 else math.inf
+def _at_worst(found: Measurement, full_rate: float) -> Measurement:
+    if not (full_rate > 0 and found.rate.value > 0):
+        return replace(found, sample_s=replace(found.sample_s, value=found.sample_s.high))
+    times = full_rate / found.gain.low / found.rate.value if found.gain.low > 0 else math.inf
     first, last = (replace(end, value=end.value * times) for end in found.noise)
     return replace(found, noise=(first, last))
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -62,6 +63,7 @@ def measure_tradeoff(
     DeviceError
         No device fits, or a kernel failed.
     """
+    _check_wishes(budget=budget, seconds=seconds, error=error)
     begun = time.perf_counter()
     tell = on_progress or (lambda words, share: None)
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
@@ -106,6 +108,13 @@ def measure_tradeoff(
         advice=(for_time(found, seconds), for_error(found, error)),
         skipped=steps.skipped | impossible,
     )
+
+
+def _check_wishes(**wishes: float) -> None:
+    for name, value in wishes.items():
+        most, allowed = (1.0, "between 0 and 1") if name == "error" else (math.inf, "above 0, in seconds")
+        if not (isinstance(value, int | float) and 0 < value < most):
+            raise InputError(f"{name}: is out of range (got {value!r}; allowed: a number {allowed})")
 
 
 def _given(part: Any) -> dict[str, Any]:

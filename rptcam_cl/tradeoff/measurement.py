@@ -214,7 +214,7 @@ def measurements(
             "bias": _bias(error, errors[0], counts),
             "energy": _energy(error, errors[0], counts),
             "better_until": _better_until(own, sources[0]),
-            "gain": _gain(own.rate, sources[0].rate),
+            "gain": _gain(own, sources[0]),
         }
         intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
         noise = (intervals.pop("first"), intervals.pop("last"))
@@ -268,10 +268,11 @@ def _time_to(own: _Replicates, target: float) -> Array:
     return np.where(left > 0, np.maximum(samples, 1.0) * own.sample_s, np.inf)
 
 
-def _gain(rate: Array, reference: Array) -> Array:
-    """Return how many times the noise of another the reference has; as one where neither has any."""
+def _gain(own: _Replicates, reference: _Replicates) -> Array:
+    """Return how many times its noise the reference has; how many times its time of a sample where neither has any."""
+    even = np.where(reference.rate > 0, np.inf, reference.sample_s / own.sample_s)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(rate > 0, reference / rate, np.where(reference > 0, np.inf, 1.0))
+        return np.where(own.rate > 0, reference.rate / own.rate, even)
 
 
 def _better_until(own: _Replicates, reference: _Replicates) -> Array:

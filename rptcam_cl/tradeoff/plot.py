@@ -82,6 +82,7 @@ def _errors_over_time(
     begin = axes.x_range[0] + 0.3
     guide = [(begin + decades, low + 1.4 - decades / 2) for decades in (0.0, 2.0)]
     picture.add(Path([axes.place(*point) for point in guide], FAINT, 1.4, dash=(2.0, 3.0)))
+    _beside_the_chart(picture, curves, axes.y_range)
     for each in found:
         inside = np.where((curves[each.name] >= low) & (curves[each.name] <= high), curves[each.name], np.nan)
         axes.curve(np.log10(times), inside, colours[each.name], dashes[each.name])
@@ -89,6 +90,18 @@ def _errors_over_time(
         if each.knob and times[0] < meets < times[-1]:
             at = np.array([meets])
             axes.dots(np.log10(at), np.clip(_log_error(each, at), low, high), colours[each.name], 4.0)
+
+
+def _beside_the_chart(picture: Picture, curves: dict[str, np.ndarray], y_range: tuple[float, float]) -> None:
+    """Say which curves lie wholly above or below the chart."""
+    _, top, right, bottom = LEFT
+    for where, place, out in (
+        ("above", top + 18, {name for name, curve in curves.items() if (curve > y_range[1]).all()}),
+        ("below", bottom - 10, {name for name, curve in curves.items() if (curve < y_range[0]).all()}),
+    ):
+        if out:
+            names = "all" if len(out) == len(curves) else ", ".join(name for name in curves if name in out)
+            picture.add(Text((right - 8, place), f"{where} the chart: {names}", 11, "end", colour=FAINT))
 
 
 def _log_error(found: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
@@ -123,6 +136,9 @@ def _errors_over_field(picture: Picture, report: TradeoffReport, colours: dict[s
     axes.frame("", "")
     _titles(picture, RIGHT, title, "film point, share of the half diagonal", "pixels")
     axes.curve([0.0, 1.0], [0.5, 0.5], FAINT, (5.0, 4.0))
+    if any(math.isinf(value) for each in cameras for value in each.pixels):
+        note = "a line ends where the lens sees nothing"
+        picture.add(Text((RIGHT[2] - 8, RIGHT[3] - 10), note, 11, "end", colour=FAINT))
     for each in cameras:
         colour = colours.get(each.tier.replace("_", " "), INK)
         axes.curve(FIELDS, each.pixels, colour, DASHES.get(each.tier, ()))

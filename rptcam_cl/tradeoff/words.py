@@ -55,7 +55,8 @@ def bias(found: Interval) -> str:
         return "none"
     if low == 0:
         return f"below {per_cent(high)}"
-    return f"{per_cent(value)} ({_short(100 * low)} to {_short(100 * high)})"
+    least, most = _short(100 * low), _short(100 * high)
+    return per_cent(value) if least == most == _short(100 * value) else f"{per_cent(value)} ({least} to {most})"
 
 
 def ends(found: Interval, say: Callable[[float], str] = seconds) -> str:

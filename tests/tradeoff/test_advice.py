@@ -83,6 +83,7 @@ def test_bias_that_may_be_nothing_is_told_by_what_it_is_at_most():
     assert words.bias(Interval(1e-5, -1e-5, 4e-4)) == "below 2 %"
     assert words.bias(Interval(4e-4, 1e-4, 9e-4)) == "2 % (1 to 3)"
     assert words.bias(Interval(0.0, 0.0, 0.0)) == "none"
+    assert words.bias(Interval(4e-4, 3.99e-4, 4.01e-4)) == "2 %"
 
 
 def test_intervals_share_their_unit_and_say_when_they_know_nothing():

@@ -11,6 +11,7 @@ import pytest
 from rptcam_cl.cli import main
 from rptcam_cl.cli import parser as values
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.errors import InputError
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
 from rptcam_cl.tradeoff.ladder import ladder
@@ -142,6 +143,12 @@ def test_times_and_shares_are_read_with_their_units():
     assert [values.share(text) for text in ("0.02", "2%", "2 %", "2e-2")] == [0.02] * 4
 
 
+@pytest.mark.parametrize("wish", [{"budget": math.nan}, {"budget": "5s"}, {"seconds": 0}, {"error": 2}])
+def test_wish_that_cannot_be_is_refused(wish):
+    with pytest.raises(InputError, match=rf"^{next(iter(wish))}: is out of range \(got "):
+        measure_tradeoff(SCENE, **wish)
+
+
 def test_picture_without_light_is_refused(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps(SCENE | {"camera": PINHOLE, "render": {"max_depth": 1}, "film": TINY}))
@@ -159,6 +166,22 @@ def test_even_picture_has_no_noise_and_takes_a_sample(tmp_path, capsys):
     assert full["noise"][0]["value"] == full["rate"]["high"] == 0
     assert full["seconds_to"]["0.01"] == full["sample_s"]
     assert "nan" not in plot.read_text()
+    assert "below the chart: all" in plot.read_text()
+
+
+def test_files_are_written_though_nobody_reads_the_text(tmp_path, monkeypatch):
+    scene, written = tmp_path / "scene.yaml", tmp_path / "out.md"
+    scene.write_text(
+        json.dumps({"camera": PINHOLE, "film": TINY, "environment": {"kind": "constant", "radiance": 0.5}})
+    )
+
+    def ended(*_):
+        raise BrokenPipeError
+
+    monkeypatch.setattr("rptcam_cl.cli.tradeoff._print", ended)
+    monkeypatch.setattr("rptcam_cl.cli._abandon_output", lambda: None)
+    assert main(["tradeoff", str(scene), "--budget", "0.1s", "--markdown", str(written), "--quiet"]) == 0
+    assert "full accuracy" in written.read_text()
 
 
 def test_command_writes_what_it_is_asked_for(tmp_path, capsys):
