@@ -95,7 +95,8 @@ def measure_tradeoff(
         resolution=fixed.film.resolution,
         tiles=(len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
         grid=pictures.tiles.shape,
-        samples=pictures.samples,
+        samples=(*pictures.samples, pictures.long.samples),
+        long_tiles=len(pictures.long.chosen),
         seeds=pictures.seeds,
         seconds=time.perf_counter() - begun,
         by_cpu=pictures.by_cpu,
@@ -121,7 +122,7 @@ def _given(part: Any) -> dict[str, Any]:
 
 
 def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
-    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles)
+    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     named = [
         {
             "name": each.configuration.name,
@@ -135,4 +136,5 @@ def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
         for each in ready
     ]
     counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
-    return measurements(named, errors, pictures.timings, pictures.samples, counts)
+    samples = (*pictures.samples, pictures.long.samples)
+    return measurements(named, errors, pictures.timings, samples, counts)

@@ -71,12 +71,12 @@ def _errors_over_time(
     full = found[0].rate.value or found[0].sample_s.value  # an even picture has no noise
     x = (math.log10(full), math.log10(full / FINEST**2))  # from an error of 100 % of the most accurate one
     times = 10 ** np.linspace(math.floor(x[0]), math.ceil(x[1]), POINTS)
-    curves = {each.name: _log_error(each, times, each.bias.value) for each in found}
+    curves = {each.name: _log_error(each, times) for each in found}
     axes = log_axes(picture, LEFT, x, (math.log10(FINEST / 5), math.log10(COARSEST)))
     _titles(picture, LEFT, "error (root of relMSE) over time, with bands of 95 %", "time to render the picture", "")
     low, high = axes.y_range
     for each in found:
-        band = [np.clip(_log_error(each, times, end.bias, end.rate), low, high) for end in _ends(each)]
+        band = [np.clip(_log_error(each, times, end), low, high) for end in ("low", "high")]
         outline = [*zip(np.log10(times), band[0], strict=True), *zip(np.log10(times)[::-1], band[1][::-1], strict=True)]
         picture.add(Path([axes.place(*point) for point in outline], None, fill=_pale(colours[each.name])))
     begin = axes.x_range[0] + 0.3
@@ -89,7 +89,7 @@ def _errors_over_time(
         meets = each.better_until.value
         if each.knob and times[0] < meets < times[-1]:
             at = np.array([meets])
-            axes.dots(np.log10(at), np.clip(_log_error(each, at, each.bias.value), low, high), colours[each.name], 4.0)
+            axes.dots(np.log10(at), np.clip(_log_error(each, at), low, high), colours[each.name], 4.0)
 
 
 def _beside_the_chart(picture: Picture, curves: dict[str, np.ndarray], y_range: tuple[float, float]) -> None:
@@ -104,21 +104,10 @@ def _beside_the_chart(picture: Picture, curves: dict[str, np.ndarray], y_range: 
             picture.add(Text((right - 8, place), f"{where} the chart: {names}", 11, "end", colour=FAINT))
 
 
-class _End:
-    """One end of the intervals of a configuration."""
-
-    def __init__(self, found: Measurement, name: str) -> None:
-        self.bias, self.rate = getattr(found.bias, name), getattr(found.rate, name)
-
-
-def _ends(found: Measurement) -> tuple[_End, _End]:
-    return _End(found, "low"), _End(found, "high")
-
-
-def _log_error(found: Measurement, times: np.ndarray, bias: float, rate: float | None = None) -> np.ndarray:
-    floor = 0.0 if found.unbiased or not found.knob else max(bias, 0.0)
+def _log_error(found: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
+    floor = 0.0 if found.unbiased or not found.knob else max(getattr(found.bias, end), 0.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log10(floor + (found.rate.value if rate is None else rate) / times) / 2)
+        return np.asarray(np.log10(floor + found.law(end).even(times / found.sample_s.value)) / 2)
 
 
 def _pale(colour: str) -> str:
