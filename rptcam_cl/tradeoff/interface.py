@@ -11,6 +11,7 @@ import numpy as np
 
 from rptcam_cl.autofocus import in_focus
 from rptcam_cl.device import Session, open_session
+from rptcam_cl.errors import InputError
 from rptcam_cl.metering import settled
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.tradeoff.advice import for_error, for_time
@@ -57,7 +58,7 @@ def measure_tradeoff(
     Raises
     ------
     InputError
-        Something in the scene or the arguments is wrong.
+        Something in the scene or the arguments is wrong, or the picture is black.
     DeviceError
         No device fits, or a kernel failed.
     """
@@ -78,6 +79,11 @@ def measure_tradeoff(
     )
     left = max(budget - (time.perf_counter() - begun), budget / 3)
     pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
+    if not any(picture.any() for picture in pictures.pixels[0]):
+        raise InputError(
+            "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
+            f" camera along paths of at most {fixed.render.max_depth} edges, render.max_depth)"
+        )
     tell("errors", 1.0)
     found = _measured(ready, pictures)
     decision = steps.decision

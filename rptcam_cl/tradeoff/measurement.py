@@ -23,7 +23,8 @@ from rptcam_cl.tradeoff.statistics import (
 
 Array = NDArray[np.float64]
 
-SURE = 4.0  # standard errors that the bias of a tile has to be above for a map to show it
+SURE = 4.0  # standard errors that what is told as sure has to be above: the bias of a tile, that of the brightness
+LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for
 
 
@@ -69,9 +70,11 @@ class Measurement:
     energy : Interval
         Relative error of the mean of the picture.
     seconds_to : dict
-        Time to each of `TARGETS` [s]; infinite where the bias forbids it.
+        Time to each of `TARGETS` [s], at least that of one sample per pixel; infinite where the bias forbids it.
     better_until : Interval
         Time until which it errs less than the most accurate configuration [s]; 0 never, infinite always.
+    gain : Interval
+        How many times as long the most accurate configuration takes to the same noise, found by the same seeds.
     bias_of_tiles : (tiles,) array
         relMSE of the bias in each rendered tile.
     noise_of_tiles : (tiles,) array
@@ -95,6 +98,7 @@ class Measurement:
     energy: Interval
     seconds_to: dict[float, Interval]
     better_until: Interval
+    gain: Interval
     bias_of_tiles: Array
     noise_of_tiles: Array
 
@@ -114,19 +118,25 @@ class Measurement:
         return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
 
     def error_after(self, seconds: float, bias: float | None = None) -> float:
-        """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be."""
+        """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be.
+
+        Infinite where the time is not enough for a sample in every pixel.
+        """
+        if seconds < self.sample_s.value:
+            return math.inf
         return float(np.sqrt((self.sure_bias if bias is None else bias) + self.rate.value / seconds))
 
     def seconds_until(self, error: float, bias: float | None = None) -> float:
         """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
         left = error**2 - (self.sure_bias if bias is None else bias)
-        return self.rate.value / left if left > 0 else np.inf
+        return max(self.rate.value / left, self.sample_s.value) if left > 0 else math.inf
 
 
 @dataclass(frozen=True)
 class _Replicates:
-    """Noise, rate and bias of one configuration for each draw of the seeds; the first draw has each once."""
+    """What one configuration takes and errs by for each draw of the seeds; the first draw has each once."""
 
+    sample_s: Array
     noise: Array
     rate: Array
     bias: Array
@@ -158,20 +168,22 @@ def measurements(
     for names, error, times in zip(named, errors, timings, strict=True):
         noise = _noise(error, counts) * samples[-1]
         exact = names["unbiased"] or not names["knob"]
-        bias = np.zeros(len(counts)) if exact else _bias(error, counts)
-        sources.append(_Replicates(noise, noise * median_over_seeds(times.undisturbed, counts), bias))
+        bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
+        sample_s = median_over_seeds(times.undisturbed, counts)
+        sources.append(_Replicates(sample_s, noise, noise * sample_s, bias))
     found = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
         values = {
-            "sample_s": median_over_seeds(times.undisturbed, counts),
+            "sample_s": own.sample_s,
             "wall_sample_s": median_over_seeds(times.wall, counts),
             "noise": own.noise,
             "slope": _slope(error, samples, counts),
             "rate": own.rate,
             "wall_rate": own.noise * median_over_seeds(times.wall, counts),
-            "bias": _bias(error, counts),
+            "bias": _bias(error, errors[0], counts),
             "energy": _energy(error, errors[0], counts),
             "better_until": _better_until(own, sources[0]),
+            "gain": _gain(own, sources[0]),
         }
         intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
         reached = {target: _time_to(own, target) for target in TARGETS}
@@ -181,15 +193,26 @@ def measurements(
     return found
 
 
-def _bias(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+def _bias(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
+    """Return the bias, which is at least what the brightness of the whole picture proves where that surely differs.
+
+    Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
+    """
     found = over_pairs(error.bias, counts)
     own = math.sqrt(error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
-    return spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    found = spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    energy = _energy(error, reference, counts)
+    if abs(energy[0]) <= SURE * float(energy.std()):
+        return found
+    return np.maximum(found, reference.evenness * energy**2)
 
 
 def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
-    """Return the noise of a picture, spread by its logarithm, as it is above 0."""
+    """Return the noise of a picture, spread by its logarithm, as it is above 0; nothing where pictures are the same."""
     found = over_pairs(error.noise[-1], counts)
+    if not found[0] > 0:
+        return np.zeros_like(found)
+    found = np.maximum(found, LEAST_NOISE * found[0])
     own = math.sqrt(float(found.var()) + error.weight_variances["noise"])
     spread = max(own, error.tile_errors["noise"]) / found[0]
     return np.asarray(found[0] * np.exp(spread_about(0.0, np.log(found / found[0]), spread)))
@@ -209,7 +232,13 @@ def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64
 def _time_to(own: _Replicates, target: float) -> Array:
     left = target**2 - np.maximum(own.bias, 0.0)
     with np.errstate(divide="ignore"):
-        return np.where(left > 0, own.rate / left, np.inf)
+        return np.where(left > 0, np.maximum(own.rate / left, own.sample_s), np.inf)
+
+
+def _gain(own: _Replicates, reference: _Replicates) -> Array:
+    """Return by how much the reference takes longer; as one where neither has any noise."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(own.rate > 0, reference.rate / own.rate, np.where(reference.rate > 0, np.inf, 1.0))
 
 
 def _better_until(own: _Replicates, reference: _Replicates) -> Array:

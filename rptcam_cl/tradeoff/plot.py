@@ -68,7 +68,7 @@ def log_axes(
 def _errors_over_time(
     picture: Picture, found: Sequence[Measurement], colours: dict[str, str], dashes: dict[str, tuple[float, ...]]
 ) -> None:
-    full = found[0].rate.value
+    full = found[0].rate.value or found[0].sample_s.value  # an even picture has no noise
     x = (math.log10(full), math.log10(full / FINEST**2))  # from an error of 100 % of the most accurate one
     times = 10 ** np.linspace(math.floor(x[0]), math.ceil(x[1]), POINTS)
     curves = {each.name: _log_error(each, times, each.bias.value) for each in found}
@@ -104,7 +104,8 @@ def _ends(found: Measurement) -> tuple[_End, _End]:
 
 def _log_error(found: Measurement, times: np.ndarray, bias: float, rate: float | None = None) -> np.ndarray:
     floor = 0.0 if found.unbiased or not found.knob else max(bias, 0.0)
-    return np.asarray(np.log10(floor + (found.rate.value if rate is None else rate) / times) / 2)
+    with np.errstate(divide="ignore"):
+        return np.asarray(np.log10(floor + (found.rate.value if rate is None else rate) / times) / 2)
 
 
 def _pale(colour: str) -> str:

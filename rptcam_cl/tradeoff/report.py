@@ -24,7 +24,7 @@ class Advice:
     amount : float
         Time [s] or relative error (root of relMSE).
     chosen : str or None
-        Name of the configuration; None where none reaches the error.
+        Name of the configuration; None where none reaches the error, or gives every pixel a sample in the time.
     seconds, error : float
         What it takes and errs by; the error counts the bias at the upper end of its interval.
     full_seconds, full_error : float
