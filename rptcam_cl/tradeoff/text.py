@@ -48,7 +48,7 @@ def caveats(report: TradeoffReport) -> list[str]:
             f"By the clock all took {clock:.1f} times as long, as other work shared the machine or cores were idle."
         )
     said += [
-        f"The same as {_called(report, f.name)}: {', '.join(f.same_as)}." for f in report.measurements if f.same_as
+        f"The same picture in every way: {' = '.join((f.name, *f.same_as))}." for f in report.measurements if f.same_as
     ]
     reasons: dict[str, list[str]] = {}
     for name, why in report.skipped.items():
