@@ -2,9 +2,9 @@
 
     python -m benchmarks.ray_maps [--seconds 0.2] [--json FILE]
 
-The scene is an empty world under an even sky, so that most of a sample is its camera ray; the time of the camera's kernel is
-its share of the CPU time by OpenCL's profiling events (on a GPU, of the device's time). Both ways take turns. The other
-columns are of a whole picture of scene A, three spheres.
+The scene is an empty world under an even sky, so that most of a sample is its camera ray; the time of the camera's
+kernel is its share of the CPU time by OpenCL's profiling events (on a GPU, of the device's time). Both ways take turns.
+The last columns are of a whole picture of scene A, three spheres.
 """
 
 from __future__ import annotations
@@ -48,7 +48,14 @@ COLUMNS = (
 
 def camera(lens: str, keys: dict[str, Any]) -> dict[str, Any]:
     """Return a camera that looks at the origin from two metres."""
-    return {"kind": "realistic", "lens": lens, "eye": [0, 0, 2], "target": [0, 0, 0], "focus": {"distance_m": 2}, **keys}
+    return {
+        "kind": "realistic",
+        "lens": lens,
+        "eye": [0, 0, 2],
+        "target": [0, 0, 0],
+        "focus": {"distance_m": 2},
+        **keys,
+    }
 
 
 def empty_world(lens: str, keys: dict[str, Any], width_mm: float, pixels: int, colour: str) -> Scene:
@@ -85,7 +92,9 @@ def compared(scene: Scene, session: Session, seconds: float, rounds: int) -> dic
     return best
 
 
-def row(session: Session, lens: str, keys: dict[str, Any], width_mm: float, colour: str, options: Any) -> dict[str, Any]:
+def row(
+    session: Session, lens: str, keys: dict[str, Any], width_mm: float, colour: str, options: Any
+) -> dict[str, Any]:
     """Return everything about one lens."""
     pixels, shrink, seconds, rounds = (48, 16, 0.01, 1) if options.quick else (480, 2, options.seconds, ROUNDS)
     surfaces = load_lens(lens).surfaces
@@ -112,7 +121,9 @@ def cells(found: dict[str, Any]) -> list[str]:
     head = [found["lens"], str(found["surfaces"])]
     if "refused" in found:
         return [*head, "", found["colour"], f"- ({found['refused'].rpartition(': ')[2]})", *[""] * (len(COLUMNS) - 5)]
-    ray, sample = ({way: found[what][way][name] for way in WAYS} for what, name in (("rays", "ray"), ("picture", "sample")))
+    ray, sample = (
+        {way: found[what][way][name] for way in WAYS} for what, name in (("rays", "ray"), ("picture", "sample"))
+    )
     return [
         *head,
         f"{found['f_number']:.1f}",

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.lens_records import lens_records
+from rptcam_cl.cameras.lens_setting import LensSetting
 from rptcam_cl.cameras.model import SURFACE_BY_SURFACE
 from rptcam_cl.cameras.pupil import ByContent, without_shape
 from rptcam_cl.cameras.ray_map import LARGEST_ERROR_PX, RayMap, ray_map
@@ -69,60 +70,64 @@ def traced_rays(
     )
 
 
-def fitted_rays(
-    lens: Lens,
-    camera: RealisticCamera,
-    film_distance_mm: float,
-    film: Film,
-    range_nm: tuple[float, float] | None,
-    focus_distance_mm: float | None,
-    losses: Transmission,
-) -> LensRays:
-    """Return the polynomials of a lens.
+def fitted_map(
+    lens: Lens, setting: LensSetting, film: Film, range_nm: tuple[float, float] | None, max_error_px: float
+) -> RayMap:
+    """Return the polynomials that stand for a lens as it is set.
 
     Parameters
     ----------
+    lens
+        That of the setting; a shape of its stop is not looked at.
     range_nm
         Both ends of the wavelengths of rays, or None where all have the camera's.
-    focus_distance_mm
-        Of the plane in focus from the film, where there is one.
+    max_error_px
+        What a ray may err by in the plane in focus and far away; never more than `LARGEST_ERROR_PX`.
 
     Raises
     ------
     InputError
         When polynomials cannot stand for the lens, or not well enough.
     """
-    if losses:
+    camera, film_mm = setting.camera, setting.film_distance_mm
+    if setting.transmission:
         raise InputError("camera.rays: fitted rays know no losses (leave out camera.transmission, or use traced)")
-    if camera.precision != "single":
+    if isinstance(camera, RealisticCamera) and camera.precision != "single":
         raise InputError("camera.rays: fitted rays are float32 (leave out camera.precision, or use traced)")
     width_mm, height_mm = (side * 1e3 for side in film.size_m())
-    near = FAR_MM if focus_distance_mm is None else focus_distance_mm - lens.length - film_distance_mm
-    allowed = LARGEST_ERROR_PX if camera.accuracy is None else camera.accuracy.max_error_px
+    focus_mm = setting.focus_distance_mm
+    near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - film_mm, FAR_MM)
     try:
-        found = _remembered(
+        return _remembered(
             ByContent(without_shape(lens)),
-            film_distance_mm,
+            film_mm,
             (width_mm / 2, height_mm / 2),
             camera.wavelength_nm if range_nm is None else range_nm,
             film.resolution[0] / width_mm,
-            tuple(sorted({min(near, FAR_MM), FAR_MM})) if near > 0 else (FAR_MM,),
-            min(allowed, LARGEST_ERROR_PX),
+            (near, FAR_MM) if 0 < near < FAR_MM else (FAR_MM,),
+            min(max_error_px, LARGEST_ERROR_PX),
         )
     except InputError as problem:
         raise InputError(f"camera.rays: {problem}; use traced") from None
-    records = lens_records(lens, camera.wavelength_nm, "film", film_distance_mm)
+
+
+def fitted_rays(
+    lens: Lens, setting: LensSetting, film: Film, range_nm: tuple[float, float] | None, max_error_px: float
+) -> LensRays:
+    """Return the polynomials of a lens, as `fitted_map` does."""
+    found = fitted_map(lens, setting, film, range_nm, max_error_px)
+    records = lens_records(lens, setting.camera.wavelength_nm, "film", setting.film_distance_mm)
     rows = [len(lens.surfaces) - 1 - k for k in found.surfaces]
     facts = {
         **{name: value for name, value in records.facts.items() if name in ("LENS_OUTLINE", "LENS_MASK")},
-        "MAP_ORDER": found.order,
-        "MAP_RIM_ORDER": found.rim_order,
+        "MAP_ORDER": found.rays.order,
+        "MAP_RIM_ORDER": found.rims.order,
         "MAP_RIMS": len(found.surfaces),
-        "MAP_COLOURS": int(found.colours),
+        "MAP_COLOURS": int(found.rays.colours),
     }
     metadata = {
         "lens_rays": "fitted",
-        "lens_degree": 2 * found.order + 1,
+        "lens_degree": 2 * found.rays.order + 1,
         "lens_rims": len(found.surfaces),
         "lens_error_px": round(found.error_px, 4),
         "lens_light_error": round(found.light_error, 4),
@@ -132,8 +137,9 @@ def fitted_rays(
 
 def _table(found: RayMap) -> NDArray[np.float32]:
     """Return the table of `kernels/lens/ray_map.h`."""
-    head = [1 / found.film_mm, found.shift, 1 / found.pupil_mm, 0.0]
-    return np.concatenate([head, found.rays.ravel(), found.rims.ravel()]).astype(np.float32)
+    scales, rays = found.variables, np.concatenate([found.rays.vectors, found.rays.numbers], axis=1)
+    head = [1 / scales.film_mm, scales.shift, 1 / scales.pupil_mm, 0.0]
+    return np.concatenate([head, rays.ravel(), found.rims.vectors.ravel()]).astype(np.float32)
 
 
 @lru_cache(maxsize=REMEMBERED)

@@ -102,6 +102,11 @@ class CameraModel:
     axial_weight: float = 1.0
 
     @property
+    def bends_colours(self) -> bool:
+        """Whether light of each wavelength goes its own way through the lens."""
+        return self.facts.get("LENS_DISPERSION", 0) > 0 or self.facts.get("MAP_COLOURS", 0) > 0
+
+    @property
     def crosses_surfaces(self) -> bool:
         """Whether the kernel takes rays through surface after surface."""
         return self.kernel == SURFACE_BY_SURFACE

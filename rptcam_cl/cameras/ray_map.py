@@ -1,17 +1,18 @@
 """A polynomial in place of a lens: from a film point, an aim and a wavelength to the ray that comes out of it.
 
-A lens that looks the same from every azimuth maps two vectors across its axis, the film point x and the place y in the pupil,
-to vectors A x + B y, where A and B depend on nothing but x.x, x.y, y.y and the wavelength (Hamilton; Welford, Aberrations of
-Optical Systems, 1986, chapter 7). Heights on surfaces and sideways parts of directions are such vectors; places and
-directions along the axis are functions of the invariants alone. Each function is fitted by a polynomial of a total degree,
-here called the order: vectors then are right to the power 2 order + 1 of film point and pupil, and order 1 is the third
-order of Seidel. (Polynomials in the four coordinates themselves: Hanika and Dachsbacher 2014.)
+A lens that looks the same from every azimuth maps two vectors across its axis, the film point x and the place y in the
+pupil, to vectors A x + B y, where A and B depend on nothing but x.x, x.y, y.y and the wavelength (Hamilton; Welford,
+Aberrations of Optical Systems, 1986, chapter 7). Heights on surfaces and sideways parts of directions are such vectors;
+places and directions along the axis are functions of the invariants alone. Each function is fitted by a polynomial of a
+total degree, here called the order: vectors then are right to the power 2 order + 1 of film point and pupil; order 1
+is the third order of Seidel. (Polynomials in the four coordinates themselves: Hanika and Dachsbacher 2014.)
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,8 +41,8 @@ NUDGE = 1e-3  # of the film radius, between film points that tell the scale of t
 
 
 @dataclass(frozen=True)
-class RayMap:
-    """The polynomials of a lens in use.
+class Variables:
+    """How film points, aims and wavelengths become the variables of the polynomials.
 
     Attributes
     ----------
@@ -49,47 +50,95 @@ class RayMap:
         What film points and distances of aims from the centre of the pupil are divided by.
     shift : float
         How far that centre moves on the plane of the last vertex, per millimetre of the film point.
-    order, rim_order : int
-        Of the rays that come out, and of the heights at rims.
-    colours : bool
-        Whether rays have a wavelength.
-    rays : (terms, 6) array
-        A and B of the point on the first surface, A and B of the direction, then both along the axis; z runs towards the
-        scene, from the first vertex.
-    rims : (terms, 2 n) array
-        A and B of the heights on surfaces that block light.
-    surfaces : tuple of int
-        Which these are, from the film on.
-    error_px : float
-        Largest error of a ray that was not fitted [pixels].
-    light_error : float
-        Largest error of the light of a part of the film, for what the rims let pass.
     """
 
     film_mm: float
     pupil_mm: float
     shift: float
-    order: int
-    rim_order: int
-    colours: bool
-    rays: Array
-    rims: Array
-    surfaces: tuple[int, ...]
-    error_px: float
-    light_error: float
+
+    def of(self, film: Array, aims: Array) -> tuple[Array, Array]:
+        """Return x and y (n, 2) of film points and aims [mm]."""
+        return film / self.film_mm, (aims - self.shift * film) / self.pupil_mm
 
 
 @dataclass(frozen=True)
-class _Sample:
-    """Rays that were traced, with the variables of the polynomials."""
+class Polynomials:
+    """Functions of film point, aim and colour, of one order.
 
-    film: Array
-    aims: Array
-    colour: Array
-    found: Crossings
+    Attributes
+    ----------
+    order : int
+    colours : bool
+        Whether rays have a wavelength.
+    vectors : (terms, 2 k) array
+        A and B of each of k vectors, side by side.
+    numbers : (terms, m) array
+        Functions of the invariants.
+    """
 
-    def variables(self, film_mm: float, pupil_mm: float, shift: float) -> tuple[Array, Array, Array]:
-        return self.film / film_mm, (self.aims - shift * self.film) / pupil_mm, self.colour
+    order: int
+    colours: bool
+    vectors: Array
+    numbers: Array
+
+    @cached_property
+    def exponents(self) -> Exponents:
+        """The powers of every term."""
+        return exponents(self.order, self.colours)
+
+    def at(self, x: Array, y: Array, colour: Array) -> tuple[Array, Array]:
+        """Return the vectors (k, n, 2) and the numbers (m, n)."""
+        values = terms(x, y, colour, self.exponents)
+        factors = (values @ self.vectors).T[..., None]
+        return factors[0::2] * x + factors[1::2] * y, (values @ self.numbers).T
+
+
+@dataclass(frozen=True)
+class RayMap:
+    """The polynomials of a lens in use.
+
+    Attributes
+    ----------
+    variables : Variables
+    rays : Polynomials
+        Point on the first surface and direction, across the axis as vectors and along it as numbers; z runs towards the
+        scene, from the first vertex.
+    rims : Polynomials
+        Heights on the surfaces that block light.
+    surfaces : tuple of int
+        Which these are, from the film on.
+    radii_mm : (surfaces,) array
+        Of their rims.
+    error_px : float
+        Largest error of a ray that was not fitted [pixels].
+    light_error : float
+        Largest error of the light that the rims let pass to a part of the film.
+    """
+
+    variables: Variables
+    rays: Polynomials
+    rims: Polynomials
+    surfaces: tuple[int, ...]
+    radii_mm: Array
+    error_px: float = 0.0
+    light_error: float = 0.0
+
+    def trace(self, film: Array, aims: Array, colour: Array) -> tuple[Array, Array]:
+        """Return points on the first surface and unit directions (n, 3) of rays from film points through aims [mm].
+
+        Parameters
+        ----------
+        colour
+            Inverse wavelengths as `records.DISPERSION_SCALE` has them.
+        """
+        (point, direction), along = self.rays.at(*self.variables.of(film, aims), colour)
+        directions = np.column_stack([direction, along[1]])
+        return np.column_stack([point, along[0]]), directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+    def passes(self, film: Array, aims: Array, colour: Array) -> Mask:
+        """Return which rays the rims let pass."""
+        heights, _ = self.rims.at(*self.variables.of(film, aims), colour)
+        return np.asarray((np.hypot(heights[..., 0], heights[..., 1]) <= self.radii_mm[:, None]).all(axis=0))
 
 
 def exponents(order: int, colours: bool) -> Exponents:
@@ -139,43 +188,41 @@ def ray_map(
         When the lens has no such map, or none that is good enough.
     """
     if not lens.is_rotational:
-        raise InputError(f"{lens.name}: it is not the same from every azimuth")
-    radius = float(np.hypot(*half_film_mm))
-    nodes = _nodes(wavelengths_nm)
-    fitted, others = (_sample(lens, film_distance_mm, radius, nodes, seed) for seed in (1, 2))
+        raise InputError(f"{lens.name} is not the same from every azimuth")
+    radius, nodes = float(np.hypot(*half_film_mm)), _nodes(wavelengths_nm)
+    fitted, others = (_Sample.of(lens, film_distance_mm, radius, nodes, seed) for seed in (1, 2))
     passes = others.found.within(lens)
     if not passes.any():
-        raise InputError(f"{lens.name}: no light comes through")
-    shift = float(np.sum(others.aims[passes] * others.film[passes]) / np.sum(others.film[passes] ** 2))
-    pupil_mm = float(np.hypot(*(others.aims - shift * others.film)[passes].T).max())
-    scales = (radius, pupil_mm, shift)
+        raise InputError(f"{lens.name} lets no light through")
+    film, aims = others.film[passes], others.aims[passes]
+    shift = float(np.sum(aims * film) / np.sum(film**2))
+    variables = Variables(radius, float(np.hypot(*(aims - shift * film).T).max()), shift)
     blocking = _blocking(lens, others.found)
-    colours = len(nodes) > 1
-    nudge_px = NUDGE * radius * pixels_per_mm
-    best = np.inf
+    radii = np.array([lens.surfaces[k].semi_diameter for k in blocking])
+    keep, colours = fitted.found.within(lens, REACH), len(nodes) > 1
+    rims = _fit(fitted, keep, variables, LARGEST_ORDER, colours, fitted.found.heights[list(blocking)])
+    found = RayMap(variables, rims, rims, blocking, radii)
     for order in range(1, LARGEST_ORDER + 1):
-        powers = exponents(order, colours)
-        rays = _fit_rays(lens, fitted, scales, powers)
-        error_px = max(_error_px(others, passes, scales, powers, rays, at) for at in distances_mm) * nudge_px
+        rims = _fit(fitted, keep, variables, order, colours, fitted.found.heights[list(blocking)])
+        found = replace(found, rims=rims)
+        found = replace(found, light_error=_light_error(found, others, passes))
+        if found.light_error <= LARGEST_LIGHT_ERROR:
+            break
+    nudge_px, best = NUDGE * radius * pixels_per_mm, np.inf
+    for order in range(1, LARGEST_ORDER + 1):
+        found = replace(found, rays=_fit_rays(fitted, keep, variables, order, colours))
+        error_px = nudge_px * max(_error(found, others, passes, distance) for distance in distances_mm)
         best = min(best, error_px)
-        if error_px <= min(max_error_px, LARGEST_ERROR_PX):
-            break
-    else:
-        raise InputError(
-            f"{lens.name}: polynomials of degree {2 * LARGEST_ORDER + 1} err by up to {best:.2g} pixels"
-            f" (allowed: {min(max_error_px, LARGEST_ERROR_PX):.2g})"
-        )
-    for rim_order in range(1, LARGEST_ORDER + 1):
-        powers = exponents(rim_order, colours)
-        rims = _fit_rims(lens, fitted, scales, powers, blocking)
-        light_error = _light_error(lens, others, passes, scales, powers, rims, blocking)
-        if light_error <= LARGEST_LIGHT_ERROR:
-            break
-    return RayMap(*scales, order, rim_order, colours, rays, rims, blocking, float(error_px), light_error)
+        if error_px <= max_error_px:
+            return replace(found, error_px=error_px)
+    raise InputError(
+        f"{lens.name}: polynomials of degree {2 * LARGEST_ORDER + 1} err by up to {best:.2g} pixels"
+        f" (allowed: {max_error_px:.2g})"
+    )
 
 
 def _nodes(wavelengths_nm: float | tuple[float, float]) -> Array:
-    """Return the wavelengths [nm] that are traced: those of a range where a polynomial in 1 / wavelength is best known."""
+    """Return the wavelengths [nm] that are traced: of a range, the nodes of Chebyshev in 1 / wavelength."""
     if not isinstance(wavelengths_nm, tuple):
         return np.array([wavelengths_nm])
     ends = 1.0 / np.array(wavelengths_nm)
@@ -183,132 +230,102 @@ def _nodes(wavelengths_nm: float | tuple[float, float]) -> Array:
     return np.asarray(1.0 / (ends.mean() + inverse * np.ptp(ends) / 2))
 
 
-def _sample(lens: Lens, film_distance_mm: float, radius: float, nodes: Array, seed: int) -> _Sample:
-    """Return rays from film points along a radius, even by area, through boxes a little wider than their pupils."""
-    rng = np.random.default_rng(seed)
-    film = np.zeros((FILM_POINTS, 2))
-    film[:, 0] = radius * np.sqrt((np.arange(FILM_POINTS) + rng.random(FILM_POINTS)) / FILM_POINTS)
-    film[-1, 0] = radius
-    boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, float(nodes.mean())), film, radial=True)
-    film, low, high = film[lit], boxes[lit, ::2], boxes[lit, 1::2]
-    low, size = low - BEYOND * (high - low), (1 + 2 * BEYOND) * (high - low)
-    aims = low[:, None] + rng.random((len(film), AIMS, 2)) * size[:, None]
-    film = np.repeat(film, AIMS, axis=0)
-    aims = aims.reshape(-1, 2)
-    start = np.concatenate([film, np.full((len(film), 1), lens.length + film_distance_mm)], axis=1)
-    away = np.concatenate([aims - film, np.full((len(film), 1), -film_distance_mm)], axis=1)
-    groups = np.arange(len(film)) % len(nodes)
-    found = Crossings(np.empty((len(lens.surfaces), len(film), 2)), np.empty((len(film), 3)), np.empty((len(film), 3)))
-    for group, wavelength_nm in enumerate(nodes.tolist()):
-        rows = groups == group
-        part = crossings(lens, start[rows], away[rows], wavelength_nm)
-        found.heights[:, rows], found.origins[rows], found.directions[rows] = (
-            part.heights,
-            part.origins,
-            part.directions,
+@dataclass(frozen=True)
+class _Sample:
+    """Rays that were traced, of film points along +x."""
+
+    film: Array
+    aims: Array
+    colour: Array
+    found: Crossings
+
+    @classmethod
+    def of(cls, lens: Lens, film_distance_mm: float, radius_mm: float, nodes: Array, seed: int) -> _Sample:
+        """Trace rays from film points, even by area, through boxes a little wider than their pupils."""
+        rng = np.random.default_rng(seed)
+        film = np.zeros((FILM_POINTS, 2))
+        film[:, 0] = radius_mm * np.sqrt((np.arange(FILM_POINTS) + rng.random(FILM_POINTS)) / FILM_POINTS)
+        film[-1, 0] = radius_mm
+        boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, float(nodes.mean())), film, radial=True)
+        low, size = boxes[lit, ::2], boxes[lit, 1::2] - boxes[lit, ::2]
+        share = rng.random((len(low), AIMS, 2)) * (1 + 2 * BEYOND) - BEYOND
+        aims = (low[:, None] + share * size[:, None]).reshape(-1, 2)
+        film = np.repeat(film[lit], AIMS, axis=0)
+        start = np.column_stack([film, np.full(len(film), lens.length + film_distance_mm)])
+        away = np.column_stack([aims - film, np.full(len(film), -film_distance_mm)])
+        groups = [np.arange(first, len(film), len(nodes)) for first in range(len(nodes))]
+        parts = [crossings(lens, start[rows], away[rows], nm) for rows, nm in zip(groups, nodes.tolist(), strict=True)]
+        order = np.argsort(np.concatenate(groups))
+        found = Crossings(
+            np.concatenate([part.heights for part in parts], axis=1)[:, order],
+            np.concatenate([part.origins for part in parts])[order],
+            np.concatenate([part.directions for part in parts])[order],
         )
-    colour = DISPERSION_SCALE / nodes[groups] - DISPERSION_SHIFT
-    return _Sample(film, aims, colour, found)
+        return cls(film, aims, DISPERSION_SCALE / nodes[np.arange(len(film)) % len(nodes)] - DISPERSION_SHIFT, found)
 
 
 def _blocking(lens: Lens, found: Crossings) -> tuple[int, ...]:
-    """Return the fewest surfaces, found one by one, whose rims block the light; from the film on."""
-    rims = np.array([surface.semi_diameter for surface in lens.surfaces])[:, None]
+    """Return the stop and the fewest surfaces, found one by one, whose rims block all else; from the film on."""
+    radii = np.array([surface.semi_diameter for surface in lens.surfaces])[:, None]
     with np.errstate(invalid="ignore"):
-        blocks = ~(np.hypot(found.heights[..., 0], found.heights[..., 1]) <= rims)
-    left = blocks.any(axis=0)
-    passed = int(np.count_nonzero(~left))
-    chosen: list[int] = [] if lens.stop_index is None else [lens.stop_index]
-    for k in chosen:
-        left = left & ~blocks[k]
+        blocks = ~(np.hypot(found.heights[..., 0], found.heights[..., 1]) <= radii)
+    passed = int(np.count_nonzero(~blocks.any(axis=0)))
+    chosen = [] if lens.stop_index is None else [lens.stop_index]
+    left = blocks.any(axis=0) & ~blocks[chosen].any(axis=0)
     while np.count_nonzero(left) > NEGLIGIBLE * passed:
-        k = int(np.argmax(np.count_nonzero(blocks[:, left], axis=1)))
-        chosen.append(k)
-        left = left & ~blocks[k]
+        chosen.append(int(np.argmax(np.count_nonzero(blocks[:, left], axis=1))))
+        left = left & ~blocks[chosen[-1]]
     return tuple(sorted(chosen, reverse=True))
 
 
-def _solve(sample: _Sample, keep: Mask, scales: tuple[float, float, float], powers: Exponents, vectors: Array) -> Array:
-    """Return A and B (terms, 2 k) of vectors (k, n, 2), side by side."""
-    x, y, colour = (values[keep] for values in sample.variables(*scales))
-    values = terms(x, y, colour, powers)
+def _fit(
+    sample: _Sample,
+    keep: Mask,
+    variables: Variables,
+    order: int,
+    colours: bool,
+    vectors: Array,
+    numbers: Array | None = None,
+) -> Polynomials:
+    """Return the polynomials of vectors (k, n, 2) and numbers (m, n) by least squares over some of the rays."""
+    x, y = variables.of(sample.film[keep], sample.aims[keep])
+    powers = exponents(order, colours)
+    values = terms(x, y, sample.colour[keep], powers)
     rows = [np.concatenate([values * x[:, axis, None], values * y[:, axis, None]], axis=1) for axis in (0, 1)]
-    matrix = np.concatenate(rows)
     targets = np.concatenate([vectors[:, keep, 0], vectors[:, keep, 1]], axis=1).T
-    found = np.linalg.lstsq(matrix, targets, rcond=None)[0]
-    return np.asarray(found.reshape(2, len(powers), -1).transpose(1, 2, 0).reshape(len(powers), -1))
+    both = np.linalg.lstsq(np.concatenate(rows), targets, rcond=None)[0].reshape(2, len(powers), -1)
+    if numbers is None:
+        along = np.zeros((len(powers), 0))
+    else:
+        along = np.asarray(np.linalg.lstsq(values, numbers[:, keep].T, rcond=None)[0])
+    return Polynomials(order, colours, both.transpose(1, 2, 0).reshape(len(powers), -1), along)
 
 
-def _fit_rays(lens: Lens, sample: _Sample, scales: tuple[float, float, float], powers: Exponents) -> Array:
-    found = sample.found
-    keep = found.within(lens, REACH)
-    across = _solve(sample, keep, scales, powers, np.stack([found.origins[:, :2], found.directions[:, :2]]))
-    x, y, colour = (values[keep] for values in sample.variables(*scales))
-    axial = -np.stack([found.origins[keep, 2], found.directions[keep, 2]], axis=1)
-    along = np.linalg.lstsq(terms(x, y, colour, powers), axial, rcond=None)[0]
-    return np.concatenate([across, along], axis=1)
+def _fit_rays(sample: _Sample, keep: Mask, variables: Variables, order: int, colours: bool) -> Polynomials:
+    origins, directions = sample.found.origins, sample.found.directions
+    vectors = np.stack([origins[:, :2], directions[:, :2]])
+    return _fit(sample, keep, variables, order, colours, vectors, -np.stack([origins[:, 2], directions[:, 2]]))
 
 
-def _fit_rims(
-    lens: Lens, sample: _Sample, scales: tuple[float, float, float], powers: Exponents, blocking: tuple[int, ...]
-) -> Array:
-    keep = sample.found.within(lens, REACH)
-    return _solve(sample, keep, scales, powers, sample.found.heights[list(blocking)])
+def _error(found: RayMap, sample: _Sample, passes: Mask, distance_mm: float) -> float:
+    """Return the largest distance of a ray from its place, over that of the ray of a film point `NUDGE` farther out."""
+    film, aims, colour = sample.film[passes], sample.aims[passes], sample.colour[passes]
+
+    def there(moved_mm: float) -> Array:
+        points, directions = found.trace(film + np.array([moved_mm, 0.0]), aims, colour)
+        return np.asarray(points + distance_mm * directions)
+
+    truth = (sample.found.origins[passes] + distance_mm * sample.found.directions[passes]) * (1.0, 1.0, -1.0)
+    own = there(0.0)
+    step = np.linalg.norm(there(NUDGE * found.variables.film_mm) - own, axis=1)
+    return float(np.max(np.linalg.norm(own - truth, axis=1) / step))
 
 
-def heights_at(x: Array, y: Array, values: Array, factors: Array) -> Array:
-    """Return vectors (k, n, 2) from terms (n, terms) and their A and B (terms, 2 k)."""
-    sums = (values @ factors).T
-    return np.asarray(sums[0::2, :, None] * x + sums[1::2, :, None] * y)
-
-
-def rays_at(x: Array, y: Array, colour: Array, powers: Exponents, rays: Array) -> tuple[Array, Array]:
-    """Return points on the first surface and unit directions (n, 3), z towards the scene."""
-    values = terms(x, y, colour, powers)
-    points, directions = heights_at(x, y, values, rays[:, :4])
-    along = values @ rays[:, 4:]
-    directions = np.concatenate([directions, along[:, 1:]], axis=1)
-    return (
-        np.concatenate([points, along[:, :1]], axis=1),
-        directions / np.linalg.norm(directions, axis=1, keepdims=True),
-    )
-
-
-def _error_px(
-    sample: _Sample,
-    passes: Mask,
-    scales: tuple[float, float, float],
-    powers: Exponents,
-    rays: Array,
-    distance_mm: float,
-) -> float:
-    """Return the largest distance of a ray from its place, over the distance of that of a film point `NUDGE` outwards."""
-    x, y, colour = (values[passes] for values in sample.variables(*scales))
-    points, directions = rays_at(x, y, colour, powers, rays)
-    there = points + distance_mm * directions
-    flip = np.array([1.0, 1.0, -1.0])
-    truth = (sample.found.origins[passes] + distance_mm * sample.found.directions[passes]) * flip
-    moved = np.array([NUDGE, 0.0])
-    beside, ahead = rays_at(x + moved, y - moved * scales[2] * scales[0] / scales[1], colour, powers, rays)
-    step = np.linalg.norm(beside + distance_mm * ahead - there, axis=1)
-    return float(np.max(np.linalg.norm(there - truth, axis=1) / step))
-
-
-def _light_error(
-    lens: Lens,
-    sample: _Sample,
-    passes: Mask,
-    scales: tuple[float, float, float],
-    powers: Exponents,
-    rims: Array,
-    blocking: tuple[int, ...],
-) -> float:
+def _light_error(found: RayMap, sample: _Sample, passes: Mask) -> float:
     """Return the largest share by which the number of rays that pass differs in a part of the film."""
-    x, y, colour = sample.variables(*scales)
-    heights = heights_at(x, y, terms(x, y, colour, powers), rims)
-    limits = np.array([lens.surfaces[k].semi_diameter for k in blocking])[:, None]
-    within = (np.hypot(heights[..., 0], heights[..., 1]) <= limits).all(axis=0)
-    part = np.minimum((np.sum(x * x, axis=1) * PARTS).astype(int), PARTS - 1)
-    true, own = (np.bincount(part[mask], minlength=PARTS) for mask in (passes, within))
+    own = found.passes(sample.film, sample.aims, sample.colour)
+    area = np.sum(np.square(sample.film / found.variables.film_mm), axis=1)
+    part = np.minimum((area * PARTS).astype(int), PARTS - 1)
+    true, fitted = (np.bincount(part[mask], minlength=PARTS) for mask in (passes, own))
     lit = true > 0
-    return float(np.max(np.abs(own[lit] / true[lit] - 1)))
+    return float(np.max(np.abs(fitted[lit] / true[lit] - 1)))

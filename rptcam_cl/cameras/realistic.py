@@ -18,6 +18,7 @@ from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
+from rptcam_cl.cameras.ray_map import LARGEST_ERROR_PX
 from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
@@ -78,9 +79,8 @@ def model_of(
     else:
         pupil = pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
     if camera.rays == "fitted" and not windows:
-        through = fitted_rays(
-            lens, camera, back_mm, scene.film, (low, high) if colour.dispersive else None, setting.focus_distance_mm, losses
-        )
+        allowed_px = LARGEST_ERROR_PX if camera.accuracy is None else camera.accuracy.max_error_px
+        through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px)
     else:
         through = traced_rays(lens, camera, back_mm, colour.dispersive, losses)
     record = camera_record(camera, scene.film)

@@ -24,7 +24,7 @@ class Crossings:
     Attributes
     ----------
     heights : (surfaces, n, 2) array
-        x and y on each surface, scene side first; not a number from where a ray misses a surface or is totally reflected.
+        x and y on each surface, scene side first; not a number from where a ray misses one or is totally reflected.
     origins, directions : (n, 3) arrays
         Point on the first surface and unit direction before it, towards the scene.
     """
