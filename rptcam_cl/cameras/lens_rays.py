@@ -70,6 +70,11 @@ def traced_rays(
     )
 
 
+def allowed_px(camera: RealisticCamera) -> float:
+    """Return what a fitted ray of a camera may err by [pixels]."""
+    return LARGEST_ERROR_PX if camera.accuracy is None else min(camera.accuracy.max_error_px, LARGEST_ERROR_PX)
+
+
 def fitted_map(
     lens: Lens, setting: LensSetting, film: Film, range_nm: tuple[float, float] | None, max_error_px: float
 ) -> RayMap:
@@ -82,7 +87,7 @@ def fitted_map(
     range_nm
         Both ends of the wavelengths of rays, or None where all have the camera's.
     max_error_px
-        What a ray may err by in the plane in focus and far away; never more than `LARGEST_ERROR_PX`.
+        What a ray may err by in the plane in focus and far away.
 
     Raises
     ------
@@ -105,7 +110,7 @@ def fitted_map(
             camera.wavelength_nm if range_nm is None else range_nm,
             film.resolution[0] / width_mm,
             (near, FAR_MM) if 0 < near < FAR_MM else (FAR_MM,),
-            min(max_error_px, LARGEST_ERROR_PX),
+            max_error_px,
         )
     except InputError as problem:
         raise InputError(f"camera.rays: {problem}; use traced") from None

@@ -107,8 +107,6 @@ class RayMap:
         Heights on the surfaces that block light.
     surfaces : tuple of int
         Which these are, from the film on.
-    radii_mm : (surfaces,) array
-        Of their rims.
     error_px : float
         Largest error of a ray that was not fitted [pixels].
     light_error : float
@@ -119,7 +117,6 @@ class RayMap:
     rays: Polynomials
     rims: Polynomials
     surfaces: tuple[int, ...]
-    radii_mm: Array
     error_px: float = 0.0
     light_error: float = 0.0
 
@@ -135,10 +132,11 @@ class RayMap:
         directions = np.column_stack([direction, along[1]])
         return np.column_stack([point, along[0]]), directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
-    def passes(self, film: Array, aims: Array, colour: Array) -> Mask:
-        """Return which rays the rims let pass."""
+    def passes(self, lens: Lens, film: Array, aims: Array, colour: Array) -> Mask:
+        """Return which rays the rims of the lens let pass, and its stop in its shape."""
         heights, _ = self.rims.at(*self.variables.of(film, aims), colour)
-        return np.asarray((np.hypot(heights[..., 0], heights[..., 1]) <= self.radii_mm[:, None]).all(axis=0))
+        cleared = [lens.surfaces[k].clears(*height.T) for k, height in zip(self.surfaces, heights, strict=True)]
+        return np.asarray(np.all(cleared, axis=0))
 
 
 def exponents(order: int, colours: bool) -> Exponents:
@@ -198,14 +196,13 @@ def ray_map(
     shift = float(np.sum(aims * film) / np.sum(film**2))
     variables = Variables(radius, float(np.hypot(*(aims - shift * film).T).max()), shift)
     blocking = _blocking(lens, others.found)
-    radii = np.array([lens.surfaces[k].semi_diameter for k in blocking])
     keep, colours = fitted.found.within(lens, REACH), len(nodes) > 1
     rims = _fit(fitted, keep, variables, LARGEST_ORDER, colours, fitted.found.heights[list(blocking)])
-    found = RayMap(variables, rims, rims, blocking, radii)
+    found = RayMap(variables, rims, rims, blocking)
     for order in range(1, LARGEST_ORDER + 1):
         rims = _fit(fitted, keep, variables, order, colours, fitted.found.heights[list(blocking)])
         found = replace(found, rims=rims)
-        found = replace(found, light_error=_light_error(found, others, passes))
+        found = replace(found, light_error=_light_error(lens, found, others, passes))
         if found.light_error <= LARGEST_LIGHT_ERROR:
             break
     nudge_px, best = NUDGE * radius * pixels_per_mm, np.inf
@@ -321,9 +318,9 @@ def _error(found: RayMap, sample: _Sample, passes: Mask, distance_mm: float) -> 
     return float(np.max(np.linalg.norm(own - truth, axis=1) / step))
 
 
-def _light_error(found: RayMap, sample: _Sample, passes: Mask) -> float:
+def _light_error(lens: Lens, found: RayMap, sample: _Sample, passes: Mask) -> float:
     """Return the largest share by which the number of rays that pass differs in a part of the film."""
-    own = found.passes(sample.film, sample.aims, sample.colour)
+    own = found.passes(lens, sample.film, sample.aims, sample.colour)
     area = np.sum(np.square(sample.film / found.variables.film_mm), axis=1)
     part = np.minimum((area * PARTS).astype(int), PARTS - 1)
     true, fitted = (np.bincount(part[mask], minlength=PARTS) for mask in (passes, own))

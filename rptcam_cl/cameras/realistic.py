@@ -13,12 +13,11 @@ from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.blur import traced_blur
 from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
-from rptcam_cl.cameras.lens_rays import fitted_rays, traced_rays
+from rptcam_cl.cameras.lens_rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
-from rptcam_cl.cameras.ray_map import LARGEST_ERROR_PX
 from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
@@ -55,7 +54,7 @@ def model_of(
     ----------
     windows
         Parts of the film that will be rendered, where not the whole is: then only the pupils seen from there are found,
-        in a tenth of the time, `exposure: relative` goes by first-order optics, and rays are traced in any case.
+        in a tenth of the time, and `exposure: relative` goes by first-order optics.
     """
     camera = scene.camera
     assert isinstance(camera, RealisticCamera)
@@ -78,9 +77,8 @@ def model_of(
         pupil = pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
     else:
         pupil = pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
-    if camera.rays == "fitted" and not windows:
-        allowed_px = LARGEST_ERROR_PX if camera.accuracy is None else camera.accuracy.max_error_px
-        through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px)
+    if camera.rays == "fitted":
+        through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
     else:
         through = traced_rays(lens, camera, back_mm, colour.dispersive, losses)
     record = camera_record(camera, scene.film)

@@ -71,7 +71,7 @@ def test_polynomials_follow_rays_at_every_azimuth(name):
     film, aims, rays = rays_of(lens, back, 587.5618)
     focal = lens.first_order().focal_length_mm
     assert errors_px(found, film, aims, rays, 587.5618, focal).max() < 1.2 * LARGEST_ERROR_PX
-    passes = found.passes(film, aims, np.zeros(len(film)))
+    passes = found.passes(lens, film, aims, np.zeros(len(film)))
     assert abs(np.count_nonzero(passes) / np.count_nonzero(rays.passed) - 1) < 3e-3
     # A polynomial of the wrong pupil does not: the test tells them apart.
     assert errors_px(found, film, aims * 1.03, rays, 587.5618, focal).max() > 2 * LARGEST_ERROR_PX
