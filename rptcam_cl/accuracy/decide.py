@@ -20,7 +20,7 @@ from rptcam_cl.scene.accuracy import Accuracy
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.spectrum_mode import LensColour
 
-WORTH_FITTING = 4  # surfaces from which on polynomials are faster (benchmarks/ray_maps.py)
+WORTH_FITTING = 1e9  # surfaces that all samples cross: fewer take less time than fitting polynomials
 FIRST_ORDER: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
 
 
@@ -78,8 +78,9 @@ def _lens_colour(scene: Scene, found: Findings, allowed: Accuracy) -> LensColour
 def _polynomials(
     scene: Scene, found: Findings, allowed: Accuracy, lens_colour: LensColour
 ) -> tuple[Findings, Literal["fitted", "realistic"]]:
-    """Return what was found, with the errors of polynomials where the lens has any, and the choice."""
-    if len(lens_setting(scene).lens.surfaces) < WORTH_FITTING:
+    """Return what was found, with the errors of polynomials where they would be worth it, and the choice."""
+    columns, rows = scene.film.resolution
+    if columns * rows * scene.render.spp * len(lens_setting(scene).lens.surfaces) < WORTH_FITTING:
         return found, "realistic"
     try:
         errors = fitted_errors(scene, colours=lens_colour == "on")
