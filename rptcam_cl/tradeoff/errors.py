@@ -39,6 +39,9 @@ class PairErrors:
         The mean of `bias` in each tile.
     noise_of_tiles : (tiles,) array
         Standard error of `by_tile`, as it is where nothing but noise is measured.
+    evenness : float
+        Square of the picture's mean over the mean of what squares are relative to: what relMSE a picture has at least
+        that is too bright by one on the whole (Cauchy and Schwarz).
     weight_variances : dict
         Variances that the means of `bias` and of the last of `noise` have besides, because the reference that they are
         relative to is known from few seeds itself.
@@ -53,6 +56,7 @@ class PairErrors:
     brightness: Array
     by_tile: Array
     noise_of_tiles: Array
+    evenness: float
     weight_variances: dict[str, float]
     tile_errors: dict[str, float]
 
@@ -112,6 +116,7 @@ def pair_errors(
                 brightness=mean.mean(axis=2) @ tiles.weights,
                 by_tile=by_tile["bias"] / scales.shares,
                 noise_of_tiles=_noise_of_tiles(away, scales) / scales.shares,
+                evenness=float(lit.sum()) ** 2 / float(scales.shares @ scales.without()),
                 weight_variances={
                     "bias": _weight_variance(away, bias, scales),
                     "noise": _weight_variance(noises[-1], last, scales),

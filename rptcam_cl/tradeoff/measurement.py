@@ -23,7 +23,7 @@ from rptcam_cl.tradeoff.statistics import (
 
 Array = NDArray[np.float64]
 
-SURE = 4.0  # standard errors that the bias of a tile has to be above for a map to show it
+SURE = 4.0  # standard errors that what is told as sure has to be above: the bias of a tile, that of the brightness
 LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for
 
@@ -73,6 +73,8 @@ class Measurement:
         Time to each of `TARGETS` [s], at least that of one sample per pixel; infinite where the bias forbids it.
     better_until : Interval
         Time until which it errs less than the most accurate configuration [s]; 0 never, infinite always.
+    gain : Interval
+        How many times as long the most accurate configuration takes to the same noise, found by the same seeds.
     bias_of_tiles : (tiles,) array
         relMSE of the bias in each rendered tile.
     noise_of_tiles : (tiles,) array
@@ -96,6 +98,7 @@ class Measurement:
     energy: Interval
     seconds_to: dict[float, Interval]
     better_until: Interval
+    gain: Interval
     bias_of_tiles: Array
     noise_of_tiles: Array
 
@@ -165,7 +168,7 @@ def measurements(
     for names, error, times in zip(named, errors, timings, strict=True):
         noise = _noise(error, counts) * samples[-1]
         exact = names["unbiased"] or not names["knob"]
-        bias = np.zeros(len(counts)) if exact else _bias(error, counts)
+        bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
         sample_s = median_over_seeds(times.undisturbed, counts)
         sources.append(_Replicates(sample_s, noise, noise * sample_s, bias))
     found = []
@@ -177,9 +180,10 @@ def measurements(
             "slope": _slope(error, samples, counts),
             "rate": own.rate,
             "wall_rate": own.noise * median_over_seeds(times.wall, counts),
-            "bias": _bias(error, counts),
+            "bias": _bias(error, errors[0], counts),
             "energy": _energy(error, errors[0], counts),
             "better_until": _better_until(own, sources[0]),
+            "gain": _gain(own, sources[0]),
         }
         intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
         reached = {target: _time_to(own, target) for target in TARGETS}
@@ -189,10 +193,18 @@ def measurements(
     return found
 
 
-def _bias(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+def _bias(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
+    """Return the bias, which is at least what the brightness of the whole picture proves where that surely differs.
+
+    Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
+    """
     found = over_pairs(error.bias, counts)
     own = math.sqrt(error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
-    return spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    found = spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    energy = _energy(error, reference, counts)
+    if abs(energy[0]) <= SURE * float(energy.std()):
+        return found
+    return np.maximum(found, reference.evenness * energy**2)
 
 
 def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
@@ -221,6 +233,12 @@ def _time_to(own: _Replicates, target: float) -> Array:
     left = target**2 - np.maximum(own.bias, 0.0)
     with np.errstate(divide="ignore"):
         return np.where(left > 0, np.maximum(own.rate / left, own.sample_s), np.inf)
+
+
+def _gain(own: _Replicates, reference: _Replicates) -> Array:
+    """Return by how much the reference takes longer; as one where neither has any noise."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(own.rate > 0, reference.rate / own.rate, np.where(reference.rate > 0, np.inf, 1.0))
 
 
 def _better_until(own: _Replicates, reference: _Replicates) -> Array:

@@ -21,7 +21,7 @@ def measurement(name, rate, bias=0.0, knob="camera"):
         name=name, knob=knob, same_as=(), settings=(), tier="", unbiased=False, start_s=0.0, sample_s=exact,
         wall_sample_s=exact, noise=exact, slope=exact, rate=Interval(rate, rate, rate), wall_rate=exact,
         bias=Interval(bias, bias, bias), energy=exact, seconds_to=dict.fromkeys(TARGETS, exact), better_until=exact,
-        bias_of_tiles=np.zeros(1), noise_of_tiles=np.zeros(1),
+        bias_of_tiles=np.zeros(1), noise_of_tiles=np.zeros(1), gain=Interval(4e-3 / rate, 4e-3 / rate, 4e-3 / rate),
     )  # fmt: skip
 
 
@@ -52,6 +52,13 @@ def test_bias_that_is_not_known_well_is_counted_in_full_and_said():
     advice = for_error([FULL, vague], 0.02)
     assert (advice.chosen, advice.perhaps) == ("full", "quick")
     assert for_error([FULL, QUICK], 0.02).perhaps is None
+
+
+def test_gain_that_may_be_none_is_no_reason_to_leave_the_full_configuration():
+    unsure = replace(QUICK, gain=Interval(4.0, 0.9, 9.0))
+    assert for_time([FULL, unsure], 10.0).chosen == "full"
+    advice = for_error([FULL, unsure], 0.02)
+    assert (advice.chosen, advice.perhaps) == ("full", "quick")
 
 
 def test_time_that_is_too_short_for_a_sample_has_no_advice():

@@ -3,15 +3,19 @@
 import itertools
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.cli import parser as values
+from rptcam_cl.device import Session, choose_device
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
+from rptcam_cl.tradeoff.ladder import ladder
 from rptcam_cl.tradeoff.plot import tradeoff_plot
+from rptcam_cl.tradeoff.runs import prepare
 from rptcam_cl.tradeoff.table import markdown, tables
 from rptcam_cl.tradeoff.text import recommendation
 
@@ -56,10 +60,28 @@ def test_accuracy_never_makes_the_measured_bias_worse(report):
 def test_everything_that_differs_is_there_once(report):
     names = [found.name for found in report.measurements]
     assert names[0] == "full"
-    assert {"thick lens", "thin lens", "pinhole", "depth 2", "depth 4", "independent samples"} <= set(names)
+    assert {"lens: float64", "thick lens", "thin lens", "pinhole", "depth 2", "depth 4", "independent samples"} <= set(
+        names
+    )
     assert len(names) == len(set(names))
     every = [same for found in report.measurements for same in found.same_as]
     assert {"as the scene says", "accuracy: auto", "spectrum: rgb"} <= {*names, *every}
+
+
+def test_lens_in_float64_takes_the_same_samples_and_shows_no_bias(report):
+    full, double = report.named("full"), report.named("lens: float64")
+    assert abs(double.bias.value) < 1e-6 < report.named("pinhole").bias.low
+    assert double.noise.value == pytest.approx(full.noise.value, rel=1e-3)  # the same samples
+    assert "camera.precision=double" in double.settings
+
+
+def test_device_without_float64_is_said_not_to_compare_it(monkeypatch):
+    session = Session(choose_device())
+    monkeypatch.setattr(session, "info", replace(session.info, fp64=False))
+    steps = [step for step in ladder(load_scene(SCENE)).configurations if step.name in ("full", "lens: float64")]
+    ready, skipped = prepare(steps, session, lambda name, done: None)
+    assert [each.configuration.name for each in ready] == ["full"]
+    assert skipped["lens: float64"].startswith("camera.precision: double needs float64, which device ")
 
 
 def test_times_and_rates_are_those_of_the_runs(report):
