@@ -35,6 +35,7 @@ def test_benchmark_finds_all_that_it_uses(path: Path) -> None:
     assert importlib.import_module(f"benchmarks.{path.stem}").__doc__
 
 
+@pytest.mark.slow
 def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "passes")
     assert "| A_lens |" in printed
@@ -90,6 +91,7 @@ def test_noise_behind_every_shape_of_aperture_is_measured(checkout: Path, tmp_pa
     assert all(noise > 0 for found in results if "sampler" in found for noise in found["noise"].values())
 
 
+@pytest.mark.slow
 def test_start_is_measured_cold_and_warm(checkout: Path, tmp_path: Path) -> None:
     _, results = quick(checkout, tmp_path, "startup")
     assert results["cold"][0]["compile"] > results["warm"][0]["compile"] > 0
