@@ -22,7 +22,11 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     best = _clear_best([each.error_after(seconds) for each in _surely(found)])
     name = found[best].name if math.isfinite(errors[best]) else None
     perhaps = _better_yet(found, likely, errors, best)
-    return Advice("time", seconds, name, seconds, errors[best], seconds, errors[0], perhaps)
+    if name is None:
+        return Advice("time", seconds, None, seconds, math.inf, 0, math.inf, math.inf, seconds, math.inf, perhaps)
+    samples = int(seconds / found[best].sample_s.value)
+    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    return Advice("time", seconds, name, seconds, errors[best], samples, *ends, seconds, errors[0], perhaps)
 
 
 def for_error(found: Sequence[Measurement], error: float) -> Advice:
@@ -30,18 +34,25 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
     times = [each.seconds_until(error) for each in found]
     likely = [each.seconds_until(error, each.likely_bias) for each in found]
     best = _clear_best([each.seconds_until(error) for each in _surely(found)])
-    name = found[best].name if math.isfinite(times[best]) else None
     perhaps = _better_yet(found, likely, times, best)
-    return Advice("error", error, name, times[best], error, times[0], error, perhaps)
+    if math.isinf(times[best]):
+        return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, times[0], error, perhaps)
+    samples = max(math.ceil(times[best] / found[best].sample_s.value), 1)
+    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    return Advice("error", error, found[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
 
 
 def _surely(found: Sequence[Measurement]) -> list[Measurement]:
-    """Return measurements as slow against the most accurate one as the interval of their gain allows."""
-    full = found[0].rate
-    return [
-        replace(each, rate=replace(full, value=full.value / each.gain.low if each.gain.low > 0 else math.inf))
-        for each in found
-    ]
+    """Return measurements as noisy and slow against the most accurate one as their intervals allow."""
+    return [found[0], *(_at_worst(each, found[0].rate.value) for each in found[1:])]
+
+
+def _at_worst(found: Measurement, full_rate: float) -> Measurement:
+    if not (full_rate > 0 and found.rate.value > 0):
+        return replace(found, sample_s=replace(found.sample_s, value=found.sample_s.high))
+    times = full_rate / found.gain.low / found.rate.value if found.gain.low > 0 else math.inf
+    first, last = (replace(end, value=end.value * times) for end in found.noise)
+    return replace(found, noise=(first, last))
 
 
 def _clear_best(values: Sequence[float]) -> int:

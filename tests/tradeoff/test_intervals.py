@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rptcam_cl.tradeoff.errors import EDGE, pair_errors
+from rptcam_cl.tradeoff.errors import EDGE, LongPictures, pair_errors
 from rptcam_cl.tradeoff.measurement import Timings, measurements
 from rptcam_cl.tradeoff.statistics import (
     draws,
@@ -16,7 +16,7 @@ from rptcam_cl.tradeoff.statistics import (
     over_pairs,
     student_quantile,
 )
-from tests.tradeoff.synthetic import NOISE, PER_TILE, SECONDS, SEEDS, measured, spread
+from tests.tradeoff.synthetic import NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles
 TRIALS = 120
@@ -40,13 +40,13 @@ def coverage(trials, scale, rendered=EVERY, every=EVERY, seed=0):
         left = 0.02**2 - floor
         truths = (
             floor,
-            noise,
+            noise / SAMPLES[-1],
             noise * SECONDS,
             float(bias.mean()),
             noise * SECONDS / left if left > 0 else np.inf,
             noise * SECONDS / floor if floor > 0 else np.inf,  # the reference takes twice the time
         )
-        own = (other.bias, other.noise, other.rate, other.energy, other.seconds_to[0.02], other.better_until)
+        own = (other.bias, other.noise[0], other.rate, other.energy, other.seconds_to[0.02], other.better_until)
         for name, interval_of, truth in zip(NAMES, own, truths, strict=True):
             found[name] += holds(interval_of, truth)
     return {name: count / trials for name, count in found.items()}
@@ -75,9 +75,11 @@ def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_sa
         {"name": name, "knob": name, "same_as": (), "settings": (), "tier": "", "unbiased": False, "start_s": 0.0}
         for name in ("", "short")
     ]
-    pictures = pair_errors([full, short], samples, tiles)
+    few = tiles.cell < 4
+    long = LongPictures(128, np.arange(4), [pixels[0][:2, few] for pixels in (full, short)])
+    pictures = pair_errors([full, short], samples, tiles, long)
     assert not pictures[1].bias.any()  # what pairs tell, each by itself
-    found = measurements(named, pictures, [times, times], samples, draws(SEEDS, rng, 500))[1]
+    found = measurements(named, pictures, [times, times], (*samples, 128), draws(SEEDS, rng, 500))[1]
     missing = 9 / (EVERY * PER_TILE)
     assert found.energy.value == pytest.approx(-missing, rel=1e-6)
     assert found.bias.value == pytest.approx(missing**2, rel=1e-3)
