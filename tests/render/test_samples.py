@@ -3,6 +3,7 @@
 import shutil
 
 import numpy as np
+import pytest
 
 import rptcam_cl
 from rptcam_cl.device import program
