@@ -26,10 +26,9 @@ static Underway enter_camera(Lane lane, F4 u, F wavelength, const __global Camer
     return ray;
 }
 
-static CameraRay leave_camera(Underway ray, const __global Camera *camera)
+static CameraRay leave_camera(Underway ray, LensRay out, const __global Camera *camera)
 {
     CameraRay r;
-    LensRay out = leave_lens(&ray.path);
     F cos2_over_length2 = camera->a.z / ray.length2;        // cos^2 / Z, as cos^2 = Z^2 / length^2
     F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;
 #if LENS_LOSSES
@@ -53,5 +52,5 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     Underway ray = enter_camera(lane, u, wavelength, camera, tables);
     for (int k = 0; k < camera->count; ++k)
         cross_surface(&ray.path, surfaces + k, stop);
-    return leave_camera(ray, camera);
+    return leave_camera(ray, leave_lens(&ray.path), camera);
 }

@@ -1,11 +1,29 @@
 // Width-generic types: a work item handles VW neighbouring lanes (8 or 16 on a CPU, 1 on a GPU); F, I, U are VW floats,
 // ints, uints. A comparison gives a mask: every bit set in a true lane (VW > 1), or 1 (VW == 1). Masks are combined with
 // & and |, negated with NOT, used by the ternary operator, tested with ANY and counted with COUNT.
-// With DOUBLE the lanes are double and long, for the float64 lens tracer.
+// With DOUBLE the lanes are double and long, for the float64 lens tracer: eight of them or one. LOAD_SINGLE and STORE_SINGLE
+// then read and write floats.
 #ifndef WIDTH_H
 #define WIDTH_H
 
-#if DOUBLE
+#if DOUBLE && VW == 1
+typedef double F;
+typedef long   I;
+typedef ulong  U;
+#define NOT(m)    (!(m))
+#define ANY(m)    (m)
+#define COUNT(m)  ((uint)((m) != 0))
+#define LANES     (0)
+#define GATHER(T, p, i, member) ((p)[i] member)
+#define TO_F(v)   ((double)(v))
+#define TO_I(v)   ((long)(v))
+#define AS_F(v)   as_double(v)
+#define AS_I(v)   as_long(v)
+#define AS_U(v)   as_ulong(v)
+#define LOAD_SINGLE(p, i)      ((double)(p)[i])
+#define STORE_SINGLE(p, i, v)  ((p)[i] = (float)(v))
+
+#elif DOUBLE
 typedef double8 F;
 typedef long8   I;
 typedef ulong8  U;
@@ -15,17 +33,11 @@ typedef ulong8  U;
 #define AS_F(v)   as_double8(v)
 #define AS_I(v)   as_long8(v)
 #define AS_U(v)   as_ulong8(v)
-#define SIGN_BIT  ((I)((long)0x8000000000000000UL))
-#define INFINITE  0x7ff0000000000000L
 #define GATHER(T, p, i, member) \
     ((T)((p)[(i).s0] member, (p)[(i).s1] member, (p)[(i).s2] member, (p)[(i).s3] member, \
          (p)[(i).s4] member, (p)[(i).s5] member, (p)[(i).s6] member, (p)[(i).s7] member))
-#define CRITICAL  1e-15
-#define LAST_STEP 1e-9
-#define SMALLEST  1e-300
-#define NEWTON_STEPS 24
-#define EXPONENT_BIAS  1023
-#define EXPONENT_SHIFT 52
+#define LOAD_SINGLE(p, i)      convert_double8(vload8(0, (p) + (i)))
+#define STORE_SINGLE(p, i, v)  vstore8(convert_float8(v), 0, (p) + (i))
 
 #elif VW == 1
 typedef float F;
@@ -80,7 +92,17 @@ typedef uint16  U;
 #endif
 #endif
 
-#if !DOUBLE
+#if DOUBLE
+#define SIGN_BIT  ((I)((long)0x8000000000000000UL))
+#define INFINITE  0x7ff0000000000000L
+#define CRITICAL  1e-15
+#define LAST_STEP 1e-9
+#define SMALLEST  1e-300
+#define NEWTON_STEPS 24
+#define EXPONENT_BIAS  1023
+#define EXPONENT_SHIFT 52
+#define LANE_INT  long
+#else
 #define SIGN_BIT  ((I)((int)0x80000000))
 #define INFINITE  0x7f800000
 #define CRITICAL  1e-6f      // relative distance from the critical angle that float32 cannot resolve
@@ -89,11 +111,6 @@ typedef uint16  U;
 #define NEWTON_STEPS 24
 #define EXPONENT_BIAS  127
 #define EXPONENT_SHIFT 23
-#endif
-
-#if DOUBLE
-#define LANE_INT  long
-#else
 #define LANE_INT  int
 #endif
 

@@ -1,51 +1,23 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
 // records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, TIME, HUE, and clears
 // L, PDF and REACH.
-// Facts: CAMERA_FILE, CAMERA_HAS_LENS, CAMERA_PACKETS (packets of lanes per work item), STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
+// Facts: CAMERA_FILE, CAMERA_HAS_LENS, CAMERA_PACKETS (packets of lanes per work item), LENS_FLOAT64 (whether the passes
+// aim_rays and trace_lens have taken the rays through the lens), STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
 #include CAMERA_FILE
-#include "camera/filter.h"
+#include "camera/draw.h"
 #if MOVES
 #include "camera/course.h"
 #endif
 #include "common/transpose.h"
-#include "common/wavelength.h"
 #include "integrator/state.h"
+#if LENS_FLOAT64
+#include "lens/float64.h"
+#endif
 
 static F3 in_world(const __global Camera *c, F3 v)
 {
     return f3(c->right.x * v.x + c->up.x * v.y + c->back.x * v.z, c->right.y * v.x + c->up.y * v.y + c->back.y * v.z,
               c->right.z * v.x + c->up.z * v.y + c->back.z * v.z);
-}
-
-// What a ray is made of before it enters the camera.
-typedef struct {
-    Lane lane;
-    F4   u;
-    F    wavelength;
-#if FILTER
-    F    sign;
-#endif
-#if SPECTRUM
-    F    hue;
-#endif
-} Draw;
-
-static Draw draw_of(uint slot, Wave wave, const __global uint *tiles, const __global Camera *camera,
-                    const __global float *filter, const __global float *colours)
-{
-    Draw draw;
-    draw.lane = lane_of(slot, wave, tiles);
-    draw.u = random4(draw.lane.pixel, draw.lane.sample, (U)(0u), wave.seed);
-#if FILTER
-    draw.sign = filter_sign(&draw.u.a, filter) * filter_sign(&draw.u.b, filter);
-#endif
-#if SPECTRUM
-    draw.hue = hue_of(draw.lane.pixel, draw.lane.sample, wave.seed);
-    draw.wavelength = wavelength_of(draw.hue, colours);
-#else
-    draw.wavelength = (F)(camera->wavelength);
-#endif
-    return draw;
 }
 
 #if MOVES
@@ -54,6 +26,11 @@ static Draw draw_of(uint slot, Wave wave, const __global uint *tiles, const __gl
 #else
 #define COURSE_PARAMETER
 #define COURSE
+#endif
+#if LENS_FLOAT64
+#define TRACED_PARAMETER , const __global float *traced
+#else
+#define TRACED_PARAMETER
 #endif
 
 static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __global Camera *camera,
@@ -124,7 +101,7 @@ __kernel void generate(const __global Camera  *camera,
                        const __global uint    *tiles,      // that are rendered
                        const __global float   *filter,     // of the film
                        const __global float   *colours     // wavelengths, common/wavelength.h
-                       COURSE_PARAMETER)
+                       COURSE_PARAMETER TRACED_PARAMETER)
 {
     uint slot = get_global_id(0) * (VW * CAMERA_PACKETS);
     Draw draw = draw_of(slot, wave, tiles, camera, filter, colours);
@@ -137,8 +114,14 @@ __kernel void generate(const __global Camera  *camera,
         cross_surface(&first.path, surfaces + k, stop);
         cross_surface(&second.path, surfaces + k, stop);
     }
-    start_path(draw, leave_camera(first, camera), slot, wave, camera, counters, state, capacity COURSE);
-    start_path(other, leave_camera(second, camera), slot + VW, wave, camera, counters, state, capacity COURSE);
+    CameraRay one = leave_camera(first, leave_lens(&first.path), camera);
+    CameraRay two = leave_camera(second, leave_lens(&second.path), camera);
+    start_path(draw, one, slot, wave, camera, counters, state, capacity COURSE);
+    start_path(other, two, slot + VW, wave, camera, counters, state, capacity COURSE);
+#elif LENS_FLOAT64
+    Underway entering = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
+    CameraRay ray = leave_camera(entering, traced_ray(traced, capacity, slot), camera);
+    start_path(draw, ray, slot, wave, camera, counters, state, capacity COURSE);
 #else
     CameraRay ray = camera_ray(draw.lane, draw.u, draw.wavelength, camera, tables, surfaces, stop);
     start_path(draw, ray, slot, wave, camera, counters, state, capacity COURSE);

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from rptcam_cl.accuracy.depths import FAR_MM, depth_range_mm
 from rptcam_cl.accuracy.errors import TierError, tier_errors
-from rptcam_cl.accuracy.tiers import TIERS, FirstOrderCamera, Tier, equivalent, first_order_camera
+from rptcam_cl.accuracy.findings import Findings
+from rptcam_cl.accuracy.tiers import TIERS, TRAITS, Tier, equivalent, first_order_camera
+from rptcam_cl.accuracy.truth import Truth
+from rptcam_cl.accuracy.words import told
+from rptcam_cl.cameras.dispersion import colour_error_px, disperses
+from rptcam_cl.cameras.lens_setting import lens_setting
+from rptcam_cl.cameras.realistic import lens_tint
 from rptcam_cl.errors import InputError
-from rptcam_cl.scene import Scene
+from rptcam_cl.scene import Scene, change_scene
+from rptcam_cl.scene.accuracy import Accuracy
 from rptcam_cl.scene.camera import RealisticCamera
 
 
@@ -20,7 +27,7 @@ class Decision:
     Attributes
     ----------
     scene : Scene
-        With the camera that was chosen.
+        With the camera that was chosen, and with `spectrum.lens` as decided.
     tier : str
     errors : tuple of TierError
         Of every tier that there is for the lens.
@@ -35,53 +42,73 @@ class Decision:
 
 
 def decided(scene: Scene) -> Decision:
-    """Return a scene with the cheapest camera whose errors its `camera.accuracy` allows; as it was without that key."""
+    """Return a scene with the cheapest camera whose errors its `camera.accuracy` allows; as it was without that key.
+
+    Whether the lens bends each wavelength by itself is decided too, by the same bounds, where `spectrum` leaves it
+    open.
+    """
     camera = scene.camera
     if not isinstance(camera, RealisticCamera) or camera.accuracy is None:
         return Decision(scene, "realistic")
     allowed = camera.accuracy
-    errors, why = _errors(scene)
-    within = (
-        found.tier
-        for found in errors
-        if found.worst_px <= allowed.max_error_px and found.worst_illumination <= allowed.max_illumination_error
-    )
-    tier: Tier = next(within, "realistic")
-    told = {
-        "camera_model": tier,
-        "max_error_px": allowed.max_error_px,
-        "max_illumination_error": allowed.max_illumination_error,
-        "errors": [
-            {"camera_model": e.tier, "pixels": list(e.pixels), "illumination": list(e.illumination)} for e in errors
-        ],
-        **({"reason": why} if why else {}),
-    }
-    return Decision(equivalent(scene, tier), tier, errors, {"accuracy": told})
+    found = measured(scene)
+    tier: Tier = next((each.tier for each in found.errors if _within(each, allowed)), "realistic")
+    chosen = equivalent(scene, tier)
+    if TRAITS[tier].colours and chosen.spectrum.lens_colour == "auto":
+        shows = (found.colour_px or 0.0) > allowed.max_error_px or found.tint > allowed.max_illumination_error
+        chosen = change_scene(chosen, spectrum={"lens": "on" if shows else "off"})
+    colours = chosen.spectrum.lens_colour if TRAITS[tier].colours else "off"
+    found = replace(found, tier=tier, colours=colours)
+    return Decision(chosen, tier, found.errors, {"accuracy": told(found, allowed)})
 
 
-def _errors(scene: Scene) -> tuple[tuple[TierError, ...], str]:
-    """Return the errors of the tiers that the camera of a scene has, cheapest first, or why it has none."""
+def _within(found: TierError, allowed: Accuracy) -> bool:
+    return found.worst_px <= allowed.max_error_px and found.worst_illumination <= allowed.max_illumination_error
+
+
+def measured(scene: Scene) -> Findings:
+    """Return what the lens of a scene shows, and the errors of the cheaper models that there are in its place."""
     try:
         first = first_order_camera(scene)
     except InputError as problem:
-        return (), str(problem)
-    tiers = []
-    for tier in TIERS[:-1]:
-        try:
-            equivalent(scene, tier)
-        except InputError:
-            continue
-        tiers.append(tier)
-    return tuple(tier_errors(first, scene.film, _depths(scene, first), tiers)), ""
+        return _colour_alone(scene, str(problem))
+    truth = Truth.of(scene, first)
+    depths = _depths(scene, truth)
+    tiers = [tier for tier in TIERS if tier != "realistic" and _exists(scene, tier)]
+    blur_px, far = max(truth.blur_px(depths)), depths[-1]
+    return Findings(
+        errors=tuple(tier_errors(truth, depths, tiers)),
+        depths_m=(depths[0] * 1e-3, far * 1e-3 if far < FAR_MM else None),
+        blur_px=blur_px,
+        shape_px=truth.round_stop.apart * blur_px if truth.round_stop.apart else None,
+        colour_px=max(truth.colour_px(depths)) if truth.coloured else None,
+        tint=truth.tint,
+    )
 
 
-def _depths(scene: Scene, first: FirstOrderCamera) -> list[float]:
+def _exists(scene: Scene, tier: Tier) -> bool:
+    try:
+        equivalent(scene, tier)
+    except InputError:
+        return False
+    return True
+
+
+def _colour_alone(scene: Scene, reason: str) -> Findings:
+    """Return what is known of a lens that no cheaper model stands for: how far off its colours are in focus."""
+    setting = lens_setting(scene)
+    if scene.spectrum.lens_colour == "off" or not disperses(setting.lens):
+        return Findings(reason=reason)
+    nm = setting.camera.wavelength_nm
+    colour_px = colour_error_px(setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, nm)
+    return Findings(reason=reason, colour_px=colour_px, tint=lens_tint(scene, setting))
+
+
+def _depths(scene: Scene, truth: Truth) -> list[float]:
     """Return the distances ahead of the film at which errors are measured [mm]: both ends of what is seen, and the
     plane in focus."""
-    width, height = (side * 1e3 for side in scene.film.size_m())
-    per_tangent = 2 * first.film_mm_per_tangent
-    ends = depth_range_mm(scene, (width / per_tangent, height / per_tangent))
-    nearest = first.setting.film_distance_mm + first.setting.lens.length
-    focus = first.setting.focus_distance_mm
+    setting = truth.first.setting
+    ends = depth_range_mm(scene, truth.view)
+    focus = setting.focus_distance_mm
     inside = [] if focus is None else [min(focus, FAR_MM)]
-    return sorted({max(depth, nearest * 1.01) for depth in (*ends, *inside)})
+    return sorted({max(depth, truth.view.start_mm * 1.01) for depth in (*ends, *inside)})

@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.accuracy.bundles import Bundle, first_order_bundle, traced_bundle
-from rptcam_cl.accuracy.tiers import FirstOrderCamera, Tier
-from rptcam_cl.optics.irradiance import film_irradiance
-from rptcam_cl.scene.film import Film
+from rptcam_cl.accuracy.bundles import Bundle, tier_bundle
+from rptcam_cl.accuracy.fields import Field
+from rptcam_cl.accuracy.tiers import TRAITS, Tier
+from rptcam_cl.accuracy.truth import FIELDS, Truth
+
+__all__ = ["EFFECTS", "FIELDS", "TierError", "tier_errors"]
 
 Array = NDArray[np.float64]
 
-FIELDS = (0.0, 0.25, 0.5, 0.7, 0.85, 1.0)  # film points along its half diagonal
-NUDGE = 1e-3  # of the half diagonal, between film points that tell the scale of the picture
+EFFECTS = ("distortion", "blur", "outline", "shape", "colour")  # what moves light over the film
 
 
 @dataclass(frozen=True)
@@ -26,17 +28,26 @@ class TierError:
     Attributes
     ----------
     tier : str
-    pixels : tuple of float
-        How far light of an object falls from its place: the larger of the shift of the middle of a bundle and of the
-        change of its radius (root mean square), at the worst of the depths [pixels]. Infinite where the lens sees
-        nothing.
+    effects : mapping
+        By name of `EFFECTS`: how far light falls from its place, at the worst of the depths [pixels]. Infinite where
+        the lens sees nothing. The shift of the middle of a bundle; the change of its spread (standard deviation, along
+        the field, across it and in all); the largest distance between the outlines, their middles laid on each other; a
+        round stop in place of another; light of another wavelength in the place of the camera's.
     illumination : tuple of float
-        Relative error of the irradiance, both being 1 on the axis.
+        Relative error of the irradiance, both being 1 on the axis unless the exposure shows the light there too.
+    tint : float
+        How much more of one colour than of another is missing, as a share.
     """
 
     tier: Tier
-    pixels: tuple[float, ...]
+    effects: Mapping[str, tuple[float, ...]]
     illumination: tuple[float, ...]
+    tint: float = 0.0
+
+    @cached_property
+    def pixels(self) -> tuple[float, ...]:
+        """The largest of the effects at each of `FIELDS` [pixels]."""
+        return tuple(max(each) for each in zip(*self.effects.values(), strict=True))
 
     @property
     def worst_px(self) -> float:
@@ -46,76 +57,69 @@ class TierError:
     @property
     def worst_illumination(self) -> float:
         """The largest error of brightness."""
-        return max(self.illumination)
+        return max(*self.illumination, self.tint)
 
 
-def tier_errors(
-    first: FirstOrderCamera, film: Film, depths_mm: Sequence[float], tiers: Sequence[Tier]
-) -> list[TierError]:
+def tier_errors(truth: Truth, depths_mm: Sequence[float], tiers: Sequence[Tier]) -> list[TierError]:
     """Return the errors of tiers against the traced lens.
 
     Parameters
     ----------
-    first
-        The lens in use.
-    film
-        Its size and resolution.
+    truth
+        What the traced lens does.
     depths_mm
         Distances of what the picture shows ahead of the film, along the axis [mm].
     tiers
         Which ones; the traced lens itself errs by nothing.
     """
-    half = np.array(film.size_m()) / 2 * 1e3
-    lens, film_mm = first.setting.lens, first.setting.film_distance_mm
-    radii = float(np.hypot(*half)) * np.array(FIELDS)
-    azimuth = float(np.rad2deg(np.arctan2(half[1], half[0])))
-    light = film_irradiance(lens, film_mm, radii, first.setting.camera.wavelength_nm, azimuth)
-    truth = [_FieldTruth.of(first, field * half, half, film) for field in FIELDS]
+    return [_errors(truth, depths_mm, tier) for tier in tiers]
+
+
+def _errors(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
+    none = (0.0,) * len(truth.fields)
+    if tier == "realistic":
+        return TierError(tier, dict.fromkeys(EFFECTS, none), none)
+    traits = TRAITS[tier]
+    bundles = [tier_bundle(truth.first, tier, field * truth.half_mm) for field in FIELDS]
+    apart = [_apart(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
+    distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
+    effects = {"distortion": distortion, "blur": blur, "outline": outline, "shape": none, "colour": none}
+    if not (traits.shapes or tier == "pinhole"):
+        effects["shape"] = tuple(truth.round_stop.apart * radius for radius in truth.blur_px(depths_mm))
+    if not traits.colours:
+        effects["colour"] = truth.colour_px(depths_mm)
+    lit = [bundle.light / bundles[0].light for bundle in bundles]
+    return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if traits.colours else truth.tint)
+
+
+def _apart(field: Field | None, other: Bundle, depths_mm: Sequence[float]) -> tuple[float, float, float]:
+    """Return by how much middle, spread and outline of a bundle differ from those of the lens, at most [pixels]."""
+    if field is None:
+        return np.inf, np.inf, np.inf
     found = []
-    for tier in tiers:
-        if tier == "realistic":
-            found.append(TierError(tier, (0.0,) * len(FIELDS), (0.0,) * len(FIELDS)))
-            continue
-        on_axis = first_order_bundle(first, tier, np.zeros(2)).light
-        bundles = [first_order_bundle(first, tier, field.point) for field in truth]
-        pixels = tuple(_apart_px(field, bundle, depths_mm) for field, bundle in zip(truth, bundles, strict=True))
-        shares = [bundle.light / on_axis for bundle in bundles]
-        dimming = (light / light[0] if light[0] > 0 else 0 * light).tolist()
-        illumination = tuple(
-            abs(own / true - 1) if true > 0 else np.inf for own, true in zip(shares, dimming, strict=True)
-        )
-        found.append(TierError(tier, pixels, illumination))
-    return found
-
-
-@dataclass(frozen=True)
-class _FieldTruth:
-    """What the traced lens does at a film point: its bundle, one close by, and how many pixels lie between them."""
-
-    point: Array
-    bundle: Bundle | None
-    beside: Bundle | None
-    apart_px: float
-
-    @classmethod
-    def of(cls, first: FirstOrderCamera, point: Array, half: Array, film: Film) -> _FieldTruth:
-        lens, film_mm = first.setting.lens, first.setting.film_distance_mm
-        wavelength_nm = first.setting.camera.wavelength_nm
-        near = point - NUDGE * half if point.any() else NUDGE * half
-        here, beside = (traced_bundle(lens, film_mm, at, wavelength_nm) for at in (point, near))
-        pixels_per_mm = film.resolution[0] / (2 * half[0])
-        return cls(point, here, beside, float(np.hypot(*(near - point))) * pixels_per_mm)
-
-
-def _apart_px(field: _FieldTruth, other: Bundle, depths_mm: Sequence[float]) -> float:
-    """Return by how much another bundle falls beside that of the lens, at the worst of the depths [pixels]."""
-    if field.bundle is None or field.beside is None:
-        return np.inf
-    worst = 0.0
     for depth in depths_mm:
-        middle, radius = field.bundle.spot(depth)
-        step = float(np.hypot(*(field.beside.spot(depth)[0] - middle)))
-        place, other_radius = other.spot(depth)
-        apart = max(float(np.hypot(*(place - middle))), abs(other_radius - radius))
-        worst = max(worst, apart * field.apart_px / step if step > 0 else np.inf)
-    return float(worst)
+        true, own = (bundle.spot(depth, field.along) for bundle in (field.bundle, other))
+        differences = (own.middle - true.middle, own.spread - true.spread, own.outline - true.outline)
+        shift, spread, outline = (np.abs(each) for each in differences)
+        per_mm = field.pixels_per_mm(depth)
+        found.append([float(np.hypot(*shift)) * per_mm, spread.max() * per_mm, outline.max() * per_mm])
+    distortion, blur, outlines = np.max(found, axis=0).tolist()
+    return distortion, blur, outlines
+
+
+def _illumination(truth: Truth, lit: Sequence[float], axial: float) -> tuple[float, ...]:
+    """Return the relative errors of brightness of a tier whose film is lit so, 1 on the axis.
+
+    Parameters
+    ----------
+    axial
+        Brightness of the centre of the film over that of the traced lens, as the exposure shows it.
+    """
+    centre = truth.fields[0]
+    if centre is None:
+        return (np.inf,) * len(lit)
+    found = []
+    for field, own in zip(truth.fields, lit, strict=True):
+        true = np.zeros(1) if field is None else field.light / centre.light
+        found.append(float(np.abs(axial * own / true - 1).max()) if np.all(true > 0) else np.inf)
+    return tuple(found)

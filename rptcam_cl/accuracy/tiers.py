@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
+from rptcam_cl.accuracy.stops import round_stop
+from rptcam_cl.cameras.aperture import stop_shape
+from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting, lens_to_focus
 from rptcam_cl.cameras.thick_lens import ThickLens, thick_lens
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene import Scene, with_camera
@@ -16,9 +18,33 @@ from rptcam_cl.scene.camera import RealisticCamera
 Tier = Literal["pinhole", "thin_lens", "thick_lens", "realistic"]
 TIERS: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens", "realistic")  # by rising cost
 
+
+@dataclass(frozen=True)
+class Traits:
+    """What a tier can show.
+
+    Attributes
+    ----------
+    shapes : bool
+        Stops that are not round.
+    colours : bool
+        Light of every wavelength in its own place, and what the lens takes of each.
+    """
+
+    shapes: bool = False
+    colours: bool = False
+
+
+TRAITS: dict[Tier, Traits] = {
+    "pinhole": Traits(),
+    "thin_lens": Traits(shapes=True),
+    "thick_lens": Traits(),
+    "realistic": Traits(shapes=True, colours=True),
+}
+
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
 _POSE = ("target", "up", "flip")
-_TRACED_ONLY = ("pupil", "aperture", "accuracy")
+_TRACED_ONLY = ("pupil", "precision", "aperture", "accuracy")
 
 
 @dataclass(frozen=True)
@@ -70,9 +96,9 @@ def first_order_camera(scene: Scene) -> FirstOrderCamera:
 def equivalent(scene: Scene, tier: Tier) -> Scene:
     """Return a scene with the camera of a tier in place of the traced lens.
 
-    The thick lens keeps every setting. Pinhole and thin lens stand in the entrance pupil, whose centre is the centre of
-    the perspective, and see as much as the film does; the thin lens is as large as the entrance pupil and focused on
-    the same plane.
+    The thick lens keeps every setting, but a stop that is not round becomes one of the same area. Pinhole and thin lens
+    stand in the entrance pupil, whose centre is the centre of the perspective, and see as much as the film does; the
+    thin lens is as large as the entrance pupil and focused on the same plane.
 
     Raises
     ------
@@ -86,8 +112,7 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     if camera.motion:
         raise InputError("camera.motion: a moving camera keeps its traced lens")
     if tier == "thick_lens":
-        keys = {name: getattr(camera, name) for name in camera.model_fields_set if name not in _TRACED_ONLY}
-        return with_camera(scene, keys | {"kind": tier})
+        return with_camera(scene, _thick_lens(scene, camera))
     first = first_order_camera(scene)
     back = camera.world_from_camera()[:3, 2]
     eye = np.array(camera.eye) - back * first.pupil_mm * 1e-3 / scene.metres_per_unit
@@ -108,3 +133,16 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
             "aperture": camera.aperture,
         }
     return with_camera(scene, keys)
+
+
+def _thick_lens(scene: Scene, camera: RealisticCamera) -> dict[str, Any]:
+    """Return the keys of the thick lens in place of a traced one."""
+    keys = {name: getattr(camera, name) for name in camera.model_fields_set if name not in _TRACED_ONLY}
+    shape = stop_shape(scene, camera.aperture)
+    if shape is not None:
+        stop = lens_to_focus(scene, camera).stop
+        if stop is None:
+            raise InputError("camera.aperture: the lens has no stop to shape")
+        keys.pop("f_number", None)
+        keys["stop_diameter_mm"] = 2 * stop.semi_diameter * round_stop(shape).radius
+    return keys | {"kind": "thick_lens"}

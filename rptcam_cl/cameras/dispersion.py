@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 
 NODES = 48
 ENOUGH = 1e-8  # error of an index ratio that float32 does not see
+ENOUGH_IN_DOUBLE = 1e-13
 EXTREMES_NM = (440.0, 640.0)  # between which nine tenths of what the eye sees in daylight lies
 FIELDS = (0.0, 0.7, 1.0)  # film points along the half diagonal that are probed
 PUPIL = 5  # rays along a side of the square of rays of each of them
@@ -52,12 +53,12 @@ def fit_nodes(low_nm: float, high_nm: float) -> Array:
     return np.asarray(1 / (ends.mean() + inverse * np.ptp(ends) / 2))
 
 
-def fewest_terms(ratios: Array, wavelengths_nm: Array) -> list[Array]:
-    """Return the coefficients of polynomials through values (n, wavelengths): as few as give all to `ENOUGH`."""
+def fewest_terms(ratios: Array, wavelengths_nm: Array, enough: float = ENOUGH) -> list[Array]:
+    """Return the coefficients of polynomials through values (n, wavelengths): as few as give all to an error."""
     found: list[tuple[Array, float]] = []
     for terms in range(1, DISPERSION_TERMS + 1):
         found = [fitted(ratio, wavelengths_nm, terms) for ratio in ratios]
-        if all(error <= ENOUGH for _, error in found):
+        if all(error <= enough for _, error in found):
             break
     return [coefficients for coefficients, _ in found]
 
@@ -67,7 +68,8 @@ def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> i
     wavelengths = fit_nodes(*usable_nm(lens))
     indices = lens.indices(wavelengths)
     ratios = (indices[1:] / indices[:-1])[::-1] if backwards else indices[:-1] / indices[1:]
-    found = fewest_terms(ratios, wavelengths)
+    double = records["eta"].dtype == np.float64
+    found = fewest_terms(ratios, wavelengths, ENOUGH_IN_DOUBLE if double else ENOUGH)
     for record, ratio, coefficients in zip(records, ratios, found, strict=True):
         record["dispersion"][: len(coefficients)] = coefficients
         record["refracts"] = bool(np.any(ratio != 1.0))

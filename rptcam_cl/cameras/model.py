@@ -61,9 +61,9 @@ class CameraModel:
     tables : float32 array
         What the helper looks up; empty for most.
     surfaces : array of ``Surface`` records
-        Of a lens, film side first.
-    stop : float32 array
-        Shape of its stop.
+        Of a lens, film side first; in float64 where it is traced so.
+    stop : array
+        Shape of its stop, in the same precision.
     facts : dict
         Facts for the compilation of the camera's kernel.
     has_lens : bool
@@ -89,7 +89,7 @@ class CameraModel:
     facts: dict[str, int]
     tables: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
     surfaces: NDArray[np.void] = field(default_factory=lambda: SURFACE.zeros(1))
-    stop: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
+    stop: NDArray[np.floating] = field(default_factory=lambda: np.zeros(1, np.float32))
     has_lens: bool = False
     metadata: dict[str, Any] = field(default_factory=dict)
     view: CameraView = CameraView()

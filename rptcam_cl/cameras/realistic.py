@@ -70,7 +70,7 @@ def model_of(
         )
     half_film_mm = (width_mm / 2, height_mm / 2)
     colour = _colour(scene, setting, lens_colour)
-    balanced = (IDEAL, clear) if _shows_losses(scene) else (losses, on_axis)
+    balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
     if windows:
@@ -83,18 +83,24 @@ def model_of(
     record["pupil"][0] = pupil.parameters
     record["count"] = len(lens.surfaces)
     record["wavelength"] = camera.wavelength_nm
+    double = camera.precision == "double"
     traced = lens_records(
-        lens, camera.wavelength_nm, "film", back_mm, dispersive=colour.dispersive, transmission=losses
+        lens, camera.wavelength_nm, "film", back_mm, double=double, dispersive=colour.dispersive, transmission=losses
     )
     return CameraModel(
         "camera/realistic.h",
         record,
-        facts=traced.facts | pupil.facts,
+        facts=traced.facts | pupil.facts | ({"LENS_FLOAT64": 1} if double else {}),
         tables=pupil.table,
         surfaces=traced.surfaces,
-        stop=traced.stop.astype(np.float32),
+        stop=traced.stop,
         has_lens=True,
-        metadata={"camera": "realistic", **setting.metadata, "on_axis_irradiance": on_axis}
+        metadata={
+            "camera": "realistic",
+            "lens_precision": camera.precision,
+            **setting.metadata,
+            "on_axis_irradiance": on_axis,
+        }
         | ({"transmittance": on_axis / clear} if losses else {})
         | pupil.metadata
         | colour.metadata
@@ -122,22 +128,22 @@ def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
     error_px = colour_error_px(
         setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm
     )
-    tint = _tint(scene, setting)
+    tint = lens_tint(scene, setting)
     shows = error_px > SHOWS_PX or tint > SHOWS_TINT
     metadata = {"lens_colour_px": round(error_px, 4)} | ({"lens_tint": round(tint, 4)} if tint else {})
     return _Colour(wanted == "on" or shows, metadata)
 
 
-def _shows_losses(scene: Scene) -> bool:
+def shows_losses(scene: Scene) -> bool:
     """Return whether the exposure shows what a lens takes from the light; the others make up for it."""
     return scene.exposure.mode in ("irradiance", "physical")
 
 
-def _tint(scene: Scene, setting: LensSetting) -> float:
+def lens_tint(scene: Scene, setting: LensSetting) -> float:
     """Return how much more of one colour than of another the lens takes, where a picture shows it."""
     low, high = usable_nm(setting.lens, setting.transmission)
     passed = axial_transmittance(setting.lens, np.clip(TINTS_NM, low, high), setting.transmission)
-    return float(np.ptp(passed) / passed.max()) if _shows_losses(scene) else 0.0
+    return float(np.ptp(passed) / passed.max()) if shows_losses(scene) else 0.0
 
 
 def _axial_colour(

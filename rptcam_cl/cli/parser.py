@@ -61,7 +61,32 @@ _LARGEST = math.nextafter(math.inf, 0.0)
 spp = _number(int, 1, 2**32 - 1, "1 to 4294967295")  # sample numbers have 32 bits on the device
 seed = _number(int, 0, 2**64 - 1, "0 to 2^64 - 1")
 positive = _number(float, _SMALLEST, _LARGEST, "a finite number above 0")
-share = _number(float, _SMALLEST, math.nextafter(1.0, 0.0), "a number between 0 and 1, as 0.02")
+
+_UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+
+
+def share(text: str) -> float:
+    """Share between 0 and 1 of ``0.02`` or ``2%``."""
+    number, per_cent = re.fullmatch(r"(.*?)\s*(%?)", text.strip(), re.DOTALL).groups()  # type: ignore[union-attr]
+    try:
+        found = float(number) / (100.0 if per_cent else 1.0)
+    except ValueError:
+        found = -1.0
+    if not 0 < found < 1:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed a number between 0 and 1, as 0.02 or 2%")
+    return found
+
+
+def duration(text: str) -> float:
+    """Time of ``60``, ``60s``, ``2min`` or ``1h`` [s]."""
+    match = re.fullmatch(r"([0-9.]+(?:e[+-]?\d+)?)\s*(s|m|min|h|)", text.strip(), re.IGNORECASE)
+    try:
+        found = float(match[1]) * _UNITS[match[2].lower()] if match else -1.0
+    except ValueError:
+        found = -1.0
+    if not 0 < found <= 1e9:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed a time above 0, as 60s, 2min or 1h")
+    return found
 
 
 def size(text: str) -> tuple[int, int]:

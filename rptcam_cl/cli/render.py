@@ -35,10 +35,12 @@ def add_to(commands: Commands) -> None:
         help="raw file of the scene's sensor to write besides, format by suffix: .dng, .tif or .npy; may be repeated",
     )  # fmt: skip
     parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
-    parser.add_argument("--time", type=values.positive, metavar="S", help="end after so many seconds of rendering")
+    parser.add_argument(
+        "--time", type=values.duration, metavar="TIME", help="end after so much time of rendering, as 60s or 5min"
+    )
     parser.add_argument(
         "--noise", type=values.share, metavar="X",
-        help="give every tile of 8 x 8 pixels samples until its relative standard error is X, as 0.02",
+        help="give every tile of 8 x 8 pixels samples until its relative standard error is X, as 0.02 or 2%%",
     )  # fmt: skip
     parser.add_argument(
         "--resume",
@@ -142,17 +144,6 @@ def _save(image: "Image", arguments: argparse.Namespace) -> None:
         raise failures[0]
 
 
-def _chosen(told: dict[str, Any]) -> str:
-    """Say which camera model a picture's accuracy allowed, and by how much it errs."""
-    model = told["camera_model"]
-    if model == "realistic":
-        return "every ray traced, as no cheaper camera is as accurate"
-    found = next(errors for errors in told["errors"] if errors["camera_model"] == model)
-    return (
-        f"camera model {model} (errs by {max(found['pixels']):.2g} px, brightness by {max(found['illumination']):.2%})"
-    )
-
-
 def _metered(told: dict[str, Any]) -> str:
     """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
     chosen = f"metered {told['metered_cd_m2']:.4g} cd/m²"
@@ -174,8 +165,6 @@ def _summary(image: "Image", outputs: list[Path]) -> str:
     outcomes = stats.get("lens")
     if outcomes and sum(outcomes.values()):
         parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
-    if "accuracy" in image.metadata:
-        parts.append(_chosen(image.metadata["accuracy"]))
     if "metered_cd_m2" in image.metadata:
         parts.append(_metered(image.metadata))
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
@@ -226,6 +215,8 @@ def _run(arguments: argparse.Namespace) -> int:
     image, failure = _render(arguments, scene, checkpoint)
     _save(image, arguments)
     if not arguments.quiet:
+        for line in image.metadata.get("accuracy", {}).get("says", ()):
+            print(f"accuracy: {line}", file=sys.stderr)
         print(_summary(image, [*arguments.outputs, *arguments.raws]), file=sys.stderr)
     if image.stats.get("interrupted"):
         more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""

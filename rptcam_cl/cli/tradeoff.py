@@ -2,7 +2,6 @@
 
 import argparse
 import contextlib
-import re
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -19,20 +18,8 @@ from rptcam_cl.errors import InputError
 if TYPE_CHECKING:
     from rptcam_cl.tradeoff import TradeoffReport
 
+PRINTED = Path("-")  # in place of a file: to standard output
 _LINE_INTERVAL = 10.0  # [s], where no terminal watches
-_UNITS = {"": 1.0, "s": 1.0, "min": 60.0, "h": 3600.0}
-
-
-def duration(text: str) -> float:
-    """Time of ``60``, ``60s``, ``2min`` or ``1h`` [s]."""
-    match = re.fullmatch(r"([0-9.]+(?:e[+-]?\d+)?)\s*(s|min|h|)", text.strip(), re.IGNORECASE)
-    try:
-        found = float(match[1]) * _UNITS[match[2].lower()] if match else -1.0
-    except ValueError:
-        found = -1.0
-    if not 0 < found <= 1e9:
-        raise argparse.ArgumentTypeError(f"got {text}; allowed a time above 0, as 60s, 2min or 1h")
-    return found
 
 
 def add_to(commands: Commands) -> None:
@@ -45,24 +32,27 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "--budget",
-        type=duration,
+        type=values.duration,
         metavar="TIME",
         default=60.0,
         help="about how long to measure, as 60s or 5min (default 60s)",
     )
     parser.add_argument(
         "--time",
-        type=duration,
+        type=values.duration,
         metavar="TIME",
         default=60.0,
         help="time to render that advice is wanted for (default 60s)",
     )
     parser.add_argument(
         "--error", type=values.share, metavar="X", default=0.02,
-        help="relative error (root of relMSE) that advice is wanted for (default 0.02)",
+        help="relative error (root of relMSE) that advice is wanted for, as 0.02 or 2%% (default 0.02)",
     )  # fmt: skip
     parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution in pixels, in place of the scene's")
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write every number, .json")
+    parser.add_argument(
+        "--json", nargs="?", const=PRINTED, type=Path, metavar="FILE",
+        help="write every number, .json; without a name print them as JSON in place of text",
+    )  # fmt: skip
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write advice and tables, .md")
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw errors over time, field and picture, .svg or .png"
@@ -90,8 +80,11 @@ def _run(arguments: argparse.Namespace) -> int:
             device=arguments.device,
             on_progress=show,
         )
-    _print(report)
-    _write(report, arguments)
+    _write(report, arguments)  # before any printing, which a reader like head may end
+    if arguments.json == PRINTED:
+        print(as_json(report.as_dict()))
+    else:
+        _print(report)
     return 0
 
 
@@ -100,7 +93,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
     from rptcam_cl.imaging.atomic import check_writable
 
     for path, suffix in ((arguments.json, ".json"), (arguments.markdown, ".md")):
-        if path is None:
+        if path is None or (path == PRINTED and suffix == ".json"):
             continue
         if path.suffix.lower() != suffix:
             raise InputError(f"{path}: unknown kind of file (allowed: a name that ends in {suffix})")
@@ -111,15 +104,13 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 
 def _print(report: "TradeoffReport") -> None:
     """Print advice, tables and how they were found."""
-    from rptcam_cl.tradeoff.table import CAMERA_COLUMNS, COLUMNS, camera_rows, rows
+    from rptcam_cl.tradeoff.table import tables
     from rptcam_cl.tradeoff.text import caveats, recommendation
 
     print("\n".join(recommendation(report)), end="\n\n")
-    print_table(COLUMNS, rows(report))
-    if report.cameras:
+    for table in tables(report):
+        print_table(table.columns, table.rows, table.title)
         print()
-        print_table(CAMERA_COLUMNS, camera_rows(report), "error of cheaper cameras over the half diagonal")
-    print()
     print("\n".join(caveats(report)))
 
 
@@ -128,7 +119,7 @@ def _write(report: "TradeoffReport", arguments: argparse.Namespace) -> None:
     from rptcam_cl.tradeoff.table import markdown
 
     title = f"{arguments.scene.stem}: accuracy and time"
-    if arguments.json is not None:
+    if arguments.json not in (None, PRINTED):
         write((as_json(report.as_dict()) + "\n").encode(), arguments.json)
     if arguments.markdown is not None:
         write(markdown(report, title).encode(), arguments.markdown)

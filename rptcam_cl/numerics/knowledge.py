@@ -9,6 +9,7 @@ from rptcam_cl.numerics.lens_margin import LensMargin
 from rptcam_cl.plan import Plan
 from rptcam_cl.plan.albedo import LargestAlbedo
 from rptcam_cl.wavefront import Rendering, Wavefront
+from rptcam_cl.wavefront.precise_lens import traces_in_float64
 
 OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a rim a few do
 LARGEST_ERROR_PX = 0.1  # that float32 may make in a lens
@@ -20,14 +21,16 @@ def self_knowledge(plan: Plan, wavefront: Wavefront, rendering: Rendering, margi
     Parameters
     ----------
     margin
-        Of the lens in float32, where it was measured.
+        Of the lens as it is traced, where it was measured.
     """
     return {
         "samples_dropped": wavefront.not_finite(),
         "rays_not_converged": wavefront.outcomes()["no_convergence"] if plan.camera.has_lens else 0,
         "truncation": truncation(plan.albedo, wavefront.settings.max_depth),
         "noise": None if rendering.achieved is None else asdict(rendering.achieved),
-        "float32_lens": None if margin is None else asdict(margin),
+        f"{'float64' if traces_in_float64(plan.camera) else 'float32'}_lens": None
+        if margin is None
+        else asdict(margin),
     }
 
 
@@ -46,13 +49,19 @@ def truncation(albedo: LargestAlbedo, max_depth: int) -> dict[str, Any]:
 
 def summary(knowledge: dict[str, Any]) -> dict[str, Any]:
     """Return what the picture's metadata should say: what follows from scene and samples alone, not from waves."""
-    margin = knowledge["float32_lens"]
+    name, margin = _margin(knowledge)
     return {
         "samples_dropped": knowledge["samples_dropped"],
         "rays_not_converged": knowledge["rays_not_converged"],
         "truncation_bound": knowledge["truncation"]["bound"],
-        **({} if margin is None else {"float32_lens_px": margin["pixels"], "float32_other_fate": margin["other_fate"]}),
+        **({} if margin is None else {f"{name}_lens_px": margin["pixels"], f"{name}_other_fate": margin["other_fate"]}),
     }
+
+
+def _margin(knowledge: dict[str, Any]) -> tuple[str, dict[str, Any] | None]:
+    """Return in what the lens is traced, and what that costs where it was measured."""
+    name = "float64" if "float64_lens" in knowledge else "float32"
+    return name, knowledge[f"{name}_lens"]
 
 
 def anomalies(knowledge: dict[str, Any]) -> list[str]:
@@ -62,12 +71,13 @@ def anomalies(knowledge: dict[str, Any]) -> list[str]:
         found.append(f"{dropped} samples were not finite and were dropped")
     if lost := knowledge["rays_not_converged"]:
         found.append(f"{lost} rays found no point on a surface of the lens")
-    if (margin := knowledge["float32_lens"]) is not None:
+    name, margin = _margin(knowledge)
+    if margin is not None:
         if margin["other_fate"] > OTHER_FATES * margin["rays"]:
             found.append(
-                f"float32 sends {margin['other_fate']} of {margin['rays']} rays through the lens elsewhere than float64"
-                f" (allowed: {OTHER_FATES:.0%})"
+                f"{name} sends {margin['other_fate']} of {margin['rays']} rays through the lens elsewhere than the"
+                f" float64 reference (allowed: {OTHER_FATES:.0%})"
             )
         if (margin["pixels"] or 0.0) > LARGEST_ERROR_PX:
-            found.append(f"float32 errs by {margin['pixels']:.2g} px in the lens (allowed: {LARGEST_ERROR_PX:g} px)")
+            found.append(f"{name} errs by {margin['pixels']:.2g} px in the lens (allowed: {LARGEST_ERROR_PX:g} px)")
     return found

@@ -1,4 +1,4 @@
-"""What float32 costs in a lens: the same rays through the float64 reference and through the kernel that renders."""
+"""What a device's arithmetic costs in a lens: the same rays by the float64 reference and by the code that renders."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class LensMargin:
-    """The largest differences between float32 on a device and float64 on the host.
+    """The largest differences between float32, or float64, on a device and float64 on the host.
 
     Attributes
     ----------
@@ -50,7 +50,7 @@ class LensMargin:
 
 
 def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
-    """Return what float32 costs in the lens of a scene's camera; None for cameras that trace no lens."""
+    """Return what its precision costs in the lens of a scene's camera; None for cameras that trace no lens."""
     camera = scene.camera
     if not isinstance(camera, RealisticCamera):
         return None
@@ -62,8 +62,8 @@ def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
     origins, directions = film_rays(lens, setting.film_distance_mm, (width_mm / 2, height_mm / 2), wavelength_nm)
     exact = lens.trace(origins, directions, wavelength_nm)
-    single = trace_on_device(lens, session, origins, directions, wavelength_nm, "film", "single")
-    return _compared(exact, single, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
+    traced = trace_on_device(lens, session, origins, directions, wavelength_nm, "film", camera.precision)
+    return _compared(exact, traced, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
 
 
 def film_rays(
@@ -97,13 +97,13 @@ def _pixels_per_radian(scene: Scene, setting: LensSetting) -> float | None:
     return scene.film.resolution[0] / (scene.film.size_m()[0] * 1e3) / abs(float(thick.slope[0]))
 
 
-def _compared(exact: Rays, single: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
-    both = exact.passed & single.passed
-    passed, other = int(exact.passed.sum()), int((exact.passed != single.passed).sum())
+def _compared(exact: Rays, traced: Rays, pixels_per_radian: float | None, focus_mm: float | None) -> LensMargin:
+    both = exact.passed & traced.passed
+    passed, other = int(exact.passed.sum()), int((exact.passed != traced.passed).sum())
     if not both.any():
         return LensMargin(len(both), passed, other, None, None, None)
-    apart = np.linalg.norm((single.origins - exact.origins)[both], axis=1)
-    turned = np.linalg.norm((single.directions - exact.directions)[both], axis=1)
+    apart = np.linalg.norm((traced.origins - exact.origins)[both], axis=1)
+    turned = np.linalg.norm((traced.directions - exact.directions)[both], axis=1)
     angles = turned + (0.0 if focus_mm is None else apart / abs(focus_mm))
     return LensMargin(
         rays=len(both),

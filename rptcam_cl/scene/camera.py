@@ -351,6 +351,10 @@ class RealisticCamera(LensCamera):
     """Where rays aim: the whole rear element, the paraxial exit pupil, a box per film cell or the pupil's true outline;
     auto takes the last. It changes noise only."""
 
+    precision: Literal["single", "double"] = "single"
+    """Arithmetic in which rays go through the lens: float32, or float64 on devices that have it; everything else is
+    float32."""
+
     accuracy: Annotated[Accuracy, AlsoAccepts(AUTO)] | None = None
     """What a cheaper camera model may err by to be taken instead; by default every ray is traced."""
 

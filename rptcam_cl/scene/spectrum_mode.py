@@ -19,7 +19,8 @@ class SpectrumSettings(SceneModel):
     disperse; spectra at three wavelengths per path. By default what the scene needs."""
 
     lens: LensColour | None = None
-    """Whether the lens bends each wavelength by itself; `auto`: where that moves light by more than half a pixel."""
+    """Whether the lens bends each wavelength by itself; `auto`: where that moves light by more than half a pixel, or
+    than `camera.accuracy` allows."""
 
     @model_validator(mode="before")
     @classmethod

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from rptcam_cl.autofocus import in_focus
 from rptcam_cl.device import Session, open_session
+from rptcam_cl.errors import InputError
 from rptcam_cl.metering import settled
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.tradeoff.advice import for_error, for_time
@@ -57,10 +59,11 @@ def measure_tradeoff(
     Raises
     ------
     InputError
-        Something in the scene or the arguments is wrong.
+        Something in the scene or the arguments is wrong, or the picture is black.
     DeviceError
         No device fits, or a kernel failed.
     """
+    _check_wishes(budget=budget, seconds=seconds, error=error)
     begun = time.perf_counter()
     tell = on_progress or (lambda words, share: None)
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
@@ -78,6 +81,11 @@ def measure_tradeoff(
     )
     left = max(budget - (time.perf_counter() - begun), budget / 3)
     pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
+    if not any(picture.any() for picture in pictures.pixels[0]):
+        raise InputError(
+            "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
+            f" camera along paths of at most {fixed.render.max_depth} edges, render.max_depth)"
+        )
     tell("errors", 1.0)
     found = _measured(ready, pictures)
     decision = steps.decision
@@ -87,7 +95,8 @@ def measure_tradeoff(
         resolution=fixed.film.resolution,
         tiles=(len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
         grid=pictures.tiles.shape,
-        samples=pictures.samples,
+        samples=(*pictures.samples, pictures.long.samples),
+        long_tiles=len(pictures.long.chosen),
         seeds=pictures.seeds,
         seconds=time.perf_counter() - begun,
         by_cpu=pictures.by_cpu,
@@ -101,17 +110,25 @@ def measure_tradeoff(
     )
 
 
+def _check_wishes(**wishes: float) -> None:
+    for name, value in wishes.items():
+        most, allowed = (1.0, "between 0 and 1") if name == "error" else (math.inf, "above 0, in seconds")
+        if not (isinstance(value, int | float) and 0 < value < most):
+            raise InputError(f"{name}: is out of range (got {value!r}; allowed: a number {allowed})")
+
+
 def _given(part: Any) -> dict[str, Any]:
     return {name: getattr(part, name) for name in part.model_fields_set}
 
 
 def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
-    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles)
+    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     named = [
         {
             "name": each.configuration.name,
             "knob": each.configuration.knob,
             "same_as": each.configuration.same_as,
+            "settings": each.configuration.settings,
             "tier": each.configuration.tier,
             "unbiased": each.configuration.unbiased,
             "start_s": each.start_s,
@@ -119,4 +136,5 @@ def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
         for each in ready
     ]
     counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
-    return measurements(named, errors, pictures.timings, pictures.samples, counts)
+    samples = (*pictures.samples, pictures.long.samples)
+    return measurements(named, errors, pictures.timings, samples, counts)

@@ -10,6 +10,7 @@ from rptcam_cl.accuracy import TIERS, Decision, decided, equivalent
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene import Scene, change_scene, with_camera
 from rptcam_cl.scene.camera import RealisticCamera, ThinLensCamera
+from rptcam_cl.tradeoff.settings import settings
 
 REFERENCE = "full"
 AS_IT_IS = "as the scene says"
@@ -31,6 +32,8 @@ class Configuration:
         Camera model, as `accuracy.TIERS` has them; empty for the scene's own camera without a lens.
     unbiased : bool
         Whether the change cannot change the mean of the picture, only its noise.
+    settings : tuple of str
+        What ``rptcam render --set`` takes to render the scene that is compared in this way.
     same_as : tuple of str
         Other names that turned out to be the same way.
     """
@@ -40,11 +43,13 @@ class Configuration:
     scene: Scene
     tier: str = ""
     unbiased: bool = False
+    settings: tuple[str, ...] = ()
     same_as: tuple[str, ...] = ()
 
-    def also(self, name: str) -> Configuration:
-        """Return it with one more name."""
-        return replace(self, same_as=(*self.same_as, name))
+    def also(self, other: Configuration) -> Configuration:
+        """Return it with the name of another that is the same way, asked for by what is shorter to say."""
+        shorter = min(self.settings, other.settings, key=lambda texts: len(" ".join(texts)))
+        return replace(self, settings=shorter, same_as=(*self.same_as, other.name))
 
 
 @dataclass(frozen=True)
@@ -70,14 +75,16 @@ def ladder(scene: Scene) -> Ladder:
     full = most_accurate(scene)
     is_lens = isinstance(full.scene.camera, RealisticCamera)
     decision = decided(change_scene(full.scene, camera={"accuracy": "auto"})) if is_lens else None
-    found, skipped = [full], {}
+    found, skipped = [replace(full, settings=settings(scene, full.scene))], {}
     for change in _changes(scene, full.scene, decision):
         try:
-            made = change.make()
+            asked = change.make()
+            made = decided(asked).scene
         except InputError as problem:
             skipped[change.name] = str(problem)
             continue
-        found.append(Configuration(change.name, change.knob, made, change.tier or full.tier, change.unbiased))
+        tier, texts = change.tier or full.tier, settings(scene, asked)
+        found.append(Configuration(change.name, change.knob, made, tier, change.unbiased, texts))
     return Ladder(tuple(found), skipped, decision)
 
 
@@ -85,12 +92,13 @@ def most_accurate(scene: Scene) -> Configuration:
     """Return a scene with everything that makes its picture more accurate.
 
     Every ray goes through every surface, aimed at the pupil's outline; the lens bends each wavelength by itself unless
-    the spectrum is fixed to RGB; no limit of samples or noise.
+    the spectrum is fixed to RGB; no limit of samples or noise. The lens is traced in float32: in float64 no other mean
+    has been found.
     """
     plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
     if not isinstance(scene.camera, RealisticCamera):
         return Configuration(REFERENCE, "", plain)
-    plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto"})
+    plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "precision": "single"})
     if plain.spectrum.mode != "rgb":
         plain = change_scene(plain, spectrum={"lens": "on"})
     return Configuration(REFERENCE, "", plain, "realistic")
@@ -102,7 +110,7 @@ class _Change:
 
     name: str
     knob: str
-    make: Callable[[], Scene]
+    make: Callable[[], Scene]  # as it is asked for: `camera.accuracy` is yet to decide
     unbiased: bool = False
     tier: str = ""
 
@@ -113,6 +121,7 @@ def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_
     if decision is not None:
         for tier in reversed(TIERS[:-1]):
             yield _Change(tier.replace("_", " "), "camera", partial(equivalent, full, tier), tier=tier)
+        yield _Change("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
         for pupil in PUPILS:
             make = partial(change_scene, full, camera={"pupil": pupil})
             yield _Change(f"pupil: {pupil}", "pupil", make, unbiased=True)
@@ -131,8 +140,7 @@ def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_
 
 
 def _as_it_is(scene: Scene) -> Scene:
-    plain = change_scene(scene, render={"noise": None, "layers": ()})
-    return decided(plain).scene
+    return change_scene(scene, render={"noise": None, "layers": ()})
 
 
 def _without_lens(scene: Scene) -> Scene:

@@ -24,9 +24,13 @@ class Advice:
     amount : float
         Time [s] or relative error (root of relMSE).
     chosen : str or None
-        Name of the configuration; None where none reaches the error.
+        Name of the configuration; None where none reaches the error, or gives every pixel a sample in the time.
     seconds, error : float
         What it takes and errs by; the error counts the bias at the upper end of its interval.
+    samples : int
+        Samples per pixel that it takes; 0 where none reaches the error.
+    least_error, most_error : float
+        Between which the error lies after these samples, with noise and bias at the ends of their intervals.
     full_seconds, full_error : float
         The same of the most accurate configuration.
     perhaps : str or None
@@ -38,6 +42,9 @@ class Advice:
     chosen: str | None
     seconds: float
     error: float
+    samples: int
+    least_error: float
+    most_error: float
     full_seconds: float
     full_error: float
     perhaps: str | None
@@ -55,10 +62,12 @@ class TradeoffReport:
         Tiles of 8 x 8 pixels that the pictures were made of.
     grid : (rows, columns)
         How the rendered ones lie, row by row.
-    samples : tuple of int
-        Numbers of samples per pixel of the pictures.
+    samples : (int, int, int)
+        Numbers of samples per pixel of the pictures; the last of some of the tiles only.
+    long_tiles : int
+        How many these are.
     seeds : int
-        Independent pictures of each.
+        Independent pictures of each of the first two.
     seconds : float
         Time that all took [s].
     by_cpu : bool
@@ -83,7 +92,8 @@ class TradeoffReport:
     resolution: tuple[int, int]
     tiles: tuple[int, int]
     grid: tuple[int, int]
-    samples: tuple[int, ...]
+    samples: tuple[int, int, int]
+    long_tiles: int
     seeds: int
     seconds: float
     by_cpu: bool

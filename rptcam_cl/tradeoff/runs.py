@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device import Session
-from rptcam_cl.errors import InputError
+from rptcam_cl.errors import DeviceError, InputError
 from rptcam_cl.numerics.knowledge import truncation
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import RenderSettings
@@ -20,6 +20,7 @@ from rptcam_cl.tradeoff.ladder import Configuration
 from rptcam_cl.tradeoff.tiles import SpreadTiles
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.film import FilmLayout
+from rptcam_cl.wavefront.precise_lens import check_precision
 
 Array = NDArray[np.float64]
 
@@ -74,18 +75,19 @@ def prepare(
         begun = time.perf_counter()
         try:
             plan = make_plan(configuration.scene)
-        except InputError as problem:
+            check_precision(session, plan.camera)
+        except (InputError, DeviceError) as problem:
             if not found:
                 raise
             skipped[configuration.name] = str(problem)
             continue
-        mark = _mark(plan, configuration.scene.render)
-        if mark in seen:
-            same = found[seen[mark]]
-            known = same.configuration.also(configuration.name)
-            found[seen[mark]] = replace(same, configuration=known)
+        known_as = mark(plan, configuration.scene.render)
+        if known_as in seen:
+            same = found[seen[known_as]]
+            known = same.configuration.also(configuration)
+            found[seen[known_as]] = replace(same, configuration=known)
             continue
-        seen[mark] = len(found)
+        seen[known_as] = len(found)
         layout = FilmLayout.of(configuration.scene.film)
         wavefront = Wavefront(session, plan, layout, configuration.scene.render)
         wavefront.warm_up()
@@ -95,7 +97,7 @@ def prepare(
     return found, skipped
 
 
-def _mark(plan: Plan, settings: RenderSettings) -> bytes:
+def mark(plan: Plan, settings: RenderSettings) -> bytes:
     """Return what two configurations that render the same picture have in common."""
     camera = plan.camera
     arrays = (camera.record, camera.tables, camera.surfaces, camera.stop, plan.spectrum.table)

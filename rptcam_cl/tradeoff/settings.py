@@ -2,48 +2,31 @@
 
 from __future__ import annotations
 
-import math
+import json
+from typing import Any
 
-from rptcam_cl.tradeoff.ladder import AS_IT_IS
-from rptcam_cl.tradeoff.measurement import Measurement
-from rptcam_cl.tradeoff.report import TradeoffReport
+from rptcam_cl.scene import Scene
 
-MARGIN = 1.02  # of bounds that a camera model is asked for by, so that rounding does not exclude it
-
-
-def setting(report: TradeoffReport, found: Measurement) -> str:
-    """Return what ``rptcam render --set`` takes to render a scene so; empty where nothing or no one key does.
-
-    All but the one thing stays as in the scene, which matters where that itself differs from the most accurate one.
-    """
-    if AS_IT_IS in (found.name, *found.same_as):
-        return ""
-    value = found.name.partition(": ")[2] or found.name.rpartition(" ")[2]
-    match found.knob:
-        case "pupil":
-            return f"camera.pupil={value}"
-        case "spectrum":
-            return f"spectrum={value}"
-        case "depth":
-            return f"render.max_depth={value}"
-        case "sampler":
-            return "render.sampler=independent"
-        case "combination":
-            return "camera.accuracy=auto"
-        case "camera":
-            return _by_accuracy(report, found)
-    return "spectrum.lens=on"
+PARTS = ("film", "camera", "exposure", "shutter", "spectrum", "render")
+NOT_SAID = ("spp", "layers")  # of `render`: what a render is asked for besides
 
 
-def _by_accuracy(report: TradeoffReport, found: Measurement) -> str:
-    """Return the bounds that choose a camera model, where it is the cheapest one within them."""
-    own = report.camera_of(found)
-    if own is None or math.isinf(own.worst_px) or math.isinf(own.worst_illumination):
-        return ""
-    pixels, light = MARGIN * own.worst_px, MARGIN * own.worst_illumination
-    within = [
-        each.tier for each in report.cameras if each.worst_px <= pixels and each.worst_illumination <= light
-    ]  # cheapest first
-    if within[0] != found.tier:
-        return ""
-    return f"camera.accuracy={{max_error_px: {pixels:.4g}, max_illumination_error: {light:.4g}}}"
+def settings(scene: Scene, wanted: Scene) -> tuple[str, ...]:
+    """Return what ``rptcam render --set`` takes to turn one scene into another that differs by such keys only."""
+    return tuple(text for part in PARTS for text in _of_part(part, getattr(scene, part), getattr(wanted, part)))
+
+
+def _of_part(part: str, own: Any, wanted: Any) -> list[str]:
+    values = wanted.model_dump(mode="json", exclude_none=True)
+    if type(own) is type(wanted):
+        apart = [name for name in type(own).model_fields if getattr(own, name) != getattr(wanted, name)]
+        return [_said(f"{part}.{name}", values.get(name)) for name in apart if name not in NOT_SAID]
+    given = {name: values[name] for name in values if name in wanted.model_fields_set | {"kind"}}
+    gone = [f"{part}.{name}=null" for name in own.model_fields_set if name not in given]
+    apart = [name for name in given if getattr(own, name, None) != getattr(wanted, name)]
+    by_key = [*gone, *(_said(f"{part}.{name}", given[name]) for name in apart)]
+    return min(by_key, [_said(part, given)], key=lambda texts: len(" ".join(texts)))
+
+
+def _said(path: str, value: Any) -> str:
+    return f"{path}={value if isinstance(value, str) else json.dumps(value)}"

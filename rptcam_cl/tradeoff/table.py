@@ -1,43 +1,61 @@
-"""The measurements as a table, and the whole report as Markdown."""
+"""The measurements as tables, and the whole report as Markdown."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 from rptcam_cl.accuracy.errors import FIELDS
+from rptcam_cl.tradeoff.ladder import REFERENCE
 from rptcam_cl.tradeoff.measurement import TARGETS, Measurement
 from rptcam_cl.tradeoff.report import TradeoffReport
 from rptcam_cl.tradeoff.text import caveats, recommendation
-from rptcam_cl.tradeoff.words import bias, ends, per_cent, pixels, seconds, until
+from rptcam_cl.tradeoff.words import bias, crossing, ends, per_cent, pixels, seconds
 
 SHOWN_FIELDS = (0.0, 0.5, 0.7, 1.0)
-COLUMNS = (
-    "configuration", "a sample", "by the clock", "noise after 1 s", "bias", "energy",
-    *(f"to {target:.0%}" for target in TARGETS), "better until", "start",
+ERROR_COLUMNS = ("configuration", "bias", "brightness", f"better than {REFERENCE} until")
+COST_COLUMNS = (
+    "configuration", "a sample", "noise after 1 s", *(f"to {per_cent(target)}" for target in TARGETS), "start"
 )  # fmt: skip
 CAMERA_COLUMNS = ("camera", *(f"at {field:g}" for field in SHOWN_FIELDS), "brightness at 1")
 
 
-def rows(report: TradeoffReport) -> list[list[str]]:
-    """Return a row of texts for each configuration, in the order of `COLUMNS`."""
-    return [_row(found) for found in report.measurements]
+@dataclass(frozen=True)
+class Table:
+    """Rows of texts under the names of their columns, and what they tell."""
+
+    title: str
+    columns: tuple[str, ...]
+    rows: list[list[str]]
 
 
-def _row(found: Measurement) -> list[str]:
-    is_full = not found.knob
+def tables(report: TradeoffReport) -> list[Table]:
+    """Return what each configuration errs by, what each takes, and the errors of cheaper cameras if there are any."""
+    found = report.measurements
+    wrong = f"What each is wrong by against {REFERENCE}, however long it renders"
+    taken = "What each takes: time of a sample in every pixel, noise, time to an error, time before the first ray"
+    over = "How far cheaper cameras put light beside its place, from the middle of the picture (0) to its corner (1)"
+    made = [Table(wrong, ERROR_COLUMNS, [_errors(each) for each in found if each.knob])]
+    made.append(Table(taken, COST_COLUMNS, [_costs(each) for each in found]))
+    if cameras := _cameras(report):
+        made.append(Table(over, CAMERA_COLUMNS, cameras))
+    return made
+
+
+def _errors(found: Measurement) -> list[str]:
+    return [found.name, bias(found.bias), ends(found.energy, per_cent), crossing(found.better_until)]
+
+
+def _costs(found: Measurement) -> list[str]:
     return [
         found.name,
         ends(found.sample_s),
-        seconds(found.wall_sample_s.value),
         per_cent(max(found.rate.value, 0.0) ** 0.5),
-        "-" if is_full else bias(found.bias),
-        "-" if is_full else ends(found.energy, per_cent),
         *(ends(found.seconds_to[target]) for target in TARGETS),
-        "-" if is_full else ends(found.better_until, until),
         seconds(found.start_s),
     ]
 
 
-def camera_rows(report: TradeoffReport) -> list[list[str]]:
-    """Return a row of texts for each cheaper camera model, in the order of `CAMERA_COLUMNS`."""
+def _cameras(report: TradeoffReport) -> list[list[str]]:
     at = [FIELDS.index(field) for field in SHOWN_FIELDS]
     return [
         [
@@ -52,15 +70,11 @@ def camera_rows(report: TradeoffReport) -> list[list[str]]:
 
 def markdown(report: TradeoffReport, title: str) -> str:
     """Return the report as Markdown."""
-    parts = [f"# {title}", "\n".join(f"- {line}" for line in recommendation(report)), _table(COLUMNS, rows(report))]
-    if report.cameras:
-        parts += [
-            "Error of cheaper camera models in pixels, over the half diagonal, by rays in float64:",
-            _table(CAMERA_COLUMNS, camera_rows(report)),
-        ]
+    parts = [f"# {title}", "\n".join(f"- {line}" for line in recommendation(report))]
+    parts += [f"{table.title}:\n\n{_written(table)}" for table in tables(report)]
     return "\n\n".join([*parts, "\n".join(f"- {line}" for line in caveats(report))]) + "\n"
 
 
-def _table(columns: tuple[str, ...], cells: list[list[str]]) -> str:
-    lines = [columns, ["---"] * len(columns), *cells]
+def _written(table: Table) -> str:
+    lines = [table.columns, ["---"] * len(table.columns), *table.rows]
     return "\n".join("| " + " | ".join(text.replace("|", "\\|") for text in line) + " |" for line in lines)

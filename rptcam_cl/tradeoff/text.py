@@ -11,24 +11,22 @@ from rptcam_cl.accuracy.errors import FIELDS
 from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import Advice, TradeoffReport
-from rptcam_cl.tradeoff.settings import setting
-from rptcam_cl.tradeoff.words import bias, per_cent, pixels, seconds
+from rptcam_cl.tradeoff.words import between, bias, per_cent, pixels, seconds
 
+FULL = "full accuracy"
 SHOWS_LOAD = 1.3  # times the undisturbed time that the clock showed, from which on it is said
+RARE = 3.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
+SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 
 
 def recommendation(report: TradeoffReport) -> list[str]:
-    """Return sentences: what to take, what it costs, what it errs by and where; then what else was found."""
+    """Return sentences: what to take, how to ask for it, and what is meant; then what else was found."""
     said = [_advice(report, advice) for advice in report.advice]
-    chosen: dict[str | None, None] = {
-        advice.chosen: None for advice in report.advice if advice.chosen not in (None, REFERENCE)
-    }
-    said += [_differs(report, report.named(str(name))) for name in chosen]
-    asked = [
-        setting(report, report.named(str(name))) for name in dict.fromkeys(a.chosen for a in report.advice) if name
-    ]
-    said += [f"Ask for it by --set '{text}'." for text in dict.fromkeys(asked) if text]
+    chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
+    said += [asked for name in chosen if (asked := _asked(report, report.named(name)))]
+    said += _meant(report)
+    said += [_differs(report, report.named(name)) for name in chosen if name != REFERENCE]
     said += _camera(report)
     said += _depth(report)
     return said
@@ -38,12 +36,13 @@ def caveats(report: TradeoffReport) -> list[str]:
     """Return sentences on how the numbers were found."""
     rendered, every = report.tiles
     made = "every tile" if rendered == every else f"{rendered} of {every} tiles"
-    counts = " and ".join(map(str, report.samples))
+    first, second, most = report.samples
     said = [
         f"Measured in {seconds(report.seconds)} on {report.device}: {made} of a picture of"
-        f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {counts} samples per"
-        " pixel. Brackets are intervals of 95 %."
+        f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
+        f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
+    said += _unsure(report)
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the cores: what a render takes with the machine to itself.")
@@ -51,50 +50,104 @@ def caveats(report: TradeoffReport) -> list[str]:
         said.append(
             f"By the clock all took {clock:.1f} times as long, as other work shared the machine or cores were idle."
         )
-    said += [f"The same as {f.name}: {', '.join(f.same_as)}." for f in report.measurements if f.same_as]
-    said += [f"Not compared: {name} ({why})." for name, why in report.skipped.items()]
+    said += [
+        f"The same picture in every way: {' = '.join((f.name, *f.same_as))}." for f in report.measurements if f.same_as
+    ]
+    reasons: dict[str, list[str]] = {}
+    for name, why in report.skipped.items():
+        reasons.setdefault(why, []).append(name)
+    said += [f"Not compared: {', '.join(names)} ({why})." for why, names in reasons.items()]
     return said
+
+
+def _unsure(report: TradeoffReport) -> list[str]:
+    """Say of what is advised, and of what it is measured against, where noise hangs on paths that are rarely met."""
+    names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
+    rare = [_called(report, name) for name in names if name is not None and _hangs_on_rare(report.named(name))]
+    if not rare:
+        return []
+    return [
+        f"The noise of {' and of '.join(rare)} comes from rare bright paths: errors and times may be off by more than"
+        " is told; a longer measurement (--budget) meets more of them."
+    ]
+
+
+def _hangs_on_rare(found: Measurement) -> bool:
+    last = found.noise[1]
+    return last.high > RARE * last.low or found.slope.low > SLOW
 
 
 def _advice(report: TradeoffReport, advice: Advice) -> str:
     said = _for_time(report, advice) if advice.wish == "time" else _for_error(report, advice)
     if advice.perhaps is None:
         return f"{said}."
-    return f"{said}; {advice.perhaps} may do better, which a longer measurement (--budget) would tell."
+    perhaps = _called(report, advice.perhaps)
+    return f"{said}. {perhaps[0].upper()}{perhaps[1:]} may do better; a longer measurement (--budget) would tell."
 
 
 def _for_time(report: TradeoffReport, advice: Advice) -> str:
-    head, errs = f"In {seconds(advice.amount)}", per_cent(advice.error)
+    head = f"In {seconds(advice.amount)}"
+    if advice.chosen is None:
+        fastest = min(found.sample_s.value for found in report.measurements)
+        return f"{head}: no picture; a sample in every pixel takes {seconds(fastest)} at least"
+    errs = f"{between(advice.least_error, advice.most_error)} after {advice.samples} samples per pixel"
+    take = f"{head}: take {_called(report, advice.chosen)}; its picture then errs by {errs}"
     if advice.chosen == REFERENCE:
-        return f"{head}: take {_named(report, REFERENCE)}, which errs by {errs}; no approximation surely does better"
-    full = per_cent(advice.full_error)
-    return f"{head}: take {advice.chosen}, which errs by at most {errs}; {REFERENCE} errs by {full}"
+        return f"{take}. No approximation is surely better"
+    if math.isinf(advice.full_error):
+        return f"{take}; {FULL} gives none so soon"
+    return f"{take}, with {FULL} by {per_cent(advice.full_error)}"
 
 
 def _for_error(report: TradeoffReport, advice: Advice) -> str:
     head, takes = f"To an error of {per_cent(advice.amount)}", seconds(advice.seconds)
     if advice.chosen is None:
-        return f"{head}: no configuration gets there"
+        return f"{head}: nothing gets there"
+    take = f"{head}: take {_called(report, advice.chosen)}; that takes {takes} ({advice.samples} samples per pixel)"
     if advice.chosen == REFERENCE:
-        return f"{head}: take {_named(report, REFERENCE)}, in {takes}; no approximation surely is faster"
+        return f"{take}. No approximation is surely faster"
     full, times = seconds(advice.full_seconds), advice.full_seconds / advice.seconds
-    return f"{head}: take {advice.chosen}, in {takes}; {REFERENCE} takes {full}, {times:.1f} times as long"
+    return f"{take}, {FULL} {full}, {times:.1f} times as long"
 
 
-def _named(report: TradeoffReport, name: str) -> str:
-    same = report.named(name).same_as
-    return f"{name} (the scene as it is)" if AS_IT_IS in same else name
+def _called(report: TradeoffReport, name: str) -> str:
+    """Return what to call a configuration in a sentence."""
+    found = report.named(name)
+    if AS_IT_IS in (name, *found.same_as):
+        return f"the scene as it is{f' ({FULL})' if name == REFERENCE else ''}"
+    if name == REFERENCE:
+        return FULL
+    return f"the {name}" if found.knob == "camera" else f"«{name}»"
+
+
+def _asked(report: TradeoffReport, found: Measurement) -> str:
+    sets = " ".join(f"--set '{text}'" for text in found.settings)
+    return f"Ask for {_called(report, found.name)} by {sets}." if sets else ""
+
+
+def _meant(report: TradeoffReport) -> list[str]:
+    """Say what an error is, and what full accuracy."""
+    how = ": every ray through every surface of the lens" if report.allowed else ", with its own camera"
+    return [
+        "Errors are relative to each pixel's brightness (root mean square over the picture), noise included.",
+        f"{FULL[0].upper()}{FULL[1:]} ({REFERENCE} in the tables) is the most accurate way to render the scene{how}.",
+    ]
 
 
 def _differs(report: TradeoffReport, found: Measurement) -> str:
+    called = _called(report, found.name)
     if found.unbiased:
-        return f"What {found.name} changes is noise alone."
+        return f"What {called} changes is noise alone."
     sure = found.sure_bias_of_tiles
     where = f", most at the {place(sure, report.grid)}" if sure.any() and found.bias.low > 0 else ""
     camera = report.camera_of(found)
     at = f", {_over_field(camera)}" if camera is not None else ""
+    apart = bias(found.bias)
+    if apart == "none":
+        return f"Nothing was seen that {called} does otherwise than {FULL}, except for time."
     more = "; a longer measurement would tell more" if found.bias.low <= 0 else ""
-    return f"{found.name} differs from {REFERENCE} by {bias(found.bias)} over the picture{where}{at}{more}."
+    apart = apart.replace("below", "less than")
+    return f"With all noise gone, {called} would differ from {FULL} by {apart}{where}{at}{more}."
 
 
 def place(values: np.ndarray, grid: tuple[int, int]) -> str:
@@ -137,11 +190,11 @@ def _camera(report: TradeoffReport) -> list[str]:
 
 def _depth(report: TradeoffReport) -> list[str]:
     depth, bound = report.truncation["max_depth"], report.truncation["bound"]
+    paths = f"Paths of light end after {depth} edges (render.max_depth), also with {FULL}"
     if bound is None:
-        why = report.truncation["no_bound_because"]
-        return [f"How much paths beyond {depth} edges would add has no bound ({why})."]
+        return [f"{paths}; how much longer ones would add has no bound ({report.truncation['no_bound_because']})."]
     largest = report.truncation["largest_albedo"]
     return [
-        f"Paths beyond {depth} edges would add at most {per_cent(bound)} of the radiance of the brightest lamp"
+        f"{paths}; longer ones would add at most {per_cent(bound)} of the radiance of the brightest lamp"
         f" (reflectances up to {largest:.2g})."
     ]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 from rptcam_cl.tradeoff.statistics import Interval
 
@@ -36,6 +37,12 @@ def per_cent(share: float) -> str:
     return f"{_short(100 * share)} %"
 
 
+def between(low: float, high: float) -> str:
+    """Return two shares as ``1.8 to 2.1 %``; once where they are the same."""
+    first, last = _short(100 * low), per_cent(high)
+    return last if per_cent(low) == last else f"{first} to {last}"
+
+
 def pixels(value: float) -> str:
     """Return a distance in pixels; an infinite one is where a lens sees nothing."""
     return "dark" if math.isinf(value) else f"{_short(value)} px"
@@ -44,16 +51,28 @@ def pixels(value: float) -> str:
 def bias(found: Interval) -> str:
     """Return the root of a bias as relMSE with its interval; only what it is at most where it may be nothing."""
     low, value, high = (math.sqrt(max(end, 0.0)) for end in (found.low, found.value, found.high))
-    if found.low <= 0:
+    if high == 0:
+        return "none"
+    if low == 0:
         return f"below {per_cent(high)}"
-    return f"{per_cent(value)} ({_short(100 * low)} to {_short(100 * high)})"
+    least, most = _short(100 * low), _short(100 * high)
+    return per_cent(value) if least == most == _short(100 * value) else f"{per_cent(value)} ({least} to {most})"
 
 
-def ends(found: Interval, say: object = seconds) -> str:
+def ends(found: Interval, say: Callable[[float], str] = seconds) -> str:
     """Return an estimate with the ends of its interval in brackets, once where they are the same."""
-    assert callable(say)
     value, low, high = (say(end) for end in (found.value, found.low, found.high))
-    return value if low == high == value else f"{value} ({low} to {high})"
+    if low == high == value:
+        return value
+    units = {text.rpartition(" ")[2] for text in (value, low, high)}
+    if len(units) == 1:
+        low, high = (text.rpartition(" ")[0] for text in (low, high))
+    return f"{value} ({low} to {high})"
+
+
+def crossing(found: Interval) -> str:
+    """Return the time until which something is better with its interval, which may say nothing."""
+    return "not known" if found.low <= 0 and math.isinf(found.high) else ends(found, until)
 
 
 def _short(value: float) -> str:

@@ -28,6 +28,7 @@ from rptcam_cl.wavefront.buffers import SceneBuffers, camera_buffers
 from rptcam_cl.wavefront.film import BLOCK, PLANES, TILE_PIXELS, FilmLayout
 from rptcam_cl.wavefront.layers import LayerPass, LayerPlanes
 from rptcam_cl.wavefront.memory import check_memory, memory_needs
+from rptcam_cl.wavefront.precise_lens import BYTES_PER_SLOT, PreciseLens, traces_in_float64
 
 # Paths of a wave. On two CPU cores 256k render meshes 1.3 times as fast as 64k, whose ends leave a core idle.
 WAVE_SLOTS = {"cpu": 1 << 18, "gpu": 1 << 20}
@@ -87,7 +88,9 @@ class Wavefront:
         self._events: list[tuple[str, Any]] = []
         self.passes: dict[str, float] = {}
         lanes = session.lanes
-        self._packets = 2 if plan.camera.has_lens and lanes > 1 else 1  # of lanes per work item that trace a lens
+        self._precise = traces_in_float64(plan.camera)
+        traces = plan.camera.has_lens and not self._precise
+        self._packets = 2 if traces and lanes > 1 else 1  # of lanes per work item that trace a lens
         self._lanes = {"trace": lanes, "camera": LENS_LANES if plan.camera.has_lens and lanes > 1 else lanes}
         self._allocate(plan, buffers)
         self._build(plan)
@@ -110,7 +113,7 @@ class Wavefront:
         self._trace = self.session.program(
             trace, plan.facts | self._buffers.tree_facts | {"VW": self._lanes["trace"]}, declarations
         )
-        camera_facts: dict[str, int | str] = {
+        self._camera_facts: dict[str, int | str] = {
             **plan.camera.facts,
             "CAMERA_FILE": plan.camera.kernel,
             "CAMERA_HAS_LENS": int(plan.camera.has_lens),
@@ -125,7 +128,7 @@ class Wavefront:
             "CAMERA_PACKETS": self._packets,
             "VW": self._lanes["camera"],
         }
-        self._camera = self.session.program(["pass/generate.cl"], camera_facts, declarations)
+        self._camera = self.session.program(["pass/generate.cl"], self._camera_facts, declarations)
 
     def _allocate(self, plan: Plan, buffers: SceneBuffers | None) -> None:
         floats = floats_per_slot(
@@ -136,11 +139,12 @@ class Wavefront:
             colours=plan.facts["SPECTRUM"] > 0,
         )
         state_bytes = 4 * floats * self.capacity
+        lens_bytes = BYTES_PER_SLOT * self.capacity if self._precise else 0
         planes = LayerPlanes(self.settings.layers)
         self._film_planes = PLANES + (self.settings.clamp is not None)
         self._film_bytes = 4 * self._film_planes * self.layout.pixels
         film_bytes = self._film_bytes + planes.bytes_per_pixel * self.layout.pixels
-        check_memory(memory_needs(plan, self.session, film=film_bytes, paths=state_bytes), self.session)
+        check_memory(memory_needs(plan, self.session, film=film_bytes, paths=state_bytes + lens_bytes), self.session)
         session = self.session
         self._state = session.allocate(state_bytes)
         self._film = session.allocate(self._film_bytes, zeroed=True)
@@ -161,9 +165,17 @@ class Wavefront:
     def _bind(self, plan: Plan) -> None:
         session, capacity, empty = self.session, np.uint32(self.capacity), bytes(WAVE.dtype.itemsize)
         scene, pixels = self._buffers.scene, np.uint32(self.layout.pixels)
+        self._lens = None
+        if self._precise:
+            self._lens = PreciseLens(
+                session, plan.camera, self._camera_facts, self.capacity, self._tile_list, self._buffers.filter,
+                self._buffers.colours,
+            )  # fmt: skip
+            self._lens.use_camera(self._camera_buffers)
         self._generate = session.bind(
             self._camera, "generate", *self._camera_buffers, self._counters, self._state, capacity, empty,
             self._tile_list, self._buffers.filter, self._buffers.colours, *self._buffers.course,
+            *(() if self._lens is None else (self._lens.rays,)),
         )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(
@@ -218,6 +230,8 @@ class Wavefront:
         self._camera_buffers = camera_buffers(self.session, camera)
         for index, buffer in enumerate(self._camera_buffers):
             self._generate.set(index, buffer)
+        if self._lens is not None:
+            self._lens.use_camera(self._camera_buffers)
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
@@ -239,6 +253,8 @@ class Wavefront:
         slots = pixels * samples
         tiles = self.tiles[first_pixel // TILE_PIXELS : (first_pixel + pixels) // TILE_PIXELS]
         self._enqueued += samples * int(self.layout.pixels_of_tile[tiles].sum())
+        if self._lens is not None:
+            self._lens.enqueue(wave, slots, self._run)
         self._generate.set(WAVE_OF_GENERATE, wave)
         self._run(self._generate, slots // (self._packets * self._lanes["camera"]))
         if self._layers is not None and first_sample < self.settings.layers_spp:

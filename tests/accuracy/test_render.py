@@ -5,7 +5,7 @@ import numpy as np
 from rptcam_cl.accuracy import equivalent
 from rptcam_cl.api import render
 from rptcam_cl.scene import change_scene
-from tests.accuracy.test_errors import scene_of
+from tests.accuracy.cases import scene_of
 
 
 def test_picture_is_that_of_the_chosen_camera_and_says_so():

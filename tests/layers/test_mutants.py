@@ -1,30 +1,14 @@
 """The tests of layers themselves: each deliberate fault in a copy of the kernels must make one of them fail."""
 
-import shutil
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import pytest
 
-from rptcam_cl.device import program
-from rptcam_cl.resources import kernels_dir
 from tests.layers import test_blur as blur
 from tests.layers import test_geometry_layers as geometry
 from tests.layers import test_means as means
 from tests.layers.scenes import one_sample, world
+from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
 
 pytestmark = pytest.mark.slow
-
-
-@dataclass(frozen=True)
-class Mutant:
-    """A fault, its file, and the test that must find it."""
-
-    name: str
-    file: str
-    text: str
-    fault: str
-    killer: Callable[[], object]
 
 
 def image(camera="thin_lens"):
@@ -63,30 +47,21 @@ def sky():
     blur.test_sky_is_blurred_as_what_is_infinitely_far()
 
 
-PASS, HELPERS = "pass/layers.cl", "integrator/layers.h"
 MUTANTS = [
-    Mutant("depth along the ray", PASS, "F depth = -dot3(seen_at, back);", "F depth = hit.t;", depths),
-    Mutant("normals as they are", PASS, "I behind = dot3(vertex.ng, ray.d) > 0.0f;", "I behind = FALSE;", facing),
-    Mutant("neighbour's name", HELPERS, "hit.primitive * 2 + which", "hit.primitive * 2 + 1 - which", objects),
-    Mutant("u for v", PASS, "on ? uv.v :", "on ? uv.u :", objects),
-    Mutant("weights forgotten", HELPERS, "F y = weight * value -", "F y = (weight != 0.0f ? value : ZERO) -", mixed),
-    Mutant("last ray", PASS, "I fresh = passed & (sums.sum[SUM_OF_PASSED] == 0.0f);", "I fresh = passed;", first_rays),
-    Mutant("pupil mirrored", PASS, "dot3(there, up) * view->pupil.y", "-dot3(there, up) * view->pupil.y", lens_loop),
-    Mutant("film mirrored", HELPERS, "F x = (0.5f - 0.5f * film_x", "F x = (0.5f + 0.5f * film_x", tilted),
-    Mutant("film upside down", HELPERS, "F y = (0.5f - 0.5f * film_y", "F y = (0.5f + 0.5f * film_y", tilted),
-    Mutant("sky near", PASS, "F vergence = on ? ONE / MAX", "F vergence = TRUE ? ONE / MAX", sky),
+    Mutant("depth along the ray", "F depth = -dot3(seen_at, back);", "F depth = hit.t;", depths),
+    Mutant("normals as they are", "I behind = dot3(vertex.ng, ray.d) > 0.0f;", "I behind = FALSE;", facing),
+    Mutant("neighbour's name", "hit.primitive * 2 + which", "hit.primitive * 2 + 1 - which", objects),
+    Mutant("u for v", "on ? uv.v :", "on ? uv.u :", objects),
+    Mutant("weights forgotten", "F y = weight * value -", "F y = (weight != 0.0f ? value : ZERO) -", mixed),
+    Mutant("last ray", "I fresh = passed & (sums.sum[SUM_OF_PASSED] == 0.0f);", "I fresh = passed;", first_rays),
+    Mutant("pupil mirrored", "dot3(there, up) * view->pupil.y", "-dot3(there, up) * view->pupil.y", lens_loop),
+    Mutant("film mirrored", "F x = (0.5f - 0.5f * film_x", "F x = (0.5f + 0.5f * film_x", tilted),
+    Mutant("film upside down", "F y = (0.5f - 0.5f * film_y", "F y = (0.5f + 0.5f * film_y", tilted),
+    Mutant("sky near", "F vergence = on ? ONE / MAX", "F vergence = TRUE ? ONE / MAX", sky),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
-def test_fault_is_found(mutant, tmp_path, monkeypatch):
-    mutant.killer()  # without the fault it passes
-    folder = tmp_path / "kernels"
-    shutil.copytree(kernels_dir(), folder)
-    path = folder / mutant.file
-    text = path.read_text("utf-8")
-    assert text.count(mutant.text) == 1
-    path.write_text(text.replace(mutant.text, mutant.fault))
-    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
-    with pytest.raises(AssertionError):
-        mutant.killer()
+@each_mutant(MUTANTS)
+def test_fault_is_found(mutant):
+    assert_alive([mutant])
+    assert_found(mutant)

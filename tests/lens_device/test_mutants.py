@@ -1,15 +1,10 @@
 """The lens tests themselves: every deliberate fault in a copy of the kernels, or in what feeds them, fails one of them.
 
-    python -m pytest -m slow tests/lens_device/test_mutants.py
-
-A fault in a kernel is a piece of its text and what replaces it; the text must occur in exactly one place, so that a
-kernel that was rewritten asks for its mutant to be rewritten, too.
+python -m pytest -m slow tests/lens_device/test_mutants.py
 """
 
-import shutil
 from collections.abc import Callable
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import replace
 
 import pytest
 
@@ -17,8 +12,7 @@ from rptcam_cl import lens_tracing
 from rptcam_cl.cameras import realistic
 from rptcam_cl.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.cameras.pupil import pupil_sampling
-from rptcam_cl.device import Session, program
-from rptcam_cl.resources import kernels_dir
+from rptcam_cl.device import Session
 from tests.device.probes import open_session
 from tests.device.test_camera_rays import test_round_aperture_is_filled_evenly as aperture
 from tests.lens_device import test_exact_optics as exact
@@ -26,6 +20,7 @@ from tests.lens_device import test_extremes as extremes
 from tests.lens_device import test_invariants as invariants
 from tests.lens_device import test_pupil_containment as pupils
 from tests.lens_device import test_truth_rays as truth_rays
+from tests.support.mutants import Mutant, assert_alive, assert_found, assert_killed, each_mutant
 
 pytestmark = pytest.mark.slow
 Test = Callable[[Session], object]
@@ -59,78 +54,46 @@ weierstrass = exact.test_the_aplanatic_point_of_a_sphere_is_imaged_sharply_at_ev
 BALL = exact.test_ball_lens_has_its_spherical_aberration
 
 
-@dataclass(frozen=True)
-class KernelMutant:
-    """A fault in a kernel, and the tests of which each must find it."""
-
-    name: str
-    text: str
-    fault: str
-    killers: tuple[Test, ...]
-
-
 RIM = "p.x * p.x + p.y * p.y <= surface->semi_diameter2"
 NORMAL = "hit.n = f3(-c * hit.p.x, -c * hit.p.y, 1.0f - c * hit.p.z);"
 BENDS = "return along(along_surface, n, *cosine_after);"
 TAN = "return normalized(along(along_surface, n, cosine));"
-KERNEL_MUTANTS = [
-    KernelMutant(
+MUTANTS = [
+    Mutant(
         "1 cos^3 for cos^4",
-        "F weight = camera->a.w * at.inverse_density * cos2_over_length2 * cos2_over_length2;",
-        "F weight = camera->a.w * at.inverse_density * cos2_over_length2 / (z * sqrt(length2));",
-        (etendue, wide_etendue),
+        "F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;",
+        "F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 / sqrt(ray.length2);",
+        etendue, wide_etendue,
     ),
-    KernelMutant("2 no root in the pupil", "F rho = sqrt(v);\n    Aim a;", "F rho = v;\n    Aim a;", (etendue,)),
-    KernelMutant("2 no root in the aperture", "F r = sqrt(v);\n    *x = r * c;", "F r = v;\n    *x = r * c;",
-                 (aperture,)),
-    KernelMutant("3 diameter for radius", RIM, RIM.replace("<= ", "<= 4 * "), (etendue, rays_of("dgauss50"))),
-    KernelMutant("4 index off by 1e-3", "F eta = (F)(s->eta);", "F eta = (F)(s->eta + 1e-3f);",
-                 (weierstrass, rays_of("dgauss50"), BALL)),
-    KernelMutant("6 normal not flipped", NORMAL, "hit.n = f3(c * hit.p.x, c * hit.p.y, 1.0f - c * hit.p.z);",
-                 (snell, rays_of("dgauss50"))),
-    KernelMutant("6 normal of another sign", NORMAL, "hit.n = f3(c * hit.p.x, c * hit.p.y, c * hit.p.z - 1.0f);",
-                 (snell, rays_of("dgauss50"))),
-    KernelMutant("19 pupil drawn 2 % too small", "F rho = sqrt(v);\n    Aim a;", "F rho = 0.98f * sqrt(v);\n    Aim a;",
-                 (pass_rate,)),
-    KernelMutant("19 weight of a pupil 2 % too small", "lit ? PI_F * o.a", "lit ? 0.96f * PI_F * o.a", (etendue,)),
-    KernelMutant("law of tangents", BENDS, TAN, (snell, BALL, weierstrass)),
-    KernelMutant("the other root", "F t = f / (g + hit.cosine);", "F t = f / (g - hit.cosine);", (snell, BALL)),
-    KernelMutant("half the sag", "hit.p = f3(x + t * d.x, y + t * d.y, t * d.z);\n    hit.n = f3(-c * hit.p.x",
-                 "hit.p = f3(x + t * d.x, y + t * d.y, 0.5f * t * d.z);\n    hit.n = f3(-c * hit.p.x", (BALL, snell)),
-    KernelMutant("no refusal of total reflection", "*bends = cosine2_after > CRITICAL;",
-                 "*bends = cosine2_after > -9.0f;",
-                 (lambda s: extremes.test_total_reflection_from_both_sides(s, "film", 1.5, 1.0, "single"),)),
-    KernelMutant("no refusal of a miss", "hit.met = (discriminant >= 0.0f) & (hit.n.z > 0.0f);", "hit.met = TRUE;",
-                 (lambda s: extremes.test_intersections(s, "start_distance", "single"),
-                  lambda s: extremes.test_hemispheres_up_to_their_rim(s, "single"))),
+    Mutant("2 no root in the pupil", "F rho = sqrt(v);\n    Aim a;", "F rho = v;\n    Aim a;", etendue),
+    Mutant("2 no root in the aperture", "F r = sqrt(v);\n    *x = r * c;", "F r = v;\n    *x = r * c;",
+           aperture),
+    Mutant("3 diameter for radius", RIM, RIM.replace("<= ", "<= 4 * "), etendue, rays_of("dgauss50")),
+    Mutant("4 index off by 1e-3", "F eta = (F)(s->eta);", "F eta = (F)(s->eta + 1e-3f);",
+           weierstrass, rays_of("dgauss50"), BALL),
+    Mutant("6 normal not flipped", NORMAL, "hit.n = f3(c * hit.p.x, c * hit.p.y, 1.0f - c * hit.p.z);",
+           snell, rays_of("dgauss50")),
+    Mutant("6 normal of another sign", NORMAL, "hit.n = f3(c * hit.p.x, c * hit.p.y, c * hit.p.z - 1.0f);",
+           snell, rays_of("dgauss50")),
+    Mutant("19 pupil drawn 2 % too small", "F rho = sqrt(v);\n    Aim a;", "F rho = 0.98f * sqrt(v);\n    Aim a;",
+           pass_rate),
+    Mutant("19 weight of a pupil 2 % too small", "lit ? PI_F * o.a", "lit ? 0.96f * PI_F * o.a", etendue),
+    Mutant("law of tangents", BENDS, TAN, snell, BALL, weierstrass),
+    Mutant("the other root", "F t = f / (g + hit.cosine);", "F t = f / (g - hit.cosine);", snell, BALL),
+    Mutant("half the sag", "hit.p = f3(x + t * d.x, y + t * d.y, t * d.z);\n    hit.n = f3(-c * hit.p.x",
+           "hit.p = f3(x + t * d.x, y + t * d.y, 0.5f * t * d.z);\n    hit.n = f3(-c * hit.p.x", BALL, snell),
+    Mutant("no refusal of total reflection", "*bends = cosine2_after > CRITICAL;",
+           "*bends = cosine2_after > -9.0f;",
+           lambda s: extremes.test_total_reflection_from_both_sides(s, "film", 1.5, 1.0, "single")),
+    Mutant("no refusal of a miss", "hit.met = (discriminant >= 0.0f) & (hit.n.z > 0.0f);", "hit.met = TRUE;",
+           lambda s: extremes.test_intersections(s, "start_distance", "single"),
+           lambda s: extremes.test_hemispheres_up_to_their_rim(s, "single")),
 ]  # fmt: skip
 
 
-def patched_kernels(folder: Path, mutant: KernelMutant) -> Path:
-    """Return a copy of the kernels with the fault in it."""
-    copy = folder / "kernels"
-    shutil.copytree(kernels_dir(), copy)
-    places = [path for path in copy.rglob("*.[hc]*") for _ in range(path.read_text().count(mutant.text))]
-    assert len(places) == 1, f"{mutant.name}: the text occurs in {len(places)} places"
-    places[0].write_text(places[0].read_text().replace(mutant.text, mutant.fault))
-    return copy
-
-
-def assert_killed(killers: tuple[Test, ...]) -> None:
-    session = open_session()
-    for killer in killers:
-        try:
-            killer(session)
-        except AssertionError:
-            continue
-        pytest.fail("a test did not notice")
-
-
-@pytest.mark.parametrize("mutant", KERNEL_MUTANTS, ids=lambda mutant: mutant.name)
-def test_fault_in_a_kernel_is_found(monkeypatch, tmp_path, mutant):
-    copy = patched_kernels(tmp_path, mutant)
-    monkeypatch.setattr(program, "kernels_dir", lambda: copy)
-    assert_killed(mutant.killers)
+@each_mutant(MUTANTS)
+def test_fault_in_a_kernel_is_found(mutant):
+    assert_found(mutant, open_session())
 
 
 def stop_wider(lens, *given, **options) -> LensRecords:
@@ -176,7 +139,7 @@ RECORD_MUTANTS = [
 def test_fault_in_the_records_of_a_lens_is_found(monkeypatch, fault, killers):
     for module in (lens_tracing, realistic):
         monkeypatch.setattr(module, "lens_records", fault)
-    assert_killed(killers)
+    assert_killed(killers, open_session())
 
 
 def test_pupil_table_2_percent_too_small_is_found(monkeypatch):
@@ -193,11 +156,11 @@ def test_pupil_table_2_percent_too_small_is_found(monkeypatch):
         lambda _, name=name: pupils.test_no_ray_that_passes_lies_outside_its_pupil(name, "tight")
         for name in ("dgauss-50mm", "wide-22mm", "telephoto-250mm")
     ]
-    assert_killed((etendue, wide_etendue, *contained))
+    assert_killed((etendue, wide_etendue, *contained), open_session())
 
 
 def test_the_killers_let_the_true_kernels_live():
     session = open_session()
-    killers = {killer for mutant in KERNEL_MUTANTS for killer in mutant.killers}
-    for killer in (*killers, stopped_down_rim_mask, reversal, rays_of("wide22"), rays_of("cooke50", "F")):
+    assert_alive(MUTANTS, session)
+    for killer in (stopped_down_rim_mask, reversal, rays_of("wide22"), rays_of("cooke50", "F")):
         killer(session)

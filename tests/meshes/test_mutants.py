@@ -2,11 +2,11 @@
 
 import pytest
 
-from rptcam_cl.device import Session, choose_device, program
+from rptcam_cl.device import Session, choose_device
 from tests.meshes import test_hits as hits
 from tests.render import test_meshes as pictures
 from tests.render import test_opacity as opacity
-from tests.render.test_mutants import Mutant, mutated
+from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
 
 pytestmark = pytest.mark.slow
 
@@ -51,14 +51,11 @@ MUTANTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
-def test_fault_is_found(mutant, tmp_path, monkeypatch):
-    folder = mutated(mutant, tmp_path / "kernels")
-    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
-    with pytest.raises(AssertionError):
-        mutant.killer()
+@each_mutant(MUTANTS)
+def test_fault_is_found(mutant):
+    assert_found(mutant)
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
-def test_its_test_passes_without_the_fault(mutant):
-    mutant.killer()
+@each_mutant(MUTANTS)
+def test_its_tests_pass_without_the_fault(mutant):
+    assert_alive([mutant])

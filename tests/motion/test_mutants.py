@@ -6,7 +6,6 @@ from tempfile import TemporaryDirectory
 import numpy as np
 import pytest
 
-from rptcam_cl.device import program
 from rptcam_cl.geometry import movement
 from tests.device.probes import open_session
 from tests.motion import test_camera_motion as camera
@@ -14,7 +13,7 @@ from tests.motion import test_moments as moments
 from tests.motion import test_object_motion as objects
 from tests.motion import test_streaks as streaks
 from tests.motion import test_swept_boxes as boxes
-from tests.render.test_mutants import Mutant, mutated
+from tests.support.mutants import Mutant, assert_found, each_mutant
 
 pytestmark = pytest.mark.slow
 
@@ -54,12 +53,9 @@ MUTANTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
-def test_fault_is_found(mutant, tmp_path, monkeypatch):
-    folder = mutated(mutant, tmp_path / "kernels")
-    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
-    with pytest.raises(AssertionError):
-        mutant.killer()
+@each_mutant(MUTANTS)
+def test_fault_is_found(mutant):
+    assert_found(mutant)
 
 
 def test_box_that_leaves_out_the_bend_of_a_turn_is_found(monkeypatch):

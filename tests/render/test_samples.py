@@ -56,6 +56,12 @@ def test_stopping_keeps_whole_samples():
     np.testing.assert_array_equal(np.asarray(image), 1)
 
 
+@pytest.mark.parametrize("seconds", [0, -1.0, float("nan")])
+def test_time_that_cannot_be_is_refused(seconds):
+    with pytest.raises(rptcam_cl.InputError, match=r"^seconds: is out of range \(got "):
+        rptcam_cl.render(still_life(), seconds=seconds)
+
+
 def test_time_ends_a_render():
     image = rptcam_cl.render(still_life(), size=(64, 48), seconds=0.5)
     # it ends at the nearest whole sample; a busy machine may take longer, but not many times as long

@@ -2,14 +2,13 @@
 
 import pytest
 
-from rptcam_cl.device import program
 from tests.device.probes import open_session
 from tests.lens_device import test_wavelengths as rays
-from tests.render.test_mutants import Mutant, mutated
 from tests.spectrum import test_colour_noise as noise
 from tests.spectrum import test_fringes as fringes
 from tests.spectrum import test_modes as modes
 from tests.spectrum import test_prism as prism
+from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
 
 pytestmark = pytest.mark.slow
 
@@ -55,14 +54,11 @@ MUTANTS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
-def test_fault_is_found(mutant, tmp_path, monkeypatch):
-    folder = mutated(mutant, tmp_path / "kernels")
-    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
-    with pytest.raises(AssertionError):
-        mutant.killer()
+@each_mutant(MUTANTS)
+def test_fault_is_found(mutant):
+    assert_found(mutant)
 
 
-@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
-def test_its_test_passes_without_the_fault(mutant):
-    mutant.killer()
+@each_mutant(MUTANTS)
+def test_its_tests_pass_without_the_fault(mutant):
+    assert_alive([mutant])

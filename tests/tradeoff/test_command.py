@@ -3,15 +3,21 @@
 import itertools
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
+from rptcam_cl.cli import parser as values
+from rptcam_cl.device import Session, choose_device
+from rptcam_cl.errors import InputError
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
+from rptcam_cl.tradeoff.ladder import ladder
 from rptcam_cl.tradeoff.plot import tradeoff_plot
-from rptcam_cl.tradeoff.table import COLUMNS, markdown, rows
+from rptcam_cl.tradeoff.runs import prepare
+from rptcam_cl.tradeoff.table import markdown, tables
 from rptcam_cl.tradeoff.text import recommendation
 
 BOARD = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [60, 60]}}
@@ -29,6 +35,10 @@ SCENE = {
         {"shape": "rectangle", "corner": [-3, 3, -8], "edge_u": [6, 0, 0], "edge_v": [0, 0, 8], "material": LAMP},
     ],
 }  # fmt: skip
+
+
+TINY = {"resolution": [8, 8]}
+PINHOLE = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 0], "target": [0, 0, -1]}
 
 
 @pytest.fixture(scope="module")
@@ -51,16 +61,34 @@ def test_accuracy_never_makes_the_measured_bias_worse(report):
 def test_everything_that_differs_is_there_once(report):
     names = [found.name for found in report.measurements]
     assert names[0] == "full"
-    assert {"thick lens", "thin lens", "pinhole", "depth 2", "depth 4", "independent samples"} <= set(names)
+    assert {"lens: float64", "thick lens", "thin lens", "pinhole", "depth 2", "depth 4", "independent samples"} <= set(
+        names
+    )
     assert len(names) == len(set(names))
     every = [same for found in report.measurements for same in found.same_as]
     assert {"as the scene says", "accuracy: auto", "spectrum: rgb"} <= {*names, *every}
 
 
+def test_lens_in_float64_takes_the_same_samples_and_shows_no_bias(report):
+    full, double = report.named("full"), report.named("lens: float64")
+    assert abs(double.bias.value) < 1e-6 < report.named("pinhole").bias.low
+    assert double.noise[0].value == pytest.approx(full.noise[0].value, rel=1e-3)  # the same samples
+    assert "camera.precision=double" in double.settings
+
+
+def test_device_without_float64_is_said_not_to_compare_it(monkeypatch):
+    session = Session(choose_device())
+    monkeypatch.setattr(session, "info", replace(session.info, fp64=False))
+    steps = [step for step in ladder(load_scene(SCENE)).configurations if step.name in ("full", "lens: float64")]
+    ready, skipped = prepare(steps, session, lambda name, done: None)
+    assert [each.configuration.name for each in ready] == ["full"]
+    assert skipped["lens: float64"].startswith("camera.precision: double needs float64, which device ")
+
+
 def test_times_and_rates_are_those_of_the_runs(report):
     for found in report.measurements:
         assert 0 < found.sample_s.low <= found.sample_s.value <= found.sample_s.high
-        assert found.rate.value == pytest.approx(found.sample_s.value * found.noise.value)
+        assert found.rate.value == pytest.approx(found.noise_after(1.0))
         assert found.start_s > 0
     assert report.named("full").seconds_to[0.02].value < report.named("full").seconds_to[0.01].value
     assert math.isinf(report.named("pinhole").seconds_to[0.01].value)
@@ -68,13 +96,19 @@ def test_times_and_rates_are_those_of_the_runs(report):
 
 def test_depth_is_bounded_by_the_reflectance(report):
     assert report.truncation["bound"] == pytest.approx(0.8**6 / (1 - 0.8))
-    assert any("Paths beyond 6 edges would add at most 131 %" in line for line in recommendation(report))
+    assert any(
+        "Paths of light end after 6 edges" in line and "would add at most 131 %" in line
+        for line in recommendation(report)
+    )
 
 
 def test_report_reads_well(report):
     said = recommendation(report)
     assert said[0].startswith("In 1 s: take ")
-    assert all(len(row) == len(COLUMNS) for row in rows(report))
+    assert any(line.startswith("Full accuracy (full in the tables) is the most accurate way") for line in said)
+    errors, costs, cameras = tables(report)
+    assert all(len(row) == len(table.columns) for table in (errors, costs, cameras) for row in table.rows)
+    assert len(costs.rows) == len(errors.rows) + 1 == len(report.measurements)
     text = markdown(report, "a scene")
     assert text.startswith("# a scene\n")
     assert "| pinhole |" in text
@@ -88,6 +122,7 @@ def test_report_reads_well(report):
         (["--budget", "0"], "got 0; allowed a time above 0"),
         (["--time", "soon"], "got soon; allowed a time above 0"),
         (["--error", "2"], "got 2; allowed a number between 0 and 1"),
+        (["--error", "200%"], "got 200%; allowed a number between 0 and 1"),
         (["--plot", "x.pdf"], "x.pdf: unknown kind of picture"),
         (["--json", "x.txt"], "x.txt: unknown kind of file"),
         (["--markdown", "no/x.md"], "there is no folder"),
@@ -100,6 +135,53 @@ def test_bad_arguments_are_refused_in_one_line(words, problem, tmp_path, monkeyp
     said = capsys.readouterr().err
     assert problem in said
     assert said.count("\n") == 1
+
+
+def test_times_and_shares_are_read_with_their_units():
+    times = [values.duration(text) for text in ("90", "90s", "1.5m", "1.5 min", "0.025h")]
+    assert times == [90.0] * 5
+    assert [values.share(text) for text in ("0.02", "2%", "2 %", "2e-2")] == [0.02] * 4
+
+
+@pytest.mark.parametrize("wish", [{"budget": math.nan}, {"budget": "5s"}, {"seconds": 0}, {"error": 2}])
+def test_wish_that_cannot_be_is_refused(wish):
+    with pytest.raises(InputError, match=rf"^{next(iter(wish))}: is out of range \(got "):
+        measure_tradeoff(SCENE, **wish)
+
+
+def test_picture_without_light_is_refused(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps(SCENE | {"camera": PINHOLE, "render": {"max_depth": 1}, "film": TINY}))
+    assert main(["tradeoff", str(scene), "--budget", "0.1s"]) == 2
+    assert "the picture is black, so that there is nothing to compare" in capsys.readouterr().err
+
+
+def test_even_picture_has_no_noise_and_takes_a_sample(tmp_path, capsys):
+    scene = tmp_path / "scene.yaml"
+    even = {"camera": PINHOLE, "film": TINY, "environment": {"kind": "constant", "radiance": 0.5}}
+    scene.write_text(json.dumps(even))
+    plot = tmp_path / "plot.svg"
+    assert main(["tradeoff", str(scene), "--budget", "0.1s", "--json", "--plot", str(plot), "--quiet"]) == 0
+    full = json.loads(capsys.readouterr().out)["measurements"][0]
+    assert full["noise"][0]["value"] == full["rate"]["high"] == 0
+    assert full["seconds_to"]["0.01"] == full["sample_s"]
+    assert "nan" not in plot.read_text()
+    assert "below the chart: all" in plot.read_text()
+
+
+def test_files_are_written_though_nobody_reads_the_text(tmp_path, monkeypatch):
+    scene, written = tmp_path / "scene.yaml", tmp_path / "out.md"
+    scene.write_text(
+        json.dumps({"camera": PINHOLE, "film": TINY, "environment": {"kind": "constant", "radiance": 0.5}})
+    )
+
+    def ended(*_):
+        raise BrokenPipeError
+
+    monkeypatch.setattr("rptcam_cl.cli.tradeoff._print", ended)
+    monkeypatch.setattr("rptcam_cl.cli._abandon_output", lambda: None)
+    assert main(["tradeoff", str(scene), "--budget", "0.1s", "--markdown", str(written), "--quiet"]) == 0
+    assert "full accuracy" in written.read_text()
 
 
 def test_command_writes_what_it_is_asked_for(tmp_path, capsys):

@@ -88,7 +88,7 @@ def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rp
         (["-o", "a.png", "--spp", "4294967296"], 2, "--spp: got 4294967296"),
         (["-o", "a.png", "--spp", "1.5"], 2, "--spp: got 1.5"),
         (["-o", "a.png", "--spp", "9" * 5000], 2, "--spp: got 999"),
-        (["-o", "a.png", "--time", "0"], 2, "--time: got 0; allowed a finite number above 0"),
+        (["-o", "a.png", "--time", "0"], 2, "--time: got 0; allowed a time above 0, as 60s, 2min or 1h"),
         (["-o", "a.png", "--time", "nan"], 2, "--time: got nan"),
         (["-o", "a.png", "--time", "inf"], 2, "--time: got inf"),
         (["-o", "a.png", "--time", "-3"], 2, "--time: got -3"),

@@ -1,0 +1,39 @@
+// The random numbers and the wavelength of a camera ray, taken in the same way by every pass that needs them.
+// Facts: FILTER, SPECTRUM.
+#ifndef DRAW_H
+#define DRAW_H
+#include "camera/filter.h"
+#include "common/wavelength.h"
+
+// What a ray is made of before it enters the camera.
+typedef struct {
+    Lane lane;
+    F4   u;
+    F    wavelength;
+#if FILTER
+    F    sign;
+#endif
+#if SPECTRUM
+    F    hue;
+#endif
+} Draw;
+
+static Draw draw_of(uint slot, Wave wave, const __global uint *tiles, const __global Camera *camera,
+                    const __global float *filter, const __global float *colours)
+{
+    Draw draw;
+    draw.lane = lane_of(slot, wave, tiles);
+    draw.u = random4(draw.lane.pixel, draw.lane.sample, (U)(0u), wave.seed);
+#if FILTER
+    draw.sign = filter_sign(&draw.u.a, filter) * filter_sign(&draw.u.b, filter);
+#endif
+#if SPECTRUM
+    draw.hue = hue_of(draw.lane.pixel, draw.lane.sample, wave.seed);
+    draw.wavelength = wavelength_of(draw.hue, colours);
+#else
+    draw.wavelength = (F)(camera->wavelength);
+#endif
+    return draw;
+}
+
+#endif

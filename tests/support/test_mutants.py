@@ -1,0 +1,46 @@
+"""Deliberate faults: each still finds its place in the kernels, whether the slow tests of it are run or not."""
+
+import pytest
+
+from rptcam_cl.device import program
+from rptcam_cl.resources import kernels_dir
+from tests.layers import test_mutants as layers
+from tests.lens_device import test_loss_mutants as losses
+from tests.lens_device import test_mutants as lenses
+from tests.meshes import test_mutants as meshes
+from tests.motion import test_mutants as motion
+from tests.render import test_mutants as render
+from tests.spectrum import test_mutants as spectrum
+from tests.support.mutants import Mutant, assert_found, faulty_kernels, place_of
+
+MODULES = (layers, lenses, losses, meshes, motion, render, spectrum)
+FILE, TEXT = "common/records.h", "#define RECORDS_H"
+
+
+def read():
+    """Fail where the text is gone from the kernels that programs are built from."""
+    assert TEXT in (program.kernels_dir() / FILE).read_text("utf-8")
+
+
+@pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__.removeprefix("tests."))
+def test_each_fault_has_one_place(module):
+    for mutant in module.MUTANTS:
+        place_of(mutant, kernels_dir())
+
+
+@pytest.mark.parametrize("text", ["no such text", "#include"])
+def test_text_that_stands_nowhere_or_twice_is_refused(text):
+    with pytest.raises(AssertionError, match="places"):
+        place_of(Mutant("lost", text, "", read), kernels_dir())
+
+
+def test_kernels_hold_the_fault_and_are_whole_again_afterwards():
+    with faulty_kernels(Mutant("guard", TEXT, "", read)), pytest.raises(AssertionError):
+        read()
+    read()
+
+
+def test_fault_that_one_of_its_tests_does_not_see_is_reported():
+    assert_found(Mutant("guard", TEXT, "", read, read))
+    with pytest.raises(pytest.fail.Exception):
+        assert_found(Mutant("guard", TEXT, "", read, lambda: None))
