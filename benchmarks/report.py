@@ -53,6 +53,11 @@ def print_machine(facts: dict[str, Any]) -> None:
 
 def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Print a Markdown table; the first column stands left, the others right."""
+    print(table(title, columns, rows), flush=True)
+
+
+def table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a Markdown table; the first column stands left, the others right."""
     widths = [max(map(len, column)) for column in zip(columns, *rows, strict=True)]
 
     def line(cells: Sequence[str]) -> str:
@@ -60,7 +65,7 @@ def print_table(title: str, columns: Sequence[str], rows: Sequence[Sequence[str]
         return "| " + " | ".join([first[0].ljust(first[1]), *(cell.rjust(width) for cell, width in others)]) + " |"
 
     rule = ["-" * widths[0], *("-" * (width - 1) + ":" for width in widths[1:])]
-    print(f"**{title}**\n", line(columns), line(rule), *map(line, rows), "", sep="\n", flush=True)
+    return "\n".join([f"**{title}**\n", line(columns), line(rule), *map(line, rows), ""])
 
 
 def write_json(path: Path | None, facts: dict[str, Any], results: Any) -> None:

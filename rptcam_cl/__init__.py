@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl._version import __version__
+from rptcam_cl.errors import DeviceError, InputError, NumericError, RptcamError, StateError
 
 if TYPE_CHECKING:
     from rptcam_cl.api import (
@@ -24,10 +25,15 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "DeviceError",
     "FocusReport",
     "Image",
+    "InputError",
+    "NumericError",
     "Progress",
+    "RptcamError",
     "Scene",
+    "StateError",
     "__version__",
     "autofocus",
     "choose_device",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -19,7 +20,7 @@ from rptcam_cl.autofocus.interface import autofocus
 from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.developing import develop, developed_as
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
-from rptcam_cl.errors import NumericError
+from rptcam_cl.errors import InputError, NumericError
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
 from rptcam_cl.metering import settled
@@ -147,6 +148,8 @@ def render(
         With ``strict``; its ``image`` is the picture.
     """
     begun = time.perf_counter()
+    if seconds is not None and not 0 < seconds < math.inf:
+        raise InputError(f"seconds: is out of range (got {seconds!r}; allowed: a number above 0)")
     scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers, noise)
     check_sensor(scene, *_window(scene)[2:])
     wanted = scene.render.layers

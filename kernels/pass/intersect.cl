@@ -2,7 +2,7 @@
 #include "geometry/nearest.h"
 #include "integrator/state.h"
 
-__kernel void intersect(SCENE_PARAMETERS,
+__kernel void intersect(SCENE_PARAMETERS
                         __global float *state,      // path state
                         uint            capacity)   // slots in the state
 {

@@ -8,7 +8,7 @@
 #include "camera/course.h"
 #endif
 
-__kernel void layers(SCENE_PARAMETERS,
+__kernel void layers(SCENE_PARAMETERS
                      const __global int    *owners,      // per primitive: object and material identifier
                      const __global Camera *camera,
                      const __global float4 *blur,        // table of the circle of confusion

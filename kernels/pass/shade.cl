@@ -4,7 +4,7 @@
 #include "integrator/path.h"
 #include "integrator/state.h"
 
-__kernel void shade(SCENE_PARAMETERS,
+__kernel void shade(SCENE_PARAMETERS
                     __global float *state,      // path state
                     uint            capacity,   // slots in the state
                     Wave            wave,

@@ -7,7 +7,7 @@
 #include "common/transpose.h"
 #include "geometry/nearest.h"
 
-__kernel void stream(SCENE_PARAMETERS,
+__kernel void stream(SCENE_PARAMETERS
                      const __global float *rays,        // eight floats per slot
                      Wave                  wave,
                      Limits                limits,

@@ -2,7 +2,7 @@
 #include "common/scene.h"
 #include "geometry/mesh.h"
 
-__kernel void probe_brute(SCENE_PARAMETERS,
+__kernel void probe_brute(SCENE_PARAMETERS
                           const __global float *rays,      // [9][count]: o, d, self, part, reach
                           __global float       *hits,      // [2][count]: t, triangle
                           uint                  block_count,

@@ -2,7 +2,7 @@
 #include "geometry/nearest.h"
 #include "integrator/path.h"
 
-__kernel void probe_departure(SCENE_PARAMETERS,
+__kernel void probe_departure(SCENE_PARAMETERS
                               const __global float *rays,      // [9][count]: o, d, next direction
                               __global int         *again,     // 1: met the mesh again, 0: left it, -1: never met it
                               uint                  count)

@@ -2,7 +2,7 @@
 #include "geometry/nearest.h"
 #include "integrator/path.h"
 
-__kernel void probe_hits(SCENE_PARAMETERS,
+__kernel void probe_hits(SCENE_PARAMETERS
                          const __global float *rays,     // [9][count]: o, d, self, part, reach
                          __global float       *hits,     // [12][count]: t, primitive, part, b1, b2, p, ng, offset
                          __global int         *blocked,  // whether something lies before reach

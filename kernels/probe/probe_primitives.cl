@@ -1,7 +1,7 @@
 // What given rays meet first, and whether anything but their target lies before their reach.
 #include "geometry/nearest.h"
 
-__kernel void probe_primitives(SCENE_PARAMETERS,
+__kernel void probe_primitives(SCENE_PARAMETERS
                                const __global float *rays,     // [9][count]: o, d, self, reach, target
                                __global float       *hits,     // [2][count]: t, primitive
                                __global int         *blocked,  // 1 or 0

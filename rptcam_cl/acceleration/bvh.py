@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 EMPTY = 0x7FFFFFFF  # in `children`: no child
+STACK_STEP = 16  # of the stacks that kernels are compiled with: scenes of like size share their programs
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,6 +60,11 @@ class Quality:
     fill: float
     depth: int
     stack: int
+
+
+def stack_size(entries: int) -> int:
+    """Return the size of the stack that kernels are compiled with for a tree that needs so many entries."""
+    return -(-entries // STACK_STEP) * STACK_STEP
 
 
 def quality(bvh: Bvh) -> Quality:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.acceleration.build import build_bvh
-from rptcam_cl.acceleration.bvh import EMPTY, Bvh, quality
+from rptcam_cl.acceleration.bvh import EMPTY, Bvh, quality, stack_size
 from rptcam_cl.device import Session
 from rptcam_cl.geometry.movement import Movements, Places
 from rptcam_cl.records import Kind
@@ -17,7 +17,6 @@ Array = NDArray[np.float64]
 
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/README.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
-STACK_STEP = 16  # so that scenes of like size share their programs
 ROUNDING = 4e-6  # HIT_ROUNDING of kernels/geometry/primitive_tree.h
 
 
@@ -69,8 +68,7 @@ def primitive_tree(
     tree = build_bvh(lower32, upper32, width=2, leaf_size=LEAF, session=session)
     nodes = _nodes(tree)
     leaves = bounded[tree.blocks[tree.blocks >= 0]]
-    stack = -(-quality(tree).depth // STACK_STEP) * STACK_STEP
-    return PrimitiveTree(nodes, leaves, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
+    return PrimitiveTree(nodes, leaves, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack_size(quality(tree).depth)})
 
 
 def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:

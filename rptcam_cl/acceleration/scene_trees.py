@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.acceleration.build import build_bvh
-from rptcam_cl.acceleration.bvh import EMPTY, Bvh, quality
+from rptcam_cl.acceleration.bvh import EMPTY, Bvh, quality, stack_size
 from rptcam_cl.acceleration.cache import load_or_build
 from rptcam_cl.device import Session
 from rptcam_cl.geometry.movement import Movements
@@ -80,7 +80,7 @@ def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | N
         top = _instance_tree(meshes, instances, vertices, width, session, movements)
         nodes.append(_top_nodes(top, first_node))
         root, stack = first_node, stack + quality(top).stack
-    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": stack}
+    facts = {"BVH_WIDTH": width, "LEAF_WIDTH": leaf, "BVH_STACK": stack_size(stack)}
     all_nodes = np.concatenate(nodes)
     return SceneTrees(all_nodes, np.concatenate(blocks), vertices, instances, root, _bounds(all_nodes[root]), facts)
 

@@ -80,11 +80,11 @@ def _run(arguments: argparse.Namespace) -> int:
             device=arguments.device,
             on_progress=show,
         )
+    _write(report, arguments)  # before any printing, which a reader like head may end
     if arguments.json == PRINTED:
         print(as_json(report.as_dict()))
     else:
         _print(report)
-    _write(report, arguments)
     return 0
 
 

@@ -129,7 +129,9 @@ class Session:
         try:
             return make()
         except (cl.Error, cl.MemoryError) as error:
-            raise DeviceError(f"device {self.info.id} refused a buffer of {nbytes} bytes: {error}") from error
+            why = str(error).rpartition(": ")[2]
+            size = f"{nbytes / 2**30:.3g} GiB" if nbytes >= 2**30 else f"{nbytes / 2**20:.3g} MiB"
+            raise DeviceError(f"device {self.info.id} refused a buffer of {size} ({why})") from error
 
     def read(self, buffer: Any, dtype: Any, count: int) -> NDArray[Any]:
         """Return the first ``count`` items of ``buffer`` once everything enqueued has run."""

@@ -8,6 +8,7 @@ from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.quantities import NUMBER
+from rptcam_cl.scene.refusal import refuse
 
 AUTO = {"const": "auto", "description": "The bounds that they have by default."}
 
@@ -24,4 +25,8 @@ class Accuracy(SceneModel):
     @model_validator(mode="before")
     @classmethod
     def _word(cls, value: Any) -> Any:
-        return {} if value == "auto" else value
+        if isinstance(value, dict | SceneModel):
+            return value
+        if value != "auto":
+            raise refuse("is not what a camera may err by", allowed="auto, or a mapping of bounds")
+        return {}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, get_args
 
 from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, model_validator
 from pydantic.json_schema import JsonSchemaValue
@@ -63,7 +63,8 @@ class SceneModel(BaseModel):
             raise refuse("must be a mapping", allowed=f"a mapping with the keys {listed(names)}")
         for key in data:
             if key not in cls.model_fields:
-                raise refuse(f"unknown key{near_name(key, names)}", got=key, allowed=listed(names), path=(key,))
+                hint = _owners(cls, key) or near_name(key, names)
+                raise refuse(f"unknown key{hint}", got=key, allowed=listed(names), path=(key,))
         for group in cls.alternatives:
             _check_alternatives(group, data)
         return data
@@ -98,3 +99,17 @@ def _alternatives_schema(group: Alternatives) -> dict[str, Any]:
     if not group.required:
         one_each.append({"not": {"anyOf": [{"required": [key]} for key in group.keys]}})
     return {"oneOf": one_each}
+
+
+def _owners(model: type[SceneModel], key: str) -> str:
+    """Return ``; kind a has it`` where a key that one kind of a part does not know belongs to others, or nothing."""
+    root = [base for base in model.__mro__ if issubclass(base, SceneModel) and base is not SceneModel][-1]
+    kin = [root]
+    for each in kin:
+        kin += [heir for heir in each.__subclasses__() if heir not in kin]
+    kinds = [
+        get_args(each.model_fields["kind"].annotation)[0] for each in kin if {key, "kind"} <= set(each.model_fields)
+    ]
+    if not kinds:
+        return ""
+    return f"; kind {kinds[0]} has it" if len(kinds) == 1 else f"; kinds {', '.join(kinds)} have it"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import Advice
@@ -18,20 +19,40 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
     """
     errors = [each.error_after(seconds) for each in found]
     likely = [each.error_after(seconds, each.likely_bias) for each in found]
-    best = _clear_best(errors)
+    best = _clear_best([each.error_after(seconds) for each in _surely(found)])
     name = found[best].name if math.isfinite(errors[best]) else None
     perhaps = _better_yet(found, likely, errors, best)
-    return Advice("time", seconds, name, seconds, errors[best], seconds, errors[0], perhaps)
+    if name is None:
+        return Advice("time", seconds, None, seconds, math.inf, 0, math.inf, math.inf, seconds, math.inf, perhaps)
+    samples = int(seconds / found[best].sample_s.value)
+    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    return Advice("time", seconds, name, seconds, errors[best], samples, *ends, seconds, errors[0], perhaps)
 
 
 def for_error(found: Sequence[Measurement], error: float) -> Advice:
     """Return the configuration that is soonest at an error; the most accurate one unless another is clearly faster."""
     times = [each.seconds_until(error) for each in found]
     likely = [each.seconds_until(error, each.likely_bias) for each in found]
-    best = _clear_best(times)
-    name = found[best].name if math.isfinite(times[best]) else None
+    best = _clear_best([each.seconds_until(error) for each in _surely(found)])
     perhaps = _better_yet(found, likely, times, best)
-    return Advice("error", error, name, times[best], error, times[0], error, perhaps)
+    if math.isinf(times[best]):
+        return Advice("error", error, None, math.inf, error, 0, 0.0, math.inf, times[0], error, perhaps)
+    samples = max(math.ceil(times[best] / found[best].sample_s.value), 1)
+    ends = found[best].errors_after(samples * found[best].sample_s.value)
+    return Advice("error", error, found[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
+
+
+def _surely(found: Sequence[Measurement]) -> list[Measurement]:
+    """Return measurements as noisy and slow against the most accurate one as their intervals allow."""
+    return [found[0], *(_at_worst(each, found[0].rate.value) for each in found[1:])]
+
+
+def _at_worst(found: Measurement, full_rate: float) -> Measurement:
+    if not (full_rate > 0 and found.rate.value > 0):
+        return replace(found, sample_s=replace(found.sample_s, value=found.sample_s.high))
+    times = full_rate / found.gain.low / found.rate.value if found.gain.low > 0 else math.inf
+    first, last = (replace(end, value=end.value * times) for end in found.noise)
+    return replace(found, noise=(first, last))
 
 
 def _clear_best(values: Sequence[float]) -> int:

@@ -39,9 +39,14 @@ class PairErrors:
         The mean of `bias` in each tile.
     noise_of_tiles : (tiles,) array
         Standard error of `by_tile`, as it is where nothing but noise is measured.
+    evenness : float
+        Square of the picture's mean over the mean of what squares are relative to: what relMSE a picture has at least
+        that is too bright by one on the whole (Cauchy and Schwarz).
     weight_variances : dict
         Variances that the means of `bias` and of the last of `noise` have besides, because the reference that they are
         relative to is known from few seeds itself.
+    fall : (2, m) array
+        Noise in some of the tiles: with the most samples that all were rendered with, and with many.
     tile_errors : dict
         Standard errors of the means of `bias`, of the last of `noise`, and of `brightness` relative to the reference's,
         that come from rendering some of the tiles only. Cells of a grid are taken for a random sample, which makes them
@@ -53,8 +58,29 @@ class PairErrors:
     brightness: Array
     by_tile: Array
     noise_of_tiles: Array
+    evenness: float
     weight_variances: dict[str, float]
     tile_errors: dict[str, float]
+    fall: Array
+
+
+@dataclass(frozen=True)
+class LongPictures:
+    """Pictures of a few of the tiles with many samples, which tell how noise falls.
+
+    Attributes
+    ----------
+    samples : int
+        Samples per pixel.
+    chosen : (m,) array
+        Which of the tiles.
+    pixels : list
+        For each configuration, pixels (seeds, p, 3).
+    """
+
+    samples: int
+    chosen: NDArray[np.int64]
+    pixels: list[NDArray[np.float32]]
 
 
 class _Scales:
@@ -78,7 +104,7 @@ class _Scales:
 
 
 def pair_errors(
-    pictures: list[list[NDArray[np.float32]]], samples: tuple[int, ...], tiles: SpreadTiles
+    pictures: list[list[NDArray[np.float32]]], samples: tuple[int, ...], tiles: SpreadTiles, long: LongPictures
 ) -> list[PairErrors]:
     """Return the errors of every configuration; the first is the reference.
 
@@ -90,6 +116,8 @@ def pair_errors(
         The numbers of samples per pixel.
     tiles
         Where the pixels are.
+    long
+        Pictures of more samples.
     """
     part = np.array(samples) / sum(samples)
     means = [
@@ -98,8 +126,9 @@ def pair_errors(
     ]
     scales = _Scales(means[0], tiles)
     light = [_sums(mean.mean(axis=(0, 2)), tiles) for mean in means]
+    few = tiles.some(long.chosen)
     found = []
-    for own, mean, lit in zip(pictures, means, light, strict=True):
+    for own, more, mean, lit in zip(pictures, long.pixels, means, light, strict=True):
         away = _by_pair(mean - means[0], tiles, _product)
         noises = [_by_pair(stack, tiles, _half_square) for stack in own]
         bias, last = _over_tiles(away, scales), _over_tiles(noises[-1], scales)
@@ -112,14 +141,22 @@ def pair_errors(
                 brightness=mean.mean(axis=2) @ tiles.weights,
                 by_tile=by_tile["bias"] / scales.shares,
                 noise_of_tiles=_noise_of_tiles(away, scales) / scales.shares,
+                evenness=float(lit.sum()) ** 2 / float(scales.shares @ scales.without()),
                 weight_variances={
                     "bias": _weight_variance(away, bias, scales),
                     "noise": _weight_variance(noises[-1], last, scales),
                 },
                 tile_errors=errors | {"energy": _ratio_error(lit, light[0], scales.shares, tiles.all)},
+                fall=_fall(by_tile["noise"][long.chosen], _by_pair(more, few, _half_square), scales, long.chosen),
             )
         )
     return found
+
+
+def _fall(noise: Array, sums: Array, scales: _Scales, chosen: NDArray[np.int64]) -> Array:
+    """Return the noise of some tiles beside that in pictures of more samples."""
+    seeds = len(sums)
+    return np.stack([noise, sums.sum(axis=(0, 1)) / (seeds * (seeds - 1)) / scales.without()[chosen]])
 
 
 def _product(first: Array, second: Array) -> Array:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -62,6 +63,7 @@ def measure_tradeoff(
     DeviceError
         No device fits, or a kernel failed.
     """
+    _check_wishes(budget=budget, seconds=seconds, error=error)
     begun = time.perf_counter()
     tell = on_progress or (lambda words, share: None)
     scene = scene if isinstance(scene, Scene) else load_scene(scene)
@@ -82,7 +84,7 @@ def measure_tradeoff(
     if not any(picture.any() for picture in pictures.pixels[0]):
         raise InputError(
             "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
-            f" camera along paths of at most {fixed.render.max_depth} edges, render.max_depth)"
+            f" camera within render.max_depth, which is {fixed.render.max_depth})"
         )
     tell("errors", 1.0)
     found = _measured(ready, pictures)
@@ -93,7 +95,8 @@ def measure_tradeoff(
         resolution=fixed.film.resolution,
         tiles=(len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
         grid=pictures.tiles.shape,
-        samples=pictures.samples,
+        samples=(*pictures.samples, pictures.long.samples),
+        long_tiles=len(pictures.long.chosen),
         seeds=pictures.seeds,
         seconds=time.perf_counter() - begun,
         by_cpu=pictures.by_cpu,
@@ -107,12 +110,19 @@ def measure_tradeoff(
     )
 
 
+def _check_wishes(**wishes: float) -> None:
+    for name, value in wishes.items():
+        most, allowed = (1.0, "between 0 and 1") if name == "error" else (math.inf, "above 0, in seconds")
+        if not (isinstance(value, int | float) and 0 < value < most):
+            raise InputError(f"{name}: is out of range (got {value!r}; allowed: a number {allowed})")
+
+
 def _given(part: Any) -> dict[str, Any]:
     return {name: getattr(part, name) for name in part.model_fields_set}
 
 
 def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
-    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles)
+    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     named = [
         {
             "name": each.configuration.name,
@@ -126,4 +136,5 @@ def _measured(ready: list[Ready], pictures: Pictures) -> list[Measurement]:
         for each in ready
     ]
     counts = draws(pictures.seeds, np.random.default_rng(DRAWS_SEED))
-    return measurements(named, errors, pictures.timings, pictures.samples, counts)
+    samples = (*pictures.samples, pictures.long.samples)
+    return measurements(named, errors, pictures.timings, samples, counts)

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.tradeoff.errors import PairErrors
+from rptcam_cl.tradeoff.noise import INDEPENDENT, NoiseLaw, noise_law
 from rptcam_cl.tradeoff.statistics import (
     Interval,
     error_over_pairs,
@@ -23,8 +24,9 @@ from rptcam_cl.tradeoff.statistics import (
 
 Array = NDArray[np.float64]
 
-SURE = 4.0  # standard errors that the bias of a tile has to be above for a map to show it
+SURE = 4.0  # standard errors that what is told as sure has to be above: the bias of a tile, that of the brightness
 LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
+FIRST_S, LAST_S, STEPS = 1e-4, 1e8, 121  # times at which errors are compared
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for
 
 
@@ -59,12 +61,15 @@ class Measurement:
         From the scene to the first ray [s].
     sample_s, wall_sample_s : Interval
         Time of one sample per pixel [s], and that by the clock.
-    noise : Interval
-        relMSE of the noise of one sample per pixel.
-    slope : Interval
-        Exponent of the noise over the samples; -1 for independent ones.
-    rate, wall_rate : Interval
-        relMSE times seconds: what the noise is after a second.
+    samples : (int, int)
+        Numbers of samples per pixel that the noise was measured with.
+    noise : (Interval, Interval)
+        relMSE of the noise after these.
+    before, slope, beyond : Interval
+        Exponents of the noise over the samples: below the first number, between them, and what may be beyond the
+        second; -1 for independent samples.
+    rate : Interval
+        relMSE of the noise after a second.
     bias : Interval
         The relMSE that no time removes, against the most accurate configuration.
     energy : Interval
@@ -73,6 +78,8 @@ class Measurement:
         Time to each of `TARGETS` [s], at least that of one sample per pixel; infinite where the bias forbids it.
     better_until : Interval
         Time until which it errs less than the most accurate configuration [s]; 0 never, infinite always.
+    gain : Interval
+        How many times its noise (relMSE) the most accurate configuration has after a second, found by the same seeds.
     bias_of_tiles : (tiles,) array
         relMSE of the bias in each rendered tile.
     noise_of_tiles : (tiles,) array
@@ -88,14 +95,17 @@ class Measurement:
     start_s: float
     sample_s: Interval
     wall_sample_s: Interval
-    noise: Interval
+    samples: tuple[int, int]
+    noise: tuple[Interval, Interval]
+    before: Interval
     slope: Interval
+    beyond: Interval
     rate: Interval
-    wall_rate: Interval
     bias: Interval
     energy: Interval
     seconds_to: dict[float, Interval]
     better_until: Interval
+    gain: Interval
     bias_of_tiles: Array
     noise_of_tiles: Array
 
@@ -121,12 +131,28 @@ class Measurement:
         """
         if seconds < self.sample_s.value:
             return math.inf
-        return float(np.sqrt((self.sure_bias if bias is None else bias) + self.rate.value / seconds))
+        return math.sqrt((self.sure_bias if bias is None else bias) + self.noise_after(seconds))
+
+    def errors_after(self, seconds: float) -> tuple[float, float]:
+        """Return the least and the largest relative error after a time that the intervals of noise and bias allow."""
+        least = 0.0 if self.unbiased or not self.knob else max(self.bias.low, 0.0)
+        samples = seconds / self.sample_s.value
+        low, high = float(self.law("low").least(samples)), float(self.law("high").most(samples))
+        return math.sqrt(least + low), math.sqrt(self.sure_bias + high)
+
+    def noise_after(self, seconds: float) -> float:
+        """Return the noise after a time as relMSE."""
+        return float(self.law().after(seconds / self.sample_s.value))
+
+    def law(self, end: str = "value") -> NoiseLaw:
+        """Return how the noise falls, or with all of it at one end of its interval."""
+        first, last, before, beyond = (getattr(x, end) for x in (*self.noise, self.before, self.beyond))
+        return NoiseLaw(self.samples, (first, last), before, beyond)
 
     def seconds_until(self, error: float, bias: float | None = None) -> float:
         """Return the time to a relative error [s], with a bias or the most that it may be; infinite means never."""
         left = error**2 - (self.sure_bias if bias is None else bias)
-        return max(self.rate.value / left, self.sample_s.value) if left > 0 else math.inf
+        return max(float(self.law().until(left)), 1.0) * self.sample_s.value if left > 0 else math.inf
 
 
 @dataclass(frozen=True)
@@ -134,16 +160,22 @@ class _Replicates:
     """What one configuration takes and errs by for each draw of the seeds; the first draw has each once."""
 
     sample_s: Array
-    noise: Array
-    rate: Array
+    law: NoiseLaw
     bias: Array
+
+    @property
+    def rate(self) -> Array:
+        return np.asarray(self.law.after(1.0 / self.sample_s))
+
+    def even_after(self, seconds: Any) -> Array:
+        return np.asarray(self.law.even(seconds / self.sample_s))
 
 
 def measurements(
     named: list[dict[str, Any]],
     errors: list[PairErrors],
     timings: list[Timings],
-    samples: tuple[int, ...],
+    samples: tuple[int, int, int],
     counts: NDArray[np.int64],
 ) -> list[Measurement]:
     """Return the measurement of every configuration, the reference first.
@@ -155,7 +187,7 @@ def measurements(
     errors, timings
         What was measured.
     samples
-        Numbers of samples per pixel of the pictures.
+        Numbers of samples per pixel of the pictures, and of the long ones.
     counts
         Draws of the seeds, by `statistics.draws`.
     """
@@ -163,36 +195,48 @@ def measurements(
     counts = np.concatenate([once(seeds), counts])  # the first row gives the estimates
     sources = []
     for names, error, times in zip(named, errors, timings, strict=True):
-        noise = _noise(error, counts) * samples[-1]
+        law = noise_law(samples, _noise(error, counts), error.fall, _slope(error, samples, counts))
         exact = names["unbiased"] or not names["knob"]
-        bias = np.zeros(len(counts)) if exact else _bias(error, counts)
+        bias = np.zeros(len(counts)) if exact else _bias(error, errors[0], counts)
         sample_s = median_over_seeds(times.undisturbed, counts)
-        sources.append(_Replicates(sample_s, noise, noise * sample_s, bias))
+        sources.append(_Replicates(sample_s, law, bias))
     found = []
     for names, error, times, own in zip(named, errors, timings, sources, strict=True):
         values = {
             "sample_s": own.sample_s,
             "wall_sample_s": median_over_seeds(times.wall, counts),
-            "noise": own.noise,
-            "slope": _slope(error, samples, counts),
+            "first": own.law.noise[0],
+            "last": own.law.noise[1],
+            "before": own.law.before,
+            "slope": own.law.between,
+            "beyond": own.law.beyond,
             "rate": own.rate,
-            "wall_rate": own.noise * median_over_seeds(times.wall, counts),
-            "bias": _bias(error, counts),
+            "bias": _bias(error, errors[0], counts),
             "energy": _energy(error, errors[0], counts),
             "better_until": _better_until(own, sources[0]),
+            "gain": _gain(own, sources[0]),
         }
         intervals: dict[str, Any] = {name: interval(rows[0], rows[1:], seeds) for name, rows in values.items()}
+        noise = (intervals.pop("first"), intervals.pop("last"))
         reached = {target: _time_to(own, target) for target in TARGETS}
         to: dict[float, Interval] = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached.items()}
         tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
-        found.append(Measurement(**names, **intervals, **tiles, seconds_to=to))
+        found.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
     return found
 
 
-def _bias(error: PairErrors, counts: NDArray[np.int64]) -> Array:
+def _bias(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
+    """Return the bias, which is at least what the brightness of the whole picture proves where that surely differs.
+
+    Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
+    """
     found = over_pairs(error.bias, counts)
     own = math.sqrt(error_over_pairs(error.bias) ** 2 + error.weight_variances["bias"])
-    return spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    found = spread_about(found[0], found, max(own, error.tile_errors["bias"]))
+    energy = _energy(error, reference, counts)
+    if abs(energy[0]) <= SURE * float(energy.std()):
+        return found
+    return np.maximum(found, reference.evenness * energy**2)
 
 
 def _noise(error: PairErrors, counts: NDArray[np.int64]) -> Array:
@@ -214,17 +258,35 @@ def _energy(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64])
 def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64]) -> Array:
     first, last = over_pairs(error.noise[0], counts), over_pairs(error.noise[-1], counts)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(np.log(last / first) / np.log(samples[-1] / samples[0]))
+        found = np.log(last / first) / np.log(samples[1] / samples[0])
+    return np.where(np.isfinite(found), found, INDEPENDENT)
 
 
 def _time_to(own: _Replicates, target: float) -> Array:
     left = target**2 - np.maximum(own.bias, 0.0)
-    with np.errstate(divide="ignore"):
-        return np.where(left > 0, np.maximum(own.rate / left, own.sample_s), np.inf)
+    samples = own.law.until(np.where(left > 0, left, np.inf))
+    return np.where(left > 0, np.maximum(samples, 1.0) * own.sample_s, np.inf)
+
+
+def _gain(own: _Replicates, reference: _Replicates) -> Array:
+    """Return how many times its noise the reference has; how many times its time of a sample where neither has any."""
+    even = np.where(reference.rate > 0, np.inf, reference.sample_s / own.sample_s)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.where(own.rate > 0, reference.rate / own.rate, even)
 
 
 def _better_until(own: _Replicates, reference: _Replicates) -> Array:
-    """Return where rate / t + bias of both meet: until then the faster one errs less."""
-    gain = reference.rate - own.rate
+    """Return the last time at which it errs less than the reference: 0 for never, infinite for always."""
+    bias = np.maximum(own.bias, 0.0)
+    times = np.geomspace(FIRST_S, LAST_S, STEPS)
     with np.errstate(divide="ignore", invalid="ignore"):
-        return np.where(gain <= 0, 0.0, np.where(own.bias > 0, gain / own.bias, np.inf))
+        gains = np.log(reference.even_after(times[:, None]) / (own.even_after(times[:, None]) + bias))
+    better = gains > 0
+    last = STEPS - 1 - better[::-1].argmax(axis=0)
+    after = np.minimum(last + 1, STEPS - 1)
+    place = np.arange(len(bias))
+    here, there = gains[last, place], gains[after, place]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = times[last] * (times[1] / times[0]) ** (here / (here - there))
+    found = np.where(last == STEPS - 1, np.inf, crossing)
+    return np.where(better.any(axis=0), found, 0.0)

@@ -40,7 +40,7 @@ def tradeoff_plot(report: TradeoffReport, title: str) -> Picture:
     }
     _errors_over_time(picture, report.measurements, colours, dashes)
     keys = [Key(found.name, colours[found.name], dashes[found.name]) for found in report.measurements]
-    draw_key(picture, [*keys, Key("slope of noise", FAINT, (2.0, 3.0))], 470)
+    draw_key(picture, [*keys, Key("slope of independent samples", FAINT, (2.0, 3.0))], 470)
     _errors_over_field(picture, report, colours)
     _maps(picture, report)
     return picture
@@ -71,41 +71,43 @@ def _errors_over_time(
     full = found[0].rate.value or found[0].sample_s.value  # an even picture has no noise
     x = (math.log10(full), math.log10(full / FINEST**2))  # from an error of 100 % of the most accurate one
     times = 10 ** np.linspace(math.floor(x[0]), math.ceil(x[1]), POINTS)
-    curves = {each.name: _log_error(each, times, each.bias.value) for each in found}
+    curves = {each.name: _log_error(each, times) for each in found}
     axes = log_axes(picture, LEFT, x, (math.log10(FINEST / 5), math.log10(COARSEST)))
     _titles(picture, LEFT, "error (root of relMSE) over time, with bands of 95 %", "time to render the picture", "")
     low, high = axes.y_range
     for each in found:
-        band = [np.clip(_log_error(each, times, end.bias, end.rate), low, high) for end in _ends(each)]
+        band = [np.clip(_log_error(each, times, end), low, high) for end in ("low", "high")]
         outline = [*zip(np.log10(times), band[0], strict=True), *zip(np.log10(times)[::-1], band[1][::-1], strict=True)]
         picture.add(Path([axes.place(*point) for point in outline], None, fill=_pale(colours[each.name])))
     begin = axes.x_range[0] + 0.3
     guide = [(begin + decades, low + 1.4 - decades / 2) for decades in (0.0, 2.0)]
     picture.add(Path([axes.place(*point) for point in guide], FAINT, 1.4, dash=(2.0, 3.0)))
+    _beside_the_chart(picture, curves, axes.y_range)
     for each in found:
         inside = np.where((curves[each.name] >= low) & (curves[each.name] <= high), curves[each.name], np.nan)
         axes.curve(np.log10(times), inside, colours[each.name], dashes[each.name])
         meets = each.better_until.value
         if each.knob and times[0] < meets < times[-1]:
             at = np.array([meets])
-            axes.dots(np.log10(at), np.clip(_log_error(each, at, each.bias.value), low, high), colours[each.name], 4.0)
+            axes.dots(np.log10(at), np.clip(_log_error(each, at), low, high), colours[each.name], 4.0)
 
 
-class _End:
-    """One end of the intervals of a configuration."""
+def _beside_the_chart(picture: Picture, curves: dict[str, np.ndarray], y_range: tuple[float, float]) -> None:
+    """Say which curves lie wholly above or below the chart."""
+    _, top, right, bottom = LEFT
+    for where, place, out in (
+        ("above", top + 18, {name for name, curve in curves.items() if (curve > y_range[1]).all()}),
+        ("below", bottom - 10, {name for name, curve in curves.items() if (curve < y_range[0]).all()}),
+    ):
+        if out:
+            names = "all" if len(out) == len(curves) else ", ".join(name for name in curves if name in out)
+            picture.add(Text((right - 8, place), f"{where} the chart: {names}", 11, "end", colour=FAINT))
 
-    def __init__(self, found: Measurement, name: str) -> None:
-        self.bias, self.rate = getattr(found.bias, name), getattr(found.rate, name)
 
-
-def _ends(found: Measurement) -> tuple[_End, _End]:
-    return _End(found, "low"), _End(found, "high")
-
-
-def _log_error(found: Measurement, times: np.ndarray, bias: float, rate: float | None = None) -> np.ndarray:
-    floor = 0.0 if found.unbiased or not found.knob else max(bias, 0.0)
+def _log_error(found: Measurement, times: np.ndarray, end: str = "value") -> np.ndarray:
+    floor = 0.0 if found.unbiased or not found.knob else max(getattr(found.bias, end), 0.0)
     with np.errstate(divide="ignore"):
-        return np.asarray(np.log10(floor + (found.rate.value if rate is None else rate) / times) / 2)
+        return np.asarray(np.log10(floor + found.law(end).even(times / found.sample_s.value)) / 2)
 
 
 def _pale(colour: str) -> str:
@@ -134,6 +136,9 @@ def _errors_over_field(picture: Picture, report: TradeoffReport, colours: dict[s
     axes.frame("", "")
     _titles(picture, RIGHT, title, "film point, share of the half diagonal", "pixels")
     axes.curve([0.0, 1.0], [0.5, 0.5], FAINT, (5.0, 4.0))
+    if any(math.isinf(value) for each in cameras for value in each.pixels):
+        note = "a line ends where the lens sees nothing"
+        picture.add(Text((RIGHT[2] - 8, RIGHT[3] - 10), note, 11, "end", colour=FAINT))
     for each in cameras:
         colour = colours.get(each.tier.replace("_", " "), INK)
         axes.curve(FIELDS, each.pixels, colour, DASHES.get(each.tier, ()))

@@ -10,7 +10,7 @@ from rptcam_cl.accuracy.errors import FIELDS
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.statistics import CONFIDENCE
 
-Place = tuple[float, float]
+TITLE = "Accuracy and time"
 
 
 @dataclass(frozen=True)
@@ -27,6 +27,10 @@ class Advice:
         Name of the configuration; None where none reaches the error, or gives every pixel a sample in the time.
     seconds, error : float
         What it takes and errs by; the error counts the bias at the upper end of its interval.
+    samples : int
+        Samples per pixel that it takes; 0 where none reaches the error.
+    least_error, most_error : float
+        Between which the error lies after these samples, with noise and bias at the ends of their intervals.
     full_seconds, full_error : float
         The same of the most accurate configuration.
     perhaps : str or None
@@ -38,6 +42,9 @@ class Advice:
     chosen: str | None
     seconds: float
     error: float
+    samples: int
+    least_error: float
+    most_error: float
     full_seconds: float
     full_error: float
     perhaps: str | None
@@ -55,10 +62,12 @@ class TradeoffReport:
         Tiles of 8 x 8 pixels that the pictures were made of.
     grid : (rows, columns)
         How the rendered ones lie, row by row.
-    samples : tuple of int
-        Numbers of samples per pixel of the pictures.
+    samples : (int, int, int)
+        Numbers of samples per pixel of the pictures; the last of some of the tiles only.
+    long_tiles : int
+        How many these are.
     seeds : int
-        Independent pictures of each.
+        Independent pictures of each of the first two.
     seconds : float
         Time that all took [s].
     by_cpu : bool
@@ -83,7 +92,8 @@ class TradeoffReport:
     resolution: tuple[int, int]
     tiles: tuple[int, int]
     grid: tuple[int, int]
-    samples: tuple[int, ...]
+    samples: tuple[int, int, int]
+    long_tiles: int
     seeds: int
     seconds: float
     by_cpu: bool
@@ -94,6 +104,28 @@ class TradeoffReport:
     truncation: dict[str, Any]
     advice: tuple[Advice, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Return advice, tables and how they were found, as ``rptcam tradeoff`` prints them."""
+        from rptcam_cl.tradeoff.table import plain_text
+
+        return plain_text(self)
+
+    def markdown(self, title: str = TITLE) -> str:
+        """Return the same as Markdown."""
+        from rptcam_cl.tradeoff.table import markdown
+
+        return markdown(self, title)
+
+    def svg(self, title: str = TITLE) -> str:
+        """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
+        from rptcam_cl.lensview.svg import svg_text
+        from rptcam_cl.tradeoff.plot import tradeoff_plot
+
+        return svg_text(tradeoff_plot(self, title))
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
 
     def named(self, name: str) -> Measurement:
         """Return the measurement of a configuration."""

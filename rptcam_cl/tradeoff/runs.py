@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device import Session
-from rptcam_cl.errors import InputError
+from rptcam_cl.errors import DeviceError, InputError
 from rptcam_cl.numerics.knowledge import truncation
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import RenderSettings
@@ -20,6 +20,7 @@ from rptcam_cl.tradeoff.ladder import Configuration
 from rptcam_cl.tradeoff.tiles import SpreadTiles
 from rptcam_cl.wavefront import Wavefront
 from rptcam_cl.wavefront.film import FilmLayout
+from rptcam_cl.wavefront.precise_lens import check_precision
 
 Array = NDArray[np.float64]
 
@@ -74,7 +75,8 @@ def prepare(
         begun = time.perf_counter()
         try:
             plan = make_plan(configuration.scene)
-        except InputError as problem:
+            check_precision(session, plan.camera)
+        except (InputError, DeviceError) as problem:
             if not found:
                 raise
             skipped[configuration.name] = str(problem)

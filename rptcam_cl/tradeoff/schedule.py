@@ -3,6 +3,7 @@ disturbs all configurations alike."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.tradeoff.errors import LongPictures
 from rptcam_cl.tradeoff.measurement import Timings
 from rptcam_cl.tradeoff.runs import Ready, cores, run
 from rptcam_cl.tradeoff.tiles import SpreadTiles, spread_tiles
@@ -18,10 +20,14 @@ from rptcam_cl.wavefront.film import TILE_PIXELS
 
 SEEDS = 8
 GROWTH = 4  # times the samples of the first picture that the second has
+LONG_GROWTH, LONG_SEEDS, LONG_SHARE = 64, 2, 4  # times the samples of the first; pictures; one of so many tiles
+FEWEST_LONG = 16  # tiles
 PILOT_TILES, PILOT_SAMPLES = 32, 4
 FEWEST_TILES, MOST_TILES = 64, {"cpu": 512, "gpu": 4096}
 WANTED_SAMPLES = 2  # of the first picture, before more tiles are taken
 TILES_SEED = 5
+_SHORT, _LONG = SEEDS * (1 + GROWTH), LONG_SEEDS * LONG_GROWTH / LONG_SHARE
+LONG_TIME = _LONG / (_SHORT + _LONG)  # of all that is rendered
 
 
 @dataclass(frozen=True)
@@ -31,20 +37,22 @@ class Pictures:
     Attributes
     ----------
     tiles : SpreadTiles
-    samples : tuple of int
+    samples : (int, int)
         Samples per pixel of the pictures of each seed.
     seeds : int
     pixels : list
         For each configuration and number of samples, pixels (seeds, p, 3).
+    long : LongPictures
     timings : list of Timings
     by_cpu : bool
         Whether the undisturbed times are CPU times divided by the cores.
     """
 
     tiles: SpreadTiles
-    samples: tuple[int, ...]
+    samples: tuple[int, int]
     seeds: int
     pixels: list[list[NDArray[np.float32]]]
+    long: LongPictures
     timings: list[Timings]
     by_cpu: bool
 
@@ -62,16 +70,36 @@ def render_by_turns(
     turns = seeds * len(samples)
     for turn in range(turns):
         row, k = divmod(turn, len(samples))
-        order = np.roll(np.arange(len(ready)), turn)
-        for place, index in enumerate(order[:: 1 if turn % 4 < 2 else -1]):
-            on_progress("rendering by turns", (turn + place / len(ready)) / turns)
+        for place, index in enumerate(_order(len(ready), turn)):
+            on_progress("rendering by turns", (1 - LONG_TIME) * (turn + place / len(ready)) / turns)
             found = run(ready[index], tiles, samples[k], seed + 1 + turn)
             pixels[index][k][row] = found.pixels
             taken[index, :, row] += (found.cpu_s, found.wall_s)
+    long = _long(ready, tiles, LONG_GROWTH * first, seed + 1 + turns, on_progress)
     taken *= layout.samples_per_spp / len(tiles.pixels) / sum(samples)
     by_cpu = info.type == "cpu"
     timings = [Timings(cpu / cores() if by_cpu else wall, wall) for cpu, wall in taken]
-    return Pictures(tiles, samples, seeds, pixels, timings, by_cpu)
+    return Pictures(tiles, samples, seeds, pixels, long, timings, by_cpu)
+
+
+def _order(count: int, turn: int) -> NDArray[np.int64]:
+    return np.roll(np.arange(count), turn)[:: 1 if turn % 4 < 2 else -1]
+
+
+def _long(
+    ready: Sequence[Ready], tiles: SpreadTiles, samples: int, seed: int, on_progress: Callable[[str, float], Any]
+) -> LongPictures:
+    """Return pictures of a few of the tiles with many samples."""
+    count = min(max(len(tiles.tiles) // LONG_SHARE, FEWEST_LONG), len(tiles.tiles))
+    chosen = np.sort(np.random.default_rng(TILES_SEED).choice(len(tiles.tiles), count, replace=False))
+    few = tiles.some(chosen)
+    pixels = [np.empty((LONG_SEEDS, len(few.pixels), 3), np.float32) for _ in ready]
+    for turn in range(LONG_SEEDS):
+        for place, index in enumerate(_order(len(ready), turn)):
+            share = (turn + place / len(ready)) / LONG_SEEDS
+            on_progress("rendering some tiles longer", 1 - LONG_TIME * (1 - share))
+            pixels[index][turn] = run(ready[index], few, samples, seed + turn).pixels
+    return LongPictures(samples, chosen, pixels)
 
 
 def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadTiles, int]:
@@ -86,7 +114,7 @@ def _extent(ready: Sequence[Ready], seconds: float, seeds: int) -> tuple[SpreadT
         run(each, pilot, PILOT_SAMPLES, 0)
     per_sample = (time.perf_counter() - begun) / (PILOT_SAMPLES * len(pilot.pixels))
     # Of one tile with one sample per pixel in the first picture of each seed.
-    fits = seconds / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
+    fits = seconds * (1 - LONG_TIME) / (seeds * (1 + GROWTH) * per_sample * TILE_PIXELS)
     most = int(np.clip(fits / WANTED_SAMPLES, FEWEST_TILES, MOST_TILES.get(kind, MOST_TILES["gpu"])))
     tiles = spread_tiles(layout, most, rng)
-    return tiles, max(int(fits / len(tiles.tiles)), 1)
+    return tiles, 2 ** max(round(math.log2(fits / len(tiles.tiles))), 0)  # lattices are even at powers of two

@@ -11,10 +11,12 @@ from rptcam_cl.accuracy.errors import FIELDS
 from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import Advice, TradeoffReport
-from rptcam_cl.tradeoff.words import bias, per_cent, pixels, seconds
+from rptcam_cl.tradeoff.words import between, bias, per_cent, pixels, seconds
 
 FULL = "full accuracy"
 SHOWS_LOAD = 1.3  # times the undisturbed time that the clock showed, from which on it is said
+RARE = 3.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
+SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 
 
@@ -34,12 +36,13 @@ def caveats(report: TradeoffReport) -> list[str]:
     """Return sentences on how the numbers were found."""
     rendered, every = report.tiles
     made = "every tile" if rendered == every else f"{rendered} of {every} tiles"
-    counts = " and ".join(map(str, report.samples))
+    first, second, most = report.samples
     said = [
         f"Measured in {seconds(report.seconds)} on {report.device}: {made} of a picture of"
-        f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {counts} samples per"
-        " pixel. Brackets are intervals of 95 %."
+        f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
+        f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
+    said += _unsure(report)
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the cores: what a render takes with the machine to itself.")
@@ -48,13 +51,30 @@ def caveats(report: TradeoffReport) -> list[str]:
             f"By the clock all took {clock:.1f} times as long, as other work shared the machine or cores were idle."
         )
     said += [
-        f"The same as {_called(report, f.name)}: {', '.join(f.same_as)}." for f in report.measurements if f.same_as
+        f"The same picture in every way: {' = '.join((f.name, *f.same_as))}." for f in report.measurements if f.same_as
     ]
     reasons: dict[str, list[str]] = {}
     for name, why in report.skipped.items():
         reasons.setdefault(why, []).append(name)
     said += [f"Not compared: {', '.join(names)} ({why})." for why, names in reasons.items()]
     return said
+
+
+def _unsure(report: TradeoffReport) -> list[str]:
+    """Say of what is advised, and of what it is measured against, where noise hangs on paths that are rarely met."""
+    names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
+    rare = [_called(report, name) for name in names if name is not None and _hangs_on_rare(report.named(name))]
+    if not rare:
+        return []
+    return [
+        f"The noise of {' and of '.join(rare)} comes from rare bright paths: errors and times may be off by more than"
+        " is told; a longer measurement (--budget) meets more of them."
+    ]
+
+
+def _hangs_on_rare(found: Measurement) -> bool:
+    last = found.noise[1]
+    return last.high > RARE * last.low or found.slope.low > SLOW
 
 
 def _advice(report: TradeoffReport, advice: Advice) -> str:
@@ -66,23 +86,24 @@ def _advice(report: TradeoffReport, advice: Advice) -> str:
 
 
 def _for_time(report: TradeoffReport, advice: Advice) -> str:
-    head, errs = f"In {seconds(advice.amount)}", per_cent(advice.error)
+    head = f"In {seconds(advice.amount)}"
     if advice.chosen is None:
         fastest = min(found.sample_s.value for found in report.measurements)
         return f"{head}: no picture; a sample in every pixel takes {seconds(fastest)} at least"
-    take = f"{head}: take {_called(report, advice.chosen)}; its picture then errs by"
+    errs = f"{between(advice.least_error, advice.most_error)} after {advice.samples} samples per pixel"
+    take = f"{head}: take {_called(report, advice.chosen)}; its picture then errs by {errs}"
     if advice.chosen == REFERENCE:
-        return f"{take} {errs}. No approximation is surely better"
+        return f"{take}. No approximation is surely better"
     if math.isinf(advice.full_error):
-        return f"{take} at most {errs}; {FULL} gives none so soon"
-    return f"{take} at most {errs}, with {FULL} by {per_cent(advice.full_error)}"
+        return f"{take}; {FULL} gives none so soon"
+    return f"{take}, with {FULL} by {per_cent(advice.full_error)}"
 
 
 def _for_error(report: TradeoffReport, advice: Advice) -> str:
     head, takes = f"To an error of {per_cent(advice.amount)}", seconds(advice.seconds)
     if advice.chosen is None:
         return f"{head}: nothing gets there"
-    take = f"{head}: take {_called(report, advice.chosen)}; that takes {takes}"
+    take = f"{head}: take {_called(report, advice.chosen)}; that takes {takes} ({advice.samples} samples per pixel)"
     if advice.chosen == REFERENCE:
         return f"{take}. No approximation is surely faster"
     full, times = seconds(advice.full_seconds), advice.full_seconds / advice.seconds
@@ -171,7 +192,7 @@ def _depth(report: TradeoffReport) -> list[str]:
     depth, bound = report.truncation["max_depth"], report.truncation["bound"]
     paths = f"Paths of light end after {depth} edges (render.max_depth), also with {FULL}"
     if bound is None:
-        return [f"{paths}; how much longer ones would add has no bound ({report.truncation['no_bound_because']})."]
+        return [f"{paths}; what longer ones would add has no bound ({report.truncation['no_bound_because']})."]
     largest = report.truncation["largest_albedo"]
     return [
         f"{paths}; longer ones would add at most {per_cent(bound)} of the radiance of the brightest lamp"

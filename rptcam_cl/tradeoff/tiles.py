@@ -40,6 +40,15 @@ class SpreadTiles:
     weights: NDArray[np.float64]
     all: int
 
+    def some(self, chosen: NDArray[np.int64]) -> SpreadTiles:
+        """Return a few of the tiles, by their places in `tiles`; each pixel stands for what it did."""
+        of_cell = np.full(len(self.tiles), -1)
+        of_cell[chosen] = np.arange(len(chosen))
+        cell = of_cell[self.cell]
+        kept = cell >= 0
+        shape = (1, len(chosen))
+        return SpreadTiles(self.tiles[chosen], shape, self.pixels[kept], cell[kept], self.weights[kept], self.all)
+
 
 def spread_tiles(layout: FilmLayout, most: int, rng: np.random.Generator) -> SpreadTiles:
     """Return at most so many tiles, at a random place in cells of equal size; all where there are no more."""

@@ -37,6 +37,12 @@ def per_cent(share: float) -> str:
     return f"{_short(100 * share)} %"
 
 
+def between(low: float, high: float) -> str:
+    """Return two shares as ``1.8 to 2.1 %``; once where they are the same."""
+    first, last = _short(100 * low), per_cent(high)
+    return last if per_cent(low) == last else f"{first} to {last}"
+
+
 def pixels(value: float) -> str:
     """Return a distance in pixels; an infinite one is where a lens sees nothing."""
     return "dark" if math.isinf(value) else f"{_short(value)} px"
@@ -49,7 +55,8 @@ def bias(found: Interval) -> str:
         return "none"
     if low == 0:
         return f"below {per_cent(high)}"
-    return f"{per_cent(value)} ({_short(100 * low)} to {_short(100 * high)})"
+    least, most = _short(100 * low), _short(100 * high)
+    return per_cent(value) if least == most == _short(100 * value) else f"{per_cent(value)} ({least} to {most})"
 
 
 def ends(found: Interval, say: Callable[[float], str] = seconds) -> str:

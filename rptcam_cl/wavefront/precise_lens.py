@@ -27,6 +27,21 @@ def traces_in_float64(camera: CameraModel) -> bool:
     return camera.facts.get("LENS_FLOAT64", 0) > 0
 
 
+def check_precision(session: Session, camera: CameraModel) -> None:
+    """Refuse a camera that a device cannot trace.
+
+    Raises
+    ------
+    DeviceError
+        When its lens is to be traced in float64 and the device has none.
+    """
+    if traces_in_float64(camera) and not session.info.fp64:
+        raise DeviceError(
+            f"camera.precision: double needs float64, which device {session.info.id} {session.info.name} lacks"
+            " (use single, or another device)"
+        )
+
+
 class PreciseLens:
     """The passes ``aim_rays`` and ``trace_lens`` with the rays between them.
 
@@ -59,11 +74,7 @@ class PreciseLens:
         filter_table: Any,
         colours: Any,
     ) -> None:
-        if not session.info.fp64:
-            raise DeviceError(
-                f"camera.precision: double needs float64, which device {session.info.id} {session.info.name} lacks"
-                " (use single, or another device)"
-            )
+        check_precision(session, camera)
         self.rays = session.allocate(BYTES_PER_SLOT * capacity)
         self._aim_lanes = int(facts["VW"])
         lanes = DOUBLE_LANES if session.lanes > 1 else 1

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.acceleration import build_bvh
-from rptcam_cl.acceleration.bvh import quality
+from rptcam_cl.acceleration.bvh import STACK_STEP, quality, stack_size
 from tests.acceleration.meshes import boxes_of, hall, knot, nearest, rays_through, soup
 from tests.acceleration.trees import check, traverse
 
@@ -60,3 +60,10 @@ def test_scene_scaled_by_a_power_of_two_gives_the_same_tree(session, power):
 
 def test_leaf_blocks_are_well_filled(session):
     assert quality(build_bvh(*boxes_of(knot()), session=session)).fill > 0.75
+
+
+def test_stacks_have_few_sizes_and_always_room():
+    entries = np.arange(1, 130)
+    sizes = np.array([stack_size(n) for n in entries.tolist()])
+    assert ((entries <= sizes) & (sizes < entries + STACK_STEP)).all()
+    assert len(set(sizes.tolist())) == 9

@@ -42,7 +42,7 @@ CASES = {
     "thin lens": (THIN | POSE, 50, 2.0, CENTRE),
     "focusing group": (lens_camera(with_group()), 250, 30.0, CENTRE),
 }
-SLOW = ("wide f/5.6", "doublet f/8", "thick lens")
+SLOW = ("wide f/5.6", "telephoto f/5.6", "doublet f/8", "thick lens")
 
 
 @pytest.mark.parametrize(
@@ -78,9 +78,16 @@ TARGETS = [
 ]
 
 
-@pytest.mark.parametrize("method", ["contrast", "depth"])
+TRIALS = [(*target, "contrast") for target in TARGETS] + [
+    pytest.param(*TARGETS[0], "depth", marks=pytest.mark.slow),
+    *((*target, "depth") for target in TARGETS[1:]),
+]
+
+
 @pytest.mark.parametrize(
-    ("lens", "focal_length", "front_mm", "film_mm", "zone"), TARGETS, ids=["closeup", "bg", "tele"]
+    ("lens", "focal_length", "front_mm", "film_mm", "zone", "method"),
+    TRIALS,
+    ids=[f"{name}-{method}" for method in ("contrast", "depth") for name in ("closeup", "bg", "tele")],
 )
 def test_targets_of_the_assignment_are_found(lens, focal_length, front_mm, film_mm, zone, method):
     glass = load_lens(lens)
@@ -131,7 +138,9 @@ LEFT_AND_RIGHT = [[0.24, 0.29, 0.42, 0.495], [0.7, 0.75, 0.42, 0.495]]
 
 
 @pytest.mark.parametrize("method", ["contrast", pytest.param("depth", marks=pytest.mark.slow)])
-@pytest.mark.parametrize(("policy", "distance"), [("closest", 1.0), ("farthest", 3.0)])
+@pytest.mark.parametrize(
+    ("policy", "distance"), [pytest.param("closest", 1.0, marks=pytest.mark.slow), ("farthest", 3.0)]
+)
 def test_two_objects_and_two_zones(policy, distance, method):
     auto = {"method": method, "zones": LEFT_AND_RIGHT, "policy": policy}
     scene = scene_of(NEAR_AND_FAR, lens_camera("dgauss-50mm", focus={"auto": auto}))
@@ -163,7 +172,9 @@ REFUSED = {
 }
 
 
-@pytest.mark.parametrize("name", REFUSED)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=pytest.mark.slow) if name == "dark" else name for name in REFUSED]
+)
 def test_target_without_contrast_is_refused_and_nothing_moves(name):
     objects, rest, message = REFUSED[name]
     scene = scene_of(objects, lens_camera("dgauss-50mm"), **rest)

@@ -47,7 +47,7 @@ def test_displacement_through_a_thin_lens_is_that_of_similar_triangles(vergence)
     assert view.sharpest() == pytest.approx(1 / 3)
 
 
-@pytest.mark.parametrize("displacement", [-6.0, 0.3, 9.0])
+@pytest.mark.parametrize("displacement", [-6.0, 0.3, pytest.param(9.0, marks=pytest.mark.slow)])
 def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     # Pictures by exact rays of a random target, through a thin lens; noise is added to each half.
     view = HalfView.of(pupil_rays(scene_of([], THIN), places_round((200.0, 90.0))), "x")

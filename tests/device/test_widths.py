@@ -13,6 +13,7 @@ from tests.support.statistics import assert_same_tiles, sampled
 
 SIZE, SPP = (48, 32), 32
 CAMERAS = {"pinhole": {}, "lens": {"camera": LENS}}
+SLOW = [pytest.param(*pair, marks=pytest.mark.slow) for pair in (("pinhole", 8), ("lens", 1))]
 
 
 def picture(camera, session, seed):
@@ -32,8 +33,7 @@ def test_one_lane_and_eight_give_pictures_that_agree(camera, monkeypatch):
     assert np.isclose(one[:4], eight, rtol=1e-5, atol=1e-6).mean() > 0.98
 
 
-@pytest.mark.parametrize("camera", CAMERAS)
-@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize(("camera", "lanes"), [("pinhole", 1), ("lens", 8), *SLOW])
 def test_passes_and_stream_give_pictures_that_agree(camera, lanes, monkeypatch):
     monkeypatch.setattr(Session, "lanes", lanes)
     session = open_session()

@@ -1,6 +1,7 @@
 """Exposures of scenes with motion, and the means of still pictures that they must agree with."""
 
 import numpy as np
+import pytest
 
 import rptcam_cl
 from tests.render.pictures import seed_of
@@ -25,6 +26,12 @@ def scene_with(objects=(FLOOR, BALL), camera=PINHOLE, shutter=None, size=(32, 24
 def film(scene, session, name="", **options):
     """Return the film of a scene, float32, with a seed that follows from a name."""
     return np.asarray(rptcam_cl.render(scene, seed=seed_of(name), device=session, **options))
+
+
+# Lanes per work item with the organisation that goes with them: on GPUs, on CPUs with AVX2 and with AVX-512. The other
+# pairs are of no device.
+PAIRS = [(1, "passes"), (8, "stream"), (16, "stream")]
+PAIRS += [pytest.param(*pair, marks=pytest.mark.slow) for pair in ((1, "stream"), (8, "passes"), (16, "passes"))]
 
 
 def exposures(scene, session, name, count=4, **options):

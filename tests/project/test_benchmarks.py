@@ -1,5 +1,6 @@
 """Every benchmark runs: its quick mode ends well, prints its tables and writes its numbers."""
 
+import importlib
 import importlib.util
 import json
 import subprocess
@@ -14,6 +15,8 @@ from benchmarks.mitsuba_worker import find_llvm
 from benchmarks.scenes import reference_scene
 from benchmarks.worker import Worker, WorkerError
 
+FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
+
 
 def quick(checkout: Path, folder: Path, name: str, *options: str) -> tuple[str, Any]:
     """Run the quick mode of a benchmark; return what it printed and the results in its file."""
@@ -26,6 +29,13 @@ def quick(checkout: Path, folder: Path, name: str, *options: str) -> tuple[str, 
     return done.stdout, written["results"]
 
 
+@pytest.mark.parametrize("path", sorted(FOLDER.glob("*.py")), ids=lambda path: path.stem)
+def test_benchmark_finds_all_that_it_uses(path: Path) -> None:
+    """Quick even for those whose runs are slow tests: what they import is there."""
+    assert importlib.import_module(f"benchmarks.{path.stem}").__doc__
+
+
+@pytest.mark.slow
 def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "passes")
     assert "| A_lens |" in printed
@@ -35,12 +45,14 @@ def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None
     assert all(0 < found["passed"] <= 1 for found in results["pupils"].values())
 
 
+@pytest.mark.slow
 def test_motion_is_compared_with_the_scene_standing_still(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "motion_costs")
     assert printed.count("camera moves") == len(results) == 3
     assert all(found["still"] == [1.0] and len(found) == 5 for found in results.values())
 
 
+@pytest.mark.slow
 def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "growth")
     assert printed.count("Msamples/s by wall") == len(results) == 4
@@ -71,6 +83,7 @@ def test_modes_of_the_spectrum_are_compared(checkout: Path, tmp_path: Path) -> N
     assert results["a lens that disperses"]["dispersive"]["light"] == "dispersive"
 
 
+@pytest.mark.slow
 def test_noise_behind_every_shape_of_aperture_is_measured(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "apertures", "--seeds", "3")
     assert "mask" in printed
@@ -78,6 +91,7 @@ def test_noise_behind_every_shape_of_aperture_is_measured(checkout: Path, tmp_pa
     assert all(noise > 0 for found in results if "sampler" in found for noise in found["noise"].values())
 
 
+@pytest.mark.slow
 def test_start_is_measured_cold_and_warm(checkout: Path, tmp_path: Path) -> None:
     _, results = quick(checkout, tmp_path, "startup")
     assert results["cold"][0]["compile"] > results["warm"][0]["compile"] > 0
@@ -121,6 +135,7 @@ def test_building_trees_is_timed_by_stage(checkout: Path, tmp_path: Path) -> Non
         assert found["quality"]["fill"] > 0.7
 
 
+@pytest.mark.slow
 def test_rays_at_meshes_agree_with_those_of_others(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "mesh_rays")
     assert [found["rays"] for found in results] == ["primary", "diffuse bounce", "the same, shuffled", "shadow"]

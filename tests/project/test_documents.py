@@ -10,7 +10,7 @@ import yaml
 
 from rptcam_cl.cli import build_parser
 
-DOCUMENTS = ("README.md", "CHANGELOG.md", "CONTRIBUTING.md")
+LINK = re.compile(r"\]\(([^)#\s]*)(?:#([^)\s]+))?\)")
 
 
 def blocks(text: str, language: str) -> list[str]:
@@ -58,11 +58,54 @@ def test_lens_of_the_readme_loads(readme: str) -> None:
     assert lens.first_order().focal_length_mm == pytest.approx(1 / power)
 
 
-@pytest.mark.parametrize("document", DOCUMENTS)
-def test_links_lead_to_files(checkout: Path, document: str) -> None:
-    links = re.findall(r"\]\(([^)#]+)\)", (checkout / document).read_text("utf-8"))
-    missing = [link for link in links if "://" not in link and not (checkout / link).exists()]
-    assert missing == []
+def links(document: Path) -> list[tuple[Path, str]]:
+    """Return the files of the checkout that a document leads to, each with the heading it names, or nothing."""
+    found = LINK.findall(document.read_text("utf-8"))
+    return [
+        (document.parent.joinpath(file).resolve() if file else document, at) for file, at in found if ":" not in file
+    ]
+
+
+def anchors(document: Path) -> set[str]:
+    """Return the names that headings have as targets of links: those that stand twice are numbered."""
+    text = re.sub(r"^```.*?^```", "", document.read_text("utf-8"), flags=re.DOTALL | re.MULTILINE)
+    names: list[str] = []
+    for heading in re.findall(r"^#+ (.+)", text, re.MULTILINE):
+        plain = re.sub(r"\[([^]]*)\]\([^)]*\)", r"\1", heading)
+        names.append(re.sub(r"[^\w\- ]", "", plain.lower()).replace(" ", "-"))
+    return {name if (n := names[:i].count(name)) == 0 else f"{name}-{n}" for i, name in enumerate(names)}
+
+
+def test_links_lead_to_files_and_headings(checkout: Path, tracked: list[str]) -> None:
+    lost = [
+        (name, str(target), at)
+        for name in tracked
+        if name.endswith(".md")
+        for target, at in links(checkout / name)
+        if not target.exists() or (at and at not in anchors(target))
+    ]
+    assert lost == []
+
+
+def test_every_page_is_reached_from_the_readme(checkout: Path, tracked: list[str]) -> None:
+    reached, ahead = set(), [checkout / "README.md"]
+    while ahead:
+        page = ahead.pop()
+        if page.suffix == ".md" and page not in reached:
+            reached.add(page)
+            ahead += [target for target, _ in links(page)]
+    assert {checkout / name for name in tracked if name.endswith(".md")} == reached
+
+
+def test_readme_lists_every_page_of_the_documentation(checkout: Path, tracked: list[str]) -> None:
+    listed = {target for target, _ in links(checkout / "README.md")}
+    assert [name for name in tracked if re.fullmatch(r"docs/[^/]+\.md", name) and checkout / name not in listed] == []
+
+
+def test_contents_of_the_scene_reference_list_every_heading(checkout: Path) -> None:
+    reference = checkout / "docs" / "scene.md"
+    contents = reference.read_text("utf-8").partition("\n## ")[0]
+    assert {at for file, at in LINK.findall(contents) if not file} == anchors(reference) - {"the-scene-file"}
 
 
 def test_every_example_is_a_valid_scene(checkout: Path) -> None:

@@ -51,6 +51,7 @@ def test_second_render_in_a_process_is_the_same(named):
     assert bits(scene(name), seed=3) == plain
 
 
+@pytest.mark.parametrize("named", ["lens", pytest.param("pinhole", marks=pytest.mark.slow)], indirect=True)
 def test_another_process_makes_the_same_bits(named):
     name, plain = named
     program = f"from tests.render import test_determinism as t; print(t.bits(t.scene({name!r}), seed=3))"

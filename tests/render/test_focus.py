@@ -50,7 +50,7 @@ SHARP = [
     ("realistic", "dgauss-50mm", {}, "spot", 0.1),
     ("realistic", "dgauss-50mm", {"f_number": 11}, "thick", 0.4),
     ("realistic", "biconvex", {}, "spot", 1.0),
-    ("realistic", "zoom-70-200mm", {"zoom": "135 mm"}, "spot", 0.2),
+    pytest.param("realistic", "zoom-70-200mm", {"zoom": "135 mm"}, "spot", 0.2, marks=pytest.mark.slow),
     ("thick_lens", "zoom-80-200mm", {"focal_length_mm": 120}, "thick", 0.2),
 ]
 

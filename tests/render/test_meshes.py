@@ -63,7 +63,7 @@ def film(mapping, organisation, session=None):
     return render_plan(wavefront, spp=4, seconds=None, has_lens=False).pixels
 
 
-@pytest.mark.parametrize("copied", [0, 1 << 30], ids=["instances", "copies"])
+@pytest.mark.parametrize("copied", [0, pytest.param(1 << 30, marks=pytest.mark.slow)], ids=["instances", "copies"])
 def test_stream_and_passes_make_the_same_bits_of_meshes(monkeypatch, copied):
     monkeypatch.setattr(rptcam_cl.plan.meshes, "MOST_COPIED", copied)
     films = [film(balls(), organisation) for organisation in ("stream", "passes")]

@@ -45,8 +45,15 @@ def test_mask_cuts_where_its_texture_is_below_the_cutoff(sheet):
     assert np.isclose(seen.mean(), 0.5, atol=0.03)
 
 
-@SHAPES
-@pytest.mark.parametrize("light", ["point", "lamp"])
+@pytest.mark.parametrize(
+    ("sheet", "light"),
+    [
+        pytest.param(SHEET, "point", id="rectangle-point"),
+        pytest.param(MESH_SHEET, "lamp", id="mesh-lamp"),
+        pytest.param(SHEET, "lamp", id="rectangle-lamp", marks=pytest.mark.slow),
+        pytest.param(MESH_SHEET, "point", id="mesh-point", marks=pytest.mark.slow),
+    ],
+)
 def test_light_falls_through_holes(sheet, light):
     """Half of a lamp's light passes a sheet of opacity one half, straight on."""
     lamp = {"shape": "disk", "center": [0, 0, 4], "normal": [0, 0, -1], "radius": 0.5,

@@ -44,7 +44,9 @@ def test_thick_lens_camera_takes_the_lens_keys_of_the_realistic_one(load: Load) 
     assert isinstance(camera, ThickLensCamera)
     assert (camera.lens, camera.f_number, camera.focus.distance_m) == ("double_gauss_50mm", 4.0, 8.8)
     assert camera.zoom == "tele"
-    assert set(RealisticCamera.model_fields) - set(ThickLensCamera.model_fields) == {"accuracy", "aperture", "pupil"}
+    assert set(RealisticCamera.model_fields) - set(ThickLensCamera.model_fields) == {
+        "accuracy", "aperture", "precision", "pupil"
+    }  # fmt: skip
 
 
 def test_depth_of_a_point_is_measured_along_the_axis(load: Load) -> None:

@@ -58,6 +58,16 @@ def test_null_leaves_the_excluded_key_alone(load: Load) -> None:
     assert camera.f_number == 4
 
 
+@pytest.mark.parametrize(
+    ("key", "owners"),
+    [("accuracy", "kind realistic has it"), ("f_number", "kinds thin_lens, thick_lens, realistic have it")],
+)
+def test_key_of_another_kind_names_the_kinds_that_have_it(load: Load, key: str, owners: str) -> None:
+    pinhole = "camera: {kind: pinhole, fov_degrees: 40, eye: [0, 0, 0], target: [0, 0, -1]}"
+    with pytest.raises(InputError, match=rf"camera\.{key}: unknown key; {owners} \(got"):
+        load(pinhole, f"camera.{key}=2")
+
+
 def test_error_after_a_removed_entry_names_the_removal(load: Load) -> None:
     with pytest.raises(InputError, match=r"^--set objects\.0=null: objects\[0\]\.radius: is out of range \(got -8"):
         load(EVERYTHING.replace("radius: 8", "radius: -8"), "objects.0=null")
@@ -74,6 +84,10 @@ def test_error_after_a_removed_entry_names_the_removal(load: Load) -> None:
         ("camera.eye.x=2", r"camera\.eye: no such entry \(got x; allowed: 0 to 2\)"),
         ("camera.f_number.x=2", r"camera\.f_number: is 4 and has no keys"),
         ("objects.0.material.reflectance=1", r"is 'red' and has no keys; set materials\.red\.reflectance instead"),
+        (
+            "camera.accuracy=high",
+            r"is not what a camera may err by \(got 'high'; allowed: auto, or a mapping of bounds\)",
+        ),
         ("camera.f_nmber=2", r"^--set camera\.f_nmber=2: camera\.f_nmber: unknown key; did you mean f_number\?"),
         ("camra.f_number=2", r"^--set camra\.f_number=2: camra: unknown key; did you mean camera\?"),
         ("camera.f_number=-2", r"^--set camera\.f_number=-2: camera\.f_number: is out of range \(got -2; allowed: at "),

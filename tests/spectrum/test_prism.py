@@ -84,6 +84,7 @@ def test_lines_stand_at_their_angles(glass, lamp):
     assert np.abs(film[dark]).max() < 1e-3 * np.abs(film).max()
 
 
+@pytest.mark.slow
 def test_prism_of_one_index_shows_one_line():
     straight = least_deviation(index("SF11", 587.5618)) / 2
     film = pixels(spectroscope("SF11", (435.83, 546.07, 578.0), straight, "rgb"), spp=64).mean(axis=0)

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from rptcam_cl.tradeoff.errors import pair_errors
+from rptcam_cl.tradeoff.errors import LongPictures, pair_errors
 from rptcam_cl.tradeoff.measurement import Timings, measurements
 from rptcam_cl.tradeoff.statistics import draws
 from rptcam_cl.tradeoff.tiles import SpreadTiles
 
 PER_TILE = 64
 SAMPLES = (2, 8)
+MANY = 128  # samples of a quarter of the tiles, two seeds
 SEEDS = 8
 SECONDS = 0.01  # of a sample
 NOISE = 1.0  # relMSE of one sample, on pixels of 1
@@ -40,10 +41,19 @@ def measured(rng, bias, rendered, every, replicates=500):
     shape = (SEEDS, rendered * PER_TILE, 3)
     common = [rng.gamma(count / NOISE, NOISE / count, shape) - 1 for count in SAMPLES]
     reference = [(1 + shared).astype(np.float32) for shared in common]
-    errors = pair_errors([reference, pictures_of(1 + seen, rng, common)], SAMPLES, tiles)
+    chosen = np.sort(rng.choice(rendered, max(rendered // 4, 4), replace=False))
+    there = np.isin(tiles.cell, chosen)
+    more = rng.gamma(MANY / NOISE, NOISE / MANY, (2, 2, int(there.sum()), 3))
+    long = [
+        (apart[:, None] + noise).astype(np.float32)
+        for apart, noise in zip((0 * seen[there], seen[there]), more, strict=True)
+    ]
+    errors = pair_errors(
+        [reference, pictures_of(1 + seen, rng, common)], SAMPLES, tiles, LongPictures(MANY, chosen, long)
+    )
     times = [Timings(*[scale * SECONDS * rng.lognormal(0, 0.1, SEEDS)] * 2) for scale in (2, 1)]
     named = [
         {"name": name, "knob": knob, "same_as": (), "settings": (), "tier": "", "unbiased": False, "start_s": 0.0}
         for name, knob in (("full", ""), ("other", "camera"))
     ]
-    return measurements(named, errors, times, SAMPLES, draws(SEEDS, rng, replicates))
+    return measurements(named, errors, times, (*SAMPLES, MANY), draws(SEEDS, rng, replicates))

@@ -16,15 +16,18 @@ from rptcam_cl.wavefront.film import FilmLayout
 
 
 def measurement(name, rate, bias=0.0, knob="camera"):
-    exact = Interval(0.0, 0.0, 0.0)
+    exact, sample, fall = (Interval(value, value, value) for value in (0.0, SAMPLE_S, -1.0))
+    noise = tuple(Interval(*3 * [rate / SAMPLE_S / count]) for count in (8, 128))
     return Measurement(
-        name=name, knob=knob, same_as=(), settings=(), tier="", unbiased=False, start_s=0.0, sample_s=exact,
-        wall_sample_s=exact, noise=exact, slope=exact, rate=Interval(rate, rate, rate), wall_rate=exact,
-        bias=Interval(bias, bias, bias), energy=exact, seconds_to=dict.fromkeys(TARGETS, exact), better_until=exact,
-        bias_of_tiles=np.zeros(1), noise_of_tiles=np.zeros(1),
+        name=name, knob=knob, same_as=(), settings=(), tier="", unbiased=False, start_s=0.0, sample_s=sample,
+        wall_sample_s=sample, samples=(8, 128), noise=noise, before=fall, slope=fall, beyond=fall,
+        rate=Interval(rate, rate, rate), bias=Interval(bias, bias, bias), energy=exact,
+        seconds_to=dict.fromkeys(TARGETS, exact), better_until=exact, bias_of_tiles=np.zeros(1),
+        noise_of_tiles=np.zeros(1), gain=Interval(4e-3 / rate, 4e-3 / rate, 4e-3 / rate),
     )  # fmt: skip
 
 
+SAMPLE_S = 0.01
 FULL = measurement("full", 4e-3, knob="")
 QUICK = measurement("quick", 1e-3, bias=1e-4)  # crosses the full one after 30 s, with an error of 1.15 %
 
@@ -38,7 +41,7 @@ def test_error_that_bias_forbids_takes_the_full_configuration():
     assert for_error([FULL, QUICK], 0.02).chosen == "quick"
     advice = for_error([FULL, QUICK], 0.009)
     assert advice.chosen == "full"
-    assert advice.seconds == pytest.approx(4e-3 / 0.009**2)
+    assert advice.seconds == pytest.approx(4e-3 / 0.009**2, rel=1e-3)
 
 
 def test_gain_within_a_twentieth_is_not_worth_an_approximation():
@@ -52,6 +55,13 @@ def test_bias_that_is_not_known_well_is_counted_in_full_and_said():
     advice = for_error([FULL, vague], 0.02)
     assert (advice.chosen, advice.perhaps) == ("full", "quick")
     assert for_error([FULL, QUICK], 0.02).perhaps is None
+
+
+def test_gain_that_may_be_none_is_no_reason_to_leave_the_full_configuration():
+    unsure = replace(QUICK, gain=Interval(4.0, 0.9, 9.0))
+    assert for_time([FULL, unsure], 10.0).chosen == "full"
+    advice = for_error([FULL, unsure], 0.02)
+    assert (advice.chosen, advice.perhaps) == ("full", "quick")
 
 
 def test_time_that_is_too_short_for_a_sample_has_no_advice():
@@ -73,6 +83,7 @@ def test_bias_that_may_be_nothing_is_told_by_what_it_is_at_most():
     assert words.bias(Interval(1e-5, -1e-5, 4e-4)) == "below 2 %"
     assert words.bias(Interval(4e-4, 1e-4, 9e-4)) == "2 % (1 to 3)"
     assert words.bias(Interval(0.0, 0.0, 0.0)) == "none"
+    assert words.bias(Interval(4e-4, 3.99e-4, 4.01e-4)) == "2 %"
 
 
 def test_intervals_share_their_unit_and_say_when_they_know_nothing():

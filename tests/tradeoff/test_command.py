@@ -3,16 +3,21 @@
 import itertools
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.cli import parser as values
+from rptcam_cl.device import Session, choose_device
+from rptcam_cl.errors import InputError
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
+from rptcam_cl.tradeoff.ladder import ladder
 from rptcam_cl.tradeoff.plot import tradeoff_plot
-from rptcam_cl.tradeoff.table import markdown, tables
+from rptcam_cl.tradeoff.runs import prepare
+from rptcam_cl.tradeoff.table import tables
 from rptcam_cl.tradeoff.text import recommendation
 
 BOARD = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [60, 60]}}
@@ -56,16 +61,34 @@ def test_accuracy_never_makes_the_measured_bias_worse(report):
 def test_everything_that_differs_is_there_once(report):
     names = [found.name for found in report.measurements]
     assert names[0] == "full"
-    assert {"thick lens", "thin lens", "pinhole", "depth 2", "depth 4", "independent samples"} <= set(names)
+    assert {"lens: float64", "thick lens", "thin lens", "pinhole", "depth 2", "depth 4", "independent samples"} <= set(
+        names
+    )
     assert len(names) == len(set(names))
     every = [same for found in report.measurements for same in found.same_as]
     assert {"as the scene says", "accuracy: auto", "spectrum: rgb"} <= {*names, *every}
 
 
+def test_lens_in_float64_takes_the_same_samples_and_shows_no_bias(report):
+    full, double = report.named("full"), report.named("lens: float64")
+    assert abs(double.bias.value) < 1e-6 < report.named("pinhole").bias.low
+    assert double.noise[0].value == pytest.approx(full.noise[0].value, rel=1e-3)  # the same samples
+    assert "camera.precision=double" in double.settings
+
+
+def test_device_without_float64_is_said_not_to_compare_it(monkeypatch):
+    session = Session(choose_device())
+    monkeypatch.setattr(session, "info", replace(session.info, fp64=False))
+    steps = [step for step in ladder(load_scene(SCENE)).configurations if step.name in ("full", "lens: float64")]
+    ready, skipped = prepare(steps, session, lambda name, done: None)
+    assert [each.configuration.name for each in ready] == ["full"]
+    assert skipped["lens: float64"].startswith("camera.precision: double needs float64, which device ")
+
+
 def test_times_and_rates_are_those_of_the_runs(report):
     for found in report.measurements:
         assert 0 < found.sample_s.low <= found.sample_s.value <= found.sample_s.high
-        assert found.rate.value == pytest.approx(found.sample_s.value * found.noise.value)
+        assert found.rate.value == pytest.approx(found.noise_after(1.0))
         assert found.start_s > 0
     assert report.named("full").seconds_to[0.02].value < report.named("full").seconds_to[0.01].value
     assert math.isinf(report.named("pinhole").seconds_to[0.01].value)
@@ -86,7 +109,9 @@ def test_report_reads_well(report):
     errors, costs, cameras = tables(report)
     assert all(len(row) == len(table.columns) for table in (errors, costs, cameras) for row in table.rows)
     assert len(costs.rows) == len(errors.rows) + 1 == len(report.measurements)
-    text = markdown(report, "a scene")
+    text = report.markdown("a scene")
+    assert str(report).startswith(said[0]) and "nan" not in str(report)
+    assert report.svg().startswith("<svg")
     assert text.startswith("# a scene\n")
     assert "| pinhole |" in text
     assert json.loads(json.dumps(report.as_dict(), default=np.ndarray.tolist))["seeds"] == report.seeds
@@ -120,6 +145,12 @@ def test_times_and_shares_are_read_with_their_units():
     assert [values.share(text) for text in ("0.02", "2%", "2 %", "2e-2")] == [0.02] * 4
 
 
+@pytest.mark.parametrize("wish", [{"budget": math.nan}, {"budget": "5s"}, {"seconds": 0}, {"error": 2}])
+def test_wish_that_cannot_be_is_refused(wish):
+    with pytest.raises(InputError, match=rf"^{next(iter(wish))}: is out of range \(got "):
+        measure_tradeoff(SCENE, **wish)
+
+
 def test_picture_without_light_is_refused(tmp_path, capsys):
     scene = tmp_path / "scene.yaml"
     scene.write_text(json.dumps(SCENE | {"camera": PINHOLE, "render": {"max_depth": 1}, "film": TINY}))
@@ -134,9 +165,25 @@ def test_even_picture_has_no_noise_and_takes_a_sample(tmp_path, capsys):
     plot = tmp_path / "plot.svg"
     assert main(["tradeoff", str(scene), "--budget", "0.1s", "--json", "--plot", str(plot), "--quiet"]) == 0
     full = json.loads(capsys.readouterr().out)["measurements"][0]
-    assert full["noise"]["value"] == full["rate"]["high"] == 0
+    assert full["noise"][0]["value"] == full["rate"]["high"] == 0
     assert full["seconds_to"]["0.01"] == full["sample_s"]
     assert "nan" not in plot.read_text()
+    assert "below the chart: all" in plot.read_text()
+
+
+def test_files_are_written_though_nobody_reads_the_text(tmp_path, monkeypatch):
+    scene, written = tmp_path / "scene.yaml", tmp_path / "out.md"
+    scene.write_text(
+        json.dumps({"camera": PINHOLE, "film": TINY, "environment": {"kind": "constant", "radiance": 0.5}})
+    )
+
+    def ended(*_):
+        raise BrokenPipeError
+
+    monkeypatch.setattr("rptcam_cl.cli.tradeoff._print", ended)
+    monkeypatch.setattr("rptcam_cl.cli._abandon_output", lambda: None)
+    assert main(["tradeoff", str(scene), "--budget", "0.1s", "--markdown", str(written), "--quiet"]) == 0
+    assert "full accuracy" in written.read_text()
 
 
 def test_command_writes_what_it_is_asked_for(tmp_path, capsys):

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rptcam_cl.tradeoff.errors import EDGE
+from rptcam_cl.tradeoff.errors import EDGE, LongPictures, pair_errors
+from rptcam_cl.tradeoff.measurement import Timings, measurements
 from rptcam_cl.tradeoff.statistics import (
     draws,
     interval,
@@ -15,7 +16,7 @@ from rptcam_cl.tradeoff.statistics import (
     over_pairs,
     student_quantile,
 )
-from tests.tradeoff.synthetic import NOISE, PER_TILE, SECONDS, SEEDS, measured
+from tests.tradeoff.synthetic import NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles
 TRIALS = 120
@@ -39,13 +40,13 @@ def coverage(trials, scale, rendered=EVERY, every=EVERY, seed=0):
         left = 0.02**2 - floor
         truths = (
             floor,
-            noise,
+            noise / SAMPLES[-1],
             noise * SECONDS,
             float(bias.mean()),
             noise * SECONDS / left if left > 0 else np.inf,
             noise * SECONDS / floor if floor > 0 else np.inf,  # the reference takes twice the time
         )
-        own = (other.bias, other.noise, other.rate, other.energy, other.seconds_to[0.02], other.better_until)
+        own = (other.bias, other.noise[0], other.rate, other.energy, other.seconds_to[0.02], other.better_until)
         for name, interval_of, truth in zip(NAMES, own, truths, strict=True):
             found[name] += holds(interval_of, truth)
     return {name: count / trials for name, count in found.items()}
@@ -60,6 +61,28 @@ def test_intervals_hold_the_truth_as_often_as_they_say(scale):
 def test_intervals_know_that_some_tiles_stand_for_all():
     found = coverage(TRIALS, 0.2, rendered=16, every=64)
     assert min(found["bias"], found["energy"]) >= FEWEST - 0.03, found  # of 16 tiles the spread is known badly
+
+
+def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_same():
+    rng = np.random.default_rng(6)
+    tiles, samples, times = spread(EVERY, EVERY), (2, 8), Timings(np.ones(SEEDS), np.ones(SEEDS))
+    full = [np.ones((SEEDS, EVERY * PER_TILE, 3), np.float32) for _ in samples]
+    short = [picture.copy() for picture in full]
+    for each, pixel in enumerate(rng.permutation(EVERY * PER_TILE)[: 9 * SEEDS]):
+        for pixels in short:
+            pixels[each % SEEDS, pixel] = 0.0
+    named = [
+        {"name": name, "knob": name, "same_as": (), "settings": (), "tier": "", "unbiased": False, "start_s": 0.0}
+        for name in ("", "short")
+    ]
+    few = tiles.cell < 4
+    long = LongPictures(128, np.arange(4), [pixels[0][:2, few] for pixels in (full, short)])
+    pictures = pair_errors([full, short], samples, tiles, long)
+    assert not pictures[1].bias.any()  # what pairs tell, each by itself
+    found = measurements(named, pictures, [times, times], (*samples, 128), draws(SEEDS, rng, 500))[1]
+    missing = 9 / (EVERY * PER_TILE)
+    assert found.energy.value == pytest.approx(-missing, rel=1e-6)
+    assert found.bias.value == pytest.approx(missing**2, rel=1e-3)
 
 
 @pytest.mark.slow

@@ -3,7 +3,7 @@
 #include "geometry/primitives.h"
 #include "light/environment.h"
 
-__kernel void probe_environment(SCENE_PARAMETERS,
+__kernel void probe_environment(SCENE_PARAMETERS
                                 const __global float *numbers,  // [2][count]
                                 __global float       *out,      // [11][count]
                                 uint                  count)

@@ -1,7 +1,7 @@
 // Writes the colour of the first texture of a scene at given coordinates.
 #include "material/texture.h"
 
-__kernel void probe_texture(SCENE_PARAMETERS,
+__kernel void probe_texture(SCENE_PARAMETERS
                             const __global float *places,   // [2][count]
                             __global float       *colours,  // [3][count]
                             uint                  count)
