@@ -7,10 +7,10 @@
 
 static void store_aim(__global float *rays, uint capacity, uint slot, Underway ray, F wavelength)
 {
-    STORE_F(rays, slot, ray.fx);
-    STORE_F(rays + capacity, slot, ray.fy);
-    STORE_F(rays + 2 * capacity, slot, ray.at.x);
-    STORE_F(rays + 3 * capacity, slot, ray.at.y);
+    STORE_F(rays, slot, ray.aimed.fx);
+    STORE_F(rays + capacity, slot, ray.aimed.fy);
+    STORE_F(rays + 2 * capacity, slot, ray.aimed.at.x);
+    STORE_F(rays + 3 * capacity, slot, ray.aimed.at.y);
     STORE_F(rays + 4 * capacity, slot, wavelength);
 }
 

@@ -2,6 +2,6 @@
 
 from rptcam_cl.accuracy.decide import Decision, decided
 from rptcam_cl.accuracy.errors import TierError, tier_errors
-from rptcam_cl.accuracy.tiers import TIERS, equivalent
+from rptcam_cl.accuracy.tiers import TIERS, Tier, equivalent
 
-__all__ = ["TIERS", "Decision", "TierError", "decided", "equivalent", "tier_errors"]
+__all__ = ["TIERS", "Decision", "Tier", "TierError", "decided", "equivalent", "tier_errors"]

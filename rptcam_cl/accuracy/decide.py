@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 from rptcam_cl.accuracy.depths import FAR_MM, depth_range_mm
-from rptcam_cl.accuracy.errors import TierError, tier_errors
+from rptcam_cl.accuracy.errors import TierError, fitted_errors, tier_errors
 from rptcam_cl.accuracy.findings import Findings
-from rptcam_cl.accuracy.tiers import TIERS, TRAITS, Tier, equivalent, first_order_camera
+from rptcam_cl.accuracy.tiers import TRAITS, Tier, equivalent, first_order_camera
 from rptcam_cl.accuracy.truth import Truth
 from rptcam_cl.accuracy.words import told
 from rptcam_cl.cameras.dispersion import colour_error_px, disperses
@@ -18,6 +18,10 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.scene import Scene, change_scene
 from rptcam_cl.scene.accuracy import Accuracy
 from rptcam_cl.scene.camera import RealisticCamera
+from rptcam_cl.scene.spectrum_mode import LensColour
+
+WORTH_FITTING = 1e9  # surfaces that all samples cross: fewer take less time than fitting polynomials
+FIRST_ORDER: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
 
 
 @dataclass(frozen=True)
@@ -52,14 +56,37 @@ def decided(scene: Scene) -> Decision:
         return Decision(scene, "realistic")
     allowed = camera.accuracy
     found = measured(scene)
-    tier: Tier = next((each.tier for each in found.errors if _within(each, allowed)), "realistic")
+    lens_colour = _lens_colour(scene, found, allowed)
+    tier: Tier | None = next((each.tier for each in found.errors if _within(each, allowed)), None)
+    if tier is None:
+        found, tier = _polynomials(scene, found, allowed, lens_colour)
     chosen = equivalent(scene, tier)
-    if TRAITS[tier].colours and chosen.spectrum.lens_colour == "auto":
-        shows = (found.colour_px or 0.0) > allowed.max_error_px or found.tint > allowed.max_illumination_error
-        chosen = change_scene(chosen, spectrum={"lens": "on" if shows else "off"})
-    colours = chosen.spectrum.lens_colour if TRAITS[tier].colours else "off"
-    found = replace(found, tier=tier, colours=colours)
+    if TRAITS[tier].colours:
+        chosen = change_scene(chosen, spectrum={"lens": lens_colour})
+    found = replace(found, tier=tier, colours=lens_colour if TRAITS[tier].colours else "off")
     return Decision(chosen, tier, found.errors, {"accuracy": told(found, allowed)})
+
+
+def _lens_colour(scene: Scene, found: Findings, allowed: Accuracy) -> LensColour:
+    """Return whether the lens is to bend each wavelength by itself: as asked for, or as the bounds say."""
+    if scene.spectrum.lens_colour != "auto":
+        return scene.spectrum.lens_colour
+    shows = (found.colour_px or 0.0) > allowed.max_error_px or found.tint > allowed.max_illumination_error
+    return "on" if shows else "off"
+
+
+def _polynomials(
+    scene: Scene, found: Findings, allowed: Accuracy, lens_colour: LensColour
+) -> tuple[Findings, Literal["fitted", "realistic"]]:
+    """Return what was found, with the errors of polynomials where they would be worth it, and the choice."""
+    columns, rows = scene.film.resolution
+    if columns * rows * scene.render.spp * len(lens_setting(scene).lens.surfaces) < WORTH_FITTING:
+        return found, "realistic"
+    try:
+        errors = fitted_errors(scene, colours=lens_colour == "on")
+    except InputError:
+        return found, "realistic"
+    return replace(found, errors=(*found.errors, errors)), "fitted" if _within(errors, allowed) else "realistic"
 
 
 def _within(found: TierError, allowed: Accuracy) -> bool:
@@ -74,7 +101,7 @@ def measured(scene: Scene) -> Findings:
         return _colour_alone(scene, str(problem))
     truth = Truth.of(scene, first)
     depths = _depths(scene, truth)
-    tiers = [tier for tier in TIERS if tier != "realistic" and _exists(scene, tier)]
+    tiers = [tier for tier in FIRST_ORDER if _exists(scene, tier)]
     blur_px, far = max(truth.blur_px(depths)), depths[-1]
     return Findings(
         errors=tuple(tier_errors(truth, depths, tiers)),

@@ -11,8 +11,10 @@ from numpy.typing import NDArray
 
 from rptcam_cl.accuracy.bundles import Bundle, tier_bundle
 from rptcam_cl.accuracy.fields import Field
+from rptcam_cl.accuracy.fitted import fitted_to
 from rptcam_cl.accuracy.tiers import TRAITS, Tier
 from rptcam_cl.accuracy.truth import FIELDS, Truth
+from rptcam_cl.scene import Scene
 
 __all__ = ["EFFECTS", "FIELDS", "TierError", "tier_errors"]
 
@@ -79,6 +81,8 @@ def _errors(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
     none = (0.0,) * len(truth.fields)
     if tier == "realistic":
         return TierError(tier, dict.fromkeys(EFFECTS, none), none)
+    if tier == "fitted":
+        return fitted_errors(truth.scene, colours=truth.coloured)
     traits = TRAITS[tier]
     bundles = [tier_bundle(truth.first, tier, field * truth.half_mm) for field in FIELDS]
     apart = [_apart(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
@@ -90,6 +94,19 @@ def _errors(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
         effects["colour"] = truth.colour_px(depths_mm)
     lit = [bundle.light / bundles[0].light for bundle in bundles]
     return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if traits.colours else truth.tint)
+
+
+def fitted_errors(scene: Scene, *, colours: bool) -> TierError:
+    """Return the errors of polynomials in place of a lens: one bound for the whole film.
+
+    Raises
+    ------
+    InputError
+        When there are none for the lens.
+    """
+    found, none = fitted_to(scene, colours=colours), (0.0,) * len(FIELDS)
+    effects = dict.fromkeys(EFFECTS, none) | {"distortion": (found.error_px,) * len(FIELDS)}
+    return TierError("fitted", effects, (found.light_error,) * len(FIELDS))
 
 
 def _apart(field: Field | None, other: Bundle, depths_mm: Sequence[float]) -> tuple[float, float, float]:

@@ -1,4 +1,4 @@
-"""Cheaper cameras that agree with a traced lens to first order: thick lens, thin lens, pinhole."""
+"""Cheaper cameras in place of a traced lens: polynomials, or what agrees with it to first order."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from typing import Any, Literal
 
 import numpy as np
 
+from rptcam_cl.accuracy.fitted import fitted_to
 from rptcam_cl.accuracy.stops import round_stop
 from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting, lens_to_focus
 from rptcam_cl.cameras.thick_lens import ThickLens, thick_lens
 from rptcam_cl.errors import InputError
-from rptcam_cl.scene import Scene, with_camera
+from rptcam_cl.scene import Scene, change_scene, with_camera
 from rptcam_cl.scene.camera import RealisticCamera
 
-Tier = Literal["pinhole", "thin_lens", "thick_lens", "realistic"]
-TIERS: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens", "realistic")  # by rising cost
+Tier = Literal["pinhole", "thin_lens", "thick_lens", "fitted", "realistic"]
+TIERS: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens", "fitted", "realistic")  # by rising cost
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,13 @@ TRAITS: dict[Tier, Traits] = {
     "pinhole": Traits(),
     "thin_lens": Traits(shapes=True),
     "thick_lens": Traits(),
+    "fitted": Traits(shapes=True, colours=True),
     "realistic": Traits(shapes=True, colours=True),
 }
 
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
 _POSE = ("target", "up", "flip")
-_TRACED_ONLY = ("pupil", "precision", "aperture", "accuracy")
+_TRACED_ONLY = ("pupil", "rays", "precision", "aperture", "accuracy")
 
 
 @dataclass(frozen=True)
@@ -96,9 +98,10 @@ def first_order_camera(scene: Scene) -> FirstOrderCamera:
 def equivalent(scene: Scene, tier: Tier) -> Scene:
     """Return a scene with the camera of a tier in place of the traced lens.
 
-    The thick lens keeps every setting, but a stop that is not round becomes one of the same area. Pinhole and thin lens
-    stand in the entrance pupil, whose centre is the centre of the perspective, and see as much as the film does; the
-    thin lens is as large as the entrance pupil and focused on the same plane.
+    Polynomials change nothing but how rays come through the lens. The thick lens keeps every setting, but a stop that
+    is not round becomes one of the same area. Pinhole and thin lens stand in the entrance pupil, whose centre is the
+    centre of the perspective, and see as much as the film does; the thin lens is as large as the entrance pupil and
+    focused on the same plane.
 
     Raises
     ------
@@ -109,6 +112,9 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
     if tier == "realistic":
         return scene
     assert isinstance(camera, RealisticCamera)
+    if tier == "fitted":
+        fitted_to(scene, colours=scene.spectrum.lens_colour == "on")
+        return change_scene(scene, camera={"rays": "fitted"})
     if camera.motion:
         raise InputError("camera.motion: a moving camera keeps its traced lens")
     if tier == "thick_lens":

@@ -25,6 +25,7 @@ from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import Scene, change_scene
+from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.exposure import Exposure
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.opening import at_opening
@@ -60,7 +61,7 @@ class ProbeRenderer:
     """
 
     def __init__(self, scene: Scene, session: Session, state: float | None = None) -> None:
-        self.scene, self.session = at_opening(scene), session
+        self.scene, self.session = _traced(at_opening(scene)), session
         self.drive = focus_drive(self.scene)
         self.state = self.drive.start if state is None else state
         self.samples, self.seconds = 0, 0.0
@@ -272,3 +273,9 @@ class ProbeRenderer:
     @cached_property
     def _plan(self) -> Plan:
         return make_plan(self._seen, self.drive.camera(self._seen, self.state, 1.0, self._zones))
+
+
+def _traced(scene: Scene) -> Scene:
+    """Return a scene whose lens is traced: polynomials would have to be fitted anew in every state."""
+    fitted = isinstance(scene.camera, RealisticCamera) and scene.camera.rays == "fitted"
+    return change_scene(scene, camera={"rays": "traced"}) if fitted else scene

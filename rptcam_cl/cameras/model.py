@@ -16,6 +16,8 @@ from rptcam_cl.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
 from rptcam_cl.scene.camera import Pose
 from rptcam_cl.scene.film import Film
 
+SURFACE_BY_SURFACE = "camera/realistic.h"
+
 
 @dataclass(frozen=True)
 class CameraView:
@@ -98,6 +100,16 @@ class CameraModel:
     on_axis_irradiance: float | None = None
     passed: float = 1.0
     axial_weight: float = 1.0
+
+    @property
+    def bends_colours(self) -> bool:
+        """Whether light of each wavelength goes its own way through the lens."""
+        return self.facts.get("LENS_DISPERSION", 0) > 0 or self.facts.get("MAP_COLOURS", 0) > 0
+
+    @property
+    def crosses_surfaces(self) -> bool:
+        """Whether the kernel takes rays through surface after surface."""
+        return self.kernel == SURFACE_BY_SURFACE
 
 
 def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:

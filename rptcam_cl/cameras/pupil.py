@@ -61,7 +61,7 @@ def pupil_sampling(
         where it would lose light. ``bounds``: a box per film cell (pbrt). ``tight``: the outline of the true pupil.
         ``auto``: tight, which needs the fewest samples on the four lenses it was measured on.
     """
-    return _remembered(_ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, tier)
+    return _remembered(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, tier)
 
 
 def without_shape(lens: Lens) -> Lens:
@@ -71,7 +71,7 @@ def without_shape(lens: Lens) -> Lens:
 
 
 @dataclass(frozen=True)
-class _ByContent:
+class ByContent:
     """A lens that equals every other one of the same name and surfaces."""
 
     lens: Lens
@@ -83,12 +83,12 @@ class _ByContent:
         return hash(self._content())
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _ByContent) and self._content() == other._content()
+        return isinstance(other, ByContent) and self._content() == other._content()
 
 
 @lru_cache(maxsize=REMEMBERED)
 def _remembered(
-    content: _ByContent,
+    content: ByContent,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
     wavelength_nm: Wavelengths,

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.aperture import stop_shape
+from rptcam_cl.cameras.lens_rays import allowed_px, fitted_map
 from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.cameras.thin_lens import optics_of, radius_of
 from rptcam_cl.errors import InputError
+from rptcam_cl.optics import Lens
 from rptcam_cl.optics.probe import cells, grid
 from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
 from rptcam_cl.scene.camera import LensCamera, RealisticCamera, ThinLensCamera
@@ -134,15 +136,30 @@ def _traced(scene: Scene, setting: LensSetting, film_mm: Array) -> PupilRays:
         x, y = film_mm[~lit][0]
         raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
     rear = grid(boxes, ACROSS, ACROSS)
-    start = np.empty((*rear.shape[:2], 3))
-    start[..., :2], start[..., 2] = film_mm[:, None], lens.length + back
     away = np.concatenate([rear - film_mm[:, None], np.full((*rear.shape[:2], 1), -back)], axis=-1)
-    rays = lens.trace(start.reshape(-1, 3), away.reshape(-1, 3), wavelength)
-    passed = rays.passed.reshape(rear.shape[:2])
-    origins, directions = (v.reshape(start.shape) for v in (rays.origins, rays.directions))
+    origins, directions, passed = _through(scene, setting, lens, np.broadcast_to(film_mm[:, None], rear.shape), rear)
     weights = np.where(passed, np.sum(away * away, axis=-1) ** -2, 0.0)  # cos^4, as Z is the same
     weights /= weights.sum(axis=1, keepdims=True)
     keep = passed[..., None]
     origins = np.where(keep, (origins - [0.0, 0.0, lens.length + back]) * 1e-3, 0.0)
     slopes = np.where(keep, directions[..., :2] / -np.where(keep, directions[..., 2:], -1.0), 0.0)
     return PupilRays(origins, slopes, weights, rear, cells(boxes, ACROSS, ACROSS), film_mm)
+
+
+def _through(
+    scene: Scene, setting: LensSetting, lens: Lens, film: Array, rear: Array
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Return where rays from film points through places of the plane of the last vertex (m, n, 2) leave the lens, their
+    directions (m, n, 3), and which do, as the camera lets them: traced, or by polynomials."""
+    camera, back, shape = setting.camera, setting.film_distance_mm, (*rear.shape[:2], 3)
+    if isinstance(camera, RealisticCamera) and camera.rays == "fitted":
+        found = fitted_map(lens, setting, scene.film, None, allowed_px(camera))
+        flat = film.reshape(-1, 2), rear.reshape(-1, 2), np.zeros(film.size // 2)
+        origins, directions = (values * (1.0, 1.0, -1.0) for values in found.trace(*flat))
+        passed = found.passes(lens, *flat)
+    else:
+        start = np.concatenate([film, np.full((*film.shape[:2], 1), lens.length + back)], axis=-1)
+        away = np.concatenate([rear - film, np.full((*rear.shape[:2], 1), -back)], axis=-1)
+        rays = lens.trace(start.reshape(-1, 3), away.reshape(-1, 3), camera.wavelength_nm)
+        origins, directions, passed = rays.origins, rays.directions, rays.passed
+    return origins.reshape(shape), directions.reshape(shape), passed.reshape(shape[:2])

@@ -13,7 +13,7 @@ from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.blur import traced_blur
 from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
-from rptcam_cl.cameras.lens_records import lens_records
+from rptcam_cl.cameras.lens_rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.pupil import pupil_sampling
@@ -77,27 +77,27 @@ def model_of(
         pupil = pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
     else:
         pupil = pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
+    if camera.rays == "fitted":
+        through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
+    else:
+        through = traced_rays(lens, camera, back_mm, colour.dispersive, losses)
     record = camera_record(camera, scene.film)
     record["a"][0] = (*half_film_mm, back_mm, setting.gain)
-    record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, 0.0, 0.0)
+    record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, len(pupil.table), 0.0)
     record["pupil"][0] = pupil.parameters
-    record["count"] = len(lens.surfaces)
+    record["count"] = len(through.surfaces)
     record["wavelength"] = camera.wavelength_nm
-    double = camera.precision == "double"
-    traced = lens_records(
-        lens, camera.wavelength_nm, "film", back_mm, double=double, dispersive=colour.dispersive, transmission=losses
-    )
     return CameraModel(
-        "camera/realistic.h",
+        through.kernel,
         record,
-        facts=traced.facts | pupil.facts | ({"LENS_FLOAT64": 1} if double else {}),
-        tables=pupil.table,
-        surfaces=traced.surfaces,
-        stop=traced.stop,
+        facts=through.facts | pupil.facts,
+        tables=np.concatenate([pupil.table, through.table]),
+        surfaces=through.surfaces,
+        stop=through.stop,
         has_lens=True,
         metadata={
             "camera": "realistic",
-            "lens_precision": camera.precision,
+            **through.metadata,
             **setting.metadata,
             "on_axis_irradiance": on_axis,
         }

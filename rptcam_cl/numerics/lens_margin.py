@@ -52,7 +52,7 @@ class LensMargin:
 def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
     """Return what its precision costs in the lens of a scene's camera; None for cameras that trace no lens."""
     camera = scene.camera
-    if not isinstance(camera, RealisticCamera):
+    if not isinstance(camera, RealisticCamera) or camera.rays == "fitted":
         return None
     setting = lens_setting(scene)
     lens, wavelength_nm = setting.lens, camera.wavelength_nm

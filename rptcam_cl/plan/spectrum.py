@@ -96,7 +96,7 @@ def seen_by(
     """
     settings = scene.spectrum
     camera = camera or camera_model(scene, settings.lens_colour)
-    lens = camera.facts.get("LENS_DISPERSION", 0) > 0
+    lens = camera.bends_colours
     low, high = camera.usable_nm
     if low >= GREEN_NM or high <= GREEN_NM:
         raise InputError(

@@ -351,6 +351,10 @@ class RealisticCamera(LensCamera):
     """Where rays aim: the whole rear element, the paraxial exit pupil, a box per film cell or the pupil's true outline;
     auto takes the last. It changes noise only."""
 
+    rays: Literal["traced", "fitted"] = "traced"
+    """How rays come through the lens: traced through every surface, or by polynomials fitted to such rays, which err by
+    a quarter of a pixel at most."""
+
     precision: Literal["single", "double"] = "single"
     """Arithmetic in which rays go through the lens: float32, or float64 on devices that have it; everything else is
     float32."""

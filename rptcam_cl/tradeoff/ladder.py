@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
-from rptcam_cl.accuracy import TIERS, Decision, decided, equivalent
+from rptcam_cl.accuracy import TIERS, Decision, Tier, decided, equivalent
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene import Scene, change_scene, with_camera
 from rptcam_cl.scene.camera import RealisticCamera, ThinLensCamera
@@ -88,6 +88,11 @@ def ladder(scene: Scene) -> Ladder:
     return Ladder(tuple(found), skipped, decision)
 
 
+def name_of(tier: Tier) -> str:
+    """Return what a camera model is called."""
+    return "fitted rays" if tier == "fitted" else tier.replace("_", " ")
+
+
 def most_accurate(scene: Scene) -> Configuration:
     """Return a scene with everything that makes its picture more accurate.
 
@@ -120,7 +125,7 @@ def _changes(scene: Scene, full: Scene, decision: Decision | None) -> Iterator[_
     yield _Change(AS_IT_IS, "scene", partial(_as_it_is, scene))
     if decision is not None:
         for tier in reversed(TIERS[:-1]):
-            yield _Change(tier.replace("_", " "), "camera", partial(equivalent, full, tier), tier=tier)
+            yield _Change(name_of(tier), "camera", partial(equivalent, full, tier), tier=tier)
         yield _Change("lens: float64", "precision", partial(change_scene, full, camera={"precision": "double"}))
         for pupil in PUPILS:
             make = partial(change_scene, full, camera={"pupil": pupil})

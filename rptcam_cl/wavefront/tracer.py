@@ -89,7 +89,7 @@ class Wavefront:
         self.passes: dict[str, float] = {}
         lanes = session.lanes
         self._precise = traces_in_float64(plan.camera)
-        traces = plan.camera.has_lens and not self._precise
+        traces = plan.camera.crosses_surfaces and not self._precise
         self._packets = 2 if traces and lanes > 1 else 1  # of lanes per work item that trace a lens
         self._lanes = {"trace": lanes, "camera": LENS_LANES if plan.camera.has_lens and lanes > 1 else lanes}
         self._allocate(plan, buffers)

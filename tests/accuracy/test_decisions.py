@@ -7,6 +7,7 @@ from rptcam_cl.accuracy import decided
 from rptcam_cl.cameras import camera_model
 from rptcam_cl.cameras.lens_setting import lens_to_focus
 from rptcam_cl.optics.stop_shape import star
+from rptcam_cl.scene import change_scene
 from tests.accuracy.cases import BALL, scene_of
 
 STAR = {"shape": "star", "points": 5}
@@ -133,3 +134,23 @@ def test_lens_without_an_equivalent_still_decides_its_colour():
     found = decided(scene_of("anamorphic-100mm", accuracy=accuracy, focus=50.0))
     assert "no cheaper camera model" in said(found)
     assert found.scene.spectrum.lens in ("on", "off")
+
+
+def test_polynomials_stand_for_many_surfaces_where_enough_rays_cross_them():
+    film = {"resolution": [1280, 853]}
+    many, few = (
+        decided(change_scene(scene_of("wide-22mm", accuracy="auto", film=film), render={"spp": spp}))
+        for spp in (128, 16)
+    )
+    assert few.tier == "realistic" and few.scene.camera.rays == "traced"
+    assert many.tier == "fitted" and many.scene.camera.rays == "fitted"
+    error = many.errors[-1]
+    assert error.tier == "fitted" and 0 < error.worst_px <= 0.25 and error.worst_illumination <= 2e-3
+    assert said(many).startswith("fitted: distortion")
+    assert camera_model(many.scene).kernel == "camera/fitted.h"
+
+
+def test_lens_without_polynomials_keeps_its_surfaces():
+    film = {"resolution": [1280, 853], "width_mm": 4}
+    found = decided(change_scene(scene_of("phone-5.6mm", accuracy="auto", film=film), render={"spp": 1024}))
+    assert found.tier == "realistic"

@@ -50,7 +50,8 @@ def test_film_beyond_the_image_circle_is_an_infinite_error():
 def test_equivalent_has_the_camera_of_its_tier_and_nothing_else_new(tier):
     scene = scene_of("dgauss-50mm", f_number=4)
     other = equivalent(scene, tier)
-    assert other.camera.kind == tier
+    assert other.camera.kind == ("realistic" if tier == "fitted" else tier)
+    assert getattr(other.camera, "rays", "traced") == ("fitted" if tier == "fitted" else "traced")
     assert other.objects == scene.objects
     assert other.film == scene.film
 

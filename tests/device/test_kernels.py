@@ -21,7 +21,7 @@ PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_
 CAMERAS = sorted(
     path.stem
     for path in (kernels_dir() / "camera").glob("*.h")
-    if path.stem not in ("film_point", "filter", "course", "draw")
+    if path.stem not in ("film_point", "filter", "course", "draw", "aimed")
 )
 # How calls pass wide vectors is moot, as every helper is static. Compilers that are not clang ignore the pragma.
 NO_ABI = '#ifdef __clang__\n#pragma clang diagnostic ignored "-Wpsabi"\n#endif\n'
@@ -170,6 +170,7 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
         facts |= {"HAS_EMITTERS": rest, shape: 9, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
         facts |= {"SPECTRUM": rest, "HUE_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
         facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream), **dict.fromkeys(LOSSES, rest)}
+        facts |= {"MAP_ORDER": 1 + 3 * rest, "MAP_RIM_ORDER": 2 + rest, "MAP_RIMS": 1 + rest, "MAP_COLOURS": rest}
         without_warnings(session, ["pass/generate.cl"], facts)
 
 

@@ -81,7 +81,7 @@ MUTANTS = [
     Mutant("index off by 1e-3", "F eta = (F)(s->eta);", "F eta = (F)(s->eta + 1e-3f);", pixel_of_rays),
     Mutant("normal not unit", "hit.n = f3(-c * hit.p.x, -c", "hit.n = f3(-1.01f * c * hit.p.x, -c", pixel_of_rays),
     Mutant("pupil too tight", "o.r = blend(blend(", "o.r = 0.9f * blend(blend(", lens_row),
-    Mutant("blocked rays weigh", "r.weight = out.passed ? weight : ZERO", "r.weight = weight", lens_corner),
+    Mutant("blocked rays weigh", "r.weight = passed ? weight : ZERO", "r.weight = weight", lens_corner),
     Mutant("exposure forgotten", "ray.weight * camera->exposure", "ray.weight",
            lambda: exposure.test_unit_radiance_gives_the_irradiance_of_the_tables_on_the_axis(
                "dgauss-50mm", 8.55, 0.04665, 0.005)),

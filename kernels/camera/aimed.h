@@ -1,0 +1,46 @@
+// What cameras with a lens share: the ray from a film point to where it aims, and what it weighs behind the lens. The mean is
+// the film's irradiance E = int L cos^4 / Z^2 dA over the pupil, as a ray that the lens blocks weighs zero.
+// a = (film half width, half height, film distance Z, scale of the weight) in mm; b.xy = (mm to the camera's frame, z of the
+// first vertex in the camera's frame); pupil and tables as in lens/pupil.h.
+#ifndef AIMED_H
+#define AIMED_H
+#include "camera/film_point.h"
+#include "lens/half_pupil.h"
+#include "lens/pupil.h"
+
+typedef struct {
+    Aim at;
+    F   fx, fy;
+    F3  away;         // to the plane of the last vertex, z along the travel
+    F   length2;
+} Aimed;
+
+static Aimed aimed_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables)
+{
+    Aimed ray;
+    ray.fx = -film_x(lane, u.a, camera) * camera->a.x;      // a lens inverts: right in the picture is left on the film
+    ray.fy = -film_y(lane, u.b, camera) * camera->a.y;
+    ray.at = aim(ray.fx, ray.fy, u.c, u.d, camera, tables);
+    ray.away = f3(ray.at.x - ray.fx, ray.at.y - ray.fy, (F)(camera->a.z));
+    ray.length2 = dot3(ray.away, ray.away);
+    return ray;
+}
+
+// `p` and `d` on the scene side of the lens, z along the travel from the first vertex.
+static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __global Camera *camera)
+{
+    CameraRay r;
+    F cos2_over_length2 = camera->a.z / ray.length2;        // cos^2 / Z, as cos^2 = Z^2 / length^2
+    F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;
+    F mm = (F)(camera->b.x);
+    r.o = keep3(passed, f3(p.x * mm, p.y * mm, camera->b.y - p.z * mm));
+    r.d = select3(passed, f3(d.x, d.y, -d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z
+    r.weight = passed ? weight : ZERO;
+#if HALF_PUPIL
+    r.weight = of_half(r.weight, ray.at.x, ray.at.y, ray.fx, ray.fy, camera);
+#endif
+    r.status = ray.at.inverse_density > 0.0f ? status : (I)(RAY_CLIPPED);
+    return r;
+}
+
+#endif

@@ -1,0 +1,19 @@
+// A ray from the film through the polynomials of a lens, in place of its surfaces.
+// Camera as in camera/aimed.h; surfaces: those whose rims block light; b.z = where the polynomials stand behind the pupil's
+// table.
+#include "camera/aimed.h"
+#include "lens/surface.h"
+#include "lens/ray_map.h"
+
+static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
+                            const __global float *tables, const __global Surface *surfaces,
+                            const __global float *stop)
+{
+    const __global float *map = tables + (int)camera->b.z;
+    Aimed ray = aimed_ray(lane, u, camera, tables);
+    MapPoint at = map_point(ray.fx, ray.fy, ray.at.x, ray.at.y, wavelength, map);
+    F3 p, d;
+    const __global float *rims = mapped_ray(at, map, &p, &d);
+    I passed = within_mapped_rims(at, rims, surfaces, stop);
+    return behind_lens(ray, p, d, passed, passed ? (I)(RAY_OK) : (I)(RAY_CLIPPED), camera);
+}

@@ -1,0 +1,328 @@
+"""A polynomial in place of a lens: from a film point, an aim and a wavelength to the ray that comes out of it.
+
+A lens that looks the same from every azimuth maps two vectors across its axis, the film point x and the place y in the
+pupil, to vectors A x + B y, where A and B depend on nothing but x.x, x.y, y.y and the wavelength (Hamilton; Welford,
+Aberrations of Optical Systems, 1986, chapter 7). Heights on surfaces and sideways parts of directions are such vectors;
+places and directions along the axis are functions of the invariants alone. Each function is fitted by a polynomial of a
+total degree, here called the order: vectors then are right to the power 2 order + 1 of film point and pupil; order 1
+is the third order of Seidel. (Polynomials in the four coordinates themselves: Hanika and Dachsbacher 2014.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics import Lens
+from rptcam_cl.optics.crossings import Crossings, crossings
+from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
+from rptcam_cl.records import DISPERSION_SCALE, DISPERSION_SHIFT
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Exponents = tuple[tuple[int, int, int, int], ...]
+
+LARGEST_ORDER = 4
+LARGEST_ERROR_PX = 0.25  # of a ray
+LARGEST_LIGHT_ERROR = 2e-3  # of a part of the film
+FILM_POINTS = 48  # along a film radius
+AIMS = 192  # of each, in a box round its pupil
+BEYOND = 0.04  # of that box, by which it is widened
+REACH = 1.06  # of every rim: rays that are fitted
+NEGLIGIBLE = 2e-4  # share of the light that may be blocked by rims that are left out
+COLOURS = 7  # wavelengths that are traced
+PARTS = 6  # of the film, equal in area, in which the light is compared
+NUDGE = 1e-3  # of the film radius, between film points that tell the scale of the picture
+
+
+@dataclass(frozen=True)
+class Variables:
+    """How film points, aims and wavelengths become the variables of the polynomials.
+
+    Attributes
+    ----------
+    film_mm, pupil_mm : float
+        What film points and distances of aims from the centre of the pupil are divided by.
+    shift : float
+        How far that centre moves on the plane of the last vertex, per millimetre of the film point.
+    """
+
+    film_mm: float
+    pupil_mm: float
+    shift: float
+
+    def of(self, film: Array, aims: Array) -> tuple[Array, Array]:
+        """Return x and y (n, 2) of film points and aims [mm]."""
+        return film / self.film_mm, (aims - self.shift * film) / self.pupil_mm
+
+
+@dataclass(frozen=True)
+class Polynomials:
+    """Functions of film point, aim and colour, of one order.
+
+    Attributes
+    ----------
+    order : int
+    colours : bool
+        Whether rays have a wavelength.
+    vectors : (terms, 2 k) array
+        A and B of each of k vectors, side by side.
+    numbers : (terms, m) array
+        Functions of the invariants.
+    """
+
+    order: int
+    colours: bool
+    vectors: Array
+    numbers: Array
+
+    @cached_property
+    def exponents(self) -> Exponents:
+        """The powers of every term."""
+        return exponents(self.order, self.colours)
+
+    def at(self, x: Array, y: Array, colour: Array) -> tuple[Array, Array]:
+        """Return the vectors (k, n, 2) and the numbers (m, n)."""
+        values = terms(x, y, colour, self.exponents)
+        factors = (values @ self.vectors).T[..., None]
+        return factors[0::2] * x + factors[1::2] * y, (values @ self.numbers).T
+
+
+@dataclass(frozen=True)
+class RayMap:
+    """The polynomials of a lens in use.
+
+    Attributes
+    ----------
+    variables : Variables
+    rays : Polynomials
+        Point on the first surface and direction, across the axis as vectors and along it as numbers; z runs towards the
+        scene, from the first vertex.
+    rims : Polynomials
+        Heights on the surfaces that block light.
+    surfaces : tuple of int
+        Which these are, from the film on.
+    error_px : float
+        Largest error of a ray that was not fitted [pixels].
+    light_error : float
+        Largest error of the light that the rims let pass to a part of the film.
+    """
+
+    variables: Variables
+    rays: Polynomials
+    rims: Polynomials
+    surfaces: tuple[int, ...]
+    error_px: float = 0.0
+    light_error: float = 0.0
+
+    def trace(self, film: Array, aims: Array, colour: Array) -> tuple[Array, Array]:
+        """Return points on the first surface and unit directions (n, 3) of rays from film points through aims [mm].
+
+        Parameters
+        ----------
+        colour
+            Inverse wavelengths as `records.DISPERSION_SCALE` has them.
+        """
+        (point, direction), along = self.rays.at(*self.variables.of(film, aims), colour)
+        directions = np.column_stack([direction, along[1]])
+        return np.column_stack([point, along[0]]), directions / np.linalg.norm(directions, axis=1, keepdims=True)
+
+    def passes(self, lens: Lens, film: Array, aims: Array, colour: Array) -> Mask:
+        """Return which rays the rims of the lens let pass, and its stop in its shape."""
+        heights, _ = self.rims.at(*self.variables.of(film, aims), colour)
+        cleared = [lens.surfaces[k].clears(*height.T) for k, height in zip(self.surfaces, heights, strict=True)]
+        return np.asarray(np.all(cleared, axis=0))
+
+
+def exponents(order: int, colours: bool) -> Exponents:
+    """Return the powers of x.x, x.y, y.y and the colour of every term, as `kernels/lens/ray_map.h` has them."""
+    return tuple(
+        (i, j, degree - i - j, power)
+        for power in range(order + 1 if colours else 1)
+        for degree in range(order - power + 1)
+        for i in range(degree, -1, -1)
+        for j in range(degree - i, -1, -1)
+    )
+
+
+def terms(x: Array, y: Array, colour: Array, powers: Exponents) -> Array:
+    """Return the value (n, terms) of every term for film points and places in the pupil (n, 2)."""
+    xx, xy, yy = (np.sum(a * b, axis=1) for a, b in ((x, x), (x, y), (y, y)))
+    return np.stack([xx**i * xy**j * yy**k * colour**p for i, j, k, p in powers], axis=1)
+
+
+def ray_map(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelengths_nm: float | tuple[float, float],
+    pixels_per_mm: float,
+    distances_mm: Sequence[float],
+    max_error_px: float = LARGEST_ERROR_PX,
+) -> RayMap:
+    """Return the polynomials of the lowest order that are right to a part of a pixel.
+
+    Parameters
+    ----------
+    lens
+        Rotationally symmetric; a shape of its stop is not looked at.
+    wavelengths_nm
+        One, or both ends of a range.
+    pixels_per_mm
+        On the film.
+    distances_mm
+        From the first surface, at which rays are compared.
+    max_error_px
+        What a ray may err by.
+
+    Raises
+    ------
+    InputError
+        When the lens has no such map, or none that is good enough.
+    """
+    if not lens.is_rotational:
+        raise InputError(f"{lens.name} is not the same from every azimuth")
+    radius, nodes = float(np.hypot(*half_film_mm)), _nodes(wavelengths_nm)
+    fitted, others = (_Sample.of(lens, film_distance_mm, radius, nodes, seed) for seed in (1, 2))
+    passes = others.found.within(lens)
+    if not passes.any():
+        raise InputError(f"{lens.name} lets no light through")
+    film, aims = others.film[passes], others.aims[passes]
+    shift = float(np.sum(aims * film) / np.sum(film**2))
+    variables = Variables(radius, float(np.hypot(*(aims - shift * film).T).max()), shift)
+    blocking = _blocking(lens, others.found)
+    keep, colours = fitted.found.within(lens, REACH), len(nodes) > 1
+    rims = _fit(fitted, keep, variables, LARGEST_ORDER, colours, fitted.found.heights[list(blocking)])
+    found = RayMap(variables, rims, rims, blocking)
+    for order in range(1, LARGEST_ORDER + 1):
+        rims = _fit(fitted, keep, variables, order, colours, fitted.found.heights[list(blocking)])
+        found = replace(found, rims=rims)
+        found = replace(found, light_error=_light_error(lens, found, others, passes))
+        if found.light_error <= LARGEST_LIGHT_ERROR:
+            break
+    nudge_px, best = NUDGE * radius * pixels_per_mm, np.inf
+    for order in range(1, LARGEST_ORDER + 1):
+        found = replace(found, rays=_fit_rays(fitted, keep, variables, order, colours))
+        error_px = nudge_px * max(_error(found, others, passes, distance) for distance in distances_mm)
+        best = min(best, error_px)
+        if error_px <= max_error_px:
+            return replace(found, error_px=error_px)
+    raise InputError(
+        f"{lens.name}: polynomials of degree {2 * LARGEST_ORDER + 1} err by up to {best:.2g} pixels"
+        f" (allowed: {max_error_px:.2g})"
+    )
+
+
+def _nodes(wavelengths_nm: float | tuple[float, float]) -> Array:
+    """Return the wavelengths [nm] that are traced: of a range, the nodes of Chebyshev in 1 / wavelength."""
+    if not isinstance(wavelengths_nm, tuple):
+        return np.array([wavelengths_nm])
+    ends = 1.0 / np.array(wavelengths_nm)
+    inverse = np.cos((np.arange(COLOURS) + 0.5) * np.pi / COLOURS)
+    return np.asarray(1.0 / (ends.mean() + inverse * np.ptp(ends) / 2))
+
+
+@dataclass(frozen=True)
+class _Sample:
+    """Rays that were traced, of film points along +x."""
+
+    film: Array
+    aims: Array
+    colour: Array
+    found: Crossings
+
+    @classmethod
+    def of(cls, lens: Lens, film_distance_mm: float, radius_mm: float, nodes: Array, seed: int) -> _Sample:
+        """Trace rays from film points, even by area, through boxes a little wider than their pupils."""
+        rng = np.random.default_rng(seed)
+        film = np.zeros((FILM_POINTS, 2))
+        film[:, 0] = radius_mm * np.sqrt((np.arange(FILM_POINTS) + rng.random(FILM_POINTS)) / FILM_POINTS)
+        film[-1, 0] = radius_mm
+        boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, float(nodes.mean())), film, radial=True)
+        low, size = boxes[lit, ::2], boxes[lit, 1::2] - boxes[lit, ::2]
+        share = rng.random((len(low), AIMS, 2)) * (1 + 2 * BEYOND) - BEYOND
+        aims = (low[:, None] + share * size[:, None]).reshape(-1, 2)
+        film = np.repeat(film[lit], AIMS, axis=0)
+        start = np.column_stack([film, np.full(len(film), lens.length + film_distance_mm)])
+        away = np.column_stack([aims - film, np.full(len(film), -film_distance_mm)])
+        groups = [np.arange(first, len(film), len(nodes)) for first in range(len(nodes))]
+        parts = [crossings(lens, start[rows], away[rows], nm) for rows, nm in zip(groups, nodes.tolist(), strict=True)]
+        order = np.argsort(np.concatenate(groups))
+        found = Crossings(
+            np.concatenate([part.heights for part in parts], axis=1)[:, order],
+            np.concatenate([part.origins for part in parts])[order],
+            np.concatenate([part.directions for part in parts])[order],
+        )
+        return cls(film, aims, DISPERSION_SCALE / nodes[np.arange(len(film)) % len(nodes)] - DISPERSION_SHIFT, found)
+
+
+def _blocking(lens: Lens, found: Crossings) -> tuple[int, ...]:
+    """Return the stop and the fewest surfaces, found one by one, whose rims block all else; from the film on."""
+    radii = np.array([surface.semi_diameter for surface in lens.surfaces])[:, None]
+    with np.errstate(invalid="ignore"):
+        blocks = ~(np.hypot(found.heights[..., 0], found.heights[..., 1]) <= radii)
+    passed = int(np.count_nonzero(~blocks.any(axis=0)))
+    chosen = [] if lens.stop_index is None else [lens.stop_index]
+    left = blocks.any(axis=0) & ~blocks[chosen].any(axis=0)
+    while np.count_nonzero(left) > NEGLIGIBLE * passed:
+        chosen.append(int(np.argmax(np.count_nonzero(blocks[:, left], axis=1))))
+        left = left & ~blocks[chosen[-1]]
+    return tuple(sorted(chosen, reverse=True))
+
+
+def _fit(
+    sample: _Sample,
+    keep: Mask,
+    variables: Variables,
+    order: int,
+    colours: bool,
+    vectors: Array,
+    numbers: Array | None = None,
+) -> Polynomials:
+    """Return the polynomials of vectors (k, n, 2) and numbers (m, n) by least squares over some of the rays."""
+    x, y = variables.of(sample.film[keep], sample.aims[keep])
+    powers = exponents(order, colours)
+    values = terms(x, y, sample.colour[keep], powers)
+    rows = [np.concatenate([values * x[:, axis, None], values * y[:, axis, None]], axis=1) for axis in (0, 1)]
+    targets = np.concatenate([vectors[:, keep, 0], vectors[:, keep, 1]], axis=1).T
+    both = np.linalg.lstsq(np.concatenate(rows), targets, rcond=None)[0].reshape(2, len(powers), -1)
+    if numbers is None:
+        along = np.zeros((len(powers), 0))
+    else:
+        along = np.asarray(np.linalg.lstsq(values, numbers[:, keep].T, rcond=None)[0])
+    return Polynomials(order, colours, both.transpose(1, 2, 0).reshape(len(powers), -1), along)
+
+
+def _fit_rays(sample: _Sample, keep: Mask, variables: Variables, order: int, colours: bool) -> Polynomials:
+    origins, directions = sample.found.origins, sample.found.directions
+    vectors = np.stack([origins[:, :2], directions[:, :2]])
+    return _fit(sample, keep, variables, order, colours, vectors, -np.stack([origins[:, 2], directions[:, 2]]))
+
+
+def _error(found: RayMap, sample: _Sample, passes: Mask, distance_mm: float) -> float:
+    """Return the largest distance of a ray from its place, over that of the ray of a film point `NUDGE` farther out."""
+    film, aims, colour = sample.film[passes], sample.aims[passes], sample.colour[passes]
+
+    def there(moved_mm: float) -> Array:
+        points, directions = found.trace(film + np.array([moved_mm, 0.0]), aims, colour)
+        return np.asarray(points + distance_mm * directions)
+
+    truth = (sample.found.origins[passes] + distance_mm * sample.found.directions[passes]) * (1.0, 1.0, -1.0)
+    own = there(0.0)
+    step = np.linalg.norm(there(NUDGE * found.variables.film_mm) - own, axis=1)
+    return float(np.max(np.linalg.norm(own - truth, axis=1) / step))
+
+
+def _light_error(lens: Lens, found: RayMap, sample: _Sample, passes: Mask) -> float:
+    """Return the largest share by which the number of rays that pass differs in a part of the film."""
+    own = found.passes(lens, sample.film, sample.aims, sample.colour)
+    area = np.sum(np.square(sample.film / found.variables.film_mm), axis=1)
+    part = np.minimum((area * PARTS).astype(int), PARTS - 1)
+    true, fitted = (np.bincount(part[mask], minlength=PARTS) for mask in (passes, own))
+    lit = true > 0
+    return float(np.max(np.abs(fitted[lit] / true[lit] - 1)))
