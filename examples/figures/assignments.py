@@ -4,9 +4,17 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from examples.figures.assignment_film_numbers import (
+    depths,
+    floor_light,
+    half_stop,
+    irradiances,
+    lit_floors,
+    passing_shares,
+)
 from examples.figures.figure import Figure, Group, Section, shared
-from examples.figures.film_numbers import irradiances, lit_floors
-from examples.figures.lens_numbers import focus_and_circle, focus_rays, stops
+from examples.figures.first_order_numbers import first_order, focus_and_circle, focus_rays, kolb, stops
+from examples.figures.focus_numbers import autofocus_targets
 
 FOUR = {
     "cones_dgauss": "double Gauss",
@@ -20,7 +28,20 @@ EYES = {"0.5": 15.905, "1": 14.702, "2": 14.151}  # the first vertex stands at t
 def at_four_samples(name: str, title: str) -> Figure:
     """Return a picture of the gallery with four samples per pixel."""
     picture = shared(name, f"{title}, 4")
-    return replace(picture, name=f"{name}_4spp", size=(200, 200), spp=4, folder="figures")
+    return replace(picture, name=f"{name}_4spp", size=(300, 300), spp=4, folder="figures")
+
+
+def found(name: str, title: str, *changes: str) -> Figure:
+    """Return the card and the wall, one of which autofocus finds."""
+    return Figure(f"assignment_autofocus_{name}", title, "assignment/autofocus.yaml", changes, (300, 300), 512)
+
+
+def found_by_telephoto() -> Figure:
+    """Return the telephoto's picture of the cones, focused by itself on the text."""
+    picture = shared("cones_telephoto", "telephoto, on the text")
+    auto = "camera.focus={auto: {zones: [[0.70, 0.76, 0.40, 0.46]], draw_zones: true}}"
+    changes = [change for change in picture.changes if not change.startswith("camera.focus")]
+    return replace(picture, name="assignment_autofocus_text", changes=[*changes, auto], folder="figures")
 
 
 def stop_shape(name: str, title: str, aperture: str) -> Figure:
@@ -43,9 +64,9 @@ def focused(metres: str) -> Figure:
 ASSIGNMENT_2015 = Section(
     "CS348b 2015, assignment 3",
     """\
-Thirteen cones, 300 x 300 pixels on a film of 70 mm across, the film distances of the assignment. A checker stands in
-for a picture of a text and plain colours for two measured paints. The written questions are answered in
-[theory.md](theory.md).""",
+Thirteen cones, 300 x 300 pixels on a film of 70 mm across, the film distances of the assignment. The text on every
+third cone is the assignment's in other letters; plain colours take the place of two measured paints. The written
+questions are answered in [theory.md](theory.md).""",
     (
         Group(
             "Four lenses, 4 samples per pixel",
@@ -56,18 +77,22 @@ more than nine of ten samples get through the lens, since rays aim at what their
         ),
         Group(
             "Four lenses, 512 samples per pixel",
-            "The same with the noise gone. What they focus on, and how far they light the film:",
+            """\
+The same with the noise gone. All is sharp from the cones on through the short lenses; the telephoto makes the text of
+its cone readable, as the assignment has it. Below, the lenses to first order, places from the first vertex towards the
+scene; what they focus on and how far they light the film; and where the things of the scene are.""",
             tuple(shared(name, f"{title}, 512") for name, title in FOUR.items()),
-            (focus_and_circle,),
+            (first_order, focus_and_circle, depths),
         ),
         Group(
             "The telephoto with half its stop",
             """\
-Half the blur and two stops less light (the pictures are scaled by what reaches the centre). Below, the irradiance of
-the film in a world of radiance 1, at distances from its centre: "expected" is an independent Monte Carlo estimate
-with its error of 0.4 %.""",
+Half the blur, see the lines of the floor and of the wall, and two stops less light (the pictures are scaled by what
+reaches the centre). Below, the irradiance of the film in a world of radiance 1, at distances from its centre:
+"expected" is an independent Monte Carlo estimate with an error of 0.4 %, whose rays go to the whole rear disk;
+"float64" is a quadrature over rays in double precision.""",
             (shared("cones_telephoto", "stop 40.5 mm"), shared("cones_telephoto_half", "stop 20.25 mm")),
-            (irradiances,),
+            (irradiances, passing_shares, half_stop),
         ),
         Group(
             "How bright",
@@ -76,20 +101,27 @@ The scene without its walls under the lamps of the assignment, `exposure: irradi
 lies within 25 pixels of the centre. The reference pictures are those of a teaching assistant elsewhere; the
 prediction knows no vignetting within these 25 pixels.""",
             (),
-            (lit_floors,),
+            (lit_floors, floor_light),
         ),
         Group(
             "Autofocus",
             """\
-Two zones, white in the picture, and the farther of them in focus ([autofocus.md](autofocus.md)). Zones files of the
-assignment are read as they are.""",
-            (shared("autofocus_farthest", "the farther zone"),),
+White rectangles are the zones of the assignment's files `closeup`, `bg` and `telephoto`; such
+[files](autofocus.md#zones) are read as they are. Of two zones the closest decides, and the text is sharp, or the
+farthest, and the wall is. The telephoto finds the text on its cone. The cones with [two
+zones](../examples/README.md#autofocus) are on the other page.""",
+            (
+                found("closest", "closest", "camera.focus.auto.policy=closest"),
+                found("farthest", "farthest", "camera.focus.auto.policy=farthest"),
+                found_by_telephoto(),
+            ),
+            (autofocus_targets,),
         ),
         Group(
             "Bokeh",
             """\
 [The chess board](../examples/README.md#first-light) through stops of other shapes, in the middle of a double Gauss.
-Towards the edges rims cut the shapes as they cut disks.""",
+Towards the edges rims cut the shapes as they cut disks; the glass ball turns them upside down.""",
             (
                 stop_shape("blades", "five blades", "{shape: polygon, blades: 5}"),
                 stop_shape("star", "star", "{shape: star, points: 5}"),
@@ -110,14 +142,14 @@ are not given.""",
             """\
 Focused at 1 m. At f/2 the thick lens, which knows principal planes and pupils alone, and the traced one draw nearly
 the same; the corners of the second are darker. Stopping down deepens what is sharp. Stop diameters by the
-assignment's rule, sin θ = 1 / (2 N) behind the lens; at f/2 the rule asks for 0.07 mm more than the stop has:""",
+assignment's rule, sin θ = 1 / (2 N) behind the lens:""",
             (
                 targets("thick", "thick lens, f/2.03", "camera.kind=thick_lens"),
                 replace(focused("1"), title="traced, f/2.03"),
                 targets("f4", "traced, f/4", "camera.f_number=4"),
                 targets("f16", "traced, f/16", "camera.f_number=16"),
             ),
-            (stops,),
+            (stops, kolb),
         ),
         Group(
             "Focus test",

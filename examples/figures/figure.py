@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import rptcam_cl
+from examples.figures.numbers import Numbers
 from examples.make_gallery import PAGE, commands
 
 WIDTH = 120  # of a line of a command
@@ -78,13 +79,13 @@ class Group:
         What to see.
     figures : sequence of Figure
     numbers : sequence of functions
-        Each returns a Markdown table of our numbers beside those of the document.
+        Each returns our numbers beside those of the document.
     """
 
     title: str
     text: str
     figures: Sequence[Figure] = ()
-    numbers: Sequence[Callable[[], str]] = ()
+    numbers: Sequence[Callable[[], Numbers]] = ()
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,30 @@ import json
 from typing import Any
 
 from examples.figures.colour_numbers import (
-    DOUBLET,
     DOUBLET_PLACED,
     PLACED,
     blurs_by_wavelength,
     focus_by_wavelength,
+    glasses,
     singlet,
+    white,
 )
 from examples.figures.figure import Figure, Group, Section, shared
-from examples.figures.film_numbers import blurs_of_distances, blurs_of_stops, found_by_autofocus
-from examples.figures.lens_numbers import doublet_of_the_paper, indices, placements
+from examples.figures.paper_film_numbers import (
+    blurs_of_distances,
+    blurs_of_lamps,
+    blurs_of_stops,
+    found_by_autofocus,
+)
+from examples.figures.paper_lens_numbers import (
+    doublet_of_the_paper,
+    focal_lengths,
+    indices,
+    paper_doublet,
+    placements,
+    snell,
+    thick_placements,
+)
 
 QUARTER = "film.crop=[0.42, 0.92, 0.3, 0.8]"
 FILM = "camera.focus.film_distance_mm"
@@ -24,8 +38,8 @@ CROP = "film.crop=[0.06, 0.94, 0.29, 0.8]"
 
 def bokeh(name: str, title: str, aperture: str) -> Figure:
     """Return figure 1 through one opening."""
-    changes = (CROP, f"camera.aperture={aperture}", "picture.ev=0.5")
-    return Figure(f"paper_1_{name}", title, "paper/figure_1.yaml", changes, (400, 300), 1024)
+    changes = (CROP, f"camera.aperture={aperture}", "picture.ev=1")
+    return Figure(f"paper_1_{name}", title, "paper/figure_1.yaml", changes, (560, 420), 1024)
 
 
 def basic(name: str, title: str, *changes: str) -> Figure:
@@ -54,20 +68,22 @@ PAPER = Section(
     """\
 Its scenes are in units without a name; here one is a millimetre. Pictures stand upright, the paper's as they lie on
 the film. Rays are bent by Snell's law; the paper's step 3 bends tangents in place of sines, which agrees near the
-axis alone. Off the axis the blur of its pictures is therefore not that of such a lens; ours is. The materials are
-ours: a diffuse base under a rough clear coat.""",
+axis alone ([numbers](#snells-law)). Off the axis the blur of its pictures is therefore not that of such a lens; ours
+is. The materials are ours: a diffuse base under a rough clear coat.""",
     (
         Group(
             "Figure 1: the shape of the blur",
             """\
-Five lamps, the green one in focus. All others are pictures of the opening, the farther from the plane of focus the
-larger, and all of them behind it, so the same way up as the opening is seen from the camera.""",
+Five lamps, the green one in focus: a ball, whatever the opening. All others are pictures of the opening, the farther
+behind the plane of focus the larger, and the same way up as it is seen from the camera. The nearest, orange and blue,
+are hardly larger than their own size, which rounds their corners.""",
             (
                 bokeh("circle", "circle", "{shape: circle}"),
                 bokeh("heart", "heart", "{shape: heart}"),
                 bokeh("star", "star", "{shape: star, points: 5}"),
                 bokeh("polygon", "polygon, 6 blades", "{shape: polygon, blades: 6}"),
             ),
+            (blurs_of_lamps,),
         ),
         Group(
             "Figure 2: three stops",
@@ -86,7 +102,9 @@ axis are eggs, as on any flat film, and the corners get little light (cos⁴).""
             "Figure 3: three indices of refraction",
             """\
 The paper moved the lens with its index by a formula that does not keep the focus: from far behind the scene it comes
-to the balls at the sides (n = 2.3) and to the small one (n = 3.5). The lens distances are the paper's.""",
+to the balls at the sides (n = 2.3) and to the small one (n = 3.5). The lens distances are the paper's. The balls at
+the sides are sharp towards the middle and soft towards the edge: a single lens has a curved field, and at 40 degrees
+from the axis its focus is much nearer.""",
             (
                 basic("2_d007", "n = 1.8", "camera.stop_diameter_mm=0.07"),
                 basic(
@@ -136,7 +154,7 @@ purple fringes; through the doublet a thread of orange is left, and the box is o
                 colour(
                     "7_singlet", "single lens, V = 3", f"camera.lens={inline(singlet(3, 0.2))}", f"{FILM}={PLACED[18]}"
                 ),
-                colour("7_doublet", "doublet", f"camera.lens={inline(DOUBLET)}", f"{FILM}={DOUBLET_PLACED}"),
+                colour("7_doublet", "doublet", f"camera.lens={inline(paper_doublet())}", f"{FILM}={DOUBLET_PLACED}"),
             ),
             (focus_by_wavelength,),
         ),
@@ -145,18 +163,34 @@ purple fringes; through the doublet a thread of orange is left, and the box is o
             """\
 The same scene. The paper's autofocus climbs the variance of the whole picture and is said to come to 25 units from
 any start; that curve is flat within 1 % from 16 to 26 units here, and as broad in the paper's own renderer
-([curves](autofocus.md#the-figures-of-the-paper)). Found here is the sphere in the white rectangle, by its contrast
-and by its distance.""",
+([curves](autofocus.md#the-figures-of-the-paper)). Found here is the sphere in the white rectangle, whose front is at
+24.5 and whose rim is at 25, by its contrast and by its distance.""",
             (shared("autofocus_paper", "by contrast"),),
             (found_by_autofocus,),
         ),
         Group(
+            "Snell's law",
+            """\
+Where rays far from the axis are in focus, by the law that bends sines, by the paper's, which bends tangents, and
+through our lens. The two differ in the sign of spherical aberration.""",
+            (),
+            (snell,),
+        ),
+        Group(
+            "White",
+            """\
+The paper gives each wavelength a colour and divides by its length, so that a white world turns orange-brown and a fifth
+darker. Here the colours of all wavelengths add up to white.""",
+            (),
+            (white,),
+        ),
+        Group(
             "Closed forms",
             """\
-The paper's placement takes the lens as thin; our cameras take principal planes into account ("exact"). Its equation
-12 lacks a minus sign; with P1/V1 + P2/V2 = 0 the default doublet is""",
+Equations 3 to 12 of the paper, by `rptcam_cl.optics.design`. At four focal lengths the object is as near as it can be
+and the two roots are one. Equation 12 lacks a minus sign: an achromat needs P1/V1 + P2/V2 = 0.""",
             (),
-            (doublet_of_the_paper, placements),
+            (placements, thick_placements, focal_lengths, doublet_of_the_paper, glasses),
         ),
     ),
 )

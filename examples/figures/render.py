@@ -1,32 +1,45 @@
 """Render the figures of the four documents that this renderer answers to, and write the page that shows them.
 
 Run in the folder above examples:
-python -m examples.figures.render [--quality draft|page|full] [--only PART …] [--output FOLDER]
+python -m examples.figures.render [--quality draft|page|full] [--only PART …] [--resume] [--output FOLDER]
 """
 
 from __future__ import annotations
 
 import argparse
+import json
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+
+from PIL import Image
 
 import rptcam_cl
 from examples.figures.assignments import ASSIGNMENT_2003, ASSIGNMENT_2015
 from examples.figures.figure import ROOT, Figure, Group, Section
 from examples.figures.paper import PAPER
 from examples.figures.report import REPORT
+from rptcam_cl.developing import SETTINGS
+from rptcam_cl.errors import InputError, RptcamError
+from rptcam_cl.imaging.atomic import replacing
+from rptcam_cl.scene import change_scene
 
 SECTIONS = (PAPER, REPORT, ASSIGNMENT_2015, ASSIGNMENT_2003)
 QUALITIES = {"draft": (0.5, 1 / 16), "page": (1.0, 1.0), "full": (2.5, 4.0)}  # factors on the size and on the samples
 COLUMNS = 4
+INTERRUPTED = 130  # exit code, as shells count
 HEAD = """\
 # Figures of the four documents
 
 This renderer grew out of four documents on cameras. Here are their figures, made anew with its own lenses, scenes
 and light, and the numbers that they allow to check beside ours, computed when this page was written. `python -m
-examples.figures.render` makes it all, pictures, numbers and page; `--quality full` larger and with less noise,
-`--only PART` some of the pictures. More pictures of other scenes are in the [gallery](../examples/README.md).
+examples.figures.render` makes it all, pictures, numbers and page, in some minutes; `--quality full` larger and with
+less noise, `--only PART` some of the pictures, `--resume` those that an interrupted run left to do. More pictures of
+other scenes are in the [gallery](../examples/README.md).
+
+A number of a document is met when ours lies within half a unit of its last digit, and within its error where it is
+an estimate; what differs by more is explained below its table, and tests hold every table to that.
 """
 
 
@@ -35,14 +48,48 @@ def figures() -> list[Figure]:
     return list({figure.picture: figure for section in SECTIONS for figure in section.figures}.values())
 
 
-def render_figure(figure: Figure, quality: str, folder: Path) -> None:
-    """Render a picture into the folder of the page."""
+def render_figure(figure: Figure, quality: str, folder: Path, resume: bool = False) -> bool:
+    """Render a picture into the folder of the page, unless it is there already and that is enough.
+
+    A picture is written at once when it is finished; one that is interrupted leaves what was there.
+    """
     scale, factor = QUALITIES[quality]
     width, height = (round(pixels * scale) for pixels in figure.size)
-    image = rptcam_cl.render(figure.load(), size=(width, height), spp=max(1, round(figure.spp * factor)))
+    spp = max(1, round(figure.spp * factor))
     path = folder / figure.picture
+    scene = change_scene(figure.load(), film={"resolution": (width, height)})
+    if resume and is_finished(path, scene, spp):
+        return False
     path.parent.mkdir(parents=True, exist_ok=True)
-    image.save(path)
+    rptcam_cl.render(scene, spp=spp).save(path)
+    return True
+
+
+def is_finished(path: Path, scene: rptcam_cl.Scene, spp: int) -> bool:
+    """Return whether a file holds the picture of a scene; of a camera that focuses by itself nobody can tell."""
+    if not path.is_file():
+        return False
+    with Image.open(path) as picture:
+        told = [picture.info.get(key) for key in ("scene_hash", "spp", SETTINGS)]
+    shown = scene.picture.model_dump(mode="json", exclude_unset=True)
+    return told == [scene.content_hash(), str(spp), json.dumps(shown) if shown else None]
+
+
+def wanted(parts: Sequence[str] | None) -> list[Figure]:
+    """Return the pictures whose name holds one of some parts, or all.
+
+    Raises
+    ------
+    InputError
+        When a part is in no name.
+    """
+    if parts is None:
+        return figures()
+    for part in parts:
+        if not any(part in figure.name for figure in figures()):
+            names = ", ".join(figure.name for figure in figures())
+            raise InputError(f"--only: no picture has a name with {part!r} in it; there are {names}")
+    return [figure for figure in figures() if any(part in figure.name for part in parts)]
 
 
 def page() -> str:
@@ -65,10 +112,25 @@ def group_lines(group: Group) -> Iterator[str]:
         yield "| " + " | ".join(figure.title for figure in row) + " |"
         yield "| " + " | ".join("---" for _ in row) + " |"
         yield "| " + " | ".join(f"![{group.title}: {figure.title}]({figure.picture})" for figure in row) + " |\n"
-    for number in group.numbers:
-        yield number() + "\n"
+    for compare in group.numbers:
+        yield compare().markdown() + "\n"
     if group.figures:
         yield "\n".join(["```sh", *(figure.command() for figure in group.figures), "```\n"])
+
+
+def run(given: argparse.Namespace) -> None:
+    """Render the wanted pictures and write the page."""
+    folder = given.output or ROOT / ("docs" if given.quality == "page" else "out/figures")
+    chosen = wanted(given.only)
+    for number, figure in enumerate(chosen, 1):
+        start = time.perf_counter()
+        made = render_figure(figure, given.quality, folder, given.resume)
+        told = f"{time.perf_counter() - start:.1f} s" if made else "is there"
+        print(f"[{number}/{len(chosen)}] {figure.name}: {told}", flush=True)
+    print("numbers and page …", flush=True)
+    folder.mkdir(parents=True, exist_ok=True)
+    with replacing(folder / "gallery.md") as path:
+        path.write_text(page(), "utf-8")
 
 
 def main(arguments: Sequence[str]) -> int:
@@ -78,15 +140,16 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument(
         "--only", nargs="*", metavar="PART", help="pictures whose name holds one of these; none: the page alone"
     )
+    parser.add_argument("--resume", action="store_true", help="keep the pictures that are finished")
     parser.add_argument("--output", type=Path, help="folder of the page; docs for --quality page, else out/figures")
-    given = parser.parse_args(arguments)
-    folder = given.output or ROOT / ("docs" if given.quality == "page" else "out/figures")
-    for figure in figures():
-        if given.only is None or any(part in figure.name for part in given.only):
-            print(figure.name, flush=True)
-            render_figure(figure, given.quality, folder)
-    folder.mkdir(parents=True, exist_ok=True)
-    (folder / "gallery.md").write_text(page(), "utf-8")
+    try:
+        run(parser.parse_args(arguments))
+    except KeyboardInterrupt:
+        print("interrupted: the pictures named so far are finished; --resume goes on after them", file=sys.stderr)
+        return INTERRUPTED
+    except RptcamError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return error.exit_code
     return 0
 
 

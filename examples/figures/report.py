@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from examples.figures.figure import Figure, Group, Section, shared
-from examples.figures.lens_numbers import ball
+from examples.figures.report_numbers import ball, blurs_of_balls, retries, seen
 
 
 def photographic(lens: str, title: str) -> Figure:
@@ -23,6 +23,7 @@ most of these pictures.""",
             "Pinhole and environment",
             "90 degrees, sharp from front to back; and all directions, twice as wide as high.",
             (shared("pinhole", "pinhole"), shared("environment", "environment")),
+            (seen,),
         ),
         Group(
             "Thin lens: three distances in focus",
@@ -33,18 +34,19 @@ most of these pictures.""",
             "Thin lens: three openings",
             """\
 Focused at 3 m. The report has it the wrong way round in its text: the larger the opening, the *smaller* the depth of
-field.""",
+field. The blur of the red and the blue ball doubles with the opening.""",
             (
                 shared("thin_lens_aperture_005", "radius 0.05 m"),
                 shared("thin_lens_focus_3", "radius 0.1 m"),
                 shared("thin_lens_aperture_02", "radius 0.2 m"),
             ),
+            (blurs_of_balls,),
         ),
         Group(
             "No lens, and a ball",
             """\
-A hole of 0.3 mm draws upside down, as shown; a ball draws a core under a veil of spherical aberration, and out of
-focus nothing but blurs.""",
+A hole of 0.3 mm draws upside down, as shown, and all distances alike; a ball draws a core under a veil of spherical
+aberration, and with the film 9.5 mm farther away nothing but blurs.""",
             (
                 shared("no_lens", "no lens"),
                 shared("ball_in_focus", "ball in focus"),
@@ -55,7 +57,8 @@ focus nothing but blurs.""",
         Group(
             "Single lenses",
             """\
-The biconvex lens is sharp in the middle; a stop in front sharpens the rest. The biconcave one forms no image at all.
+The biconvex lens is sharp in the middle, on the gold ball and the near side of the red one; a stop in front sharpens
+the rest, and bends the lines of the wall outwards. The biconcave one forms no image at all, only an even grey.
 That in the report all is sharp at every distance is due to the smallness of its scene beside its lens.""",
             (
                 shared("biconvex", "biconvex"),
@@ -66,14 +69,16 @@ That in the report all is sharp at every distance is due to the smallness of its
         Group(
             "Lenses of several elements",
             """\
-All three focused on the gold ball, on the same film of 36 mm. The report's wide angle is "very dim" since its
-renderer averages over ten tries per sample and weights nothing; measured against the light on the axis, as here,
-only its corners are dark.""",
+All three focused on the gold ball, on the same film of 36 mm. The report's wide angle is "very dim", and its double
+Gauss hardly darker towards the edge, since its renderer tries up to ten times per sample and weights nothing else: that
+makes 1 - (1 - p)^10 of the share p of the rays that pass. Measured against the light on the axis, as here, only the
+corners are dark.""",
             (
                 photographic("wide-22mm", "wide angle 22 mm"),
                 photographic("dgauss-50mm", "double Gauss 50 mm"),
                 photographic("fisheye-10mm", "fisheye 10 mm"),
             ),
+            (retries,),
         ),
     ),
 )

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.accuracy.view import View, triangle_depths, within
+from rptcam_cl.mesh_files.contents import PlacedMesh
 from rptcam_cl.scene import Scene
 from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.scene_object import PlacedObject
@@ -18,40 +19,6 @@ Array = NDArray[np.float64]
 FAR_MM = 1e9  # stands for everything farther
 MOMENTS = 9  # at which objects that move are looked at
 FACES = ((0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5))  # of a box's corners
-
-
-@dataclass(frozen=True)
-class View:
-    """What a camera may see: a pyramid about its axis, cut off where it starts.
-
-    Attributes
-    ----------
-    start_mm : float
-        Distance ahead of the camera's eye where it starts.
-    half_mm : (2,) array
-        Half its width and height there.
-    slopes : (2,) array
-        What they grow by per distance.
-    """
-
-    start_mm: float
-    half_mm: Array
-    slopes: Array
-
-    def sides(self) -> tuple[Array, Array]:
-        """Return normals (5, 3) and offsets (5,): points p of the camera's frame with n p + c >= 0 lie within."""
-        normals, offsets = [(0.0, 0.0, 1.0)], [-self.start_mm]
-        for axis in (0, 1):
-            for sign in (1.0, -1.0):
-                normals.append((sign * (axis == 0), sign * (axis == 1), float(self.slopes[axis])))
-                offsets.append(float(self.half_mm[axis] - self.slopes[axis] * self.start_mm))
-        return np.array(normals), np.array(offsets)
-
-    def corners(self) -> tuple[Array, Array]:
-        """Return where its edges and its axis start (5, 3), and their directions."""
-        signs = np.array([(0, 0), (1, 1), (1, -1), (-1, -1), (-1, 1)], dtype=np.float64)
-        starts = np.column_stack([signs * self.half_mm, np.full(5, self.start_mm)])
-        return starts, np.column_stack([signs * self.slopes, np.ones(5)])
 
 
 def depth_range_mm(scene: Scene, view: View) -> tuple[float, float]:
@@ -88,43 +55,45 @@ def _over_time(scene: Scene, item: Object) -> list[Array]:
 
 
 def _depths(item: PlacedObject, placed: Array, view: View) -> list[float]:
-    """Return the ends of the distances at which the view cuts the box of an object, nothing where it does not."""
+    """Return the ends of the distances at which the view cuts an object, nothing where it does not."""
     if isinstance(item, Rectangle):
         corner, u, v = (np.array(edge) for edge in (item.corner, item.edge_u, item.edge_v))
-        faces = [np.array([corner, corner + u, corner + u + v, corner + v])]
-    else:
-        box = np.array(list(product(*zip(*item.bounds(), strict=True))))
-        faces = [box[list(face)] for face in FACES]
-    seen = [_within(_moved(face, placed), view) for face in faces]
-    found = [depth for polygon in seen for depth in polygon[:, 2].tolist()]
-    if not isinstance(item, (Rectangle, Box)) and _holds_start(item, placed, view):
-        found.append(view.start_mm)
-    return found
+        return _faces([_moved(np.array([corner, corner + u, corner + u + v, corner + v]), placed)], view)
+    if isinstance(item, MeshObject):
+        return [depth for part in item.loaded.contents.parts for depth in _part_depths(part, placed, view)]
+    box = _moved(np.array(list(product(*zip(*item.bounds(), strict=True)))), placed)
+    around = not isinstance(item, Box) and _holds_start(box, view)
+    return _box_faces(box, view) + [view.start_mm] * around
+
+
+def _part_depths(part: PlacedMesh, placed: Array, view: View) -> list[float]:
+    """Return the same for a part of a mesh: by its box, or by its triangles where the view starts within."""
+    box = _moved(part.corners(), placed)
+    if not _holds_start(box, view):
+        return _box_faces(box, view)
+    vertices = _moved(part.mesh.positions + part.mesh.origin, placed @ part.placement)
+    return triangle_depths(vertices[part.mesh.faces], view)
+
+
+def _box_faces(box: Array, view: View) -> list[float]:
+    return _faces([box[list(face)] for face in FACES], view)
+
+
+def _faces(faces: list[Array], view: View) -> list[float]:
+    return [depth for face in faces for depth in within(face, view)[:, 2].tolist()]
+
+
+def _holds_start(box: Array, view: View) -> bool:
+    """Return whether a box of eight corners holds a corner or the middle of where the view starts."""
+    edges = box[[4, 2, 1]] - box[0]
+    if not np.all(np.any(edges, axis=1)):
+        return False  # flat
+    shares = (view.corners()[0] - box[0]) @ np.linalg.inv(edges)
+    return bool(np.any(np.all((shares >= 0) & (shares <= 1), axis=1)))
 
 
 def _moved(points: Array, matrix: Array) -> Array:
     return np.asarray(points @ matrix[:3, :3].T + matrix[:3, 3])
-
-
-def _within(polygon: Array, view: View) -> Array:
-    """Return the part of a polygon (n, 3) that lies in the view (Sutherland and Hodgman 1974)."""
-    for normal, offset in zip(*view.sides(), strict=True):
-        side = polygon @ normal + offset
-        following, after = np.roll(polygon, -1, axis=0), np.roll(side, -1)
-        crossing = (side < 0) != (after < 0)
-        share = np.where(crossing, side / np.where(crossing, side - after, 1.0), 0.0)[:, None]
-        both = np.stack([polygon, polygon + share * (following - polygon)], axis=1)
-        polygon = both[np.stack([side >= 0, crossing], axis=1)]
-        if not len(polygon):
-            break
-    return np.asarray(polygon)
-
-
-def _holds_start(item: PlacedObject, placed: Array, view: View) -> bool:
-    """Return whether the box of an object holds a corner or the middle of where the view starts."""
-    low, high = item.bounds()
-    points = _moved(view.corners()[0], np.asarray(np.linalg.inv(placed), dtype=np.float64))
-    return bool(np.any(np.all((points >= low) & (points <= high), axis=1)))
 
 
 def _plane_depths(item: Plane, placed: Array, view: View) -> list[float]:

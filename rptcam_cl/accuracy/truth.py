@@ -8,10 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.accuracy.depths import View
 from rptcam_cl.accuracy.fields import Field, traced_fields
 from rptcam_cl.accuracy.stops import RoundStop, round_stop
 from rptcam_cl.accuracy.tiers import FirstOrderCamera, Tier, equivalent
+from rptcam_cl.accuracy.view import View
 from rptcam_cl.cameras import camera_model
 from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.dispersion import EXTREMES_NM, disperses, usable_nm

@@ -7,6 +7,7 @@ from typing import Any
 
 from rptcam_cl.accuracy import TierError
 from rptcam_cl.accuracy.errors import FIELDS
+from rptcam_cl.errors import InputError
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.statistics import CONFIDENCE
 
@@ -128,8 +129,12 @@ class TradeoffReport:
         return self.markdown()
 
     def named(self, name: str) -> Measurement:
-        """Return the measurement of a configuration."""
-        return next(found for found in self.measurements if found.name == name)
+        """Return the measurement of a configuration by its name or by that of another that is the same way."""
+        for found in self.measurements:
+            if name in (found.name, *found.same_as):
+                return found
+        names = [known for found in self.measurements for known in (found.name, *found.same_as)]
+        raise InputError(f"{name}: was not compared (there are: {', '.join(names)})")
 
     def camera_of(self, found: Measurement) -> TierError | None:
         """Return the errors of a configuration's camera model, where it is not the traced lens."""

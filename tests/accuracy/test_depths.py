@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.accuracy.depths import FAR_MM, View, depth_range_mm
+from rptcam_cl.accuracy.depths import FAR_MM, depth_range_mm
+from rptcam_cl.accuracy.view import View
 from rptcam_cl.scene import load_scene
 from tests.accuracy.cases import BALL, scene_of, truth_of
 
@@ -52,6 +53,28 @@ def test_room_round_the_camera_is_seen_at_its_walls():
 def test_volume_round_the_camera_is_as_near_as_the_view_starts():
     around = BALL | {"center": [0, 0, 0], "radius": 9}
     assert depths_of(around) == pytest.approx((10, 9000))
+
+
+def mesh(*rows, faces):
+    return {"shape": "mesh", "vertices": [list(row) for row in rows], "faces": faces, "material": GREY}
+
+
+def test_mesh_round_the_camera_is_seen_where_its_triangles_are():
+    """A floor of two triangles under the camera and a wall far ahead, in one mesh whose box holds the camera."""
+    floor = [(-9, -1, 9), (9, -1, 9), (9, -1, -9), (-9, -1, -9)]
+    wall = [(-9, 5, -9), (9, 5, -9)]
+    room = mesh(*floor, *wall, faces=[[0, 1, 2, 3], [3, 2, 5, 4]])
+    assert depths_of(room) == pytest.approx((5010, 9000))
+    split = [[x / 15 * 18 - 9, -1, 9 - z / 15 * 18] for x in range(16) for z in range(16)]
+    tiles = [[16 * x + z, 16 * x + z + 16, 16 * x + z + 17, 16 * x + z + 1] for x in range(15) for z in range(15)]
+    near, far = depths_of(mesh(*split, [0, 5, 9], faces=[*tiles, [0, 1, 256]]))
+    assert near == pytest.approx(5010)
+    assert far == pytest.approx(9000)
+
+
+def test_mesh_apart_from_the_camera_counts_by_its_box():
+    triangle = mesh((-0.1, 0, -5), (0.1, 0, -5), (0, 0.1, -6), faces=[[0, 1, 2]])
+    assert depths_of(triangle) == pytest.approx((5000, 6000))
 
 
 def test_object_that_moves_counts_while_the_shutter_is_open():

@@ -16,15 +16,22 @@ from rptcam_cl.optics.summary import image_circle, lens_info, stop_diameter_by_s
         ("dgauss-50mm", 36.77, 28.30),
         ("wide-22mm", 14.54, 25.38),
         ("fisheye-10mm", 23.192, 13.45),
-        ("telephoto-250mm", 123.7439, 40.0),
+        ("telephoto-250mm", 123.7439, 80.4),
     ],
 )
 def test_image_circle_of_the_assignment_lenses(name, film, radius):
-    allowed = 1.0 if name == "telephoto-250mm" else 0.15  # 40.0 is where the table ends to be printed
-    if name == "telephoto-250mm":
-        assert image_circle(load_lens(name), film) >= radius - allowed
-    else:
-        assert image_circle(load_lens(name), film) == pytest.approx(radius, abs=allowed)
+    lens = load_lens(name)
+    circle = image_circle(lens, film)
+    assert circle == pytest.approx(radius, rel=7e-4)
+    assert not fan_passes(lens, film, circle * 1.001) and fan_passes(lens, film, circle * 0.9995)
+
+
+def fan_passes(lens, film, radius, rays=40_000):
+    """Return whether any ray of a dense fan in the plane of axis and film point comes through."""
+    start = np.array([radius, 0, lens.length + film])
+    aims = np.linspace(-1.5, 1.5, rays) * lens.surfaces[-1].semi_diameter
+    targets = np.column_stack([aims, np.zeros(rays), np.full(rays, lens.length)])
+    return lens.trace(np.broadcast_to(start, targets.shape), targets - start).passed.any()
 
 
 # CS348b 2003: sin theta = 1 / (2 N) at the rear focal point, traced to the stop.

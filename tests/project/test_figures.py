@@ -2,35 +2,44 @@
 
 import re
 import shlex
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image
 
 import rptcam_cl
-from examples.figures.figure import ROOT, Figure
-from examples.figures.film_numbers import (
-    FOCUSED,
-    HEIGHTS,
+from examples.assignment.make_text import text
+from examples.figures.assignment_film_numbers import (
+    ESTIMATE,
     IRRADIANCES,
     LIT_FLOORS,
     RADII,
-    SPHERES,
-    STOPS,
-    STOPS_FILM,
-    WITHOUT_WALLS,
     irradiance_by_radius,
     lit_floor,
 )
-from examples.figures.lens_numbers import CROSSINGS_2003, INDICES, blur_on_film, crossing, paper_singlet
-from examples.figures.render import figures, main
+from examples.figures.figure import ROOT, Figure, shared
+from examples.figures.numbers import Numbers, Row
+from examples.figures.render import SECTIONS, figures, main
 from rptcam_cl.cli import build_parser
-from rptcam_cl.optics.focus import film_distance, object_distance
 from tests.support.statistics import assert_equivalent
 
 OWN = [figure for figure in figures() if figure.folder == "figures"]
+COMPARISONS = [compare for section in SECTIONS for group in section.groups for compare in group.numbers]
+LONG = {
+    "irradiances",
+    "passing_shares",
+    "retries",
+    "half_stop",
+    "lit_floors",
+    "autofocus_targets",
+    "found_by_autofocus",
+}
 DOCUMENTS = ("gallery.md", "theory.md")
-MOST_BYTES = 3_000_000
+MOST_BYTES = 3_500_000
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +47,14 @@ def page() -> str:
     return (ROOT / "docs" / "gallery.md").read_text("utf-8")
 
 
-@pytest.mark.parametrize("figure", OWN, ids=lambda figure: figure.name)
+FOUND = ("assignment_autofocus_closest", "assignment_autofocus_farthest")  # test_examples.py renders their scene
+
+
+@pytest.mark.parametrize(
+    "figure",
+    [pytest.param(figure, marks=pytest.mark.slow if figure.name in FOUND else ()) for figure in OWN],
+    ids=lambda figure: figure.name,
+)
 def test_figure_shows_something(figure: Figure) -> None:
     width, height = figure.size
     pixels = np.asarray(rptcam_cl.render(figure.load(), spp=4, size=(width // 10, height // 10)))
@@ -88,53 +104,119 @@ def test_script_renders_a_wanted_picture_and_the_page(tmp_path, monkeypatch) -> 
     assert made == {"gallery.md", "images/figures/paper_5_15.png"}
 
 
-@pytest.mark.parametrize("diameter", STOPS)
-def test_blur_of_the_papers_second_figure(diameter: float) -> None:
-    """To the digits given; 1.2 % more, as the formula takes the lens as thin and the focus is far behind."""
-    lens = paper_singlet(diameter=diameter)
-    ours = [100 * blur_on_film(lens, STOPS_FILM, 7 - z) for z in HEIGHTS]
-    np.testing.assert_allclose(ours, STOPS[diameter], rtol=0.012, atol=0.06)
+@pytest.mark.parametrize(
+    "compare",
+    [pytest.param(compare, marks=pytest.mark.slow if compare.__name__ in LONG else ()) for compare in COMPARISONS],
+    ids=lambda compare: compare.__name__,
+)
+def test_numbers_are_those_of_the_documents_and_of_the_page(compare: Callable[[], Numbers], page: str) -> None:
+    numbers = compare()
+    assert numbers.misses() == []
+    assert numbers.differences(page) == []
+    unexplained = [miss for row in numbers.rows for miss in row.misses(more=0.0)]
+    assert bool(unexplained) == bool(numbers.reason), unexplained
+    assert numbers.reason in page
 
 
-@pytest.mark.parametrize("index", INDICES)
-def test_focus_of_the_papers_third_figure(index: float) -> None:
-    placed, focal, focus = INDICES[index]
-    lens = paper_singlet(index, 0.07)
-    assert lens.first_order().focal_length_mm == pytest.approx(focal, abs=6e-6)
-    distance = object_distance(lens, placed - lens.length / 2)
-    assert distance == pytest.approx(7 - focus, rel=0.0025)  # the formula takes the lens as thin
+def test_every_document_has_its_numbers() -> None:
+    assert len(COMPARISONS) >= 30 and len({compare.__name__ for compare in COMPARISONS}) == len(COMPARISONS)
+    assert {compare.__name__ for compare in COMPARISONS} >= LONG
 
 
-@pytest.mark.parametrize("focus", FOCUSED)
-def test_blur_of_the_papers_fifth_figure(focus: float) -> None:
-    lens = paper_singlet()
-    film = film_distance(lens, focus)
-    ours = [1000 * blur_on_film(lens, film, distance) for distance in SPHERES]
-    np.testing.assert_allclose(ours, FOCUSED[focus], atol=0.15)
+@pytest.mark.parametrize(
+    ("expected", "ours", "misses"),
+    [
+        ("1.20", 1.2049, False),
+        ("1.20", 1.2061, True),
+        ("100", 100.4, False),
+        ("100", 101.0, True),
+        ("1.20", float("nan"), True),
+        ("virtual", "virtual", False),
+        ("virtual", 3.0, True),
+        ("1.20", "virtual", True),
+    ],
+)
+def test_a_number_is_met_to_half_a_unit_of_its_last_digit(expected: str, ours: float | str, misses: bool) -> None:
+    assert bool(list(Row(("x",), (expected,), (ours,)).misses())) == misses
 
 
-@pytest.mark.parametrize("case", CROSSINGS_2003, ids=str)
-def test_focus_rays_of_the_assignment_of_2003(case: tuple[str, float]) -> None:
-    for distance, expected in CROSSINGS_2003[case].items():
-        digits = len(str(expected).partition(".")[2])
-        assert crossing(*case, distance) == pytest.approx(expected, abs=0.55 * 10**-digits)
-        within = abs(crossing(*case, distance) / distance - 1) < 0.01
-        assert within == (case[1] == 0.1 and case[0] in ("dgauss-100mm", "telephoto-250mm"))
+def test_errors_of_a_row_add_to_its_digits() -> None:
+    row = Row(("x",), ("100", "100"), (102.4, 102.6), error=0.01, more=1.0)
+    assert [text.split()[-1] for text in row.misses()] == ["102.6"]
+    assert len(list(row.misses(more=0.0))) == 2
+
+
+def test_a_page_with_another_number_differs() -> None:
+    numbers = Numbers(("lens",), ("f", "d"), [Row(("a",), ("1.0", "2.0"), (1.01, 2.02))])
+    page = f"text\n\n{numbers.markdown()}\n\nmore\n"
+    assert numbers.differences(page) == []
+    assert len(numbers.differences(page.replace("2.02", "2.05"))) == 1
+    assert len(numbers.differences(page.replace("| f |", "| g |"))) == 1
+
+
+def test_script_refuses_a_part_of_no_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--only", "paper_6"]) == 2
+    assert "no picture has a name with 'paper_6' in it" in capsys.readouterr().err
+
+
+def test_an_interrupted_run_keeps_its_pictures_and_goes_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("examples.figures.render.page", lambda: "# page\n")
+    given = ["--quality", "draft", "--only", "paper_2_d002", "paper_2_d005", "--output", str(tmp_path)]
+    pictures = tmp_path / "images" / "figures"
+    render, done = rptcam_cl.render, []
+
+    def interrupted(*arguments: Any, **options: Any) -> Any:
+        if done:
+            raise KeyboardInterrupt
+        done.append(1)
+        return render(*arguments, **options)
+
+    monkeypatch.setattr(rptcam_cl, "render", interrupted)
+    assert main(given) == 130 and "--resume" in capsys.readouterr().err
+    assert [path.name for path in pictures.iterdir()] == ["paper_2_d002.png"]
+    monkeypatch.setattr(rptcam_cl, "render", render)
+    assert main([*given, "--resume"]) == 0
+    assert "[1/2] paper_2_d002: is there" in capsys.readouterr().out
+    assert {path.name for path in pictures.iterdir()} == {"paper_2_d002.png", "paper_2_d005.png"}
+    assert main([*given[:3], "paper_2_d002", *given[5:], "--quality", "draft", "--resume"]) == 0
+    assert "is there" in capsys.readouterr().out
 
 
 def test_half_the_telephotos_stop_costs_two_stops_less_the_front_rim() -> None:
     cases = [("telephoto-250mm", 123.7439, 40.5), ("telephoto-250mm", 123.7439, 20.25)]
     (full, full_error), (half, half_error) = (irradiance_by_radius(*case, spp=4096) for case in cases)
-    # Twice the printed error of the expected values (0.4 %), and the digits printed.
+    # Four times the error of the expected values, of which the second are an estimate from few rays.
     for ours, error, case in ((full, full_error, cases[0]), (half, half_error, cases[1])):
-        assert_equivalent(ours, error, np.array(IRRADIANCES[case]), 0.015 * ours)
+        assert_equivalent(ours, error, np.array(IRRADIANCES[case], float), 4 * ESTIMATE * ours)
     ratio = full / half
     assert (ratio[: RADII.index(25)] < 3.9).all() and ratio[0] > 3.7
 
 
 def test_middle_of_the_picture_is_as_bright_as_the_reference() -> None:
     lamp, predicted, reference = LIT_FLOORS["cones_dgauss"]
-    assert lit_floor("cones_dgauss", lamp, 256) == pytest.approx(reference, rel=0.015)
-    assert lit_floor("cones_dgauss", lamp, 256) < predicted
-    walled = lit_floor("cones_dgauss", lamp, 64, changes=())
-    assert walled < 0.8 * reference and WITHOUT_WALLS
+    found = lit_floor("cones_dgauss", lamp, 256)
+    assert found == pytest.approx(float(reference), rel=0.015) and found < float(predicted)
+    assert lit_floor("cones_dgauss", lamp, 64, changes=()) < 0.8 * float(reference)  # walls keep light off
+
+
+def test_text_of_the_cones_is_what_its_script_draws() -> None:
+    with Image.open(ROOT / "examples" / "assignment" / "text.png") as picture:
+        kept = np.asarray(picture.convert("L"), float)
+    assert np.abs(kept - np.asarray(text().convert("L"), float)).mean() < 2  # fonts are drawn a little differently
+
+
+def test_text_is_readable_through_the_telephoto_alone() -> None:
+    """Contrast of the letters: share of the black and white of the text that is left in the picture of it."""
+    assert contrast_of_text("cones_telephoto", (0.66, 0.86, 0.36, 0.5)) > 0.75
+    assert contrast_of_text("cones_dgauss", (0.52, 0.6, 0.44, 0.5)) < 0.5
+
+
+def contrast_of_text(name: str, crop: tuple[float, ...]) -> float:
+    """Return how far the darkest twentieth and the median of a part of a picture lie apart, relative to their sum."""
+    figure = shared(name, "")
+    there = replace(figure, changes=[*figure.changes, f"film.crop={list(crop)}"])
+    pixels = np.asarray(rptcam_cl.render(there.load(), spp=64), float)[..., 1]
+    dark, light = np.percentile(pixels, (3, 60))
+    return float((light - dark) / (light + dark))

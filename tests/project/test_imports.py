@@ -37,7 +37,7 @@ ALLOWED: dict[str, set[str]] = {
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures", "spectra"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
     "wavefront": GROUND | {"records", "scene", "plan", "cameras", "device", "acceleration"},
-    "accuracy": GROUND | {"scene", "optics", "cameras"},
+    "accuracy": GROUND | {"mesh_files", "scene", "optics", "cameras"},
     "autofocus": GROUND
     | {"records", "imaging", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},
     "metering": GROUND | {"photometry", "scene", "cameras", "plan", "device", "wavefront"},

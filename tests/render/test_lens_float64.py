@@ -62,9 +62,10 @@ def exact(camera):
 
 
 def of_half_precision(camera):
-    """A deliberate fault: ratios of indices with eleven binary digits."""
+    """A deliberate fault: ratios of indices, and the polynomials for them, with eleven binary digits."""
     surfaces = camera.surfaces.copy()
-    surfaces["eta"] = surfaces["eta"].astype(np.float16)
+    for name in ("eta", "dispersion"):
+        surfaces[name] = surfaces[name].astype(np.float16)
     return replace(camera, surfaces=surfaces)
 
 

@@ -67,6 +67,9 @@ def test_everything_that_differs_is_there_once(report):
     assert len(names) == len(set(names))
     every = [same for found in report.measurements for same in found.same_as]
     assert {"as the scene says", "accuracy: auto", "spectrum: rgb"} <= {*names, *every}
+    assert report.named("as the scene says") in report.measurements
+    with pytest.raises(InputError, match=r"^pin hole: was not compared \(there are: full, "):
+        report.named("pin hole")
 
 
 def test_lens_in_float64_takes_the_same_samples_and_shows_no_bias(report):

@@ -72,7 +72,7 @@ def biases(session, scene, budget=20.0):
     names = [BEST, *dict.fromkeys(name for name in CAMERAS + DEPTHS if name != BEST)]
     ready, _ = prepare([steps[name] for name in names], session, lambda name, done: None)
     pictures = render_by_turns(ready, budget, 1, lambda words, share: None)
-    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles)
+    errors = pair_errors(pictures.pixels, pictures.samples, pictures.tiles, pictures.long)
     assert [each.configuration.name for each in ready] == names
     return {name: error.bias for name, error in zip(names, errors, strict=True)}
 

@@ -1,0 +1,88 @@
+"""Numbers of the camera report after PBRT, chapter 6, beside ours."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from examples.figures.blur import thin_lens_blurs
+from examples.figures.figure import shared
+from examples.figures.numbers import Numbers, Row
+from examples.figures.shares import passing_share
+from rptcam_cl import load_lens, render
+
+BALLS = (2, 3, 4)  # distances [m]
+TRIES = 10  # of the report's renderer per film sample
+# Lens, film distance, film radius [mm]: share of rays that pass, and what the report's renderer makes of it.
+PASSING = {
+    ("dgauss-50mm", 36.77, 0): (".926", "1.000"),
+    ("dgauss-50mm", 36.77, 15): (".45", ".997"),
+    ("dgauss-50mm", 36.77, 20): (".26", ".951"),
+    ("dgauss-50mm", 36.77, 25): (".079", ".56"),
+    ("wide-22mm", 14.54, 0): (".139", ".777"),
+    ("wide-22mm", 14.54, 20): (".0585", ".45"),
+}
+
+
+def seen() -> Numbers:
+    """Compare the fields of the pinhole's picture and of the environment's."""
+    pinhole, around = _azimuths("pinhole"), _azimuths("environment")
+    width = len(pinhole)
+    across = np.polyfit(np.arange(width) + 0.5, np.tan(np.radians(pinhole)), 1)
+    edges = np.degrees(np.arctan(np.polyval(across, [0, width])))
+    turn = np.polyfit(np.arange(len(around)) + 0.5, np.unwrap(around, period=360), 1)[0] * len(around)
+    size = shared("environment", "").size
+    return Numbers(
+        ("picture",),
+        ("",),
+        [
+            Row(("pinhole: field across [degrees]",), ("90",), (float(edges[1] - edges[0]),)),
+            Row(("environment: field across [degrees]",), ("360",), (float(turn),)),
+            Row(("environment: width / height",), ("2",), (size[0] / size[1],)),
+        ],
+        below=False,
+    )
+
+
+def _azimuths(name: str) -> Any:
+    """Return where the middle row of a picture of the room looks [degrees to the right of straight ahead]."""
+    figure = shared(name, "")
+    camera: Any = figure.load().camera
+    x, _, z = camera.target
+    level = [f"camera.target={[x, camera.eye[1], z]}", "film.crop=[0, 1, 0.5, 0.51]"]
+    picture = render(replace(figure, changes=[*figure.changes, *level]).load(), spp=64, layers=["position"])
+    away = np.asarray(picture["position"], float)[0] - np.array(camera.eye)
+    return np.degrees(np.arctan2(away[:, 0], -away[:, 2]))
+
+
+def blurs_of_balls() -> Numbers:
+    """Compare the blur of the balls through the thin lenses of the report with that by formula."""
+    names = [*(f"thin_lens_focus_{distance}" for distance in BALLS), "thin_lens_aperture_005", "thin_lens_aperture_02"]
+    rows = []
+    for name in names:
+        camera: Any = shared(name, "").load().camera
+        pairs = [thin_lens_blurs(camera, distance) for distance in BALLS]
+        label = (f"{camera.focus_distance_m:g} m", f"{camera.aperture_radius_m:g} m")
+        rows.append(Row(label, [f"{formula:.1f}" for formula, _ in pairs], [ours for _, ours in pairs], ".1f"))
+    columns = [f"ball at {distance} m" for distance in BALLS]
+    return Numbers(("in focus", "radius"), columns, rows, document="formula, blur [px of 800]", noise=0.01)
+
+
+def ball() -> Numbers:
+    """Compare the focal length of the ball lens with the closed form."""
+    ours = load_lens("ball").first_order().focal_length_mm
+    rows = [Row(("R = 20 mm, n = 1.5: n R / (2 (n - 1))",), ("30",), (ours,), ".6f")]
+    return Numbers(("ball",), ("focal length [mm]",), rows, below=False, document="formula")
+
+
+def retries() -> Numbers:
+    """Compare what trying up to ten times per sample makes of the share p of rays that pass: 1 - (1 - p)^10."""
+    rows = []
+    for (lens, film, radius), expected in PASSING.items():
+        share = passing_share(lens, film, film_radius_mm=radius)
+        ours = (share, 1 - (1 - share) ** TRIES)
+        rows.append(Row((f"`{lens}`", f"{radius}"), expected, ours, ".3f", error=0.012))
+    labels = ("aimed at the whole rear disk, from", "film radius [mm]")
+    return Numbers(labels, ("share that passes", "brightness by ten tries"), rows, below=False)
