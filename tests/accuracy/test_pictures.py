@@ -112,7 +112,4 @@ def test_blur_of_a_thin_lens_has_the_shape_that_the_traced_stop_gives_it():
     )
     traced, own, wrong = (np.asarray(render(each, spp=2048), np.float64)[..., 1] for each in cameras)
     assert own.sum() / traced.sum() == pytest.approx(1, abs=0.05)
-    print(
-        np.abs(own - traced).sum() / traced.sum(), np.abs(wrong - traced).sum() / traced.sum(), own.sum() / traced.sum()
-    )
     assert np.abs(own - traced).sum() < 0.6 * np.abs(wrong - traced).sum()
