@@ -52,7 +52,7 @@ def at_one_time(folder):
 
 
 @pytest.mark.parametrize("t", [0.4, 1.7])
-@pytest.mark.parametrize("group", GROUPS)
+@pytest.mark.parametrize("group", ["coated", pytest.param("bent", marks=pytest.mark.slow), "open"])
 def test_exposure_at_one_time_is_the_still_picture(session, group, t, tmp_path, monkeypatch):
     folder = at_one_time(tmp_path / "kernels")
     monkeypatch.setattr(program, "kernels_dir", lambda: folder)
