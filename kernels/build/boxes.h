@@ -59,4 +59,27 @@ static float bin_scale(float low, float high)
     return high - low > CLOSEST ? 0.9999f * (float)BINS / (high - low) : 0.0f;
 }
 
+// Bounds and counts of the primitives of a range in the bins along x, then y, then z.
+static void fill_bins(__global const float4 *boxes, int begin, int end, float4 origin, float4 scale,
+                      Box *box, int *number)
+{
+    for (int i = 0; i < 3 * BINS; ++i) {
+        box[i] = empty_box();
+        number[i] = 0;
+    }
+    for (int i = begin; i < end; ++i) {
+        Box one = read_box(boxes, i);
+        float4 centroid = one.lower + one.upper;
+        int x = bin_of(centroid.x, origin.x, scale.x);
+        int y = bin_of(centroid.y, origin.y, scale.y) + BINS;
+        int z = bin_of(centroid.z, origin.z, scale.z) + 2 * BINS;
+        box[x] = joined(box[x], one);
+        box[y] = joined(box[y], one);
+        box[z] = joined(box[z], one);
+        ++number[x];
+        ++number[y];
+        ++number[z];
+    }
+}
+
 #endif

@@ -14,23 +14,7 @@ __kernel void histogram(__global const float4 *boxes,    // [primitives][2]
     float4 origin = grids[2 * chunk.z], scale = grids[2 * chunk.z + 1];
     Box box[3 * BINS];
     int number[3 * BINS];
-    for (int i = 0; i < 3 * BINS; ++i) {
-        box[i] = empty_box();
-        number[i] = 0;
-    }
-    for (int i = chunk.x; i < chunk.x + chunk.y; ++i) {
-        Box one = read_box(boxes, i);
-        float4 centroid = one.lower + one.upper;
-        int x = bin_of(centroid.x, origin.x, scale.x);
-        int y = bin_of(centroid.y, origin.y, scale.y) + BINS;
-        int z = bin_of(centroid.z, origin.z, scale.z) + 2 * BINS;
-        box[x] = joined(box[x], one);
-        box[y] = joined(box[y], one);
-        box[z] = joined(box[z], one);
-        ++number[x];
-        ++number[y];
-        ++number[z];
-    }
+    fill_bins(boxes, chunk.x, chunk.x + chunk.y, origin, scale, box, number);
     __global float4 *out = bins + get_global_id(0) * (3 * BINS * 2);
     for (int i = 0; i < 3 * BINS; ++i) {
         out[2 * i] = (float4)(box[i].lower.xyz, (float)number[i]);

@@ -66,23 +66,7 @@ static int binned_split(__global float4 *boxes, int begin, int end, int leaf_bit
                             bin_scale(span.lower.z, span.upper.z), 0.0f);
     Box box[3 * BINS];
     int number[3 * BINS];
-    for (int i = 0; i < 3 * BINS; ++i) {
-        box[i] = empty_box();
-        number[i] = 0;
-    }
-    for (int i = begin; i < end; ++i) {
-        Box one = read_box(boxes, i);
-        float4 centroid = one.lower + one.upper;
-        int x = bin_of(centroid.x, origin.x, scale.x);
-        int y = bin_of(centroid.y, origin.y, scale.y) + BINS;
-        int z = bin_of(centroid.z, origin.z, scale.z) + 2 * BINS;
-        box[x] = joined(box[x], one);
-        box[y] = joined(box[y], one);
-        box[z] = joined(box[z], one);
-        ++number[x];
-        ++number[y];
-        ++number[z];
-    }
+    fill_bins(boxes, begin, end, origin, scale, box, number);
     float best = INFINITY;
     int best_axis = 0, best_bin = 0;
     for (int axis = 0; axis < 3; ++axis) {
