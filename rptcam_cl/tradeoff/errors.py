@@ -45,8 +45,8 @@ class PairErrors:
     weight_variances : dict
         Variances that the means of `bias` and of the last of `noise` have besides, because the reference that they are
         relative to is known from few seeds itself.
-    fall : (float, float)
-        What is left of the noise in pictures of many samples, and the relative standard error of that.
+    fall : (2, m) array
+        Noise in some of the tiles: with the most samples that all were rendered with, and with many.
     tile_errors : dict
         Standard errors of the means of `bias`, of the last of `noise`, and of `brightness` relative to the reference's,
         that come from rendering some of the tiles only. Cells of a grid are taken for a random sample, which makes them
@@ -61,7 +61,7 @@ class PairErrors:
     evenness: float
     weight_variances: dict[str, float]
     tile_errors: dict[str, float]
-    fall: tuple[float, float]
+    fall: Array
 
 
 @dataclass(frozen=True)
@@ -153,18 +153,10 @@ def pair_errors(
     return found
 
 
-def _fall(noise: Array, sums: Array, scales: _Scales, chosen: NDArray[np.int64]) -> tuple[float, float]:
-    """Return the noise of pictures of more samples relative to others in the same tiles, and its relative error.
-
-    Tiles are taken for independent of each other, which counts both the noise of the estimate and the choice of them.
-    """
-    seeds, count = len(sums), len(chosen)
-    last = sums.sum(axis=(0, 1)) / (seeds * (seeds - 1)) / scales.without()[chosen]
-    before, after = float(noise.sum()), float(last.sum())
-    if not (before > 0 and after > 0):
-        return 1.0, 0.0
-    apart = last - after / before * noise
-    return after / before, math.sqrt(count / max(count - 1, 1) * float(apart @ apart)) / after
+def _fall(noise: Array, sums: Array, scales: _Scales, chosen: NDArray[np.int64]) -> Array:
+    """Return the noise of some tiles beside that in pictures of more samples."""
+    seeds = len(sums)
+    return np.stack([noise, sums.sum(axis=(0, 1)) / (seeds * (seeds - 1)) / scales.without()[chosen]])
 
 
 def _product(first: Array, second: Array) -> Array:

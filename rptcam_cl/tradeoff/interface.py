@@ -84,7 +84,7 @@ def measure_tradeoff(
     if not any(picture.any() for picture in pictures.pixels[0]):
         raise InputError(
             "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
-            f" camera along paths of at most {fixed.render.max_depth} edges, render.max_depth)"
+            f" camera within render.max_depth, which is {fixed.render.max_depth})"
         )
     tell("errors", 1.0)
     found = _measured(ready, pictures)

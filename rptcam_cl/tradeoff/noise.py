@@ -106,11 +106,12 @@ class NoiseLaw:
         return np.where((even > 0) & np.isfinite(even), found, even)
 
 
-def noise_law(samples: tuple[int, int, int], noise: Array, fall: tuple[float, float], before: Array) -> NoiseLaw:
+def noise_law(samples: tuple[int, int, int], noise: Array, fall: Array, before: Array) -> NoiseLaw:
     """Return the law of noise for each replicate, the first of which is the estimate.
 
     Beyond the most samples that were rendered noise may go on as it fell last, or as that of independent samples: the
-    estimate is halfway, the replicates lie all over.
+    estimate is halfway, the replicates lie all over. Those of different configurations have the same tiles and the same
+    share, so that they can be compared.
 
     Parameters
     ----------
@@ -118,17 +119,24 @@ def noise_law(samples: tuple[int, int, int], noise: Array, fall: tuple[float, fl
         Numbers of samples that were rendered, rising.
     noise
         After the middle one.
-    fall
-        What is left of it after the last, and the relative standard error of that.
+    fall : (2, tiles) array
+        What it is in some tiles after the middle and after the last one.
     before
         Exponent between the first two.
     """
     rng = np.random.default_rng(len(noise))
-    left, error = fall
-    apart = rng.standard_normal(len(noise))
     share = rng.random(len(noise))
-    apart[0], share[0] = 0.0, 0.5
+    share[0] = 0.5
     steepness = np.log(samples[2] / samples[1])
-    last = noise * np.clip(left * np.exp(error * apart), np.exp(STEEPEST * steepness), np.exp(FLATTEST * steepness))
-    law = NoiseLaw(samples[1:], (noise, last), np.clip(before, STEEPEST, FLATTEST), INDEPENDENT)
+    left = np.clip(_left(fall, len(noise), rng), np.exp(STEEPEST * steepness), np.exp(FLATTEST * steepness))
+    law = NoiseLaw(samples[1:], (noise, noise * left), np.clip(before, STEEPEST, FLATTEST), INDEPENDENT)
     return NoiseLaw(law.samples, law.noise, law.before, INDEPENDENT + share * (law.between - INDEPENDENT))
+
+
+def _left(fall: Array, replicates: int, rng: np.random.Generator) -> Array:
+    """Return what is left of the noise: bootstrap over tiles, which counts both their noise and the choice of them."""
+    tiles = fall.shape[1]
+    counts = rng.multinomial(tiles, np.full(tiles, 1 / tiles), size=replicates)
+    counts[0] = 1
+    before, after = counts @ fall[0], counts @ fall[1]
+    return np.asarray(np.divide(after, before, out=np.ones(replicates), where=before > 0))

@@ -40,7 +40,7 @@ def tradeoff_plot(report: TradeoffReport, title: str) -> Picture:
     }
     _errors_over_time(picture, report.measurements, colours, dashes)
     keys = [Key(found.name, colours[found.name], dashes[found.name]) for found in report.measurements]
-    draw_key(picture, [*keys, Key("slope of noise", FAINT, (2.0, 3.0))], 470)
+    draw_key(picture, [*keys, Key("slope of independent samples", FAINT, (2.0, 3.0))], 470)
     _errors_over_field(picture, report, colours)
     _maps(picture, report)
     return picture

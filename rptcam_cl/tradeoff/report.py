@@ -10,7 +10,7 @@ from rptcam_cl.accuracy.errors import FIELDS
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.statistics import CONFIDENCE
 
-Place = tuple[float, float]
+TITLE = "Accuracy and time"
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,28 @@ class TradeoffReport:
     truncation: dict[str, Any]
     advice: tuple[Advice, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
+
+    def __str__(self) -> str:
+        """Return advice, tables and how they were found, as ``rptcam tradeoff`` prints them."""
+        from rptcam_cl.tradeoff.table import plain_text
+
+        return plain_text(self)
+
+    def markdown(self, title: str = TITLE) -> str:
+        """Return the same as Markdown."""
+        from rptcam_cl.tradeoff.table import markdown
+
+        return markdown(self, title)
+
+    def svg(self, title: str = TITLE) -> str:
+        """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
+        from rptcam_cl.lensview.svg import svg_text
+        from rptcam_cl.tradeoff.plot import tradeoff_plot
+
+        return svg_text(tradeoff_plot(self, title))
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
 
     def named(self, name: str) -> Measurement:
         """Return the measurement of a configuration."""

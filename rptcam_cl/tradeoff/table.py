@@ -68,6 +68,18 @@ def _cameras(report: TradeoffReport) -> list[list[str]]:
     ]
 
 
+def plain_text(report: TradeoffReport) -> str:
+    """Return the report as text, its tables in plain columns."""
+    parts = [f"{table.title}\n{_aligned(table)}" for table in tables(report)]
+    return "\n\n".join(["\n".join(recommendation(report)), *parts, "\n".join(caveats(report))])
+
+
+def _aligned(table: Table) -> str:
+    lines = [table.columns, *table.rows]
+    widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    return "\n".join("  ".join(map(str.rjust, line, widths)).rstrip() for line in lines)
+
+
 def markdown(report: TradeoffReport, title: str) -> str:
     """Return the report as Markdown."""
     parts = [f"# {title}", "\n".join(f"- {line}" for line in recommendation(report))]

@@ -192,7 +192,7 @@ def _depth(report: TradeoffReport) -> list[str]:
     depth, bound = report.truncation["max_depth"], report.truncation["bound"]
     paths = f"Paths of light end after {depth} edges (render.max_depth), also with {FULL}"
     if bound is None:
-        return [f"{paths}; how much longer ones would add has no bound ({report.truncation['no_bound_because']})."]
+        return [f"{paths}; what longer ones would add has no bound ({report.truncation['no_bound_because']})."]
     largest = report.truncation["largest_albedo"]
     return [
         f"{paths}; longer ones would add at most {per_cent(bound)} of the radiance of the brightest lamp"

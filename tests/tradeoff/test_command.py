@@ -17,7 +17,7 @@ from rptcam_cl.tradeoff import measure_tradeoff
 from rptcam_cl.tradeoff.ladder import ladder
 from rptcam_cl.tradeoff.plot import tradeoff_plot
 from rptcam_cl.tradeoff.runs import prepare
-from rptcam_cl.tradeoff.table import markdown, tables
+from rptcam_cl.tradeoff.table import tables
 from rptcam_cl.tradeoff.text import recommendation
 
 BOARD = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [60, 60]}}
@@ -109,7 +109,9 @@ def test_report_reads_well(report):
     errors, costs, cameras = tables(report)
     assert all(len(row) == len(table.columns) for table in (errors, costs, cameras) for row in table.rows)
     assert len(costs.rows) == len(errors.rows) + 1 == len(report.measurements)
-    text = markdown(report, "a scene")
+    text = report.markdown("a scene")
+    assert str(report).startswith(said[0]) and "nan" not in str(report)
+    assert report.svg().startswith("<svg")
     assert text.startswith("# a scene\n")
     assert "| pinhole |" in text
     assert json.loads(json.dumps(report.as_dict(), default=np.ndarray.tolist))["seeds"] == report.seeds

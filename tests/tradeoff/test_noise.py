@@ -36,7 +36,7 @@ def test_samples_to_a_noise_are_enough_and_not_too_many(exponent, noise):
 
 def test_laws_of_replicates_are_those_of_each():
     noise = np.array([1.0, 2.0, 0.5])
-    many = noise_law((2, 8, 128), noise, (0.02, 0.1), np.array([-1.2, -1.3, -1.1]))
+    many = noise_law((2, 8, 128), noise, np.array([[1.0, 2.0], [0.03, 0.03]]), np.array([-1.2, -1.3, -1.1]))
     targets = np.array([1e-3, 3.0, 0.05])
     for k in range(3):
         one = NoiseLaw(many.samples, (many.noise[0][k], many.noise[1][k]), many.before[k], many.beyond[k])
