@@ -10,8 +10,7 @@ import numpy as np
 
 from rptcam_cl._version import __version__
 from rptcam_cl.cameras import camera_geometry
-from rptcam_cl.numerics import self_knowledge, summary
-from rptcam_cl.numerics.lens_margin import LensMargin
+from rptcam_cl.numerics import LensMargin, self_knowledge, summary
 from rptcam_cl.plan import Plan
 from rptcam_cl.scene import Scene
 from rptcam_cl.wavefront import Rendering, Wavefront
