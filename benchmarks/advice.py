@@ -24,6 +24,7 @@ from rptcam_cl.device import Session, choose_device, open_session
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import Advice, TradeoffReport, measure_tradeoff
 from rptcam_cl.tradeoff.ladder import REFERENCE
+from rptcam_cl.tradeoff.text import caveats, recommendation
 from rptcam_cl.tradeoff.words import per_cent, seconds
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
@@ -54,7 +55,7 @@ CASES = (
     Case("portrait", EXAMPLES / "portrait.yaml", (112, 140), 1.0, 0.2),
     Case("macro", EXAMPLES / "studio" / "movement.yaml", (144, 96), 1.0, 0.1),
     Case("fisheye interior", EXAMPLES / "reading_room.yaml", (112, 112), 1.0, 0.1),
-    Case("chromatic test", EXAMPLES / "paper" / "figure_4.yaml", (144, 108), 1.0, 0.04),
+    Case("chromatic test", EXAMPLES / "paper" / "figure_4.yaml", (144, 108), 1.0, 0.02),
 )
 
 
@@ -175,9 +176,10 @@ def main() -> int:
     device = choose_device(options.device)
     session = open_session(device.id)
     facts = machine(device)
-    verdicts = []
+    verdicts, said = [], {}
     for case in _chosen(options):
         report = measured(case, session, 1.0 if options.quick else options.budget)
+        said[case.name] = [*recommendation(report), *caveats(report)]
         verdicts += (found := check(case, report, session, 1.0 if options.quick else options.reference))
         for verdict in found:
             print(" | ".join(row(verdict)), file=sys.stderr)
@@ -186,7 +188,8 @@ def main() -> int:
     print(text)
     if options.markdown is not None:
         options.markdown.write_text(text + "\n", encoding="utf-8")
-    write_json(options.json, facts, [asdict(verdict) | {"verdict": verdict.words} for verdict in verdicts])
+    told = [asdict(verdict) | {"verdict": verdict.words} for verdict in verdicts]
+    write_json(options.json, facts, {"verdicts": told, "said": said})
     return int(any(verdict.faults for verdict in verdicts) and not options.quick)
 
 

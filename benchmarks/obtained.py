@@ -86,7 +86,7 @@ def rendered(scene: Scene, session: Session, samples: int, seeds: list[int]) -> 
     taken(1, 0)  # compiles
     least = min(taken(1, 0)[1] for _ in range(2))
     runs = [taken(samples, seed) for seed in seeds]
-    each = min(seconds for _, seconds in runs) - least
+    each = max(min(seconds for _, seconds in runs) - least, 0.0)
     return [picture for picture, _ in runs], each * samples / max(samples - 1, 1)
 
 

@@ -99,6 +99,11 @@ def fitted_map(
         raise InputError("camera.rays: fitted rays know no losses (leave out camera.transmission, or use traced)")
     if isinstance(camera, RealisticCamera) and camera.precision != "single":
         raise InputError("camera.rays: fitted rays are float32 (leave out camera.precision, or use traced)")
+    if isinstance(camera, RealisticCamera) and camera.pupil not in ("auto", "tight"):
+        raise InputError(
+            "camera.rays: fitted rays hold for the true pupil alone"
+            f" (camera.pupil is {camera.pupil}; allowed: auto, tight)"
+        )
     width_mm, height_mm = (side * 1e3 for side in film.size_m())
     focus_mm = setting.focus_distance_mm
     near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - film_mm, FAR_MM)

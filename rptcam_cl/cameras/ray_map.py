@@ -29,14 +29,14 @@ Exponents = tuple[tuple[int, int, int, int], ...]
 
 LARGEST_ORDER = 4
 LARGEST_ERROR_PX = 0.25  # of a ray
-LARGEST_LIGHT_ERROR = 2e-3  # of a part of the film
+LARGEST_LIGHT_ERROR = 2e-3  # of a ring of the film
 FILM_POINTS = 48  # along a film radius
-AIMS = 192  # of each, in a box round its pupil
+AIMS = 224  # of each, in a box round its pupil
 BEYOND = 0.04  # of that box, by which it is widened
 REACH = 1.06  # of every rim: rays that are fitted
-NEGLIGIBLE = 2e-4  # share of the light that may be blocked by rims that are left out
+NEGLIGIBLE = 1e-3  # share of the light of a ring that may be blocked by rims that are left out
 COLOURS = 7  # wavelengths that are traced
-PARTS = 6  # of the film, equal in area, in which the light is compared
+PARTS = 6  # rings of the film in which the light is compared
 NUDGE = 1e-3  # of the film radius, between film points that tell the scale of the picture
 
 
@@ -110,7 +110,7 @@ class RayMap:
     error_px : float
         Largest error of a ray that was not fitted [pixels].
     light_error : float
-        Largest error of the light that the rims let pass to a part of the film.
+        Largest error of the light that the rims let pass to a ring of the film.
     """
 
     variables: Variables
@@ -195,7 +195,7 @@ def ray_map(
     film, aims = others.film[passes], others.aims[passes]
     shift = float(np.sum(aims * film) / np.sum(film**2))
     variables = Variables(radius, float(np.hypot(*(aims - shift * film).T).max()), shift)
-    blocking = _blocking(lens, others.found)
+    blocking = _blocking(lens, others)
     keep, colours = fitted.found.within(lens, REACH), len(nodes) > 1
     rims = _fit(fitted, keep, variables, LARGEST_ORDER, colours, fitted.found.heights[list(blocking)])
     found = RayMap(variables, rims, rims, blocking)
@@ -205,6 +205,9 @@ def ray_map(
         found = replace(found, light_error=_light_error(lens, found, others, passes))
         if found.light_error <= LARGEST_LIGHT_ERROR:
             break
+    else:
+        error = f"{100 * found.light_error:.2g} %"
+        raise InputError(f"{lens.name}: polynomials let {error} too much or too little light through")
     nudge_px, best = NUDGE * radius * pixels_per_mm, np.inf
     for order in range(1, LARGEST_ORDER + 1):
         found = replace(found, rays=_fit_rays(fitted, keep, variables, order, colours))
@@ -238,10 +241,10 @@ class _Sample:
 
     @classmethod
     def of(cls, lens: Lens, film_distance_mm: float, radius_mm: float, nodes: Array, seed: int) -> _Sample:
-        """Trace rays from film points, even by area, through boxes a little wider than their pupils."""
+        """Trace rays from film points, even along the radius, through boxes a little wider than their pupils."""
         rng = np.random.default_rng(seed)
         film = np.zeros((FILM_POINTS, 2))
-        film[:, 0] = radius_mm * np.sqrt((np.arange(FILM_POINTS) + rng.random(FILM_POINTS)) / FILM_POINTS)
+        film[:, 0] = radius_mm * (np.arange(FILM_POINTS) + rng.random(FILM_POINTS)) / FILM_POINTS
         film[-1, 0] = radius_mm
         boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, float(nodes.mean())), film, radial=True)
         low, size = boxes[lit, ::2], boxes[lit, 1::2] - boxes[lit, ::2]
@@ -260,16 +263,23 @@ class _Sample:
         )
         return cls(film, aims, DISPERSION_SCALE / nodes[np.arange(len(film)) % len(nodes)] - DISPERSION_SHIFT, found)
 
+    def in_rings(self, which: Mask) -> NDArray[np.int64]:
+        """Return how many of some rays each of `PARTS` rings of the film has."""
+        radii = self.film[:, 0]
+        ring = np.minimum((radii / radii.max() * PARTS).astype(int), PARTS - 1)
+        return np.bincount(ring[which], minlength=PARTS)
 
-def _blocking(lens: Lens, found: Crossings) -> tuple[int, ...]:
+
+def _blocking(lens: Lens, sample: _Sample) -> tuple[int, ...]:
     """Return the stop and the fewest surfaces, found one by one, whose rims block all else; from the film on."""
     radii = np.array([surface.semi_diameter for surface in lens.surfaces])[:, None]
+    heights = sample.found.heights
     with np.errstate(invalid="ignore"):
-        blocks = ~(np.hypot(found.heights[..., 0], found.heights[..., 1]) <= radii)
-    passed = int(np.count_nonzero(~blocks.any(axis=0)))
+        blocks = ~(np.hypot(heights[..., 0], heights[..., 1]) <= radii)
+    passed = sample.in_rings(np.asarray(~blocks.any(axis=0)))
     chosen = [] if lens.stop_index is None else [lens.stop_index]
-    left = blocks.any(axis=0) & ~blocks[chosen].any(axis=0)
-    while np.count_nonzero(left) > NEGLIGIBLE * passed:
+    left: Mask = np.asarray(blocks.any(axis=0) & ~blocks[chosen].any(axis=0))
+    while np.any(sample.in_rings(left) > NEGLIGIBLE * passed):
         chosen.append(int(np.argmax(np.count_nonzero(blocks[:, left], axis=1))))
         left = left & ~blocks[chosen[-1]]
     return tuple(sorted(chosen, reverse=True))
@@ -319,10 +329,8 @@ def _error(found: RayMap, sample: _Sample, passes: Mask, distance_mm: float) -> 
 
 
 def _light_error(lens: Lens, found: RayMap, sample: _Sample, passes: Mask) -> float:
-    """Return the largest share by which the number of rays that pass differs in a part of the film."""
-    own = found.passes(lens, sample.film, sample.aims, sample.colour)
-    area = np.sum(np.square(sample.film / found.variables.film_mm), axis=1)
-    part = np.minimum((area * PARTS).astype(int), PARTS - 1)
-    true, fitted = (np.bincount(part[mask], minlength=PARTS) for mask in (passes, own))
+    """Return the largest share by which the number of rays that pass differs in a ring of the film."""
+    own = sample.in_rings(found.passes(lens, sample.film, sample.aims, sample.colour))
+    true = sample.in_rings(passes)
     lit = true > 0
-    return float(np.max(np.abs(fitted[lit] / true[lit] - 1)))
+    return float(np.max(np.abs(own[lit] / true[lit] - 1)))

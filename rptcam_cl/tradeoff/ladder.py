@@ -103,7 +103,7 @@ def most_accurate(scene: Scene) -> Configuration:
     plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
     if not isinstance(scene.camera, RealisticCamera):
         return Configuration(REFERENCE, "", plain)
-    plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "precision": "single"})
+    plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
     if plain.spectrum.mode != "rgb":
         plain = change_scene(plain, spectrum={"lens": "on"})
     return Configuration(REFERENCE, "", plain, "realistic")

@@ -8,11 +8,15 @@ line through the powers of two is where noise was found. Independent samples are
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rptcam_cl.tradeoff.statistics import student_quantile
 
 Array = NDArray[np.float64]
 
@@ -134,9 +138,17 @@ def noise_law(samples: tuple[int, int, int], noise: Array, fall: Array, before: 
 
 
 def _left(fall: Array, replicates: int, rng: np.random.Generator) -> Array:
-    """Return what is left of the noise: bootstrap over tiles, which counts both their noise and the choice of them."""
+    """Return what is left of the noise: bootstrap over tiles, which counts both their noise and the choice of them.
+
+    It is widened for few tiles, as `statistics` does for few seeds.
+    """
     tiles = fall.shape[1]
+    if tiles < 2 or not fall.sum(axis=1).all():
+        return np.ones(replicates)
     counts = rng.multinomial(tiles, np.full(tiles, 1 / tiles), size=replicates)
     counts[0] = 1
     before, after = counts @ fall[0], counts @ fall[1]
-    return np.asarray(np.divide(after, before, out=np.ones(replicates), where=before > 0))
+    least = LEAST * before[0], LEAST * after[0]  # where the tiles that were drawn have no noise
+    left = np.maximum(after, least[1]) / np.maximum(before, least[0])
+    wider = student_quantile(0.975, tiles - 1) / NormalDist().inv_cdf(0.975) * math.sqrt(tiles / (tiles - 1))
+    return np.asarray(left[0] * (left / left[0]) ** wider)

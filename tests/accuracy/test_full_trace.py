@@ -27,7 +27,7 @@ SHAPES = (
     {"shape": "star", "points": 5},
     {"shape": "heart"},
 )
-LIGHT_GRAIN = 5e-3  # of the light through a stop that is not round
+LIGHT_GRAIN = 3e-3  # of jittered rays, and of those that a decision goes by
 SLACK = 1.02  # what may be worse between the probed points
 
 

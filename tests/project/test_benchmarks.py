@@ -60,6 +60,16 @@ def test_growth_has_its_four_tables(checkout: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
+def test_advice_is_told_beside_what_came_of_it(checkout: Path, tmp_path: Path) -> None:
+    page = tmp_path / "table.md"
+    printed, results = quick(checkout, tmp_path, "advice", "landscape", "--markdown", str(page))
+    assert page.read_text("utf-8").strip() in printed
+    assert [found["advice"]["wish"] for found in results["verdicts"]] == ["time", "error"]
+    assert all(found["obtained"]["uncertainty"] > 0 and found["verdict"] for found in results["verdicts"])
+    assert results["said"]["landscape"][0].startswith("In 200 ms: take")
+
+
+@pytest.mark.slow
 def test_ways_to_aim_at_the_pupil_are_compared(checkout: Path, tmp_path: Path) -> None:
     printed, _ = quick(checkout, tmp_path, "pupil_tiers")
     assert "tight" in printed

@@ -99,6 +99,7 @@ def test_metadata_tells_degree_and_errors():
     [
         ({"transmission": {"fresnel": True}}, "camera.rays: fitted rays know no losses"),
         ({"precision": "double"}, "camera.rays: fitted rays are float32"),
+        ({"pupil": "rear"}, "camera.rays: fitted rays hold for the true pupil alone"),
         ({"lens": "anamorphic-100mm"}, "camera.rays: .* not the same from every azimuth; use traced"),
     ],
 )

@@ -22,34 +22,40 @@ def spread(rendered, every):
     return SpreadTiles(np.arange(rendered, dtype=np.uint32), (1, rendered), np.arange(len(cell)), cell, weights, every)
 
 
-def pictures_of(mean, rng, common):
+def noise_of(rng, samples, fall, shape):
+    """Skewed noise with a variance of NOISE / samples**fall."""
+    count = samples**fall / NOISE
+    return rng.gamma(count, 1 / count, shape) - 1
+
+
+def pictures_of(mean, rng, common, fall):
     """Pictures (seeds, p, 3) for each number of samples: ``mean`` with skewed noise, partly that of ``common``."""
     found = []
     for count, shared in zip(SAMPLES, common, strict=True):
-        own = rng.gamma(count / NOISE, NOISE / count, shared.shape) - 1
+        own = noise_of(rng, count, fall, shared.shape)
         found.append((mean[:, None] + 0.8 * shared + 0.6 * own).astype(np.float32))
     return found
 
 
-def measured(rng, bias, rendered, every, replicates=500):
+def measured(rng, bias, rendered, every, replicates=500, fall=1.0):
     """Measurements of a reference of 1 everywhere, and of a configuration that is off by ``bias`` in each pixel of all.
 
-    The tiles that are rendered are the first of a random order.
+    The tiles that are rendered are the first of a random order. Noise falls with so high a power of the samples.
     """
     tiles = spread(rendered, every)
     seen = bias.reshape(every, PER_TILE)[rng.permutation(every)[:rendered]].ravel()
     shape = (SEEDS, rendered * PER_TILE, 3)
-    common = [rng.gamma(count / NOISE, NOISE / count, shape) - 1 for count in SAMPLES]
+    common = [noise_of(rng, count, fall, shape) for count in SAMPLES]
     reference = [(1 + shared).astype(np.float32) for shared in common]
     chosen = np.sort(rng.choice(rendered, max(rendered // 4, 4), replace=False))
     there = np.isin(tiles.cell, chosen)
-    more = rng.gamma(MANY / NOISE, NOISE / MANY, (2, 2, int(there.sum()), 3))
+    more = 1 + noise_of(rng, MANY, fall, (2, 2, int(there.sum()), 3))
     long = [
         (apart[:, None] + noise).astype(np.float32)
         for apart, noise in zip((0 * seen[there], seen[there]), more, strict=True)
     ]
     errors = pair_errors(
-        [reference, pictures_of(1 + seen, rng, common)], SAMPLES, tiles, LongPictures(MANY, chosen, long)
+        [reference, pictures_of(1 + seen, rng, common, fall)], SAMPLES, tiles, LongPictures(MANY, chosen, long)
     )
     times = [Timings(*[scale * SECONDS * rng.lognormal(0, 0.1, SEEDS)] * 2) for scale in (2, 1)]
     named = [

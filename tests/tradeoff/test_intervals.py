@@ -16,7 +16,7 @@ from rptcam_cl.tradeoff.statistics import (
     over_pairs,
     student_quantile,
 )
-from tests.tradeoff.synthetic import NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
+from tests.tradeoff.synthetic import MANY, NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles
 TRIALS = 120
@@ -83,6 +83,20 @@ def test_light_that_no_two_pictures_miss_in_the_same_pixel_is_missing_all_the_sa
     missing = 9 / (EVERY * PER_TILE)
     assert found.energy.value == pytest.approx(-missing, rel=1e-6)
     assert found.bias.value == pytest.approx(missing**2, rel=1e-3)
+
+
+@pytest.mark.parametrize("fall", [1.0, 1.5])
+def test_fall_of_noise_is_found(fall):
+    rng, trials = np.random.default_rng(8), 40
+    found = [measured(rng, np.zeros(EVERY * PER_TILE), EVERY, EVERY, 200, fall)[1] for _ in range(trials)]
+    truth = NOISE / (1 + EDGE**2)
+    for holding in (
+        [holds(other.noise[0], truth / SAMPLES[-1] ** fall) for other in found],
+        [holds(other.noise[1], truth / MANY**fall) for other in found],
+        [holds(other.slope, -fall) for other in found],
+    ):
+        assert np.mean(holding) >= FEWEST - 0.05  # of four tiles the spread is known badly
+    assert np.mean([other.slope.value for other in found]) == pytest.approx(-fall, abs=0.03)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import pytest
 from rptcam_cl.accuracy import decided
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene
-from rptcam_cl.tradeoff.ladder import AS_IT_IS, ladder
+from rptcam_cl.tradeoff.ladder import AS_IT_IS, ladder, most_accurate
 from rptcam_cl.tradeoff.runs import mark
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -43,3 +43,16 @@ def test_same_way_is_asked_for_by_what_is_shorter():
     assert by_name["spectrum: rgb"].settings and both.settings == ()
     assert both.same_as == (AS_IT_IS,)
     assert by_name["thick lens"].settings == ("camera.kind=thick_lens", "spectrum.lens=on")
+
+
+def test_full_traces_every_surface_whatever_the_scene_leaves_out():
+    cheap = [
+        "camera.rays=fitted",
+        "camera.pupil=rear",
+        "camera.accuracy=auto",
+        "render.clamp=3",
+        "render.sampler=independent",
+    ]
+    full = most_accurate(load_scene(EXAMPLES / "sunny_sixteen.yaml", cheap)).scene
+    assert (full.camera.rays, full.camera.pupil, full.camera.accuracy) == ("traced", "auto", None)
+    assert (full.render.clamp, full.render.sampler) == (None, "lattice")
