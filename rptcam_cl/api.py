@@ -178,6 +178,7 @@ def render(
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
         metadata["device"] = saver.devices
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
+    stats |= {key: metadata[key] for key in ("accuracy",) if key in metadata}
     image = developed_as(Image(rendering.pixels, metadata, stats, layers=rendering.layers), scene.picture)
     if denoise:
         image = replace(image.denoised(), layers={name: image[name] for name in wanted})

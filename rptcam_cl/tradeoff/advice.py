@@ -17,6 +17,7 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
 
     None of them where the time is not enough for a sample in every pixel.
     """
+    found = _trusted(found)
     errors = [each.error_after(seconds) for each in found]
     likely = [each.error_after(seconds, each.likely_bias) for each in found]
     best = _clear_best([each.error_after(seconds) for each in _surely(found)])
@@ -31,6 +32,7 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
 
 def for_error(found: Sequence[Measurement], error: float) -> Advice:
     """Return the configuration that is soonest at an error; the most accurate one unless another is clearly faster."""
+    found = _trusted(found)
     times = [each.seconds_until(error) for each in found]
     likely = [each.seconds_until(error, each.likely_bias) for each in found]
     best = _clear_best([each.seconds_until(error) for each in _surely(found)])
@@ -40,6 +42,22 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
     samples = max(math.ceil(times[best] / found[best].sample_s.value), 1)
     ends = found[best].errors_after(samples * found[best].sample_s.value)
     return Advice("error", error, found[best].name, times[best], error, samples, *ends, times[0], error, perhaps)
+
+
+def _trusted(found: Sequence[Measurement]) -> list[Measurement]:
+    """Return what may be advised, the most accurate one first.
+
+    Independent samples show what the lattice gains and are better by chance alone. Where noise hangs on rare paths,
+    chance decides between ways that differ by their noise only.
+    """
+    full = found[0]
+    rare = [full.hangs_on_rare or each.hangs_on_rare for each in found]
+    kept = [
+        each
+        for each, by_chance in zip(found[1:], rare[1:], strict=True)
+        if each.knob != "sampler" and not (each.unbiased and by_chance)
+    ]
+    return [full, *kept]
 
 
 def _surely(found: Sequence[Measurement]) -> list[Measurement]:

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 
 SURE = 4.0  # standard errors that what is told as sure has to be above: the bias of a tile, that of the brightness
 LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
+RARE = 3.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
+SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
 FIRST_S, LAST_S, STEPS = 1e-4, 1e8, 121  # times at which errors are compared
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for
 
@@ -123,6 +125,11 @@ class Measurement:
     def likely_bias(self) -> float:
         """What the bias was measured to be, as relMSE, or nothing where there can be none."""
         return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
+
+    @property
+    def hangs_on_rare(self) -> bool:
+        """Whether the noise comes from paths that are so rarely met that it is hardly known."""
+        return self.noise[1].high > RARE * self.noise[1].low or self.slope.low > SLOW
 
     def error_after(self, seconds: float, bias: float | None = None) -> float:
         """Return the relative error (root of relMSE) after a time, with a bias or the most that it may be.
@@ -264,7 +271,9 @@ def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64
 
 def _time_to(own: _Replicates, target: float) -> Array:
     left = target**2 - np.maximum(own.bias, 0.0)
-    samples = own.law.until(np.where(left > 0, left, np.inf))
+    off = np.random.default_rng(len(left)).uniform(-1.0, 1.0, len(left))
+    off[0] = 0.0  # the estimate
+    samples = own.law.until(np.where(left > 0, left * own.law.doubt**off, np.inf))
     return np.where(left > 0, np.maximum(samples, 1.0) * own.sample_s, np.inf)
 
 

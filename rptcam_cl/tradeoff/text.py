@@ -15,8 +15,6 @@ from rptcam_cl.tradeoff.words import between, bias, per_cent, pixels, seconds
 
 FULL = "full accuracy"
 SHOWS_LOAD = 1.3  # times the undisturbed time that the clock showed, from which on it is said
-RARE = 3.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
-SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 
 
@@ -63,18 +61,13 @@ def caveats(report: TradeoffReport) -> list[str]:
 def _unsure(report: TradeoffReport) -> list[str]:
     """Say of what is advised, and of what it is measured against, where noise hangs on paths that are rarely met."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
-    rare = [_called(report, name) for name in names if name is not None and _hangs_on_rare(report.named(name))]
+    rare = [_called(report, name) for name in names if name is not None and report.named(name).hangs_on_rare]
     if not rare:
         return []
     return [
         f"The noise of {' and of '.join(rare)} comes from rare bright paths: errors and times may be off by more than"
         " is told; a longer measurement (--budget) meets more of them."
     ]
-
-
-def _hangs_on_rare(found: Measurement) -> bool:
-    last = found.noise[1]
-    return last.high > RARE * last.low or found.slope.low > SLOW
 
 
 def _advice(report: TradeoffReport, advice: Advice) -> str:

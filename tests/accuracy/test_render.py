@@ -19,6 +19,7 @@ def test_picture_is_that_of_the_chosen_camera_and_says_so():
     told = image.metadata["accuracy"]
     assert told["camera_model"] == "thick_lens"
     assert image.metadata["camera"] == "thick_lens"
+    assert image.stats["accuracy"] == told
     assert [found["camera_model"] for found in told["errors"]] == ["pinhole", "thin_lens", "thick_lens"]
     other = render(equivalent(scene, "thick_lens"), spp=4)
     assert np.array_equal(np.asarray(image), np.asarray(other))

@@ -64,6 +64,17 @@ def test_gain_that_may_be_none_is_no_reason_to_leave_the_full_configuration():
     assert (advice.chosen, advice.perhaps) == ("full", "quick")
 
 
+def test_chance_between_ways_that_differ_by_noise_alone_is_no_advice():
+    assert for_error([FULL, replace(QUICK, unbiased=True)], 0.02).chosen == "quick"
+    assert for_error([FULL, replace(QUICK, unbiased=True, knob="sampler")], 0.02).chosen == "full"
+    first, last = QUICK.noise
+    rare = replace(QUICK, noise=(first, replace(last, high=4 * last.low)))
+    assert rare.hangs_on_rare and replace(QUICK, slope=Interval(-0.8, -0.9, -0.7)).hangs_on_rare
+    assert not QUICK.hangs_on_rare
+    assert for_error([FULL, rare], 0.02).chosen == "quick"
+    assert for_error([FULL, replace(rare, unbiased=True)], 0.02).chosen == "full"
+
+
 def test_time_that_is_too_short_for_a_sample_has_no_advice():
     slow = replace(FULL, sample_s=Interval(2.0, 2.0, 2.0))
     assert for_time([slow, replace(QUICK, sample_s=Interval(0.5, 0.5, 0.5))], 1.0).chosen == "quick"
