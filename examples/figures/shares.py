@@ -23,9 +23,8 @@ def passing_share(name: str, film_mm: float, stop_mm: float | None = None, film_
     film_radius_mm : float
         Distance of the film point from the axis.
     """
-    lens = load_lens(name)
-    if stop_mm is not None:
-        lens = lens.with_stop_diameter(stop_mm)
+    bundled = load_lens(name)
+    lens = bundled if stop_mm is None else bundled.with_stop_diameter(stop_mm)
     last = lens.surfaces[-1]
     side = (np.arange(ACROSS) + 0.5) / ACROSS * 2 - 1
     x, y = (axis.ravel() * last.semi_diameter for axis in np.meshgrid(side, side))

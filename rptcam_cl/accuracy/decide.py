@@ -101,10 +101,12 @@ def measured(scene: Scene) -> Findings:
         return _colour_alone(scene, str(problem))
     truth = Truth.of(scene, first)
     depths = _depths(scene, truth)
-    tiers = [tier for tier in FIRST_ORDER if _exists(scene, tier)]
+    missing = {tier: _missing(scene, tier) for tier in FIRST_ORDER}
+    tiers = [tier for tier in FIRST_ORDER if not missing[tier]]
     blur_px, far = max(truth.blur_px(depths)), depths[-1]
     return Findings(
         errors=tuple(tier_errors(truth, depths, tiers)),
+        reason="" if tiers else missing["thick_lens"],
         depths_m=(depths[0] * 1e-3, far * 1e-3 if far < FAR_MM else None),
         blur_px=blur_px,
         shape_px=truth.round_stop.apart * blur_px if truth.round_stop.apart else None,
@@ -113,12 +115,13 @@ def measured(scene: Scene) -> Findings:
     )
 
 
-def _exists(scene: Scene, tier: Tier) -> bool:
+def _missing(scene: Scene, tier: Tier) -> str:
+    """Return why the lens of a scene has no equivalent of a tier; nothing where it has."""
     try:
         equivalent(scene, tier)
-    except InputError:
-        return False
-    return True
+    except InputError as problem:
+        return str(problem)
+    return ""
 
 
 def _colour_alone(scene: Scene, reason: str) -> Findings:

@@ -29,6 +29,7 @@ Exponents = tuple[tuple[int, int, int, int], ...]
 
 LARGEST_ORDER = 4
 LARGEST_ERROR_PX = 0.25  # of a ray
+GOOD_ERROR_PX = 0.1  # below which no higher order is tried
 LARGEST_LIGHT_ERROR = 2e-3  # of a ring of the film
 FILM_POINTS = 48  # along a film radius
 AIMS = 224  # of each, in a box round its pupil
@@ -165,7 +166,7 @@ def ray_map(
     distances_mm: Sequence[float],
     max_error_px: float = LARGEST_ERROR_PX,
 ) -> RayMap:
-    """Return the polynomials of the lowest order that are right to a part of a pixel.
+    """Return the polynomials of the lowest order that are right to `GOOD_ERROR_PX`, or else those that err least.
 
     Parameters
     ----------
@@ -210,15 +211,18 @@ def ray_map(
         raise InputError(f"{lens.name}: polynomials let {error} too much or too little light through")
     nudge_px, best = NUDGE * radius * pixels_per_mm, np.inf
     for order in range(1, LARGEST_ORDER + 1):
-        found = replace(found, rays=_fit_rays(fitted, keep, variables, order, colours))
-        error_px = nudge_px * max(_error(found, others, passes, distance) for distance in distances_mm)
-        best = min(best, error_px)
-        if error_px <= max_error_px:
-            return replace(found, error_px=error_px)
-    raise InputError(
-        f"{lens.name}: polynomials of degree {2 * LARGEST_ORDER + 1} err by up to {best:.2g} pixels"
-        f" (allowed: {max_error_px:.2g})"
-    )
+        mapped = replace(found, rays=_fit_rays(fitted, keep, variables, order, colours))
+        error_px = nudge_px * max(_error(mapped, others, passes, distance) for distance in distances_mm)
+        if error_px < best:
+            best, found = error_px, replace(mapped, error_px=error_px)
+        if best <= min(GOOD_ERROR_PX, max_error_px):
+            break
+    if best > max_error_px:
+        raise InputError(
+            f"{lens.name}: polynomials of degree {2 * LARGEST_ORDER + 1} err by up to {best:.2g} pixels"
+            f" (allowed: {max_error_px:.2g})"
+        )
+    return found
 
 
 def _nodes(wavelengths_nm: float | tuple[float, float]) -> Array:

@@ -271,7 +271,9 @@ def _slope(error: PairErrors, samples: tuple[int, ...], counts: NDArray[np.int64
 
 def _time_to(own: _Replicates, target: float) -> Array:
     left = target**2 - np.maximum(own.bias, 0.0)
-    samples = own.law.until(np.where(left > 0, left, np.inf))
+    off = np.random.default_rng(len(left)).uniform(-1.0, 1.0, len(left))
+    off[0] = 0.0  # the estimate
+    samples = own.law.until(np.where(left > 0, left * own.law.doubt**off, np.inf))
     return np.where(left > 0, np.maximum(samples, 1.0) * own.sample_s, np.inf)
 
 

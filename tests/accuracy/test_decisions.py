@@ -1,5 +1,7 @@
 """What `camera.accuracy` decides: the camera model, whether colours are traced, and what it says of both."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -126,7 +128,9 @@ def test_fisheye_is_never_a_pinhole(width, film_mm):
 
 
 def test_dark_corners_are_named():
-    assert "part of the film sees nothing" in said(decided(scene_of("fisheye-10mm", accuracy="auto")))
+    found = decided(scene_of("fisheye-10mm", accuracy="auto"))
+    assert "part of the film sees nothing" in said(found)
+    json.dumps(found.metadata, allow_nan=False)
 
 
 def test_lens_without_an_equivalent_still_decides_its_colour():
@@ -154,3 +158,11 @@ def test_lens_without_polynomials_keeps_its_surfaces():
     film = {"resolution": [1280, 853], "width_mm": 4}
     found = decided(change_scene(scene_of("phone-5.6mm", accuracy="auto", film=film), render={"spp": 1024}))
     assert found.tier == "realistic"
+
+
+def test_moving_camera_keeps_its_traced_lens_and_says_why():
+    accuracy = {"max_error_px": 1000, "max_illumination_error": 1000}
+    way = [{"time_s": 0, "eye": [0, 0, 0]}, {"time_s": 1, "eye": [0.1, 0, 0]}]
+    found = decided(scene_of("telephoto-250mm", accuracy=accuracy, film=SMALL, motion=way))
+    assert found.tier == "realistic"
+    assert "no cheaper camera model: camera.motion" in said(found)

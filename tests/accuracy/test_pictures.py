@@ -93,3 +93,23 @@ def test_lamps_through_a_model_that_was_not_chosen_stand_elsewhere():
     traced = change_scene(scene, camera={"accuracy": None}, spectrum={"mode": "rgb"})
     apart, noise, *_ = differences(traced, equivalent(scene, "pinhole"))
     assert np.any(apart > 0.5 + NOISE * noise)
+
+
+def test_blur_of_a_thin_lens_has_the_shape_that_the_traced_stop_gives_it():
+    """A lamp before the focus shows the stop, a heart, the same way up."""
+    lamp = {"kind": "emissive", "radiance": 1.0}
+    ball = {"shape": "sphere", "center": [0.002, 0.002, -3], "radius": 0.001, "material": lamp}
+    film = {"resolution": [64, 64], "width_mm": 5}
+    keys = {"f_number": 6, "aperture": {"shape": "heart"}, "objects": [ball], "film": film}
+    scene = scene_of("telephoto-250mm", accuracy={"max_error_px": 6, "max_illumination_error": 0.05}, **keys)
+    found = decided(scene)
+    assert found.tier == "thin_lens"
+    turned = {"shape": "heart", "rotation_degrees": 180}
+    cameras = (
+        change_scene(scene, camera={"accuracy": None}),
+        found.scene,
+        change_scene(found.scene, camera={"aperture": turned}),
+    )
+    traced, own, wrong = (np.asarray(render(each, spp=2048), np.float64)[..., 1] for each in cameras)
+    assert own.sum() / traced.sum() == pytest.approx(1, abs=0.05)
+    assert np.abs(own - traced).sum() < 0.6 * np.abs(wrong - traced).sum()

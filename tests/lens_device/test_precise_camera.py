@@ -130,7 +130,7 @@ def test_rays_in_single_precision_err_by_more(session):
     assert direction > 2 * ROUNDING
 
 
-@pytest.mark.parametrize("name", ["aspheres", "coated, coloured, five blades"])
+@pytest.mark.parametrize("name", ["aspheres", pytest.param("coated, coloured, five blades", marks=pytest.mark.slow)])
 def test_one_lane_and_eight_make_the_same_rays(session, name, monkeypatch):
     scene = scene_through(name)
     _, eight = rays_between(session, scene)

@@ -165,7 +165,7 @@ def test_an_interrupted_run_keeps_its_pictures_and_goes_on(
     monkeypatch.setattr("examples.figures.render.page", lambda: "# page\n")
     given = ["--quality", "draft", "--only", "paper_2_d002", "paper_2_d005", "--output", str(tmp_path)]
     pictures = tmp_path / "images" / "figures"
-    render, done = rptcam_cl.render, []
+    render, done = rptcam_cl.render, list[int]()
 
     def interrupted(*arguments: Any, **options: Any) -> Any:
         if done:

@@ -40,8 +40,8 @@ def both(scene, **options):
 @pytest.mark.parametrize(
     ("name", "organisation"),
     [
-        ("everything", "stream"),
         ("moving", "passes"),
+        pytest.param("everything", "stream", marks=pytest.mark.slow),
         pytest.param("everything", "passes", marks=pytest.mark.slow),
         pytest.param("moving", "stream", marks=pytest.mark.slow),
     ],
@@ -57,6 +57,7 @@ def test_picture_is_that_of_float32_but_for_paths_that_rounding_sends_elsewhere(
     assert [image.metadata["lens_precision"] for image in (single, double)] == ["single", "double"]
 
 
+@pytest.mark.slow
 def test_wave_size_does_not_change_a_bit():
     scene = change_scene(load_scene(SCENES["moving"]), camera={"precision": "double"})
     one, other = (np.asarray(rptcam_cl.render(scene, size=SIZE, spp=3, wave_size=size)) for size in (1024, None))

@@ -14,7 +14,7 @@ from rptcam_cl.device import Session, choose_device
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
-from rptcam_cl.tradeoff.ladder import ladder
+from rptcam_cl.tradeoff.ladder import ladder, most_accurate
 from rptcam_cl.tradeoff.plot import tradeoff_plot
 from rptcam_cl.tradeoff.runs import prepare
 from rptcam_cl.tradeoff.table import tables
@@ -77,6 +77,12 @@ def test_lens_in_float64_takes_the_same_samples_and_shows_no_bias(report):
     assert abs(double.bias.value) < 1e-6 < report.named("pinhole").bias.low
     assert double.noise[0].value == pytest.approx(full.noise[0].value, rel=1e-3)  # the same samples
     assert "camera.precision=double" in double.settings
+
+
+def test_most_accurate_way_traces_in_float32_whatever_the_scene_says():
+    full = most_accurate(load_scene(SCENE, ["camera.rays=fitted"])).scene.camera
+    assert (full.rays, full.precision, full.pupil) == ("traced", "single", "auto")
+    assert most_accurate(load_scene(SCENE, ["camera.precision=double"])).scene.camera.precision == "single"
 
 
 def test_device_without_float64_is_said_not_to_compare_it(monkeypatch):
