@@ -6,32 +6,29 @@ import math
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from rptcam_cl import optics
-from rptcam_cl._version import __version__
+from rptcam_cl.account import GEOMETRY, described, statistics, window
 from rptcam_cl.accuracy import decided
 from rptcam_cl.autofocus import FocusReport, focused_scene, in_focus
 from rptcam_cl.autofocus.interface import autofocus
-from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.developing import develop, developed_as
-from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices, open_session
+from rptcam_cl.device import Session, choose_device, list_devices, open_session
 from rptcam_cl.errors import InputError, NumericError
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
 from rptcam_cl.metering import settled
-from rptcam_cl.numerics import anomalies, lens_margin, self_knowledge, summary
-from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.numerics import anomalies, lens_margin
+from rptcam_cl.plan import make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.scene.sampling import ADAPTIVE_SPP
 from rptcam_cl.sensing import check_sensor, sensor_of
 from rptcam_cl.tradeoff import measure_tradeoff
-from rptcam_cl.wavefront import Progress, Rendering, Wavefront, render_plan
+from rptcam_cl.wavefront import Progress, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
 __all__ = [
@@ -49,18 +46,6 @@ __all__ = [
     "measure_tradeoff",
     "render",
 ]
-
-# What the statistics repeat of the metadata, for programs that measure in pictures.
-GEOMETRY = (
-    "world_from_camera",
-    "world_from_camera_at_close",
-    "shutter",
-    "intrinsics",
-    "resolution",
-    "window",
-    "film_size_mm",
-    "near_m",
-)
 
 
 def devices() -> list[dict[str, Any]]:
@@ -151,7 +136,7 @@ def render(
     if seconds is not None and not 0 < seconds < math.inf:
         raise InputError(f"seconds: is out of range (got {seconds!r}; allowed: a number above 0)")
     scene = _adjusted(scene if isinstance(scene, Scene) else load_scene(scene), spp, seed, size, crop, layers, noise)
-    check_sensor(scene, *_window(scene)[2:])
+    check_sensor(scene, *window(scene)[2:])
     wanted = scene.render.layers
     if denoise:
         check_denoiser()
@@ -185,14 +170,10 @@ def render(
         "total": time.perf_counter() - begun,
     }
     margin = lens_margin(taken, session) if numerics or strict else None
-    stats = _stats(rendering, wavefront, plan, session.info, times)
-    stats["numerics"] = self_knowledge(plan, wavefront, rendering, margin)
-    metadata = _metadata(scene, rendering, plan, session.info) | told | {"numerics": summary(stats["numerics"])}
+    stats = statistics(plan, wavefront, rendering, times, margin)
+    metadata = described(scene, plan, rendering, stats, told)
     if (sensor := sensor_of(taken, metadata)) is not None:
         metadata["sensor"] = sensor.described()
-    if "clamp" in stats:
-        limit, share = stats["clamp"].values()
-        metadata["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
         metadata["device"] = saver.devices
@@ -244,54 +225,3 @@ def _adjusted(
         render={key: value for key, value in settings.items() if value is not None},
         film={key: value for key, value in film.items() if value is not None},
     )
-
-
-def _stats(
-    rendering: Rendering, wavefront: Wavefront, plan: Plan, device: DeviceInfo, times: dict[str, float]
-) -> dict[str, Any]:
-    stats: dict[str, Any] = {
-        "samples": int(rendering.samples.sum(dtype=np.uint64)),
-        "spp": rendering.spp,
-        "seconds": times,
-        "msamples_per_second": rendering.new_samples / max(rendering.seconds, 1e-9) / 1e6,
-        "device": device.name,
-        "wave_size": wavefront.capacity,
-        "not_finite": wavefront.not_finite(),
-        "interrupted": rendering.interrupted,
-    }
-    if plan.camera.has_lens:
-        stats["lens"] = wavefront.outcomes()
-    if wavefront.settings.clamp is not None:
-        stats["clamp"] = {"limit": wavefront.settings.clamp, "removed_share": wavefront.removed_share()}
-    if rendering.noise is not None:
-        stats["noise"] = asdict(rendering.noise) | {
-            "spp_min": int(rendering.samples.min()),
-            "spp_mean": float(rendering.samples.mean()),
-        }
-    if rendering.resumed_from:
-        stats["resumed_from"] = rendering.resumed_from
-    return stats
-
-
-def _window(scene: Scene) -> list[int]:
-    """Return the part of the film that is rendered: x, y, width and height [pixels]."""
-    layout = FilmLayout.of(scene.film)
-    return [layout.x, layout.y, layout.width, layout.height]
-
-
-def _metadata(scene: Scene, rendering: Rendering, plan: Plan, device: DeviceInfo) -> dict[str, Any]:
-    return {
-        "software": f"rptcam_cl {__version__}",
-        "version": __version__,
-        "scene_hash": scene.content_hash(),
-        "seed": scene.render.seed,
-        "spp": rendering.spp,
-        "device": device.name,
-        "exposure": scene.exposure.mode,
-        **{key: value for key, value in plan.camera.metadata.items() if value is not None},
-        **plan.spectrum.metadata,
-        **camera_geometry(scene),
-        "window": _window(scene),
-        **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
-        **({"material_names": plan.owners.materials} if "material_id" in rendering.layers else {}),
-    }

@@ -88,7 +88,7 @@ def _errors(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
     apart = [_apart(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
     distortion, blur, outline = (tuple(column) for column in zip(*apart, strict=True))
     effects = {"distortion": distortion, "blur": blur, "outline": outline, "shape": none, "colour": none}
-    if not (traits.shapes or tier == "pinhole"):
+    if truth.round_stop.apart and not (traits.shapes or tier == "pinhole"):
         effects["shape"] = tuple(truth.round_stop.apart * radius for radius in truth.blur_px(depths_mm))
     if not traits.colours:
         effects["colour"] = truth.colour_px(depths_mm)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 from rptcam_cl.accuracy.errors import EFFECTS, TierError
@@ -14,9 +14,9 @@ NAMES = dict(zip(EFFECTS, ("distortion", "blur", "outline of blurs", "round stop
 
 
 def told(found: Findings, allowed: Accuracy) -> dict[str, Any]:
-    """Return what the picture's metadata should say of a decision."""
+    """Return what the picture's metadata should say of a decision; null stands for what the lens does not see."""
     numbers = {
-        "depths_m": None if found.depths_m is None else list(found.depths_m),
+        "depths_m": found.depths_m,
         "blur_px": found.blur_px,
         "stop_shape_px": found.shape_px,
         "lens_colour_px": found.colour_px,
@@ -28,17 +28,26 @@ def told(found: Findings, allowed: Accuracy) -> dict[str, Any]:
         "says": list(_sentences(found, allowed)),
         "max_error_px": allowed.max_error_px,
         "max_illumination_error": allowed.max_illumination_error,
-        **{key: value for key, value in numbers.items() if value is not None},
+        **{key: _plain(value) for key, value in numbers.items() if value is not None},
         "errors": [_as_data(error) for error in found.errors],
         **({"reason": found.reason} if found.reason else {}),
     }
 
 
 def _as_data(error: TierError) -> dict[str, Any]:
-    effects = {name: list(values) for name, values in error.effects.items()}
-    return {"camera_model": error.tier, "pixels": list(error.pixels), "effects_px": effects} | {
-        "illumination": list(error.illumination)
+    return {
+        "camera_model": error.tier,
+        "pixels": _plain(error.pixels),
+        "effects_px": {name: _plain(values) for name, values in error.effects.items()},
+        "illumination": _plain(error.illumination),
     }
+
+
+def _plain(value: float | Sequence[float | None] | None) -> Any:
+    """Return numbers to four digits, as JSON can hold them."""
+    if value is None or value == math.inf:
+        return None
+    return float(f"{value:.4g}") if isinstance(value, (int, float)) else [_plain(each) for each in value]
 
 
 def _sentences(found: Findings, allowed: Accuracy) -> Iterator[str]:

@@ -16,7 +16,7 @@ from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lens_rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
-from rptcam_cl.cameras.pupil import pupil_sampling
+from rptcam_cl.cameras.pupil import PupilSampling, pupil_sampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
 from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.errors import InputError
@@ -59,15 +59,9 @@ def model_of(
     camera = scene.camera
     assert isinstance(camera, RealisticCamera)
     lens, back_mm = _shaped(scene, camera, setting.lens), setting.film_distance_mm
+    losses = setting.transmission
+    clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, by_first_order=bool(windows))
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    irradiance, losses = paraxial_irradiance if windows else on_axis_irradiance, setting.transmission
-    clear = irradiance(lens, back_mm, camera.wavelength_nm)
-    on_axis = irradiance(lens, back_mm, camera.wavelength_nm, losses) if losses else clear
-    if not on_axis > 0:
-        raise InputError(
-            f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens"
-            f" (film distance {back_mm:g} mm)"
-        )
     half_film_mm = (width_mm / 2, height_mm / 2)
     colour = _colour(scene, setting, lens_colour)
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
@@ -81,15 +75,9 @@ def model_of(
         through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
     else:
         through = traced_rays(lens, camera, back_mm, colour.dispersive, losses)
-    record = camera_record(camera, scene.film)
-    record["a"][0] = (*half_film_mm, back_mm, setting.gain)
-    record["b"][0] = (1e-3, -(back_mm + lens.length) * 1e-3, len(pupil.table), 0.0)
-    record["pupil"][0] = pupil.parameters
-    record["count"] = len(through.surfaces)
-    record["wavelength"] = camera.wavelength_nm
     return CameraModel(
         through.kernel,
-        record,
+        _record(scene, camera, setting, lens, pupil, len(through.surfaces)),
         facts=through.facts | pupil.facts,
         tables=np.concatenate([pupil.table, through.table]),
         surfaces=through.surfaces,
@@ -120,6 +108,34 @@ class _Colour:
 
     dispersive: bool
     metadata: dict[str, Any] = field(default_factory=dict)
+
+
+def _irradiance(
+    lens: Lens, back_mm: float, wavelength_nm: float, losses: Transmission, *, by_first_order: bool
+) -> tuple[float, float]:
+    """Return the irradiance in the centre of the film under unit radiance, without losses in the lens and with them."""
+    irradiance = paraxial_irradiance if by_first_order else on_axis_irradiance
+    clear = irradiance(lens, back_mm, wavelength_nm)
+    on_axis = irradiance(lens, back_mm, wavelength_nm, losses) if losses else clear
+    if not on_axis > 0:
+        raise InputError(
+            f"camera.lens: {lens.name}: no ray from the centre of the film passes the lens"
+            f" (film distance {back_mm:g} mm)"
+        )
+    return clear, on_axis
+
+
+def _record(
+    scene: Scene, camera: RealisticCamera, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int
+) -> NDArray[np.void]:
+    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+    record = camera_record(camera, scene.film)
+    record["a"][0] = (width_mm / 2, height_mm / 2, setting.film_distance_mm, setting.gain)
+    record["b"][0] = (1e-3, -(setting.film_distance_mm + lens.length) * 1e-3, len(pupil.table), 0.0)
+    record["pupil"][0] = pupil.parameters
+    record["count"] = surfaces
+    record["wavelength"] = camera.wavelength_nm
+    return record
 
 
 def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:

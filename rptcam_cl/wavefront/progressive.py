@@ -10,10 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.wavefront.achieved import AchievedNoise, TwoParts, noise_of_runs
+from rptcam_cl.wavefront.achieved import AchievedNoise
 from rptcam_cl.wavefront.film import TILE_PIXELS
-from rptcam_cl.wavefront.noise import NoiseEstimate, NoiseReport, next_end
+from rptcam_cl.wavefront.noise import NoiseEstimate, NoiseReport
 from rptcam_cl.wavefront.tracer import Wavefront
+from rptcam_cl.wavefront.watch import NoiseWatch
 
 REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
 
@@ -129,43 +130,29 @@ def render_plan(
     save
         Called between samples with a function that returns the state.
     """
-    estimate = None
-    if noise is not None or "variance" in wavefront.settings.layers:
-        estimate = NoiseEstimate(wavefront.layout, noise)
+    watch = NoiseWatch(wavefront, noise)
     done = start = 0
     if saved is not None:
         done = start = saved.done
         wavefront.restore(saved.arrays)
-        if estimate is not None:
-            estimate.restore(saved.arrays)
-            wavefront.choose_tiles(estimate.tiles)
-    parts = TwoParts(wavefront.layout) if estimate is None else None
-    if parts is not None and done:
-        parts.take(done, wavefront.sums())
-    clock = _Clock(wavefront, estimate, spp, done, has_lens, on_progress)
+        watch.resume(done, saved.arrays)
+    clock = _Clock(wavefront, watch.estimate, spp, done, has_lens, on_progress)
 
     def state() -> SavedState:
         wavefront.finish()
-        return SavedState(done, wavefront.state() | (estimate.arrays() if estimate is not None else {}))
+        return SavedState(done, wavefront.state() | watch.arrays())
 
     stopped = False
     most = wavefront.samples_per_wave
-    while (spp is None or done < spp) and (estimate is None or len(estimate.tiles)):
+    while (spp is None or done < spp) and not watch.satisfied:
         # By time, the first picture comes after one sample per pixel; later waves hold at most as many as are done.
         count = min(most, spp - done if spp is not None else most, most if seconds is None else max(done, 1))
-        if estimate is not None:
-            count = min(count, next_end(done) - done)
+        count = watch.most(done, count)
         for wave in wavefront.waves(done, count):
             wavefront.enqueue(*wave)
             clock.count(wave[1] * wave[3], done)
         done += count
-        if estimate is not None and done == next_end(done - 1):
-            wavefront.finish()
-            if estimate.take(done, wavefront.sums()):
-                wavefront.choose_tiles(estimate.tiles)
-        if parts is not None and done != spp and parts.wants(done):
-            wavefront.finish()
-            parts.take(done, wavefront.sums())
+        watch.look(done, last=done == spp)
         if save is not None:
             save(state)
         if seconds is not None or should_stop is not None:
@@ -174,13 +161,12 @@ def render_plan(
                 break
     wavefront.finish()
     clock.report(done)
-    return _rendering(wavefront, estimate, parts, done, start, clock, stopped, state)
+    return _rendering(wavefront, watch, done, start, clock, stopped, state)
 
 
 def _rendering(
     wavefront: Wavefront,
-    estimate: NoiseEstimate | None,
-    parts: TwoParts | None,
+    watch: NoiseWatch,
     done: int,
     start: int,
     clock: _Clock,
@@ -188,20 +174,18 @@ def _rendering(
     state: Callable[[], SavedState],
 ) -> Rendering:
     layout = wavefront.layout
-    tiles = np.full(len(layout.whole_list()), done, np.uint32) if estimate is None else estimate.samples_of_tiles(done)
-    variance = np.full(layout.pixels, np.nan, np.float32) if estimate is None else estimate.variance
-    in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": variance}
+    tiles = watch.samples_of_tiles(done)
+    in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": watch.variance()}
     film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
     found = wavefront.layers() | film
     sums = wavefront.sums()
-    achieved = parts.report(done, sums) if parts is not None else noise_of_runs(layout, tiles, sums, variance)
     return Rendering(
         pixels=layout.picture(sums, tiles),
         spp=int(film["samples"].max()),
         samples=film["samples"],
         variance=film["variance"],
-        noise=None if estimate is None else estimate.report(),
-        achieved=achieved,
+        noise=watch.report(),
+        achieved=watch.achieved(done, sums),
         seconds=clock.elapsed,
         interrupted=stopped,
         layers={name: found[name] for name in wavefront.settings.layers},

@@ -1,5 +1,7 @@
 """What `camera.accuracy` decides: the camera model, whether colours are traced, and what it says of both."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -126,7 +128,9 @@ def test_fisheye_is_never_a_pinhole(width, film_mm):
 
 
 def test_dark_corners_are_named():
-    assert "part of the film sees nothing" in said(decided(scene_of("fisheye-10mm", accuracy="auto")))
+    found = decided(scene_of("fisheye-10mm", accuracy="auto"))
+    assert "part of the film sees nothing" in said(found)
+    json.dumps(found.metadata, allow_nan=False)
 
 
 def test_lens_without_an_equivalent_still_decides_its_colour():

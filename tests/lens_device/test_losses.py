@@ -90,7 +90,7 @@ def test_rays_of_one_wavelength_keep_what_the_reference_says(session, name, loss
         assert_alike(rays, expected, TOLERANCE[precision])
 
 
-@pytest.mark.parametrize("precision", PRECISIONS)
+@pytest.mark.parametrize("precision", ["single", pytest.param("double", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("losses", LOSSES)
 @pytest.mark.parametrize("name", ["dgauss-50mm", "planar-1897", "split dioptre"])
 def test_rays_of_many_wavelengths_keep_what_the_reference_says(session, name, losses, precision):

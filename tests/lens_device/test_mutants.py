@@ -63,7 +63,7 @@ MUTANTS = [
         "1 cos^3 for cos^4",
         "F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;",
         "F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 / sqrt(ray.length2);",
-        etendue, wide_etendue,
+        etendue,  # behind a wide angle of long back focus light falls so steeply that it hardly shows
     ),
     Mutant("2 no root in the pupil", "F rho = sqrt(v);\n    Aim a;", "F rho = v;\n    Aim a;", etendue),
     Mutant("2 no root in the aperture", "F r = sqrt(v);\n    *x = r * c;", "F r = v;\n    *x = r * c;",

@@ -98,6 +98,7 @@ def test_painted_mesh(folder) -> None:
     assert_irradiance(folder, lamp, flat(corner, x, y, square()), "mesh")
 
 
+@pytest.mark.slow
 def test_picture_is_the_same_without_light_sampling(folder) -> None:
     lamps = [
         {"shape": "rectangle", "corner": [-1, 1, 0], "edge_u": [2, 0, 0], "edge_v": [0, 0, 1.5], "material": GLOW},

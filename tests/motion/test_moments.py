@@ -1,15 +1,14 @@
 """When every path has the same time, an exposure is the still picture of that moment, path by path."""
 
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rptcam_cl.device import program
 from tests.motion.pictures import FLOOR, film, scene_with
 from tests.motion.test_object_motion import SHAPES, WAY, moved, place_at
 from tests.render.pictures import lamp
+from tests.support.mutants import changed_kernels
 
 IMAGE = str(Path(__file__).parents[2] / "examples" / "studio" / "tiles.jpg")
 NORMALS = str(Path(__file__).parents[2] / "examples" / "studio" / "tiles_normals.png")
@@ -38,31 +37,20 @@ def near(moment, still):
     return np.isclose(moment, still, rtol=2e-3, atol=1e-4).mean(), np.abs(moment - still).mean() / still.mean()
 
 
-SHARE = 0.2
-
-
-def at_one_time(folder):
-    """Return a copy of the kernels in which all paths have the time after one share of the exposure."""
-    shutil.copytree(program.kernels_dir(), folder)
-    course = folder / "camera" / "course.h"
-    text = course.read_text("utf-8")
-    assert text.count("shutter.x * u;") == 1
-    course.write_text(text.replace("shutter.x * u;", f"shutter.x * {SHARE}f;"), "utf-8")
-    return folder
+SHARE = 0.2  # of the exposure, after which all paths fall on the film in a copy of the kernels
 
 
 @pytest.mark.parametrize("t", [0.4, 1.7])
-@pytest.mark.parametrize("group", GROUPS)
-def test_exposure_at_one_time_is_the_still_picture(session, group, t, tmp_path, monkeypatch):
-    folder = at_one_time(tmp_path / "kernels")
-    monkeypatch.setattr(program, "kernels_dir", lambda: folder)
+@pytest.mark.parametrize("group", ["coated", pytest.param("bent", marks=pytest.mark.slow), "open"])
+def test_exposure_at_one_time_is_the_still_picture(session, group, t):
     items = [
         moved(SHAPES[shape] | {"material": material}, [{"scale": 0.5}, {"translate": [k % 2 - 0.6, 0.7 * (k // 2), 0]}])
         for k, (shape, material) in enumerate(GROUPS[group])
     ]
     options = {"lights": LAMPS, "spp": 8}
     moving = [FLOOR, *(item | {"motion": WAY} for item in items)]
-    moving = film(scene_with(moving, shutter={"time_s": t / SHARE}, **options), session)
+    with changed_kernels("shutter.x * u;", f"shutter.x * {SHARE}f;"):
+        moving = film(scene_with(moving, shutter={"time_s": t / SHARE}, **options), session)
 
     def still(moment):
         return film(scene_with([FLOOR, *(moved(item, place_at(moment)) for item in items)], **options), session)

@@ -1,8 +1,5 @@
 """The tests of motion themselves: each deliberate fault in a copy of the kernels must make one of them fail."""
 
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
 import numpy as np
 import pytest
 
@@ -19,8 +16,7 @@ pytestmark = pytest.mark.slow
 
 
 def moment(group="coated", t=1.7):
-    with pytest.MonkeyPatch.context() as patch, TemporaryDirectory() as folder:
-        moments.test_exposure_at_one_time_is_the_still_picture(open_session(), group, t, Path(folder), patch)
+    moments.test_exposure_at_one_time_is_the_still_picture(open_session(), group, t)
 
 
 def rolling(direction="bottom_up"):

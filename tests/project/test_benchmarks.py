@@ -107,6 +107,7 @@ def test_start_is_measured_cold_and_warm(checkout: Path, tmp_path: Path) -> None
     assert results["cold"][0]["compile"] > results["warm"][0]["compile"] > 0
 
 
+@pytest.mark.slow
 def test_rays_are_measured_beside_numpy_and_the_peak(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "lens_rays")
     assert "GFLOP/s" in printed
@@ -118,6 +119,7 @@ def test_another_lens_program_that_is_missing_is_named() -> None:
         Worker(sys.executable, "benchmarks.optics_worker", "no-such-program")
 
 
+@pytest.mark.slow
 def test_pupil_tables_are_timed_for_every_lens(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "pupil_tables")
     assert len(results) == 3 and "achromat-100mm" in printed

@@ -46,6 +46,7 @@ ALLOWED: dict[str, set[str]] = {
     "saving": GROUND | {"imaging", "scene", "wavefront"},
     "numerics": FILES
     | {"kinds", "records", "scene", "optics", "device", "acceleration", "cameras", "plan", "lens_tracing", "wavefront"},
+    "account": GROUND | {"scene", "plan", "cameras", "wavefront", "numerics"},
     "tradeoff": GROUND
     | {"scene", "plan", "device", "wavefront", "accuracy", "autofocus", "metering", "lensview", "numerics"},
 }

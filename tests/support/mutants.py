@@ -13,7 +13,6 @@ from pathlib import Path
 import pytest
 
 from rptcam_cl.device import program
-from rptcam_cl.resources import kernels_dir
 
 
 class Mutant:
@@ -29,28 +28,28 @@ def each_mutant(mutants: Iterable[Mutant]) -> pytest.MarkDecorator:
     return pytest.mark.parametrize("mutant", mutants, ids=lambda mutant: mutant.name)
 
 
-def place_of(mutant: Mutant, folder: Path) -> Path:
-    """Return the one file of kernels that a mutant's text stands in."""
-    holders = [path for path in folder.rglob("*.[ch]*") for _ in range(path.read_text("utf-8").count(mutant.text))]
-    assert len(holders) == 1, f"the text of mutant «{mutant.name}» stands in {len(holders)} places"
+def place_of(text: str, folder: Path) -> Path:
+    """Return the one file of kernels that a piece of text stands in."""
+    holders = [path for path in folder.rglob("*.[ch]*") for _ in range(path.read_text("utf-8").count(text))]
+    assert len(holders) == 1, f"«{text}» stands in {len(holders)} places of the kernels"
     return holders[0]
 
 
 @contextmanager
-def faulty_kernels(mutant: Mutant) -> Iterator[None]:
-    """Build programs from a copy of the kernels with the fault in it."""
+def changed_kernels(text: str, other: str) -> Iterator[None]:
+    """Build programs from a copy of the kernels in which a piece of text is another."""
     with tempfile.TemporaryDirectory() as scratch, pytest.MonkeyPatch.context() as patch:
         folder = Path(scratch) / "kernels"
-        shutil.copytree(kernels_dir(), folder)
-        place = place_of(mutant, folder)
-        place.write_text(place.read_text("utf-8").replace(mutant.text, mutant.fault), "utf-8")
+        shutil.copytree(program.kernels_dir(), folder)
+        place = place_of(text, folder)
+        place.write_text(place.read_text("utf-8").replace(text, other), "utf-8")
         patch.setattr(program, "kernels_dir", lambda: folder)
         yield
 
 
 def assert_found(mutant: Mutant, *given: object) -> None:
     """Fail unless each of the mutant's tests, called with what is ``given``, fails on the faulty kernels."""
-    with faulty_kernels(mutant):
+    with changed_kernels(mutant.text, mutant.fault):
         assert_killed(mutant.killers, *given)
 
 

@@ -11,7 +11,7 @@ from tests.meshes import test_mutants as meshes
 from tests.motion import test_mutants as motion
 from tests.render import test_mutants as render
 from tests.spectrum import test_mutants as spectrum
-from tests.support.mutants import Mutant, assert_found, faulty_kernels, place_of
+from tests.support.mutants import Mutant, assert_found, changed_kernels, place_of
 
 MODULES = (layers, lenses, losses, meshes, motion, render, spectrum)
 FILE, TEXT = "common/records.h", "#define RECORDS_H"
@@ -25,17 +25,17 @@ def read():
 @pytest.mark.parametrize("module", MODULES, ids=lambda module: module.__name__.removeprefix("tests."))
 def test_each_fault_has_one_place(module):
     for mutant in module.MUTANTS:
-        place_of(mutant, kernels_dir())
+        place_of(mutant.text, kernels_dir())
 
 
 @pytest.mark.parametrize("text", ["no such text", "#include"])
 def test_text_that_stands_nowhere_or_twice_is_refused(text):
     with pytest.raises(AssertionError, match="places"):
-        place_of(Mutant("lost", text, "", read), kernels_dir())
+        place_of(text, kernels_dir())
 
 
 def test_kernels_hold_the_fault_and_are_whole_again_afterwards():
-    with faulty_kernels(Mutant("guard", TEXT, "", read)), pytest.raises(AssertionError):
+    with changed_kernels(TEXT, ""), pytest.raises(AssertionError):
         read()
     read()
 
