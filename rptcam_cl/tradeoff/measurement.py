@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 
 SURE = 4.0  # standard errors that what is told as sure has to be above: the bias of a tile, that of the brightness
 LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
-RARE = 3.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
+RARE = 2.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
 SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
 FIRST_S, LAST_S, STEPS = 1e-4, 1e8, 121  # times at which errors are compared
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for

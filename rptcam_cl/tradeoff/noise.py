@@ -21,6 +21,7 @@ from rptcam_cl.tradeoff.statistics import student_quantile
 Array = NDArray[np.float64]
 
 INDEPENDENT = -1.0  # exponent for independent samples
+SMOOTH = -1.5  # of lattices where nothing is rare
 STEEPEST, FLATTEST = -2.5, -0.5  # exponents beyond which what was seen is chance
 UNEVENNESS = 0.3  # of the noise, for an exponent that is by 1 steeper than of independent samples
 LEAST = 2.0**-20  # of a sample: what is left of a number that is taken apart
@@ -126,7 +127,8 @@ def noise_law(samples: tuple[int, int, int], noise: Array, fall: Array, before: 
     """Return the law of noise for each replicate, the first of which is the estimate.
 
     Beyond the most samples that were rendered noise may go on as it fell last, or as that of independent samples: the
-    estimate is halfway, the replicates lie all over. Those of different configurations have the same tiles and the same
+    estimate is halfway. It may also begin to fall as on smooth pictures, where a lattice becomes fine enough to find
+    what few samples met: the replicates lie all over. Those of different configurations have the same tiles and
     share, so that they can be compared.
 
     Parameters
@@ -142,11 +144,12 @@ def noise_law(samples: tuple[int, int, int], noise: Array, fall: Array, before: 
     """
     rng = np.random.default_rng(len(noise))
     share = rng.random(len(noise))
-    share[0] = 0.5
     steepness = np.log(samples[2] / samples[1])
     left = np.clip(_left(fall, len(noise), rng), np.exp(STEEPEST * steepness), np.exp(FLATTEST * steepness))
     law = NoiseLaw(samples[1:], (noise, noise * left), np.clip(before, STEEPEST, FLATTEST), INDEPENDENT)
-    return NoiseLaw(law.samples, law.noise, law.before, INDEPENDENT + share * (law.between - INDEPENDENT))
+    beyond = INDEPENDENT + share * (np.minimum(law.between, SMOOTH) - INDEPENDENT)
+    beyond[0] = (INDEPENDENT + law.between[0]) / 2
+    return NoiseLaw(law.samples, law.noise, law.before, beyond)
 
 
 def _left(fall: Array, replicates: int, rng: np.random.Generator) -> Array:
