@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.device import Session
 from rptcam_cl.numerics.check import Check
 from rptcam_cl.plan import Plan, make_plan
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.wavefront import Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
 
@@ -21,6 +21,9 @@ Picture = NDArray[np.float32]
 DEPTH = 6
 REFLECTANCE = 0.8
 UNLIKE = 0.02  # share of the values that rounding may change by more than 1e-5, by sending paths elsewhere
+# By how much a picture may change, over its mean: by roundings that send paths elsewhere, by parts of a pixel.
+ROUNDED = 0.02
+FITTED = 0.2
 RADII = (1e-3, 1.0, 1e4)  # of cavities [m]
 
 MATTE = {"kind": "matte", "reflectance": REFLECTANCE}
@@ -99,4 +102,21 @@ def organisation_checks(session: Session) -> list[Check]:
         Check("pictures: small waves and large", bits, 0, f"of {whole.size} values differ in a bit"),
         Check("pictures: stream and passes", unlike, UNLIKE, "of the values differ by 1e-5"),
         Check("pictures: values that are not finite", int((~np.isfinite(whole)).sum()), 0, f"of {whole.size}"),
+    ]
+
+
+def lens_checks(session: Session) -> list[Check]:
+    """One picture through a lens traced in float32, in float64 where the device has it, and by fitted rays."""
+    scene = load_scene(STUDIO)
+    single = picture(session, scene, make_plan(scene)).astype(np.float64)
+
+    def beside(name: str, camera: dict[str, str], allowed: float) -> Check:
+        other = change_scene(scene, camera=camera)
+        apart = picture(session, other, make_plan(other)) - single
+        return Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, "of the mean, root mean square")
+
+    precise = [beside("pictures: lens in float32 and float64", {"precision": "double"}, ROUNDED)]
+    return [
+        *(precise if session.info.fp64 else []),
+        beside("pictures: rays traced and fitted", {"rays": "fitted"}, FITTED),
     ]

@@ -19,7 +19,7 @@ from rptcam_cl.numerics.geometry_checks import (
 )
 from rptcam_cl.numerics.lens_checks import library_checks, radius_checks, reflection_check, stigmatic_checks
 from rptcam_cl.numerics.number_checks import arithmetic_checks, film_checks, random_check
-from rptcam_cl.numerics.picture_checks import energy_check, organisation_checks
+from rptcam_cl.numerics.picture_checks import energy_check, lens_checks, organisation_checks
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,7 @@ SUITE = (
     Part("far spheres", far_sphere_checks),
     Part("light in closed rooms", energy_check),
     Part("organisation", organisation_checks),
+    Part("ways through a lens", lens_checks),
 )
 
 

@@ -59,6 +59,8 @@ FAULTS = [
            passes("total reflection")),
     Mutant("another conic", "(1.0f + k) * d.z * d.z);", "(1.001f + k) * d.z * d.z);", passes("stigmatic lenses")),
     Mutant("far spheres by differences", "r * r - dot3(l, l);", "b * b - c;", passes("far spheres")),
+    Mutant("fitted rays without y", "at.y1 = (v - map[1] * fy) * map[2];", "at.y1 = at.y0;",
+           passes("ways through a lens")),
     Mutant("what is not finite is added", "lanes = lanes & NOT(bad);", "", passes("film")),
 ]  # fmt: skip
 
