@@ -12,6 +12,8 @@ import pytest
 from rptcam_cl.accuracy import decided, equivalent
 from rptcam_cl.accuracy.errors import EFFECTS
 from rptcam_cl.cameras.lens_setting import lens_setting
+from rptcam_cl.cameras.ray_map import LARGEST_ERROR_PX, LARGEST_LIGHT_ERROR
+from rptcam_cl.errors import InputError
 from rptcam_cl.scene import change_scene
 from tests.accuracy import full_trace
 from tests.accuracy.cases import BALL, LENSES, scene_of, stop_mm
@@ -135,6 +137,34 @@ def test_cases_are_of_every_kind():
     assert all(tiers.count(tier) >= 5 for tier in ("pinhole", "thin_lens", "thick_lens", "realistic")), tiers
     colours = [each.metadata["accuracy"].get("lens_colour_px") for each in found]
     assert sum(colour is not None for colour in colours) >= 10
+
+
+def test_fitted_rays_never_err_by_more_than_they_may():
+    refused = 0
+    for seed in range(CASES):
+        scene = random_case(seed)
+        try:
+            fitted = equivalent(scene, "fitted")
+        except InputError:
+            refused += 1
+            continue
+        worst = measured_rays(change_scene(scene, camera={"accuracy": None}), fitted, seed)
+        assert worst["pixels"] <= SLACK * min(scene.camera.accuracy.max_error_px, LARGEST_ERROR_PX), (seed, worst)
+        assert worst["light"] <= LARGEST_LIGHT_ERROR + LIGHT_GRAIN, (seed, worst)
+    assert refused <= CASES / 3, refused
+
+
+def measured_rays(traced, fitted, seed):
+    """By how much the middles of bundles differ [pixels], and the numbers of rays that pass."""
+    rng = np.random.default_rng(1000 + seed)
+    places = places_of(traced, rng)
+    pairs = list(zip(full_trace.clouds(traced, places), full_trace.clouds(fitted, places), strict=True))
+    scales, pixels = full_trace.Scales(traced, places), 0.0
+    for plane in planes_of(change_scene(traced, camera={"accuracy": "auto"}), rng):
+        found = [full_trace.apart(*pair, plane, per_m)[0] for pair, per_m in zip(pairs, scales.on(plane), strict=True)]
+        pixels = max(pixels, float(np.max(found)))
+    passed = [np.count_nonzero(full_trace.dense_rays(scene, places).weights, axis=1) for scene in (traced, fitted)]
+    return {"pixels": pixels, "light": float(np.abs(passed[1] / passed[0] - 1).max())}
 
 
 STARRY = {"aperture": {"shape": "star", "points": 5}, "f_number": 16, "focus": {"film_distance_mm": 90}}
