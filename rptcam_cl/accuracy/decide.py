@@ -8,6 +8,7 @@ from typing import Any, Literal
 from rptcam_cl.accuracy.depths import FAR_MM, depth_range_mm
 from rptcam_cl.accuracy.errors import TierError, fitted_errors, tier_errors
 from rptcam_cl.accuracy.findings import Findings
+from rptcam_cl.accuracy.fitted import fitted_to
 from rptcam_cl.accuracy.tiers import TRAITS, Tier, equivalent, first_order_camera
 from rptcam_cl.accuracy.truth import Truth
 from rptcam_cl.accuracy.words import told
@@ -20,6 +21,7 @@ from rptcam_cl.scene.accuracy import Accuracy
 from rptcam_cl.scene.camera import RealisticCamera
 from rptcam_cl.scene.spectrum_mode import LensColour
 
+MULTIPLY_ADDS = 25  # of polynomials per surface, up to which they take two thirds of the time (benchmarks/ray_maps.py)
 WORTH_FITTING = 1e9  # surfaces that all samples cross: fewer take less time than fitting polynomials
 FIRST_ORDER: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
 
@@ -80,12 +82,16 @@ def _polynomials(
 ) -> tuple[Findings, Literal["fitted", "realistic"]]:
     """Return what was found, with the errors of polynomials where they would be worth it, and the choice."""
     columns, rows = scene.film.resolution
-    if columns * rows * scene.render.spp * len(lens_setting(scene).lens.surfaces) < WORTH_FITTING:
+    surfaces = len(lens_setting(scene).lens.surfaces)
+    if columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
         return found, "realistic"
     try:
-        errors = fitted_errors(scene, colours=lens_colour == "on")
+        polynomials = fitted_to(scene, colours=lens_colour == "on")
     except InputError:
         return found, "realistic"
+    if polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
+        return found, "realistic"
+    errors = fitted_errors(polynomials)
     return replace(found, errors=(*found.errors, errors)), "fitted" if _within(errors, allowed) else "realistic"
 
 

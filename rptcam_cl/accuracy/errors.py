@@ -14,7 +14,7 @@ from rptcam_cl.accuracy.fields import Field
 from rptcam_cl.accuracy.fitted import fitted_to
 from rptcam_cl.accuracy.tiers import TRAITS, Tier
 from rptcam_cl.accuracy.truth import FIELDS, Truth
-from rptcam_cl.scene import Scene
+from rptcam_cl.cameras.ray_map import RayMap
 
 __all__ = ["EFFECTS", "FIELDS", "TierError", "tier_errors"]
 
@@ -82,7 +82,7 @@ def _errors(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
     if tier == "realistic":
         return TierError(tier, dict.fromkeys(EFFECTS, none), none)
     if tier == "fitted":
-        return fitted_errors(truth.scene, colours=truth.coloured)
+        return fitted_errors(fitted_to(truth.scene, colours=truth.coloured))
     traits = TRAITS[tier]
     bundles = [tier_bundle(truth.first, tier, field * truth.half_mm) for field in FIELDS]
     apart = [_apart(*pair, depths_mm) for pair in zip(truth.fields, bundles, strict=True)]
@@ -96,15 +96,9 @@ def _errors(truth: Truth, depths_mm: Sequence[float], tier: Tier) -> TierError:
     return TierError(tier, effects, _illumination(truth, lit, truth.axial(tier)), 0.0 if traits.colours else truth.tint)
 
 
-def fitted_errors(scene: Scene, *, colours: bool) -> TierError:
-    """Return the errors of polynomials in place of a lens: one bound for the whole film.
-
-    Raises
-    ------
-    InputError
-        When there are none for the lens.
-    """
-    found, none = fitted_to(scene, colours=colours), (0.0,) * len(FIELDS)
+def fitted_errors(found: RayMap) -> TierError:
+    """Return the errors of polynomials in place of a lens: one bound for the whole film."""
+    none = (0.0,) * len(FIELDS)
     effects = dict.fromkeys(EFFECTS, none) | {"distortion": (found.error_px,) * len(FIELDS)}
     return TierError("fitted", effects, (found.light_error,) * len(FIELDS))
 

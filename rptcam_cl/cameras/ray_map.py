@@ -30,6 +30,7 @@ Exponents = tuple[tuple[int, int, int, int], ...]
 LARGEST_ORDER = 4
 LARGEST_ERROR_PX = 0.25  # of a ray
 GOOD_ERROR_PX = 0.1  # below which no higher order is tried
+CHEAP_ORDER = 3  # up to which orders hardly cost anything; beyond, any allowed error will do
 LARGEST_LIGHT_ERROR = 2e-3  # of a ring of the film
 FILM_POINTS = 48  # along a film radius
 AIMS = 224  # of each, in a box round its pupil
@@ -121,6 +122,11 @@ class RayMap:
     error_px: float = 0.0
     light_error: float = 0.0
 
+    @property
+    def multiply_adds(self) -> int:
+        """How many a ray takes, about."""
+        return sum(each.vectors.size + each.numbers.size for each in (self.rays, self.rims))
+
     def trace(self, film: Array, aims: Array, colour: Array) -> tuple[Array, Array]:
         """Return points on the first surface and unit directions (n, 3) of rays from film points through aims [mm].
 
@@ -166,7 +172,9 @@ def ray_map(
     distances_mm: Sequence[float],
     max_error_px: float = LARGEST_ERROR_PX,
 ) -> RayMap:
-    """Return the polynomials of the lowest order that are right to `GOOD_ERROR_PX`, or else those that err least.
+    """Return polynomials that are as right as they are allowed to be, of a low order.
+
+    Orders below `CHEAP_ORDER` are taken where they are right to `GOOD_ERROR_PX`.
 
     Parameters
     ----------
@@ -215,7 +223,7 @@ def ray_map(
         error_px = nudge_px * max(_error(mapped, others, passes, distance) for distance in distances_mm)
         if error_px < best:
             best, found = error_px, replace(mapped, error_px=error_px)
-        if best <= min(GOOD_ERROR_PX, max_error_px):
+        if best <= (min(GOOD_ERROR_PX, max_error_px) if order < CHEAP_ORDER else max_error_px):
             break
     if best > max_error_px:
         raise InputError(

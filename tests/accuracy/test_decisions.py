@@ -143,7 +143,7 @@ def test_lens_without_an_equivalent_still_decides_its_colour():
 def test_polynomials_stand_for_many_surfaces_where_enough_rays_cross_them():
     film = {"resolution": [1280, 853]}
     many, few = (
-        decided(change_scene(scene_of("wide-22mm", accuracy="auto", film=film), render={"spp": spp}))
+        decided(change_scene(scene_of("retrofocus-28mm", accuracy="auto", film=film), render={"spp": spp}))
         for spp in (128, 16)
     )
     assert few.tier == "realistic" and few.scene.camera.rays == "traced"
