@@ -17,6 +17,7 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.scenes import reference_scene, wavefront_of
 from benchmarks.stopwatch import fastest
 from rptcam_cl.cameras import camera_model
+from rptcam_cl.cameras.dispersion import disperses
 from rptcam_cl.cameras.lens_rays import forget_maps
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.errors import InputError
@@ -150,7 +151,7 @@ def main() -> None:
     results = [
         row(session, *each, colour, options)
         for each in (LENSES[3:4] if options.quick else LENSES)
-        for colour in ("one wavelength", "dispersive")
+        for colour in (("one wavelength", "dispersive") if disperses(load_lens(each[0])) else ("one wavelength",))
     ]
     print_machine(facts)
     print_table(f"Camera rays, errors for {PIXELS} pixels across", COLUMNS, [cells(found) for found in results])
