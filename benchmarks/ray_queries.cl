@@ -12,7 +12,7 @@ static OneRay ray_at(const __global float *rays, uint i, uint count)
     return ray;
 }
 
-__kernel void ray_queries(SCENE_PARAMETERS,
+__kernel void ray_queries(SCENE_PARAMETERS
                           const __global float *rays,      // [7][count]: o, d, reach
                           __global float       *hits,      // [2][count]: t, triangle; of shadow rays whether blocked
                           int                   shadow,    // whether anything before reach counts, or the nearest
