@@ -10,7 +10,7 @@ is the third order of Seidel. (Polynomials in the four coordinates themselves: H
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -204,33 +204,45 @@ def ray_map(
     film, aims = others.film[passes], others.aims[passes]
     shift = float(np.sum(aims * film) / np.sum(film**2))
     variables = Variables(radius, float(np.hypot(*(aims - shift * film).T).max()), shift)
-    blocking = _blocking(lens, others)
-    keep, colours = fitted.found.within(lens, REACH), len(nodes) > 1
-    rims = _fit(fitted, keep, variables, LARGEST_ORDER, colours, fitted.found.heights[list(blocking)])
-    found = RayMap(variables, rims, rims, blocking)
+    fit = _Fit(fitted, fitted.found.within(lens, REACH), variables, len(nodes) > 1)
+    surfaces = _blocking(lens, others)
+    start = RayMap(variables, fit.rays(1), fit.rims(1, surfaces), surfaces)
+    found = _with_rims(start, lens, fit, others, passes)
+
+    def error_px(mapped: RayMap) -> float:
+        worst = max(_error(mapped, others, passes, distance) for distance in distances_mm)
+        return NUDGE * radius * pixels_per_mm * worst
+
+    return _with_rays(found, lens.name, fit, error_px, max_error_px)
+
+
+def _with_rims(found: RayMap, lens: Lens, fit: _Fit, others: _Sample, passes: Mask) -> RayMap:
+    """Return a map with rims of the lowest order that gets the light of other rays right."""
     for order in range(1, LARGEST_ORDER + 1):
-        rims = _fit(fitted, keep, variables, order, colours, fitted.found.heights[list(blocking)])
-        found = replace(found, rims=rims)
+        found = replace(found, rims=fit.rims(order, found.surfaces))
         found = replace(found, light_error=_light_error(lens, found, others, passes))
         if found.light_error <= LARGEST_LIGHT_ERROR:
-            break
-    else:
-        error = f"{100 * found.light_error:.2g} %"
-        raise InputError(f"{lens.name}: polynomials let {error} too much or too little light through")
-    nudge_px, best = NUDGE * radius * pixels_per_mm, np.inf
+            return found
+    error = f"{100 * found.light_error:.2g} %"
+    raise InputError(f"{lens.name}: polynomials let {error} too much or too little light through")
+
+
+def _with_rays(found: RayMap, name: str, fit: _Fit, error_px: Callable[[RayMap], float], max_error_px: float) -> RayMap:
+    """Return a map with rays that are as right as they are allowed to be, of a low order."""
+    best = np.inf
     for order in range(1, LARGEST_ORDER + 1):
-        mapped = replace(found, rays=_fit_rays(fitted, keep, variables, order, colours))
-        error_px = nudge_px * max(_error(mapped, others, passes, distance) for distance in distances_mm)
-        if error_px < best:
-            best, found = error_px, replace(mapped, error_px=error_px)
+        mapped = replace(found, rays=fit.rays(order))
+        error = error_px(mapped)
+        if error < best:
+            best, found = error, replace(mapped, error_px=error)
         if best <= (min(GOOD_ERROR_PX, max_error_px) if order < CHEAP_ORDER else max_error_px):
-            break
-    if best > max_error_px:
-        raise InputError(
-            f"{lens.name}: polynomials of degree {2 * LARGEST_ORDER + 1} err by up to {best:.2g} pixels"
-            f" (allowed: {max_error_px:.2g})"
-        )
-    return found
+            return found
+    if best <= max_error_px:
+        return found
+    raise InputError(
+        f"{name}: polynomials of degree {2 * LARGEST_ORDER + 1} err by up to {best:.2g} pixels"
+        f" (allowed: {max_error_px:.2g})"
+    )
 
 
 def _nodes(wavelengths_nm: float | tuple[float, float]) -> Array:
@@ -297,33 +309,37 @@ def _blocking(lens: Lens, sample: _Sample) -> tuple[int, ...]:
     return tuple(sorted(chosen, reverse=True))
 
 
-def _fit(
-    sample: _Sample,
-    keep: Mask,
-    variables: Variables,
-    order: int,
-    colours: bool,
-    vectors: Array,
-    numbers: Array | None = None,
-) -> Polynomials:
-    """Return the polynomials of vectors (k, n, 2) and numbers (m, n) by least squares over some of the rays."""
-    x, y = variables.of(sample.film[keep], sample.aims[keep])
-    powers = exponents(order, colours)
-    values = terms(x, y, sample.colour[keep], powers)
-    rows = [np.concatenate([values * x[:, axis, None], values * y[:, axis, None]], axis=1) for axis in (0, 1)]
-    targets = np.concatenate([vectors[:, keep, 0], vectors[:, keep, 1]], axis=1).T
-    both = np.linalg.lstsq(np.concatenate(rows), targets, rcond=None)[0].reshape(2, len(powers), -1)
-    if numbers is None:
-        along = np.zeros((len(powers), 0))
-    else:
+@dataclass(frozen=True)
+class _Fit:
+    """Least squares over some of the rays of a sample, those to ``keep``."""
+
+    sample: _Sample
+    keep: Mask
+    variables: Variables
+    colours: bool
+
+    def rays(self, order: int) -> Polynomials:
+        """Return the polynomials of points on the first surface and directions."""
+        origins, directions = self.sample.found.origins, self.sample.found.directions
+        vectors = np.stack([origins[:, :2], directions[:, :2]])
+        return self._of(order, vectors, -np.stack([origins[:, 2], directions[:, 2]]))
+
+    def rims(self, order: int, surfaces: tuple[int, ...]) -> Polynomials:
+        """Return the polynomials of heights on some surfaces."""
+        heights = self.sample.found.heights
+        return self._of(order, heights[list(surfaces)], np.empty((0, heights.shape[1])))
+
+    def _of(self, order: int, vectors: Array, numbers: Array) -> Polynomials:
+        """Return the polynomials of vectors (k, n, 2) and numbers (m, n)."""
+        keep = self.keep
+        x, y = self.variables.of(self.sample.film[keep], self.sample.aims[keep])
+        powers = exponents(order, self.colours)
+        values = terms(x, y, self.sample.colour[keep], powers)
+        rows = [np.concatenate([values * x[:, axis, None], values * y[:, axis, None]], axis=1) for axis in (0, 1)]
+        targets = np.concatenate([vectors[:, keep, 0], vectors[:, keep, 1]], axis=1).T
+        both = np.linalg.lstsq(np.concatenate(rows), targets, rcond=None)[0].reshape(2, len(powers), -1)
         along = np.asarray(np.linalg.lstsq(values, numbers[:, keep].T, rcond=None)[0])
-    return Polynomials(order, colours, both.transpose(1, 2, 0).reshape(len(powers), -1), along)
-
-
-def _fit_rays(sample: _Sample, keep: Mask, variables: Variables, order: int, colours: bool) -> Polynomials:
-    origins, directions = sample.found.origins, sample.found.directions
-    vectors = np.stack([origins[:, :2], directions[:, :2]])
-    return _fit(sample, keep, variables, order, colours, vectors, -np.stack([origins[:, 2], directions[:, 2]]))
+        return Polynomials(order, self.colours, both.transpose(1, 2, 0).reshape(len(powers), -1), along)
 
 
 def _error(found: RayMap, sample: _Sample, passes: Mask, distance_mm: float) -> float:
