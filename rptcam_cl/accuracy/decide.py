@@ -80,16 +80,17 @@ def _lens_colour(scene: Scene, found: Findings, allowed: Accuracy) -> LensColour
 def _polynomials(
     scene: Scene, found: Findings, allowed: Accuracy, lens_colour: LensColour
 ) -> tuple[Findings, Literal["fitted", "realistic"]]:
-    """Return what was found, with the errors of polynomials where they would be worth it, and the choice."""
-    columns, rows = scene.film.resolution
+    """Return what was found, with the errors of polynomials where asked for or worth it, and the choice."""
+    camera, (columns, rows) = scene.camera, scene.film.resolution
+    asked = isinstance(camera, RealisticCamera) and camera.rays == "fitted"
     surfaces = len(lens_setting(scene).lens.surfaces)
-    if columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
+    if not asked and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
         return found, "realistic"
     try:
         polynomials = fitted_to(scene, colours=lens_colour == "on")
     except InputError:
         return found, "realistic"
-    if polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
+    if not asked and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
         return found, "realistic"
     errors = fitted_errors(polynomials)
     return replace(found, errors=(*found.errors, errors)), "fitted" if _within(errors, allowed) else "realistic"

@@ -166,3 +166,9 @@ def test_moving_camera_keeps_its_traced_lens_and_says_why():
     found = decided(scene_of("telephoto-250mm", accuracy=accuracy, film=SMALL, motion=way))
     assert found.tier == "realistic"
     assert "no cheaper camera model: camera.motion" in said(found)
+
+
+def test_polynomials_that_the_scene_asks_for_are_told_as_such():
+    found = decided(scene_of("wide-22mm", accuracy="auto", film=SMALL, rays="fitted"))
+    assert found.tier == "fitted"
+    assert said(found).startswith("fitted: distortion")
