@@ -5,16 +5,19 @@ from __future__ import annotations
 from typing import Any
 
 from rptcam_cl.device.choose import DeviceInfo
-from rptcam_cl.device.program import pocl_library_arch
+from rptcam_cl.device.trial import try_device
 
 
 def device_details(info: DeviceInfo) -> dict[str, Any]:
     """Return everything about a device that its drivers tell and that matters here.
 
-    ``kernel_target`` is the processor that PoCL's kernels are compiled for, so that its built-ins can be inlined (see
-    `rptcam_cl.device.program`); None where the compiler needs no such help.
+    ``problem`` is why no kernel can be built, if so. ``renamed`` holds the processor's name by PoCL and the one that it
+    got in its place (see `rptcam_cl.device.pocl_processor`). ``kernel_target`` is the processor that PoCL's kernels are
+    compiled for, so that its built-ins can be inlined (see `rptcam_cl.device.program`); None where the compiler needs
+    no such help.
     """
     handle = info.handle
+    trial = try_device(handle)
     return {
         "id": info.id,
         "name": info.name,
@@ -28,7 +31,9 @@ def device_details(info: DeviceInfo) -> dict[str, Any]:
         "memory_bytes": info.memory_bytes,
         "largest_buffer_bytes": int(handle.max_mem_alloc_size),
         "fp64": info.fp64,
-        "kernel_target": pocl_library_arch(handle),
+        "problem": trial.problem,
+        "kernel_target": trial.library_arch,
+        "renamed": trial.renamed,
     }
 
 

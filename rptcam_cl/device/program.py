@@ -6,19 +6,17 @@ Includes are expanded here with ``#line``, so that one text has one identity and
 from __future__ import annotations
 
 import hashlib
-import platform
 import re
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rptcam_cl.device.trial import AVX512_ARCH, target_pragma
 from rptcam_cl.errors import DeviceError
 from rptcam_cl.resources import kernels_dir
 
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
-AVX512_ARCH = "skylake-avx512"
-AVX512_FLAGS = {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"}  # what Skylake-X has
 _GUARD = re.compile(r"^#ifndef (\w+)\n#define \1$", re.MULTILINE)
 _CONDITION = re.compile(r"^\s*#\s*(if|ifdef|ifndef|endif)\b")
 _INCLUDE = re.compile(r'^\s*#include\s+(?:"([^"]+)"|([A-Z_]+))\s*$')
@@ -56,25 +54,6 @@ def _expand(name: str, facts: Mapping[str, int | str], seen: set[str], lines: li
         lines.append(f'#line {number + 1} "{name}"')
 
 
-def pocl_library_arch(device: Any) -> str | None:
-    """Return the processor that PoCL's library of built-ins was compiled for, where kernels must be told to match it.
-
-    That is so on x86-64 with AVX2: "haswell", or "skylake-avx512" with AVX-512. None elsewhere.
-    """
-    if "portable computing language" not in device.platform.name.lower() or platform.machine() not in (
-        "x86_64",
-        "AMD64",
-    ):
-        return None
-    try:
-        flags = set(Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split())
-    except OSError:
-        return None
-    if flags >= AVX512_FLAGS:
-        return AVX512_ARCH
-    return "haswell" if "avx2" in flags and "avx512f" not in flags else None
-
-
 def assemble(files: list[str], facts: Mapping[str, int | str], declarations: str, *, library_arch: str | None) -> str:
     """Return the complete program text: facts, declarations, sources."""
     head = [f"#define {name} {value}" for name, value in sorted(facts.items()) if isinstance(value, int)]
@@ -85,7 +64,7 @@ def assemble(files: list[str], facts: Mapping[str, int | str], declarations: str
         head.append("#define CLANG_AVX2 1")
         if library_arch == AVX512_ARCH:
             head.append("#define CLANG_AVX512 1")
-        head.append(f'#pragma clang attribute push(__attribute__((target("arch={library_arch}"))), apply_to=function)')
+        head.append(target_pragma(library_arch).rstrip())
     body = expand(files, facts)
     tail = "#pragma clang attribute pop\n" if library_arch else ""
     return "\n".join(head) + "\n" + declarations + body + tail
@@ -113,5 +92,9 @@ class Program:
 def _build_failure(source: str, log: str, identity: str) -> str:
     path = Path(tempfile.gettempdir()) / f"rptcam_cl-{identity[:12]}.cl.log"
     path.write_text(f"{log}\n\n/* source */\n{source}", encoding="utf-8")
-    first = next((line.strip() for line in log.splitlines() if "error" in line.lower()), "no message")
-    return f"an OpenCL program did not compile: {first} (source and full log: {path})"
+    return f"an OpenCL program did not compile: {first_error(log)} (source and full log: {path})"
+
+
+def first_error(log: str) -> str:
+    """Return the first line of a compiler's log that speaks of an error."""
+    return next((line.strip() for line in log.splitlines() if "error" in line.lower()), "no message")

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device.choose import DeviceInfo, choose_device
-from rptcam_cl.device.program import AVX512_ARCH, Program, assemble, pocl_library_arch
+from rptcam_cl.device.program import Program, assemble, first_error
+from rptcam_cl.device.trial import AVX512_ARCH, try_device
 from rptcam_cl.errors import DeviceError
 
 
@@ -66,7 +67,10 @@ class Session:
             self.queue = cl.CommandQueue(self.context, info.handle, **options)
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
-        self._library_arch = pocl_library_arch(info.handle)
+        trial = try_device(info.handle)
+        if trial.problem is not None:
+            raise DeviceError(f"device {info.id} {info.name} builds no kernel: {first_error(trial.problem)}")
+        self._library_arch = trial.library_arch
         self._programs: dict[str, Program] = {}
 
     @property

@@ -111,4 +111,10 @@ def _device_lines(device: dict[str, Any]) -> list[str]:
         f"    {device['platform']}: {device['platform_version']}; driver {device['driver_version']}",
         f"    {device['compute_units']} compute units at {device['clock_mhz']} MHz, {memory:.2f} GiB,"
         f" buffers to {largest:.2f} GiB, {precision}" + (f"; kernels compiled for {target}" if target else ""),
+        *([_renaming(*device["renamed"])] if device["renamed"] else []),
+        *([f"    UNUSABLE: {device['problem']}"] if device["problem"] else []),
     ]
+
+
+def _renaming(old: str, new: str) -> str:
+    return f"    PoCL takes the processor for {old!r}, for which it cannot compile; it was told {new!r}"

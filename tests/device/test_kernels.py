@@ -8,7 +8,8 @@ import pyopencl as cl
 import pytest
 
 from rptcam_cl.acceleration.builder import FACTS, FILES
-from rptcam_cl.device.program import BUILD_OPTIONS, assemble, pocl_library_arch
+from rptcam_cl.device.program import BUILD_OPTIONS, assemble
+from rptcam_cl.device.trial import try_device
 from rptcam_cl.plan import make_plan
 from rptcam_cl.records import device_declarations
 from rptcam_cl.resources import kernels_dir
@@ -105,7 +106,7 @@ def layer_facts(names):
 
 
 def without_warnings(session, files, facts):
-    source = assemble(files, facts, device_declarations(), library_arch=pocl_library_arch(session.info.handle))
+    source = assemble(files, facts, device_declarations(), library_arch=try_device(session.info.handle).library_arch)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         options = [option for option in BUILD_OPTIONS if option != "-w"]

@@ -1,0 +1,76 @@
+"""A processor that the compiler of PoCL does not know is given a name that it does; tried on any processor."""
+
+import ctypes
+import os
+import subprocess
+import sys
+
+import pytest
+
+from rptcam_cl.device import pocl_processor
+from rptcam_cl.device.pocl_processor import AVX2, AVX512, known_processor, rename_processor
+from rptcam_cl.device.trial import is_pocl
+from tests.device.probes import open_session
+
+UNKNOWN = """
+import ctypes, sys
+from rptcam_cl.device import Session, list_devices
+from rptcam_cl.device.pocl_processor import _point, processor_field, processor_name
+from rptcam_cl.device.trial import try_device
+info = next(device for device in list_devices() if "portable" in device.platform.lower())
+place = processor_field(info.handle.int_ptr)
+_point(place, "generic")
+trial = try_device(info.handle)
+assert trial.problem is None, trial
+assert trial.renamed == ("generic", processor_name(place)), trial
+import rptcam_cl
+import numpy
+mean = numpy.asarray(rptcam_cl.render("examples/first_light.yaml", size=(32, 18), spp=1, device=info.id)).mean()
+assert 0 < mean < 100
+"""
+
+
+def on_pocl():
+    return is_pocl(open_session().info.handle)
+
+
+def test_unknown_processor_is_renamed_and_kernels_build(tmp_path):
+    if not on_pocl():
+        pytest.skip("the device is not PoCL's")
+    environment = os.environ | {"POCL_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run([sys.executable, "-c", UNKNOWN], env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "error" not in done.stderr
+
+
+def test_name_is_the_best_that_the_features_allow():
+    assert known_processor(AVX512 | AVX2) == "skylake-avx512"
+    assert known_processor(AVX2 | {"avx512f"}) == "haswell"
+    assert known_processor(frozenset({"sse2"})) == "x86-64"
+
+
+def test_nothing_is_touched_for_another_error(monkeypatch):
+    monkeypatch.setattr(pocl_processor, "processor_field", lambda _: pytest.fail("the record was read"))
+    assert rename_processor(None, "error: use of undeclared identifier") is None
+
+
+def record(*texts):
+    """Return a block of memory as a device's record: a pointer to each text, and what keeps them alive."""
+    kept = [ctypes.create_string_buffer(text) for text in texts]
+    return (ctypes.c_uint64 * 300)(7, *(ctypes.addressof(text) for text in kept)), kept
+
+
+@pytest.mark.parametrize(
+    ("texts", "found"),
+    [
+        ((b"pthread", b"x86_64-unknown-linux-gnu", b"generic"), 3),
+        ((b"x86_64-pc-linux", b"znver3", b"x86_64-unknown-linux-gnu", b"generic"), None),
+        ((b"pthread", b"x86_64-unknown-linux-gnu", b"Not a name"), None),
+        ((b"pthread", b"generic"), None),
+    ],
+    ids=["as in PoCL 3.0", "two triples", "no name behind the triple", "no triple"],
+)
+def test_field_is_found_only_where_the_record_is_as_expected(texts, found):
+    words, _kept = record(*texts)
+    place = pocl_processor.processor_field(ctypes.addressof(words))
+    assert place == (None if found is None else ctypes.addressof(words) + 8 * found)
