@@ -33,7 +33,7 @@ def autofocus(
     Parameters
     ----------
     method
-        ``contrast``, ``laplacian``, ``variance`` or ``depth``; see docs/autofocus.md.
+        ``contrast``, ``laplacian``, ``variance``, ``depth``, ``phase`` or ``hybrid``; see docs/autofocus.md.
     zones
         Rectangles [x0, x1, y0, y1] of the picture to focus on, in fractions from its left and top edges.
     point

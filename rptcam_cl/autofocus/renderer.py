@@ -167,9 +167,8 @@ class ProbeRenderer:
         sides = [((z.right - z.left) * size_mm[0], (z.bottom - z.top) * size_mm[1]) for z in self._zones]
         circle = circle_of_confusion(self.scene)
         pixel = min(max(min(min(pair) for pair in sides) / FEWEST_PIXELS, FINEST * circle), COARSEST * circle)
-        resolution = tuple(max(round(side / pixel), 1) for side in size_mm)
-        changes = {"resolution": resolution, "size_mm": size_mm, "width_mm": None, "diagonal_mm": None, "crop": None}
-        seen = change_scene(self.scene, film=changes, render={"layers": (), "noise": None})
+        columns, rows = (max(round(side / pixel), 1) for side in size_mm)
+        seen = change_scene(self.scene, film=film.whole_in((columns, rows)), render={"layers": (), "noise": None})
         return seen.model_copy(update={"exposure": Exposure()})  # measures take the mean off anyway
 
     @cached_property
@@ -245,9 +244,7 @@ class ProbeRenderer:
         film = self.scene.film
         scale = ACROSS / max(film.resolution)
         columns, rows = (max(round(side * scale), 1) for side in film.resolution)
-        size_mm = tuple(side * 1e3 for side in film.size_m())
-        changes = {"resolution": (columns, rows), "size_mm": size_mm, "width_mm": None, "diagonal_mm": None}
-        small = change_scene(self.scene, film=changes | {"crop": None})
+        small = change_scene(self.scene, film=film.whole_in((columns, rows)))
         layout = FilmLayout(columns, rows, 0, 0, columns, rows)
         layers, _ = first_hits(self.drive, small, self.session, self.state, [WHOLE], layout, ("object_id",), 0)
         return np.asarray(layers["object_id"], np.int32)

@@ -135,8 +135,10 @@ def focus_policy(text: str) -> str:
 
 
 def _one_of(names: Sequence[str], text: str) -> str:
+    from rptcam_cl.scene.refusal import near_name
+
     if text not in names:
-        raise argparse.ArgumentTypeError(f"got {text}{nearest(text, names)}; allowed {', '.join(names)}")
+        raise argparse.ArgumentTypeError(f"got {text}{near_name(text, names)}; allowed {', '.join(names)}")
     return text
 
 

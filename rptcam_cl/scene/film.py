@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
@@ -84,6 +84,12 @@ class Film(SceneModel):
             return (width * pixel, height * pixel)
         across = (self.width_mm or DEFAULT_WIDTH_MM) * 1e-3
         return (across, across * height / width)
+
+    def whole_in(self, resolution: tuple[int, int]) -> dict[str, Any]:
+        """Return the keys that make it a film of the same size in other pixels, without a crop, for `change_scene`."""
+        unset = dict.fromkeys((*self.alternatives[0].keys, "crop"))
+        across, down = self.size_m()
+        return unset | {"resolution": resolution, "size_mm": (across * 1e3, down * 1e3)}
 
     def diagonal_m(self) -> float:
         """Return the diagonal of the whole film [m]."""

@@ -12,6 +12,9 @@ REFUSED = "refused"
 
 _UNSET = object()
 
+# Words that mean a name without looking like it, or while looking more like its opposite.
+_MEANS = {"nearest": "closest", "near": "closest", "far": "farthest", "middle": "centre", "median": "weighted"}
+
 
 def refuse(
     problem: str, *, got: Any = _UNSET, allowed: str = "", path: tuple[str | int, ...] = ()
@@ -36,9 +39,10 @@ def refuse(
 
 
 def near_name(word: object, names: Sequence[str]) -> str:
-    """Return ``; did you mean name?`` for the name most like a word, or nothing."""
-    lower = {name.lower(): name for name in names}
-    matches = get_close_matches(str(word).lower(), lower, n=1, cutoff=0.6)
+    """Return ``; did you mean name?`` for the name that means the same as a word or is most like it, or nothing."""
+    lower, given = {name.lower(): name for name in names}, str(word).lower()
+    same = _MEANS.get(given)
+    matches = [same] if same in lower else get_close_matches(given, lower, n=1, cutoff=0.6)
     return f"; did you mean {lower[matches[0]]}?" if matches else ""
 
 

@@ -11,13 +11,15 @@ from rptcam_cl.scene.autofocus import ZoneFractions
 
 LARGEST = 1 << 20  # bytes
 MOST_ZONES = 1000
+COLUMNS = 4
+_WORD = re.compile("[A-Za-z_]+")
 
 
 def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
     """Return the zones of a file.
 
     A line holds xleft, xright, ytop and ybottom as fractions of the picture from its top left corner, separated by
-    blanks, tabs or commas. What follows a # is a comment; empty lines and a heading of words are left out.
+    blanks, tabs or commas. What follows a # is a comment; empty lines and a heading of four words are left out.
 
     Parameters
     ----------
@@ -34,7 +36,7 @@ def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
         When the file cannot be read.
     """
     try:
-        data = source if isinstance(source, bytes) else source.read_bytes()
+        data = source if isinstance(source, bytes) else _start_of(source)
     except OSError as problem:
         raise StateError(f"{name}: cannot be read ({problem.strerror})") from None
     try:
@@ -42,9 +44,13 @@ def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
     except UnicodeDecodeError:
         raise InputError(f"{name}: is not a text file (allowed: lines of xleft xright ytop ybottom)") from None
     zones: list[ZoneFractions] = []
+    heading = False
     for number, line in enumerate(text.splitlines(), start=1):
         words = re.split(r"[\s,;]+", line.partition("#")[0].strip(" \t,;"))
-        if words == [""] or (not zones and all(re.fullmatch(r"[A-Za-z_]+", word) for word in words)):
+        if words == [""]:
+            continue
+        if not (zones or heading) and len(words) == COLUMNS and all(map(_WORD.fullmatch, words)):
+            heading = True
             continue
         zones.append(_zone(words, f"{name}:{number}"))
     if not zones:
@@ -52,6 +58,12 @@ def read_zones(source: Path | bytes, name: str) -> tuple[ZoneFractions, ...]:
     if len(zones) > MOST_ZONES or len(data) > LARGEST:
         raise InputError(f"{name}: is too long (allowed: up to {MOST_ZONES} zones)")
     return tuple(zones)
+
+
+def _start_of(file: Path) -> bytes:
+    """Return as much of a file as may be read, and a byte more where it is longer."""
+    with file.open("rb") as stream:
+        return stream.read(LARGEST + 1)
 
 
 def _zone(words: list[str], place: str) -> ZoneFractions:

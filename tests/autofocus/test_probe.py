@@ -125,3 +125,37 @@ def test_camera_without_focus_is_refused(camera, message):
     scene = scene_of([], camera | {"eye": [0, 0, 0], "target": [0, 0, -1]})
     with pytest.raises(InputError, match=message):
         _ = probe_of(scene).depth_of_focus
+
+
+FILMS = [
+    {"format": "full_frame"},
+    {"pixel_pitch_um": 100},
+    {"width_mm": 36},
+    {"diagonal_mm": float(np.hypot(36, 24))},
+    {"size_mm": [36, 24], "crop": [0.6, 0.9, 0.1, 0.4]},
+]
+
+
+@pytest.mark.parametrize("film", FILMS, ids=[next(iter(film)) for film in FILMS])
+def test_film_is_the_same_whichever_way_its_size_is_said(film):
+    sizes = {"size_mm": None} | film
+    scene, plain = (
+        scene_of([target(4.0, 4.0, checker(20)) | {"name": "wall"}], lens_camera("dgauss-50mm"), film=said)
+        for said in (sizes, {})
+    )
+    probe, same = probe_of(scene), probe_of(plain)
+    probe.look_at([CENTRE])
+    same.look_at([CENTRE])
+    assert probe.film.resolution == same.film.resolution
+    assert probe.film.size_m() == pytest.approx(same.film.size_m())
+    state, reference = probe.state_for(4.0, CENTRE), probe.limits[0]
+    values = [each.measure(state, [CENTRE], 4, 1, reference=reference)[0].parts for each in (probe, same)]
+    assert np.allclose(*values)
+    assert (probe.objects() == same.objects()).all()
+
+
+def test_camera_focuses_before_a_film_of_any_kind():
+    film = {"size_mm": None, "pixel_pitch_um": 100}
+    camera = lens_camera("dgauss-50mm", focus={"auto": {"method": "depth", "object": "wall"}})
+    scene = scene_of([target(4.0, 4.0, checker(20)) | {"name": "wall"}], camera, film=film)
+    assert rptcam_cl.autofocus(scene).focus_distance_m == pytest.approx(4.0, rel=1e-3)

@@ -2,8 +2,10 @@
 
 import pytest
 
-from rptcam_cl.autofocus import Policy, Zone, zone_at
+import rptcam_cl
+from rptcam_cl.autofocus import METHODS, Policy, Zone, zone_at
 from rptcam_cl.autofocus.policy import chosen
+from rptcam_cl.cli import main
 from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.scene.zones_file import read_zones
 from tests.autofocus.scenes import lens_camera, scene_of
@@ -19,6 +21,9 @@ BAD = {
     b".1 .2 .3\n": r"af.txt:1: is not a zone \(got .1 .2 .3; allowed: four numbers",
     b".1 .2 .3 .4\n.1 .2 a .4\n": r"af.txt:2: is not a zone \(got .1 .2 a .4",
     b".1 .2 .3 .4\nxleft xright ytop ybottom\n": "af.txt:2: is not a zone",
+    b"a b c\n": r"af.txt:1: is not a zone \(got a b c; allowed: four numbers xleft xright ytop ybottom\)$",
+    b"a b c\n.1 .2 .3 .4\n": r"af.txt:1: is not a zone \(got a b c",
+    b"xleft xright ytop ybottom\na b c d\n": r"af.txt:2: is not a zone \(got a b c d",
     b".2 .1 .3 .4\n": r"af.txt:1: is not inside the picture \(got .2 .1 .3 .4; allowed: 0 <= xleft < xright <= 1",
     b".1 1.2 .3 .4\n": "af.txt:1: is not inside the picture",
     b".1 nan .3 .4\n": "af.txt:1: is not inside the picture",
@@ -52,7 +57,8 @@ SCENES = [
     ({"zones_from": {"file": "none.txt"}}, "no such file"),
     ({"method": "contrst"}, "method"),
     ("depht", "is no method; did you mean depth"),
-    ({"policy": "nearest"}, "policy"),
+    ({"policy": "nearest"}, r"policy: is not a known choice; did you mean closest\? \(got 'nearest'"),
+    ({"policy": "furthest"}, r"policy: .* did you mean farthest\?"),
 ]
 
 
@@ -60,6 +66,16 @@ SCENES = [
 def test_scene_with_bad_autofocus_is_refused_with_its_key(auto, message):
     with pytest.raises(InputError, match=rf"camera\.focus\.auto.*{message}"):
         scene_of([], lens_camera("dgauss-50mm", focus={"auto": auto}))
+
+
+def test_command_line_suggests_the_policy_that_a_word_means(capsys):
+    assert main(["focus", "scene.yaml", "--policy", "nearest"]) == 2
+    assert "--policy: got nearest; did you mean closest?; allowed closest" in capsys.readouterr().err
+
+
+def test_api_names_every_method():
+    said = rptcam_cl.autofocus.interface.autofocus.__doc__
+    assert [name for name in METHODS if f"``{name}``" not in said] == []
 
 
 def test_focus_is_either_given_or_found():
