@@ -139,7 +139,7 @@ class NoiseEstimate:
 
     def arrays(self) -> dict[str, NDArray[np.generic]]:
         """Return everything that `restore` needs."""
-        runs = np.array(self._runs, np.float32).reshape(len(self._runs), -1)
+        runs = np.array(self._runs, np.float32).reshape(len(self._runs), self.layout.pixels)
         return {
             "noise_tiles": self.tiles, "noise_samples": self.samples, "noise_variance": self.variance,
             "noise_error": self.error, "noise_runs": runs, "noise_before": self._before,

@@ -73,6 +73,29 @@ def test_noise_target_goes_on_from_the_middle_of_a_run(tmp_path):
     assert part.stats["noise"] == whole.stats["noise"]
 
 
+RUNS = {"noise": {"noise": 0.08}, "variance": {"layers": ["variance"]}}
+
+
+@pytest.mark.parametrize("asked", RUNS)
+@pytest.mark.parametrize("how", ["interrupted", "saved on the way", "few samples"])
+def test_state_before_the_first_run_of_samples_is_kept(asked, how, tmp_path, monkeypatch):
+    state, options = tmp_path / "a.rpck", {"size": SIZE, "seed": 3} | RUNS[asked]
+    stop = until(2) if how == "interrupted" else None
+    if how == "saved on the way":
+        monkeypatch.setattr(saving, "INTERVAL", 0.0)
+    spp = 70 if how == "interrupted" else 4
+    part = rptcam_cl.render(
+        scene("pinhole"), spp=spp, wave_size=1, checkpoint=state, resume=True, should_stop=stop, **options
+    )
+    assert part.stats["spp"] < 16
+    assert part.stats["checkpoint"] == str(state)
+    rest = rptcam_cl.render(scene("pinhole"), spp=70, checkpoint=state, resume=True, **options)
+    assert rest.stats["resumed_from"] == part.stats["spp"]
+    whole = rptcam_cl.render(scene("pinhole"), spp=70, **options)
+    assert bits(rest) == bits(whole)
+    assert rest.stats["noise"] == whole.stats["noise"]
+
+
 def test_another_process_goes_on_to_the_same_bits(tmp_path):
     state = tmp_path / "a.rpck"
     rptcam_cl.render(scene("pinhole"), size=SIZE, spp=5, checkpoint=state, resume=True)
