@@ -20,9 +20,6 @@ static SurfacePoint point_on_sphere(const __global Primitive *primitive, F3 p, i
     s.p = along(centre, s.n, (F)(primitive->row_x.w));
     s.u = ZERO;
     s.v = ZERO;
-#if HAS_TANGENT
-    s.tangent = scale(cross3(f3_of(primitive->row_z), s.n), (F)(primitive->row_y.w));
-#endif
 #if HAS_TEXTURE
     if (textured) {                                  // row_y, row_z: the x and z axes of the sphere; row_y.w: handedness
         F3 x = f3_of(primitive->row_y);
@@ -45,20 +42,6 @@ static F3 world_normal(const __global Primitive *q, F3 n)
                          q->row_x.y * n.x + q->row_y.y * n.y + q->row_z.y * n.z,
                          q->row_x.z * n.x + q->row_y.z * n.y + q->row_z.z * n.z));
 }
-#if HAS_TANGENT
-static F3 cross_rows(float4 a, float4 b)
-{
-    return f3((F)(a.y * b.z - a.z * b.y), (F)(a.z * b.x - a.x * b.z), (F)(a.x * b.y - a.y * b.x));
-}
-
-// The world's direction of an object's vector, of some length: columns of the adjugate of object_from_world.
-static F3 world_direction(const __global Primitive *q, F3 d)
-{
-    F3 x = cross_rows(q->row_y, q->row_z), y = cross_rows(q->row_z, q->row_x), z = cross_rows(q->row_x, q->row_y);
-    F3 w = f3(x.x * d.x + y.x * d.y + z.x * d.z, x.y * d.x + y.y * d.y + z.y * d.z, x.z * d.x + y.z * d.y + z.z * d.z);
-    return scale(w, with_sign(ONE, dot3(x, f3_of(q->row_x))));
-}
-#endif
 #endif
 
 #if HAS_RECTANGLE || HAS_DISK || HAS_PLANE
@@ -73,9 +56,6 @@ static SurfacePoint point_on_flat(const __global Primitive *primitive, F3 p)
     s.n = f3((F)(up.x * unit), (F)(up.y * unit), (F)(up.z * unit));
     s.u = o.x;
     s.v = o.y;
-#if HAS_TANGENT
-    s.tangent = world_direction(primitive, f3(ONE, ZERO, ZERO));
-#endif
     return s;
 }
 #endif
@@ -89,9 +69,6 @@ static SurfacePoint point_on_ellipsoid(const __global Primitive *primitive, F3 p
     s.n = world_normal(primitive, o);
     s.u = ZERO;
     s.v = ZERO;
-#if HAS_TANGENT
-    s.tangent = world_direction(primitive, f3(-o.y, o.x, ZERO));
-#endif
 #if HAS_TEXTURE
     if (textured) {
         s.u = turns_around(o.x, o.y);
@@ -106,24 +83,31 @@ static SurfacePoint point_on_ellipsoid(const __global Primitive *primitive, F3 p
 // World distance between the planes 0 and 1 of an object coordinate.
 static float reach_of(float4 row) { return 1.0f / sqrt(row.x * row.x + row.y * row.y + row.z * row.z); }
 
+typedef struct { I on_x, on_y; } Face;           // on neither: across z
+
+// The face is the nearest one by distance in the world, so that a thin box has no false side faces near its edges.
+static Face face_of(const __global Primitive *primitive, F3 o)
+{
+    F ax = absolute(1.0f - absolute(o.x)) * reach_of(primitive->row_x);
+    F ay = absolute(1.0f - absolute(o.y)) * reach_of(primitive->row_y);
+    F az = absolute(1.0f - absolute(o.z)) * reach_of(primitive->row_z);
+    Face face;
+    face.on_x = (ax <= ay) & (ax <= az);
+    face.on_y = NOT(face.on_x) & (ay <= az);
+    return face;
+}
+
 static SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)
 {
     SurfacePoint s;
     F3 o = object_point(primitive, p);
-    // The face is the nearest one by distance in the world, so that a thin box has no false side faces near its edges.
-    F ax = absolute(1.0f - absolute(o.x)) * reach_of(primitive->row_x);
-    F ay = absolute(1.0f - absolute(o.y)) * reach_of(primitive->row_y);
-    F az = absolute(1.0f - absolute(o.z)) * reach_of(primitive->row_z);
-    I on_x = (ax <= ay) & (ax <= az);
-    I on_y = NOT(on_x) & (ay <= az);
+    Face face = face_of(primitive, o);
+    I on_x = face.on_x, on_y = face.on_y;
     s.p = p;
     s.n = world_normal(primitive, f3(on_x ? with_sign(ONE, o.x) : ZERO, on_y ? with_sign(ONE, o.y) : ZERO,
                                      (on_x | on_y) ? ZERO : with_sign(ONE, o.z)));
     s.u = 0.5f + 0.5f * (on_x ? o.y : o.x);
     s.v = 0.5f + 0.5f * ((on_x | on_y) ? o.z : o.y);
-#if HAS_TANGENT
-    s.tangent = world_direction(primitive, f3(on_x ? ZERO : ONE, on_x ? ONE : ZERO, ZERO));
-#endif
     return s;
 }
 #endif
@@ -138,9 +122,6 @@ static SurfacePoint point_on_round(const __global Primitive *primitive, F3 p, fl
     s.n = world_normal(primitive, f3(o.x, o.y, lean * (1.0f - o.z)));
     s.u = ZERO;
     s.v = o.z;
-#if HAS_TANGENT
-    s.tangent = world_direction(primitive, f3(-o.y, o.x, ZERO));
-#endif
 #if HAS_TEXTURE
     if (textured)
         s.u = turns_around(o.x, o.y);
@@ -179,9 +160,6 @@ static SurfacePoint point_on_primitive(int index, F3 p, int textured, Scene scen
     SurfacePoint nowhere;
     nowhere.p = p;
     nowhere.n = f3(ZERO, ZERO, ONE);
-#if HAS_TANGENT
-    nowhere.tangent = f3(ONE, ZERO, ZERO);
-#endif
     nowhere.u = ZERO;
     nowhere.v = ZERO;
     return nowhere;

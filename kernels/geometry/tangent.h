@@ -1,7 +1,8 @@
-// The directions dp/du and dp/dv, of any length, at a point of a given primitive.
+// The directions dp/du and dp/dv, of any length, at a point of a given primitive: those of the texture coordinates that
+// surface_point.h gives, v growing towards +z of all that is round.
 #ifndef TANGENT_H
 #define TANGENT_H
-#include "geometry/primitives.h"
+#include "geometry/surface_point.h"
 
 typedef struct { F3 along_u, along_v; } Tangents;
 
@@ -29,14 +30,14 @@ static Tangents tangents_of_affine(const __global Primitive *primitive, F3 p, in
         return axes;
     F3 o = object_point(primitive, p);
     Tangents t;
-    if (box) {                                       // (y, z), (x, z) or (x, y), as the face is nearest to x, y or z = +-1
-        F3 far = f3(absolute(o.x), absolute(o.y), absolute(o.z));
-        I on_x = (far.x >= far.y) & (far.x >= far.z);
-        I on_z = NOT(on_x) & (far.z > far.y);
-        t.along_u = select3(on_x, axes.along_v, axes.along_u);
-        t.along_v = select3(on_z, axes.along_v, z);
+#if HAS_BOX
+    if (box) {                                       // (y, z), (x, z) or (x, y), as the face lies across x, y or z
+        Face face = face_of(primitive, o);
+        t.along_u = select3(face.on_x, axes.along_v, axes.along_u);
+        t.along_v = select3(face.on_x | face.on_y, z, axes.along_v);
         return t;
     }
+#endif
     t.along_u = add(scale(axes.along_u, -o.y), scale(axes.along_v, o.x));
     t.along_v = z;
     return t;
@@ -52,17 +53,14 @@ static Tangents tangents_of(int index, F3 p, F3 n, Scene scene)
         F3 z = f3_of(primitive->row_z);
         Tangents t;
         t.along_u = scale(cross3(z, n), (F)(primitive->row_y.w));
-        t.along_v = scale(z, -ONE);
+        t.along_v = z;
         return t;
     }
 #endif
 #if HAS_AFFINE
     int round = index < kind_end[KIND_ELLIPSOID] || index >= kind_end[KIND_BOX];
     int box = !round && index >= kind_end[KIND_PLANE];
-    Tangents t = tangents_of_affine(primitive, p, !round && !box, box);
-    if (index < kind_end[KIND_ELLIPSOID])
-        t.along_v = scale(t.along_v, -ONE);
-    return t;
+    return tangents_of_affine(primitive, p, !round && !box, box);
 #else
     Tangents none;
     none.along_u = f3(ONE, ZERO, ZERO);
