@@ -34,3 +34,8 @@ def spectra_dir() -> Path:
 def response_curves_dir() -> Path:
     """Folder of the response curves of cameras."""
     return _PACKAGE / "sensor" / "curves"
+
+
+def glass_catalogues_dir() -> Path:
+    """Folder of the glasses of the makers."""
+    return _PACKAGE / "optics" / "catalogues"

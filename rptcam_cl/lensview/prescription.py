@@ -14,8 +14,17 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, Surface
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Coating, MeasuredReflectance, QuarterWave
-from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, Medium, PowerSeries, Sellmeier
-from rptcam_cl.optics.glass_table import GLASSES
+from rptcam_cl.optics.files.glass_names import glass_named
+from rptcam_cl.optics.glass import (
+    AIR,
+    AbbeCauchy,
+    AbbeLinear,
+    ConstantIndex,
+    Medium,
+    PowerSeries,
+    Sellmeier,
+    TabulatedIndex,
+)
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopShape
@@ -150,6 +159,8 @@ def _coating(coating: Coating, where: str) -> Any:
 
 def _medium(medium: Medium) -> Any:
     """Return a glass with what it absorbs, where its name does not say that."""
+    if medium.name and glass_named(medium.name) == medium:
+        return medium.name
     entry = _glass(medium)
     if medium.absorption is None or isinstance(entry, str):
         return entry
@@ -187,8 +198,6 @@ def _linear(medium: AbbeLinear) -> Any:
 
 @_glass.register
 def _sellmeier(medium: Sellmeier) -> Any:
-    if GLASSES.get(medium.name) == medium:
-        return medium.name
     law: dict[str, Any] = {"b": list(medium.b), "c": list(medium.c)}
     if medium.c0:
         law["c0"] = medium.c0
@@ -203,6 +212,12 @@ def _series(medium: PowerSeries) -> Any:
     if not medium.squared and powers == tuple(-2.0 * i for i in range(len(powers))):
         return _ranged({"cauchy": list(values)}, medium)
     raise InputError(f"a lens file cannot say the glass {medium.name!r}: its powers are {powers}")
+
+
+@_glass.register
+def _table(medium: TabulatedIndex) -> Any:
+    table = {"wavelengths_nm": list(medium.wavelengths_nm), "values": list(medium.values)}
+    return {"table": table, "name": medium.name} if medium.name else {"table": table}
 
 
 def _ranged(entry: dict[str, Any], medium: Sellmeier | PowerSeries) -> dict[str, Any]:

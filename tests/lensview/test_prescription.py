@@ -11,7 +11,7 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.lensview.pbrt_table import loses_dispersion, pbrt_text
 from rptcam_cl.lensview.prescription import lens_text, short_radius
 from rptcam_cl.optics import Lens, Surface, list_lenses, load_lens
-from rptcam_cl.optics.glass import TabulatedIndex
+from rptcam_cl.optics.glass import PowerSeries, TabulatedIndex
 
 PLAIN: list[dict[str, Any]] = [
     {"radius": 30, "thickness": 4, "glass": {"index": 1.6}, "diameter": 12},
@@ -107,11 +107,23 @@ def test_short_radius_has_the_same_curvature(radius: float) -> None:
 
 def test_what_a_file_cannot_say_is_refused() -> None:
     lens = load_lens(with_first())
-    surfaces = (Surface(glass=TabulatedIndex((400, 700), (1.5, 1.4), "measured"), semi_diameter=5.0, thickness=1.0),)
+    odd = PowerSeries(((0.0, 1.5), (-1.0, 0.01)), False, name="measured")
+    surfaces = (Surface(glass=odd, semi_diameter=5.0, thickness=1.0),)
     with pytest.raises(InputError, match="measured"):
         lens_text(Lens("x", (*surfaces, *lens.surfaces)))
     with pytest.raises(InputError, match="no diameter"):
         lens_text(Lens("x", (Surface(),)))
+
+
+@pytest.mark.parametrize(
+    "glass", ["S-LAL8", "F2_HIKARI", {"table": {"wavelengths_nm": [400, 700], "values": [1.6, 1.5]}}]
+)
+def test_glasses_of_the_makers_and_tables_read_back(tmp_path: Path, glass: Any) -> None:
+    lens = load_lens(with_first(glass=glass))
+    path = tmp_path / "lens.yaml"
+    path.write_text(lens_text(lens), encoding="utf-8")
+    assert load_lens(path).surfaces == lens.surfaces
+    assert isinstance(lens.surfaces[0].glass, TabulatedIndex) == isinstance(glass, dict)
 
 
 def test_table_reads_back_with_the_same_surfaces(tmp_path: Path) -> None:

@@ -78,7 +78,7 @@ def test_law_counts_in_the_hash(scene, tmp_path):
 
 REFUSED = [
     ("index: 1.5, glass: N-BK7", "glass: cannot be given together with index"),
-    ("glass: NBK7", "glass: unknown glass; did you mean N-BK7"),
+    ("glass: N-BK77", "glass: unknown glass; did you mean N-BK7"),
     ("glass: 1.5", "glass: must be a glass (got 1.5; allowed: a name such as N-BK7"),
     ("glass: {nd: 1.5}", "glass: vd is missing"),
     ("glass: {nd: 1.5, vd: -3}", "glass.vd: must be above 0 (got -3"),

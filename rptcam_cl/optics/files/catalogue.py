@@ -112,6 +112,11 @@ def read_refractive_index(path: Path | str) -> Law:
     raise InputError(f"{path}: no dispersion formula that is known (has {kinds}; known: {', '.join(_FORMULAS)})")
 
 
+def law_of_formula(kind: str, terms: list[float], limits: tuple[float, float], name: str) -> Law:
+    """Return the law of a formula of refractiveindex.info, such as "formula 2", its range in nm."""
+    return _FORMULAS[kind](terms, limits, name)
+
+
 def _kind(block: Any) -> str:
     return str(block.get("type", "")).strip() if isinstance(block, dict) else ""
 

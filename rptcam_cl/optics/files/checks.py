@@ -17,6 +17,8 @@ Report = Callable[[int, str, str], InputError]
 
 LONGEST_PLAUSIBLE_MM = 10_000.0
 DENSER_THAN_AIR = 1e-3
+FASTEST = 0.25  # f-number below which something is wrong with the numbers: a lens in air ends at f/0.5
+THINNEST = 1 - 1e-6
 INSIDE_THE_RIM = 1 - 1e-9  # where a surface that is a whole hemisphere still has a sag
 
 
@@ -24,11 +26,6 @@ def check_lens(lens: Lens, report: Report) -> Lens:
     """Return the lens with its warnings, or raise the `report(surface, key, text)` of its first impossibility."""
     for index, surface in enumerate(lens.surfaces):
         _check_reach(surface, index, report)
-        if surface.thickness < 0 and not (surface.is_stop or lens.surfaces[index + 1].is_stop):
-            raise report(
-                index, "thickness", f"must not be negative except beside the stop (got {surface.thickness:g} mm)"
-            )
-    _check_gaps(lens, report)
     _check_half_lenses(lens, report)
     return replace(lens, warnings=(*lens.warnings, *_doubts(lens)))
 
@@ -49,23 +46,6 @@ def _check_reach(surface: Surface, index: int, report: Report) -> None:
     raise report(index, "diameter", f"{diameter} is more than the shape (radius, conic) reaches")
 
 
-def _check_gaps(lens: Lens, report: Report) -> None:
-    """Refuse neighbouring surfaces that cross inside the smaller of their rims. A plane stop has no body to cross."""
-    for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
-        if first.is_stop or second.is_stop or first.pose or second.pose:
-            continue
-        height = min(first.semi_diameter, second.semi_diameter)
-        if not np.isfinite(height):
-            continue
-        gap = first.thickness + second.rim_sag(height) - first.rim_sag(height)
-        if gap < -1e-6 * max(1.0, height):
-            raise report(
-                index,
-                "thickness",
-                f"surfaces {index} and {index + 1} cross: they overlap by {-gap:.4g} mm at {height:g} mm from the axis",
-            )
-
-
 def _check_half_lenses(lens: Lens, report: Report) -> None:
     """Refuse a half lens whose outside is not one medium: what passes beside it would have to be bent somewhere."""
     half = [surface.region if surface.region and not surface.region.blocks else None for surface in lens.surfaces]
@@ -80,22 +60,39 @@ def _check_half_lenses(lens: Lens, report: Report) -> None:
             raise report(index, "glass", "must be the medium before the half lens, which ends with this surface")
 
 
-def crossed_rims(lens: Lens) -> tuple[str, ...]:
-    """Return a doubt for each piece of glass whose front rim lies behind its rear rim, whatever their diameters.
+def backward_gaps(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt for each negative thickness but those beside the stop, which are common."""
+    return tuple(
+        f"the thickness behind surface {index} is negative ({surface.thickness:g} mm): surface {index + 1} stands in "
+        f"front of it, and rays meet surface {index} first all the same"
+        for index, surface in enumerate(lens.surfaces)
+        if surface.thickness < 0 and not (surface.is_stop or lens.surfaces[index + 1].is_stop)
+    )
 
-    Rays that meet the surfaces inside the smaller rim are not harmed, so such a lens can be traced, though not made.
+
+def crossed_surfaces(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt for neighbouring surfaces that cross, inside their rims or, of glass, at them.
+
+    Rays go through such surfaces in their order, back where they must: patents round their numbers, and stops that
+    cut flare stand inside lenses. A plane stop has no body to cross.
     """
     doubts = []
     indices = lens.indices(WAVELENGTH_D)
     for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
-        if first.is_stop or second.is_stop or first.pose or second.pose:
+        if first.is_stop or second.is_stop or first.pose or second.pose or first.thickness < 0:
             continue
-        if abs(indices[index + 1] - 1) < DENSER_THAN_AIR or not np.isfinite(first.semi_diameter + second.semi_diameter):
+        if not np.isfinite(first.semi_diameter + second.semi_diameter):
             continue
-        front, rear = (part.rim_sag(part.semi_diameter * INSIDE_THE_RIM) for part in (first, second))
-        edge = first.thickness + rear - front
-        if edge < -1e-6 * max(first.semi_diameter, second.semi_diameter):
-            doubts.append(f"the rims of the glass between surfaces {index} and {index + 1} cross by {-edge:.4g} mm")
+        height = min(first.semi_diameter, second.semi_diameter) * INSIDE_THE_RIM
+        gap = first.thickness + second.rim_sag(height) - first.rim_sag(height)
+        if gap < -1e-6 * max(1.0, height):
+            where = f"they overlap by {-gap:.4g} mm at {height:g} mm from the axis"
+            doubts.append(f"surfaces {index} and {index + 1} cross: {where}; rays meet them in their order")
+        elif abs(indices[index + 1] - 1) >= DENSER_THAN_AIR:
+            front, rear = (part.rim_sag(part.semi_diameter * INSIDE_THE_RIM) for part in (first, second))
+            edge = first.thickness + rear - front
+            if edge < -1e-6 * max(first.semi_diameter, second.semi_diameter):
+                doubts.append(f"the rims of the glass between surfaces {index} and {index + 1} cross by {-edge:.4g} mm")
     return tuple(doubts)
 
 
@@ -105,13 +102,28 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     length = abs(data.focal_length_mm)
     if LONGEST_PLAUSIBLE_MM < length < np.inf:
         doubts.append(f"focal length {data.focal_length_mm:.6g} mm: are the lengths in metres or micrometres?")
+    if data.f_number < FASTEST and _widest(lens) > length:
+        doubts.append(
+            f"focal length {data.focal_length_mm:.4g} mm behind an opening of "
+            f"{data.entrance_pupil.diameter_mm:.4g} mm, f/{data.f_number:.2g}, cannot be (f/0.5 is the limit): "
+            "are the radii curvatures?"
+        )
     for index, surface in enumerate(lens.surfaces):
         if surface.aspheric and not _monotone(surface):
             doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
-    doubts += crossed_rims(lens)
-    if np.any(lens.indices(WAVELENGTH_D) < 1):
-        doubts.append("a medium has an index below 1")
+    doubts += [*backward_gaps(lens), *crossed_surfaces(lens)]
+    for place, value in enumerate(lens.indices(WAVELENGTH_D)):
+        if value < THINNEST:
+            where = f"behind surface {place - 1}" if place else "in front of the lens"
+            doubts.append(
+                f"the medium {where} has the index {value:g}, below 1, which no glass has: indices count from air, "
+                "not from the medium beside"
+            )
     return tuple(doubts)
+
+
+def _widest(lens: Lens) -> float:
+    return max(surface.semi_diameter for surface in lens.surfaces)
 
 
 def _monotone(surface: Surface) -> bool:

@@ -4,15 +4,35 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
 from rptcam_cl.optics.files.coatings import read_spectrum
 from rptcam_cl.optics.files.fields import Fields, problem
-from rptcam_cl.optics.files.keys import GLASS, HIGHEST_INDEX, LAWS, LINEAR_ABBE, LOWEST_INDEX, SELLMEIER, TRANSMITTANCE
-from rptcam_cl.optics.glass import AIR, AbbeCauchy, AbbeLinear, ConstantIndex, Law, Medium, PowerSeries, Sellmeier
-from rptcam_cl.optics.glass_table import GLASSES
+from rptcam_cl.optics.files.glass_names import glass_named, near_names
+from rptcam_cl.optics.files.keys import (
+    GLASS,
+    HIGHEST_INDEX,
+    INDEX_TABLE,
+    LAWS,
+    LINEAR_ABBE,
+    LOWEST_INDEX,
+    SELLMEIER,
+    TRANSMITTANCE,
+)
+from rptcam_cl.optics.glass import (
+    AIR,
+    AbbeCauchy,
+    AbbeLinear,
+    ConstantIndex,
+    Law,
+    Medium,
+    PowerSeries,
+    Sellmeier,
+    TabulatedIndex,
+)
 from rptcam_cl.strict_yaml import Document, KeyPath
 
 
@@ -41,11 +61,11 @@ def _absorption(fields: Fields) -> Absorption:
 def _named(document: Document, path: KeyPath, name: str) -> Medium:
     if name.lower() in ("air", "vacuum"):
         return AIR
-    for known, medium in GLASSES.items():
-        if known.lower() == name.lower():
-            return medium
-    near = difflib.get_close_matches(name.upper(), GLASSES, n=3, cutoff=0.4)
-    hint = f"did you mean {', '.join(near)}?" if near else f"known: {', '.join(sorted(GLASSES))}"
+    medium = glass_named(name)
+    if medium is not None:
+        return medium
+    near = near_names(name)
+    hint = f"did you mean {', '.join(near)}?" if near else "give its {nd: …, vd: …} or {index: …}"
     raise problem(document, path, f"unknown glass; {hint}", name)
 
 
@@ -98,6 +118,18 @@ def _schott(fields: Fields) -> Law:
     )
 
 
+def _table(fields: Fields) -> Law:
+    inner = Fields(fields.document, (*fields.path, "table"), INDEX_TABLE)
+    wavelengths, values = inner.numbers("wavelengths_nm"), inner.numbers("values")
+    if len(wavelengths) != len(values):
+        raise inner.fail("values", f"needs one index for each wavelength ({len(values)} for {len(wavelengths)})")
+    if wavelengths[0] <= 0 or any(b <= a for a, b in pairwise(wavelengths)):
+        raise inner.fail("wavelengths_nm", "must be above 0 and rise")
+    for value in values:
+        _checked(inner, "values", value)
+    return TabulatedIndex(wavelengths, values, fields.text("name", "tabulated glass"))
+
+
 def _range(fields: Fields) -> tuple[float, float] | None:
     if "range_nm" not in fields:
         return None
@@ -133,6 +165,7 @@ _LAWS = {
     "sellmeier": _sellmeier,
     "cauchy": _cauchy,
     "schott": _schott,
+    "table": _table,
     "catalogue": _catalogue,
     "refractiveindex": _refractive_index,
 }

@@ -46,6 +46,11 @@ SELLMEIER = {
     "c0": Key("A constant added to 1; 0 by default.", NUMBER),
 }
 
+INDEX_TABLE = {
+    "wavelengths_nm": Key("Rising wavelengths [nm].", _numbers(1)),
+    "values": Key("Index at each; straight lines join them.", {"type": "array", "items": INDEX, "minItems": 1}),
+}
+
 
 def mapping(keys: Mapping[str, Key], required: tuple[str, ...] = (), **more: Any) -> dict[str, Any]:
     """Return the schema of a mapping with these keys and no others."""
@@ -61,6 +66,7 @@ LAWS = {
     "sellmeier": Key("n^2 = 1 + c0 + sum of b L^2 / (L^2 - c), L in um.", mapping(SELLMEIER, ("b", "c"))),
     "cauchy": Key("n = a + b / L^2 + c / L^4 + ..., L in um.", _numbers(1)),
     "schott": Key("n^2 = a0 + a1 L^2 + a2 / L^2 + ... + a5 / L^8, L in um.", _numbers(6, 6)),
+    "table": Key("Measured indices.", mapping(INDEX_TABLE, ("wavelengths_nm", "values"))),
     "catalogue": Key("A Zemax catalogue (.agf) beside the lens file; name picks the glass.", TEXT),
     "refractiveindex": Key("A file of refractiveindex.info beside the lens file.", TEXT),
 }
