@@ -16,13 +16,16 @@ from rptcam_cl.autofocus.report import FocusReport, NoContrast, ProbeRecord
 from rptcam_cl.autofocus.task import Task
 from rptcam_cl.errors import InputError
 
+MOST_LOOKS = 10
+SETTLED = 0.1  # depths of focus between two looks
 LEAST_SHARE = 0.25  # of a zone whose rays must meet something
 
 
 def focus_by_depth(task: Task) -> FocusReport:
     """Return the focus on what the rays of the zones meet: each zone counts by the median of its distances.
 
-    The zones are looked at twice, as the picture grows a little when the film goes back.
+    As the picture grows when the film goes back, a zone then shows another part of what is near: it is looked at again
+    until that changes no more.
 
     Raises
     ------
@@ -35,7 +38,7 @@ def focus_by_depth(task: Task) -> FocusReport:
     state = probe.state if task.near is None else task.near
     zones = dict(enumerate(task.zones))
     records: list[ProbeRecord] = []
-    for _ in range(2):
+    for number in range(MOST_LOOKS):
         samples, seconds = probe.samples, probe.seconds
         depths = probe.depths(state, list(zones.values()), task.seed)
         met = {k: depth for k, depth in zip(zones, depths, strict=True) if np.isfinite(depth).mean() >= LEAST_SHARE}
@@ -43,11 +46,14 @@ def focus_by_depth(task: Task) -> FocusReport:
             raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
         medians = {k: float(np.median(depth[np.isfinite(depth)])) for k, depth in met.items()}
         zone = chosen(task.policy, task.zones, {k: -median for k, median in medians.items()})
+        before = probe.coordinate(state)
         state = _state_for(task, medians[zone], task.zones[zone])
         zones = {zone: task.zones[zone]}
         film = probe.film_distance(state)
         taken = (probe.samples - samples, probe.seconds - seconds)
         records.append(ProbeRecord(state, film, medians[zone], _spread(met[zone]), 0.0, *taken, "distance"))
+        if number and abs(probe.coordinate(state) - before) < SETTLED * probe.depth_of_focus:
+            break
     share = _within_depth_of_field(task, state, met[zone])
     return task.report("depth", state, task.zones[zone], 0.0, share, records)
 

@@ -106,7 +106,7 @@ def _round(
             break
         samples = min(8 * samples, MOST_SAMPLES)
     if not seen:
-        raise nothing_to_see("its details are no stronger than the noise")
+        raise nothing_to_see(_unseen(looks, made, zones, samples))
     zones[:] = seen
     factor = max(1.0, min((noise / wanted) ** 2, 16.0))
     return made, min(int(samples * factor), MOST_SAMPLES)
@@ -124,6 +124,23 @@ def _noise(made: Sequence[Look], zone: int) -> float:
 def _contrast(looks: Looks, made: Sequence[Look], zone: int) -> bool:
     top = _top(made, zone).found[zone]
     return top.value > looks.measure.least and top.value > CLEAR * top.error
+
+
+def _unseen(looks: Looks, made: Sequence[Look], zones: list[int], samples: int) -> str:
+    """Return what was measured of zones in which there is too little to see."""
+    top = max((_top(made, zone).found[zone] for zone in zones), key=lambda found: found.value)
+    if top.value > CLEAR * top.error:
+        least = looks.measure.least
+        return f"its details are faint: their measure is {top.value:.2g} at most, and more than {least:.2g} is needed"
+    clear = f"{max(top.value, 0.0) / top.error:.1f} standard errors" if top.error > 0 else "0"
+    return f"its details come to {clear} of the noise at {samples} samples per pixel, and {CLEAR:g} are needed"
+
+
+def _same_everywhere(peak: Peak) -> NoContrast:
+    return nothing_to_see(
+        "it looks the same in and out of focus: from the least sharp look to the sharpest its measure rises by"
+        f" {peak.rise:.1f} standard errors, and {CLEAR:g} are needed"
+    )
 
 
 def _surely_flat(looks: Looks, made: Sequence[Look], zone: int) -> bool:
@@ -183,7 +200,7 @@ def _refined(looks: Looks, made: list[Look], zone: int, peak: Peak, samples: int
     reference = made[0].reference
     for _ in range(4):
         if peak.rise < CLEAR and samples >= MOST_SAMPLES:
-            raise nothing_to_see("it looks the same in and out of focus")
+            raise _same_everywhere(peak)
         if peak.rise >= CLEAR and peak.error < sharp / 8 and _is_even(made, zone, peak, (low, high), WIDEST * sharp):
             return peak
         step = min(max(SHARE * peak.width, sharp), WIDEST / 2 * sharp)
@@ -195,7 +212,7 @@ def _refined(looks: Looks, made: list[Look], zone: int, peak: Peak, samples: int
                 made.append(looks.at(place, samples, reference=reference))
         peak = peak_of(made, zone)
     if peak.rise < CLEAR:
-        raise nothing_to_see("it looks the same in and out of focus")
+        raise _same_everywhere(peak)
     return peak
 
 

@@ -7,8 +7,6 @@ import rptcam_cl
 from rptcam_cl.autofocus import NoContrast, ProbeRenderer, Zone, find_focus, focused_scene, follow_focus
 from rptcam_cl.device import open_session
 from rptcam_cl.errors import InputError
-from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.scene import AutoFocus
 from tests.autofocus.scenes import CENTRE, checker, lens_camera, noise, scene_of, target
 from tests.autofocus.test_probe import THIN, with_group
@@ -70,42 +68,6 @@ def test_contrast_is_greatest_where_the_spot_is_least_at_every_aperture(f_number
     assert len(report.probes) <= 18
 
 
-# CS348b (2015), assignment 3: what the zones of its autofocus scenes show lies so far in front of the first vertex
-TARGETS = [
-    ("dgauss-50mm", 50, 125.0, 61.9, (0.58, 0.64, 0.38, 0.46)),
-    ("dgauss-50mm", 50, 713.0, 39.8, (0.37, 0.45, 0.36, 0.42)),
-    ("telephoto-250mm", 250, 5619.0, 115.9, (0.70, 0.76, 0.4, 0.46)),
-]
-
-
-TRIALS = [(*target, "contrast") for target in TARGETS] + [
-    pytest.param(*TARGETS[0], "depth", marks=pytest.mark.slow),
-    *((*target, "depth") for target in TARGETS[1:]),
-]
-
-
-@pytest.mark.parametrize(
-    ("lens", "focal_length", "front_mm", "film_mm", "zone", "method"),
-    TRIALS,
-    ids=[f"{name}-{method}" for method in ("contrast", "depth") for name in ("closeup", "bg", "tele")],
-)
-def test_targets_of_the_assignment_are_found(lens, focal_length, front_mm, film_mm, zone, method):
-    glass = load_lens(lens)
-    film = best_film_distance(glass, front_mm, "front")
-    assert film == pytest.approx(film_mm, abs=0.5)
-    distance = (front_mm + glass.length + film) * 1e-3
-    film_size = {"resolution": [300, 300], "size_mm": [49.497, 49.497]}
-    magnified = focal_length / front_mm * 1e3  # of what is near, details are to be small
-    scene = scene_of(
-        [target(distance, 0.5 * distance, noise(distance * magnified * 1.5))],
-        lens_camera(lens, focus={"auto": method}),
-        film=film_size,
-    )
-    error, report = missed(scene, distance, Zone(*zone))
-    assert abs(error) <= 0.25
-    assert report.method == method
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize(("lens", "stop"), [("dgauss-50mm", 8), ("dgauss-50mm", 22), ("wide-22mm", 11)])
 def test_depth_is_found_behind_a_small_stop(lens, stop):
@@ -113,13 +75,6 @@ def test_depth_is_found_behind_a_small_stop(lens, stop):
     miss, report = missed(scene, 1.5, CENTRE, method="depth")
     assert abs(miss) < 0.05
     assert report.confidence > 0.9
-
-
-def test_sum_modified_laplacian_finds_it_too():
-    scene = scene_of([wall(2.0, 50, checker)], lens_camera("dgauss-50mm", f_number=2.8))
-    error, report = missed(scene, 2.0, CENTRE, method="laplacian")
-    assert abs(error) <= 0.25
-    assert report.method == "laplacian"
 
 
 def test_walk_of_the_paper_ends_on_the_slope_towards_the_focus():

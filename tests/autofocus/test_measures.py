@@ -83,13 +83,29 @@ def test_dark_zone_measures_nothing(name):
     assert (found.value, found.error) == (0.0, 0.0)
 
 
-def test_modified_laplacian_leaves_out_what_noise_makes():
-    rng = np.random.default_rng(5)
-    assert MEASURES["sum_modified_laplacian"].of(image_of(np.ones(SHAPE), 0.05, rng)).value < 0.05
-    sharp = MEASURES["sum_modified_laplacian"].of(image_of(stripes(), 0.0, rng)).value
-    # nine times the mean of |2 I - I_left - I_right| of a sine: 4 a sin^2(pi / period) |sin|
-    rectified = np.abs(np.sin(np.arange(6) * np.pi / 3)).mean()
-    assert sharp == pytest.approx(9 * 4 * 0.2 * np.sin(np.pi / 6) ** 2 * rectified, rel=0.02)
+@pytest.mark.parametrize("noise", [0.05, 1.0])
+def test_modified_laplacian_of_noise_alone_is_none(noise):
+    values, errors = repeated("sum_modified_laplacian", np.ones(SHAPE), noise, 100)
+    assert abs(values.mean()) < 3.89 * values.std(ddof=1) / np.sqrt(len(values))
+    # the error is that of noise, or more where the jackknife says so; four of them are what a search goes by
+    assert 1.0 < np.sqrt(np.mean(errors**2)) / values.std(ddof=1) < 2.0
+    assert np.mean(values > 4 * errors) == 0
+
+
+def test_modified_laplacian_sees_what_noise_hides_in_every_pixel():
+    found = MEASURES["sum_modified_laplacian"].of(image_of(stripes(0.2, 12.0), 0.1, np.random.default_rng(5)))
+    assert found.value > 4 * found.error
+
+
+def test_modified_laplacian_of_stripes_is_that_of_a_sine_at_every_step():
+    found = MEASURES["sum_modified_laplacian"].of(image_of(stripes(), 0.0, np.random.default_rng(0))).value
+    expected = 0.0
+    for step in (1, 2, 4):
+        # |2 I - I_left - I_right| of a sine: 4 a sin^2(pi step / period) |sin|, and the mean over a side of pixels
+        blurred = np.sin(np.pi * step / 6) / (step * np.sin(np.pi / 6))
+        x = np.arange(SHAPE[1] - 3 * step + 1) + 1.5 * step - 0.5
+        expected += 4 * 0.2 * np.sin(np.pi * step / 6) ** 2 * abs(blurred) * np.abs(np.sin(2 * np.pi * x / 6)).mean()
+    assert found == pytest.approx(expected, rel=0.03)  # less the quadratic that stripes hold too
 
 
 def test_energy_of_a_filter_is_the_mean_square_of_its_output():
