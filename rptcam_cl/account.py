@@ -13,8 +13,9 @@ from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.numerics import LensMargin, self_knowledge, summary
 from rptcam_cl.plan import Plan
 from rptcam_cl.scene import Scene
-from rptcam_cl.wavefront import Rendering, Wavefront
+from rptcam_cl.wavefront import AnyWavefront, Rendering, SharedWavefront
 from rptcam_cl.wavefront.film import FilmLayout
+from rptcam_cl.wavefront.parts import is_shared
 
 # What the statistics repeat of the metadata, for programs that measure in pictures.
 GEOMETRY = (
@@ -36,7 +37,7 @@ def window(scene: Scene) -> list[int]:
 
 
 def statistics(
-    plan: Plan, wavefront: Wavefront, rendering: Rendering, times: dict[str, float], margin: LensMargin | None
+    plan: Plan, wavefront: AnyWavefront, rendering: Rendering, times: dict[str, float], margin: LensMargin | None
 ) -> dict[str, Any]:
     """Return what programs that measure read: samples, times, rays, noise and what the picture has lost.
 
@@ -47,12 +48,14 @@ def statistics(
     margin
         What float32 costs in the lens, where it was measured.
     """
+    devices = devices_of(wavefront, rendering)
     stats: dict[str, Any] = {
         "samples": int(rendering.samples.sum(dtype=np.uint64)),
         "spp": rendering.spp,
         "seconds": times,
         "msamples_per_second": rendering.new_samples / max(rendering.seconds, 1e-9) / 1e6,
-        "device": wavefront.session.info.name,
+        "device": ", ".join(dict.fromkeys(device["name"] for device in devices)),
+        "devices": devices,
         "wave_size": wavefront.capacity,
         "not_finite": wavefront.not_finite(),
         "interrupted": rendering.interrupted,
@@ -72,6 +75,16 @@ def statistics(
     return stats
 
 
+def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, Any]]:
+    """Return what each device has done in this render: id, name, share, samples, seconds and speed."""
+    if isinstance(wavefront, SharedWavefront):
+        return wavefront.devices()
+    info, samples = wavefront.session.info, rendering.new_samples
+    speed = samples / max(rendering.seconds, 1e-9) / 1e6
+    done = {"samples": samples, "seconds": rendering.seconds, "msamples_per_second": speed}
+    return [{"id": info.id, "name": info.name, "share": 1.0, **done}]
+
+
 def described(
     scene: Scene, plan: Plan, rendering: Rendering, stats: Mapping[str, Any], told: Mapping[str, Any]
 ) -> dict[str, Any]:
@@ -86,6 +99,7 @@ def described(
         "seed": scene.render.seed,
         "spp": rendering.spp,
         "device": stats["device"],
+        **({"work": stats["work"]} if is_shared(stats["work"]) else {}),
         "exposure": scene.exposure.mode,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
         **plan.spectrum.metadata,

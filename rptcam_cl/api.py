@@ -16,20 +16,22 @@ from rptcam_cl.accuracy import decided
 from rptcam_cl.autofocus import FocusReport, focused_scene, in_focus
 from rptcam_cl.autofocus.interface import autofocus
 from rptcam_cl.developing import develop, developed_as
-from rptcam_cl.device import Session, choose_device, list_devices, open_session
+from rptcam_cl.device import Session, Split, Wanted, choose_device, list_devices, open_sessions
+from rptcam_cl.device.listing import ALL
 from rptcam_cl.errors import InputError, NumericError
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
 from rptcam_cl.metering import settled
 from rptcam_cl.numerics import anomalies, lens_margin
-from rptcam_cl.plan import make_plan
+from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.saving import Saver
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.scene.sampling import ADAPTIVE_SPP
 from rptcam_cl.sensing import check_sensor, sensor_of
 from rptcam_cl.tradeoff import measure_tradeoff
-from rptcam_cl.wavefront import Progress, Wavefront, render_plan
+from rptcam_cl.wavefront import AnyWavefront, Progress, SavedState, SharedWavefront, Wavefront, render_plan
 from rptcam_cl.wavefront.film import FilmLayout
+from rptcam_cl.wavefront.parts import Part, joined, split_of, split_text
 
 __all__ = [
     "FocusReport",
@@ -77,7 +79,8 @@ def render(
     noise: float | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
-    device: str | Session | None = None,
+    device: Wanted = None,
+    split: Split | None = None,
     wave_size: int | None = None,
     numerics: bool = False,
     strict: bool = False,
@@ -109,7 +112,11 @@ def render(
         Whether to go on from the checkpoint, if it is there, and to leave it at the end, so that a later call can add
         samples. Otherwise a render that comes to its end removes it.
     device
-        As ``--device`` on the command line, or a session to reuse; see `choose_device`.
+        As ``--device`` on the command line, or a session to reuse; see `choose_device`. Several of them, or ``"all"``,
+        share the render.
+    split
+        Share of each device, as ``{"0:0": 0.7, "1:0": 0.3}`` or ``"0:0=0.7,1:0=0.3"``; by default in proportion to
+        their speeds, which are measured.
     wave_size
         Paths in flight; changes speed and memory, never the picture.
     numerics
@@ -141,16 +148,20 @@ def render(
     if denoise:
         check_denoiser()
         scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*wanted, *GUIDES)))})
-    session = device if isinstance(device, Session) else open_session(device)
-    saver = None if checkpoint is None else Saver(checkpoint, scene, session.info.name)
+    sessions, shares = open_sessions(device, split)
+    session = sessions[0]
+    saver = None if checkpoint is None else Saver(checkpoint, scene, [session.info.name for session in sessions])
     saved = saver.load() if saver is not None and resume else None
     taken, told = _taken(scene, session, saver)
     plan = make_plan(taken)
     started = time.perf_counter()
     if on_progress is not None:
         on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
-    wavefront = Wavefront(session, plan, FilmLayout.of(scene.film), scene.render, wave_size)
-    wavefront.warm_up()
+    if shares is None and saver is not None:
+        shares = _shares_of(saver.parts, sessions)
+    wavefront = _wavefront(scene, plan, sessions, shares, wave_size, lenient=isinstance(device, str) and device == ALL)
+    if saver is not None:
+        saver.parts_since = lambda done: _parts(wavefront, saved, done)
     compiled = time.perf_counter()
     rendering = render_plan(
         wavefront,
@@ -169,8 +180,9 @@ def render(
         "render": rendering.seconds,
         "total": time.perf_counter() - begun,
     }
-    margin = lens_margin(taken, session) if numerics or strict else None
-    stats = statistics(plan, wavefront, rendering, times, margin)
+    margin = lens_margin(taken, wavefront.session) if numerics or strict else None
+    work = joined([] if saver is None else saver.parts, _parts(wavefront, saved, rendering.done))
+    stats = statistics(plan, wavefront, rendering, times, margin) | {"work": work}
     metadata = described(scene, plan, rendering, stats, told)
     if (sensor := sensor_of(taken, metadata)) is not None:
         metadata["sensor"] = sensor.described()
@@ -185,6 +197,39 @@ def render(
     if strict and (met := anomalies(stats["numerics"])):
         raise NumericError(f"strict: {'; '.join(met)}", image)
     return image
+
+
+def _wavefront(
+    scene: Scene,
+    plan: Plan,
+    sessions: list[Session],
+    shares: list[float] | None,
+    wave_size: int | None,
+    *,
+    lenient: bool,
+) -> AnyWavefront:
+    """Return what renders the scene, compiled and ready: on one device, or on several that share it."""
+    layout = FilmLayout.of(scene.film)
+    if len(sessions) > 1:
+        return SharedWavefront(sessions, plan, layout, scene.render, wave_size, shares=shares, lenient=lenient)
+    wavefront = Wavefront(sessions[0], plan, layout, scene.render, wave_size)
+    wavefront.warm_up()
+    return wavefront
+
+
+def _shares_of(parts: list[Part], sessions: list[Session]) -> list[float] | None:
+    """Return the shares that the same devices had when the render was saved; None where they were others."""
+    last = split_of(parts[-1]["split"]) if parts else {}
+    ids = [session.info.id for session in sessions]
+    return [last[identity] for identity in ids] if last.keys() == set(ids) else None
+
+
+def _parts(wavefront: AnyWavefront, saved: SavedState | None, done: int) -> list[Part]:
+    """Return which device has taken which samples since a render began or went on."""
+    if isinstance(wavefront, SharedWavefront):
+        return wavefront.parts(done)
+    first = 0 if saved is None else saved.done
+    return [{"samples": [first, done], "split": split_text({wavefront.session.info.id: 1.0})}] if done > first else []
 
 
 def _taken(scene: Scene, session: Session, saver: Saver | None) -> tuple[Scene, dict[str, Any]]:

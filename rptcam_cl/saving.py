@@ -6,7 +6,7 @@ import contextlib
 import os
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from rptcam_cl.errors import StateError
 from rptcam_cl.imaging.checkpoint import read_checkpoint, write_checkpoint
 from rptcam_cl.scene import Scene
 from rptcam_cl.wavefront import SavedState
+from rptcam_cl.wavefront.parts import Part, joined
 
 INTERVAL = 60.0  # [s]
 
@@ -29,11 +30,11 @@ class Saver:
     scene
         What is rendered. A saved state continues it only if everything that decides the picture is the same: scene,
         lens, meshes, pictures, seed, film, layers and version; not the number of samples, the time or the output.
-    device : str
-        Name of the device.
+    devices : list of str
+        Names of the devices.
     """
 
-    def __init__(self, path: str | os.PathLike[str], scene: Scene, device: str) -> None:
+    def __init__(self, path: str | os.PathLike[str], scene: Scene, devices: Sequence[str]) -> None:
         self.path = Path(path)
         self._facts = {
             "version": __version__,
@@ -45,7 +46,11 @@ class Saver:
             "layers_spp": scene.render.layers_spp if scene.render.layers else None,
             "scene": scene.content_hash(),
         }
-        self._devices = [device]
+        self._devices = list(dict.fromkeys(devices))
+        self.parts: list[Part] = []
+        """Which device took which samples of the saved render once it is loaded."""
+        self.parts_since: Callable[[int], list[Part]] = lambda done: []
+        """The same of this one, up to so many samples per pixel."""
         self.metered_cd_m2: float | None = None
         """What the exposure follows from; that of the saved render once it is loaded."""
         self.focus: dict[str, Any] | None = None
@@ -70,6 +75,7 @@ class Saver:
         self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
         self.metered_cd_m2 = found.facts.get("metered_cd_m2")
         self.focus = found.facts.get("focus")
+        self.parts = list(found.facts.get("work", []))
         return SavedState(int(found.facts["done"]), found.arrays)
 
     def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
@@ -93,7 +99,8 @@ class Saver:
     def save(self, state: SavedState) -> None:
         """Save a state in place of the last one."""
         decided = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
-        facts = {**self._facts, **decided, "done": state.done, "devices": self._devices}
+        work = joined(self.parts, self.parts_since(state.done))
+        facts = {**self._facts, **decided, "done": state.done, "devices": self._devices, "work": work}
         write_checkpoint(self.path, facts, state.arrays)
         self._written = True
 

@@ -150,6 +150,19 @@ def add_device(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_devices(parser: argparse.ArgumentParser) -> None:
+    """Add the choice of the devices that share a render."""
+    parser.add_argument(
+        "--device", action="append", metavar="SPEC", dest="devices",
+        help="an index as 0:0, a part of a name, cpu, gpu, auto or all (default: $RPTCAM_DEVICE, $PYOPENCL_CTX, auto);"
+        " may be repeated for several devices that share the render",
+    )  # fmt: skip
+    parser.add_argument(
+        "--split", metavar="SPEC=SHARE,...",
+        help="share of each device, as 0:0=0.7,1:0=0.3 (default: by speed, which is measured)",
+    )  # fmt: skip
+
+
 def add_overrides(parser: argparse.ArgumentParser) -> None:
     """Add changes to the scene file."""
     parser.add_argument(

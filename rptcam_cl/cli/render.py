@@ -60,7 +60,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--denoise", action="store_true", help="remove the noise that is left (biased); needs rptcam_cl[denoise]"
     )
-    values.add_device(parser)
+    values.add_devices(parser)
     values.add_overrides(parser)
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write what the render took and met")
     parser.add_argument(
@@ -170,6 +170,27 @@ def _summary(image: "Image", outputs: list[Path]) -> str:
     return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
 
 
+def _devices(arguments: argparse.Namespace) -> str | list[str] | None:
+    """The devices as `rptcam_cl.render` takes them."""
+    given: list[str] | None = arguments.devices
+    return given[0] if given is not None and len(given) == 1 else given
+
+
+def _shared(stats: dict[str, Any]) -> str | None:
+    """What each of several devices has done, and how to have the same again; nothing for a device alone."""
+    if len(stats.get("devices", ())) < 2:
+        return None
+    done = [
+        f"{device['id']} {device['name']} "
+        + ("was dropped" if "dropped" in device else f"took {device['share']:.1%}")
+        + f" at {device['msamples_per_second']:.3g} Msamples/s"
+        for device in stats["devices"]
+    ]
+    again = {part["split"] for part in stats["work"]}
+    repeat = f"; --split {again.pop()} repeats it" if len(again) == 1 else ""
+    return f"devices: {', '.join(done)}{repeat}"
+
+
 def _render(arguments: argparse.Namespace, scene: "Scene", checkpoint: Path) -> tuple["Image", NumericError | None]:
     """Return the picture, and why a strict render fails all the same."""
     from rptcam_cl.api import render
@@ -190,7 +211,8 @@ def _render(arguments: argparse.Namespace, scene: "Scene", checkpoint: Path) -> 
                 noise=arguments.noise,
                 checkpoint=checkpoint,
                 resume=arguments.resume,
-                device=arguments.device,
+                device=_devices(arguments),
+                split=arguments.split,
                 numerics=arguments.stats is not None,
                 strict=arguments.strict,
                 on_progress=show,
@@ -217,6 +239,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if not arguments.quiet:
         for line in image.metadata.get("accuracy", {}).get("says", ()):
             print(f"accuracy: {line}", file=sys.stderr)
+        if shared := _shared(image.stats):
+            print(shared, file=sys.stderr)
         print(_summary(image, [*arguments.outputs, *arguments.raws]), file=sys.stderr)
     if image.stats.get("interrupted"):
         more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""

@@ -8,6 +8,7 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from rptcam_cl.device.listing import first_listed
 from rptcam_cl.errors import DeviceError
 
 REMEDY = "install PoCL with \"pip install 'rptcam_cl[pocl]'\" or the OpenCL driver of your GPU"
@@ -96,7 +97,7 @@ def choose_device(spec: str | None = None) -> DeviceInfo:
     devices = list_devices()
     for source, value in (
         ("--device", spec),
-        ("RPTCAM_DEVICE", os.environ.get("RPTCAM_DEVICE")),
+        ("RPTCAM_DEVICE", first_listed(os.environ.get("RPTCAM_DEVICE"))),
         ("PYOPENCL_CTX", os.environ.get("PYOPENCL_CTX")),
     ):
         if value is not None and value.strip():

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
 
@@ -21,7 +22,7 @@ def open_session(spec: str | None = None) -> Session:
     return _session(choose_device(spec).id)
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=16)
 def _session(device_id: str) -> Session:
     return Session(choose_device(device_id))
 
@@ -119,13 +120,15 @@ class Session:
         """Copy ``array`` to the start of ``buffer``."""
         import pyopencl as cl
 
-        cl.enqueue_copy(self.queue, buffer, array)
+        with self._telling():
+            cl.enqueue_copy(self.queue, buffer, array)
 
     def fill_zero(self, buffer: Any, nbytes: int) -> None:
         """Enqueue filling the first ``nbytes`` of a buffer with zeros."""
         import pyopencl as cl
 
-        cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint32), 0, nbytes)
+        with self._telling():
+            cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint32), 0, nbytes)
 
     def _allocated(self, make: Any, nbytes: int) -> Any:
         import pyopencl as cl
@@ -142,7 +145,8 @@ class Session:
         import pyopencl as cl
 
         out = np.empty(count, dtype)
-        cl.enqueue_copy(self.queue, out, buffer)
+        with self._telling():
+            cl.enqueue_copy(self.queue, out, buffer)
         return out
 
     def bind(self, program: Program, name: str, *arguments: Any) -> Launch:
@@ -151,9 +155,15 @@ class Session:
 
     def finish(self) -> None:
         """Wait until everything enqueued has run."""
+        with self._telling():
+            self.queue.finish()
+
+    @contextmanager
+    def _telling(self) -> Iterator[None]:
+        """Tell of a device that has stopped as what it is."""
         import pyopencl as cl
 
         try:
-            self.queue.finish()
+            yield
         except cl.Error as error:
             raise DeviceError(f"device {self.info.id} {self.info.name} stopped: {error}") from error

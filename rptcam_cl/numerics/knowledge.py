@@ -8,14 +8,16 @@ from typing import Any
 from rptcam_cl.numerics.lens_margin import LensMargin
 from rptcam_cl.plan import Plan
 from rptcam_cl.plan.albedo import LargestAlbedo
-from rptcam_cl.wavefront import Rendering, Wavefront
+from rptcam_cl.wavefront import AnyWavefront, Rendering
 from rptcam_cl.wavefront.precise_lens import traces_in_float64
 
 OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a rim a few do
 LARGEST_ERROR_PX = 0.1  # that float32 may make in a lens
 
 
-def self_knowledge(plan: Plan, wavefront: Wavefront, rendering: Rendering, margin: LensMargin | None) -> dict[str, Any]:
+def self_knowledge(
+    plan: Plan, wavefront: AnyWavefront, rendering: Rendering, margin: LensMargin | None
+) -> dict[str, Any]:
     """Return the numerical part of a picture's statistics; see docs/numerics.md.
 
     Parameters

@@ -138,9 +138,9 @@ class LayerPass:
         """Put back what `planes` returned."""
         self._session.write(self._buffer, np.ascontiguousarray(planes, np.float32))
 
-    def arrays(self) -> dict[str, NDArray[Any]]:
-        """Return the layers by name, (height, width) or (height, width, channels)."""
-        flat = self._layout.in_rows(self.planes())
+    def arrays(self, planes: NDArray[np.float32]) -> dict[str, NDArray[Any]]:
+        """Return the layers of such planes by name, (height, width) or (height, width, channels)."""
+        flat = self._layout.in_rows(planes)
         return Developed(self._planes, flat, self._eye_m).arrays()
 
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.wavefront.achieved import AchievedNoise
 from rptcam_cl.wavefront.film import TILE_PIXELS
 from rptcam_cl.wavefront.noise import NoiseEstimate, NoiseReport
-from rptcam_cl.wavefront.tracer import Wavefront
+from rptcam_cl.wavefront.several import AnyWavefront
 from rptcam_cl.wavefront.watch import NoiseWatch
 
 REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
@@ -60,6 +60,8 @@ class Rendering:
     ----------
     pixels : (height, width, 3) array
         Mean of the film.
+    done : int
+        Samples per pixel up to which it was rendered, those of earlier parts included.
     spp : int
         Samples of the pixels that have most.
     samples : (height, width) array
@@ -85,6 +87,7 @@ class Rendering:
     """
 
     pixels: NDArray[np.float32]
+    done: int
     spp: int
     samples: NDArray[np.uint32]
     variance: NDArray[np.float32]
@@ -107,7 +110,7 @@ class SavedState:
 
 
 def render_plan(
-    wavefront: Wavefront,
+    wavefront: AnyWavefront,
     *,
     spp: int | None,
     seconds: float | None,
@@ -147,6 +150,8 @@ def render_plan(
     while (spp is None or done < spp) and not watch.satisfied:
         # By time, the first picture comes after one sample per pixel; later waves hold at most as many as are done.
         count = min(most, spp - done if spp is not None else most, most if seconds is None else max(done, 1))
+        if seconds is not None:
+            count = min(count, clock.fitting(seconds, done))
         count = watch.most(done, count)
         for wave in wavefront.waves(done, count):
             wavefront.enqueue(*wave)
@@ -165,7 +170,7 @@ def render_plan(
 
 
 def _rendering(
-    wavefront: Wavefront,
+    wavefront: AnyWavefront,
     watch: NoiseWatch,
     done: int,
     start: int,
@@ -181,6 +186,7 @@ def _rendering(
     sums = wavefront.sums()
     return Rendering(
         pixels=layout.picture(sums, tiles),
+        done=done,
         spp=int(film["samples"].max()),
         samples=film["samples"],
         variance=film["variance"],
@@ -200,7 +206,7 @@ class _Clock:
 
     def __init__(
         self,
-        wavefront: Wavefront,
+        wavefront: AnyWavefront,
         estimate: NoiseEstimate | None,
         spp: int | None,
         done: int,
@@ -241,6 +247,11 @@ class _Clock:
         self._batch = max(int(rate * REPORT_INTERVAL), 1)
         self._pending, self._last = 0, now
         self.report(done)
+
+    def fitting(self, seconds: float, done: int) -> int:
+        """Return how many samples per pixel fit into what is left of ``seconds``, at the speed so far; at least one."""
+        made = done - self._first
+        return max(round((seconds - self.elapsed) / self.elapsed * made), 1) if made else 1
 
     def out_of_time(self, seconds: float, done: int) -> bool:
         """Whether another sample per pixel would end nearer to ``seconds`` after it than before."""

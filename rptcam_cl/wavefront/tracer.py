@@ -304,17 +304,16 @@ class Wavefront:
 
     def sums(self) -> NDArray[np.float32]:
         """Return the film's sums and their compensations, shape (6, pixels of the buffer)."""
-        return self._planes()[:PLANES]
+        return self.planes()[:PLANES]
 
-    def _planes(self) -> NDArray[np.float32]:
+    def planes(self) -> NDArray[np.float32]:
+        """Return all of the film, (planes, pixels of the buffer)."""
         count = self._film_planes * self.layout.pixels
         return self.session.read(self._film, np.float32, count).reshape(self._film_planes, -1)
 
     def removed_share(self) -> float:
         """Return the share of the light that the limit of the samples has removed."""
-        planes = self._planes().astype(np.float64)
-        removed, kept = planes[PLANES:].sum(), np.abs(planes[:3] - planes[3:PLANES]).sum() / 3
-        return float(removed / (removed + kept)) if removed else 0.0
+        return share_removed(self.planes())
 
     def picture(self, spp: int | NDArray[np.uint32]) -> NDArray[np.float32]:
         """Return the film's mean, shape (height, width, 3), over the samples per pixel, of all or of each tile."""
@@ -329,10 +328,19 @@ class Wavefront:
     def state(self) -> dict[str, NDArray[Any]]:
         """Return what `restore` needs to go on as if nothing had happened."""
         arrays: dict[str, NDArray[Any]] = {
-            "film": self._planes(),
-            "counts": np.append(self._counts, np.uint64(self._rays)),
+            "film": self.planes(),
+            "counts": self.counts(),
         }
         return arrays if self._layers is None else arrays | {"layers": self._layers.planes()}
+
+    def counts(self) -> NDArray[np.uint64]:
+        """Return rays by status, samples that were not finite, and camera rays, up to the last `finish`."""
+        return np.append(self._counts, np.uint64(self._rays))
+
+    def clear_counts(self) -> None:
+        """Count from 0 on."""
+        self._counts[:] = 0
+        self._rays = 0
 
     def restore(self, arrays: dict[str, NDArray[Any]]) -> None:
         """Go on from what `state` returned."""
@@ -343,16 +351,33 @@ class Wavefront:
 
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""
-        return {} if self._layers is None else self._layers.arrays()
+        return {} if self._layers is None else self._layers.arrays(self._layers.planes())
+
+    @property
+    def layer_pass(self) -> LayerPass | None:
+        """The pass that fills the layers, where there are any."""
+        return self._layers
 
     def outcomes(self) -> dict[str, int]:
         """Return how many camera rays passed the lens, and how many failed and why, up to the last `finish`."""
-        stopped = {status.name.lower(): int(self._counts[status]) for status in list(RayStatus)[1:]}
-        return {"passed": self._rays - sum(stopped.values()), **stopped}
+        return outcomes_of(self.counts())
 
     def not_finite(self) -> int:
         """Return how many samples were dropped because they were not finite, up to the last `finish`."""
         return int(self._counts[-1])
+
+
+def outcomes_of(counts: NDArray[np.uint64]) -> dict[str, int]:
+    """Return how many camera rays passed the lens, and how many failed and why, of what `Wavefront.counts` returns."""
+    stopped = {status.name.lower(): int(counts[status]) for status in list(RayStatus)[1:]}
+    return {"passed": int(counts[-1]) - sum(stopped.values()), **stopped}
+
+
+def share_removed(planes: NDArray[np.float32]) -> float:
+    """Return the share of the light of a whole film that the limit of the samples has removed."""
+    exact = planes.astype(np.float64)
+    removed, kept = exact[PLANES:].sum(), np.abs(exact[:3] - exact[3:PLANES]).sum() / 3
+    return float(removed / (removed + kept)) if removed else 0.0
 
 
 def seed_words(seed: int) -> tuple[int, int]:

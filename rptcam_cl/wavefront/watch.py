@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.wavefront.achieved import AchievedNoise, TwoParts, noise_of_runs
 from rptcam_cl.wavefront.noise import NoiseEstimate, NoiseReport, next_end
-from rptcam_cl.wavefront.tracer import Wavefront
+from rptcam_cl.wavefront.several import AnyWavefront
 
 
 class NoiseWatch:
@@ -21,7 +21,7 @@ class NoiseWatch:
         Of the tiles, where there is a target or their variance is a layer.
     """
 
-    def __init__(self, wavefront: Wavefront, target: float | None) -> None:
+    def __init__(self, wavefront: AnyWavefront, target: float | None) -> None:
         self._wavefront = wavefront
         asked = target is not None or "variance" in wavefront.settings.layers
         self.estimate = NoiseEstimate(wavefront.layout, target) if asked else None
