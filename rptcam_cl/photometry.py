@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.references import read_whole
 
 LUMENS_PER_WATT = 683.0  # SI: the luminous efficacy of light of 540 THz
 _LARGEST_FILE = 4_000_000  # bytes
@@ -62,15 +63,10 @@ def read_luminaire(source: Path | bytes) -> Luminaire:
     ------
     InputError
         When it is no IES file of type C that can be used; the message says why, not which file.
+    StateError
+        When it cannot be read.
     """
-    try:
-        size = len(source) if isinstance(source, bytes) else source.stat().st_size
-        if size > _LARGEST_FILE:
-            raise InputError(f"is too large (got {size} bytes; allowed: at most {_LARGEST_FILE})")
-        content = source if isinstance(source, bytes) else source.read_bytes()
-    except OSError as problem:
-        raise InputError(f"cannot be read ({problem.strerror})") from None
-    return _luminaire(_numbers(content.decode("latin-1")))
+    return _luminaire(_numbers(read_whole(source, _LARGEST_FILE).decode("latin-1")))
 
 
 def _numbers(text: str) -> list[float]:

@@ -15,6 +15,7 @@ from typing import Any
 import yaml
 
 from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.references import References, read_whole
 
 MAX_BYTES = 4_000_000
 MAX_DEPTH = 32
@@ -49,12 +50,15 @@ class Document:
         Dictionaries, lists, strings, numbers, booleans and None.
     name : str
         File name used in messages.
+    files : References
+        Reads the files that the document names; those of the working folder unless told otherwise.
     """
 
     data: Any
     name: str
     _values: dict[KeyPath, Position] = field(repr=False)
     _keys: dict[KeyPath, Position] = field(repr=False)
+    files: References = field(default_factory=References, repr=False, compare=False)
 
     def mark(self, path: KeyPath) -> Position:
         """Return (line, column), from 1, of the value at a key path, or of its nearest enclosing value."""
@@ -138,14 +142,9 @@ def _finite(text: str) -> float:
 
 def _read_file(path: Path, label: str) -> bytes:
     try:
-        if not path.is_file():
-            reason = "is not a regular file" if path.exists() else "no such file"
-            raise InputError(f"{label}: {reason}")
-        if (size := path.stat().st_size) > MAX_BYTES:
-            raise InputError(f"{label}: {_too_big(size)}")
-        return path.read_bytes()
-    except OSError as problem:
-        raise StateError(f"{label}: cannot be read ({problem.strerror})") from problem
+        return read_whole(path, MAX_BYTES)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{label}: {problem}") from None
 
 
 def _too_big(size: int) -> str:

@@ -2,19 +2,27 @@
 
 from __future__ import annotations
 
+import io
+import struct
 import warnings
-from pathlib import Path
+import zlib
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.curves import curves
-from rptcam_cl.errors import InputError
+from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
+from rptcam_cl.references import read_whole
 from rptcam_cl.scene import aperture as scene_shapes
 from rptcam_cl.scene.scene import Scene
 
 LARGEST_MASK = 512  # pixels along a side
+LARGEST_FILE = 16_000_000  # bytes
+
+# What Pillow raises on damaged pictures.
+DAMAGED = (OSError, SyntaxError, ValueError, TypeError, KeyError, IndexError, EOFError, OverflowError, MemoryError,
+           struct.error, zlib.error)  # fmt: skip
 
 
 def stop_shape(scene: Scene, aperture: scene_shapes.Aperture) -> StopShape | StopMask | None:
@@ -35,7 +43,7 @@ def stop_shape(scene: Scene, aperture: scene_shapes.Aperture) -> StopShape | Sto
         case scene_shapes.OutlineAperture():
             return polygon(fitted(aperture.points), aperture.rotation_degrees)
         case scene_shapes.ImageAperture():
-            return StopMask(_mask(scene.aperture_file()))
+            return StopMask(_mask(scene, aperture))
     return None
 
 
@@ -55,22 +63,26 @@ def aperture_tables(scene: Scene, aperture: scene_shapes.Aperture) -> tuple[NDAr
     return np.concatenate([curve.ravel(), corners.ravel()]), facts | {"APERTURE_PARTS": len(corners)}
 
 
-def _mask(path: Path) -> NDArray[np.bool_]:
+def _mask(scene: Scene, aperture: scene_shapes.ImageAperture) -> NDArray[np.bool_]:
     """Return the open cells of a mask picture."""
     from PIL import Image, UnidentifiedImageError
 
-    where = f"camera.aperture.file: {path.name}"
+    where = aperture.place.rstrip(": ")
+    try:
+        content = read_whole(scene.content_of(aperture), LARGEST_FILE)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{where}: {problem}") from None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            with Image.open(path, formats=["PNG", "JPEG", "TIFF"]) as picture:
+            with Image.open(io.BytesIO(content), formats=["PNG", "JPEG", "TIFF"]) as picture:
                 if picture.width != picture.height or picture.width > LARGEST_MASK:
                     raise InputError(
                         f"{where}: is {picture.width} x {picture.height} pixels"
                         f" (allowed: square, at most {LARGEST_MASK} x {LARGEST_MASK})"
                     )
                 grey = np.asarray(picture.convert("L"))
-    except (OSError, UnidentifiedImageError, Image.DecompressionBombError, Warning, ValueError, SyntaxError) as problem:
+    except (*DAMAGED, UnidentifiedImageError, Image.DecompressionBombError, Warning) as problem:
         raise InputError(f"{where}: is not a readable PNG, JPEG or TIFF picture ({problem})") from None
     cells = grey > 127
     if not cells.any():

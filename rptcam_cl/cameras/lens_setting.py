@@ -10,7 +10,7 @@ import numpy as np
 from rptcam_cl.cameras.focusing import focused
 from rptcam_cl.cameras.transmission import as_coated, transmission_of
 from rptcam_cl.errors import InputError
-from rptcam_cl.optics import Lens, load_lens
+from rptcam_cl.optics import Lens
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.transmission import Transmission
 from rptcam_cl.optics.variable import configured, film_behind, moved, zoomed
@@ -127,14 +127,7 @@ def film_point(scene: Scene, camera: LensCamera, right: float, down: float) -> t
 
 def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     """Return the lens at its focal length and working aperture."""
-    source = scene.lens_source()
-    assert source is not None
-    try:
-        lens = load_lens(source)
-    except InputError as problem:
-        place = "camera.lens: " if isinstance(source, str) else ""  # a file's own problem names the file
-        raise InputError(f"{place}{problem}") from None
-    lens = as_coated(lens, camera)
+    lens = as_coated(scene.load_lens(), camera)
     if camera.zoom is not None:
         lens = configured(lens, camera.zoom)
     if camera.focal_length_mm is not None:

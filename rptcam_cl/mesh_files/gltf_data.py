@@ -12,13 +12,15 @@ from urllib.parse import unquote, unquote_to_bytes
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.mesh_files.find import Find
 from rptcam_cl.mesh_files.gltf_json import Part
+from rptcam_cl.references import read_whole
 
 MAGIC = b"glTF"
 JSON_CHUNK = 0x4E4F534A
 BINARY_CHUNK = 0x004E4942
+LARGEST_FILE = 2**32 - 1  # bytes, which is also the most that a .glb file can say of itself
 MOST_JSON_BYTES = 256_000_000
 MOST_ZEROS = 10_000_000  # entries of an array that has no data, which no file size bounds
 
@@ -28,9 +30,17 @@ WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 Octets = NDArray[np.uint8]
 
 
+def whole(path: Path) -> bytes:
+    """Return the content of a file."""
+    try:
+        return read_whole(path, LARGEST_FILE)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{path}: {problem}") from None
+
+
 def read_container(path: Path) -> tuple[Part, bytes | None]:
     """Return the JSON of a .gltf or .glb file, and the data that a .glb has behind it."""
-    content = path.read_bytes()
+    content = whole(path)
     binary: bytes | None = None
     if content[:4] == MAGIC:
         content, binary = _chunks(content, path)
@@ -113,7 +123,7 @@ class Data:
             part = self._buffers[index]
             if part.has("uri"):
                 source = self.file_named_by(part)
-                content = source if isinstance(source, bytes) else self._checked(source, part).read_bytes()
+                content = source if isinstance(source, bytes) else whole(self._checked(source, part))
             elif index == 0 and self._binary is not None:
                 content = self._binary
             else:

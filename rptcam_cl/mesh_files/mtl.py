@@ -6,8 +6,9 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.mesh_files.looks import Colour, Look, Painting
+from rptcam_cl.references import read_whole
 
 MOST_BYTES = 16_000_000
 
@@ -31,11 +32,13 @@ def read_mtl(path: Path) -> dict[str, Look]:
     InputError
         When a value cannot be read.
     """
-    if path.stat().st_size > MOST_BYTES:
-        raise InputError(f"{path}: has more than {MOST_BYTES} bytes")
+    try:
+        content = read_whole(path, MOST_BYTES)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{path}: {problem}") from None
     materials: dict[str, Lines] = {}
     current: Lines | None = None
-    for number, line in enumerate(path.read_bytes().decode("utf-8", "replace").splitlines(), start=1):
+    for number, line in enumerate(content.decode("utf-8", "replace").splitlines(), start=1):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue

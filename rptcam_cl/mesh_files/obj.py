@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files.contents import Draft
-from rptcam_cl.mesh_files.find import Find
+from rptcam_cl.mesh_files.find import Find, open_mesh
 from rptcam_cl.mesh_files.looks import Look
 from rptcam_cl.mesh_files.mesh import Surface
 from rptcam_cl.mesh_files.mtl import read_mtl
@@ -96,7 +96,7 @@ def read_obj(path: Path, find: Find) -> Draft:
         When a line cannot be read, a face names what is not there, or there are no faces.
     """
     reader = ObjReader(path)
-    with path.open("rb") as file:
+    with open_mesh(path) as file:
         reader.read(file)
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")

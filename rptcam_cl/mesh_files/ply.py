@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files.contents import Draft
 from rptcam_cl.mesh_files.faces import Polygons, as_triangles, check_corners
+from rptcam_cl.mesh_files.find import open_mesh
 from rptcam_cl.mesh_files.mesh import Surface
 from rptcam_cl.mesh_files.ply_binary import read_binary
 from rptcam_cl.mesh_files.ply_header import Element, Header, read_header
@@ -34,7 +35,7 @@ def read_ply(path: Path) -> Draft:
     InputError
         When it is not PLY, holds less than it claims or nothing that can be shown.
     """
-    with path.open("rb") as file:
+    with open_mesh(path) as file:
         header = read_header(file, path)
         _check_size(header, path.stat().st_size - file.tell(), path)
         rows = {element.name: element for element in header.elements}

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.mesh_files.find import open_mesh
 from rptcam_cl.mesh_files.mesh import Surface
 from rptcam_cl.mesh_files.text_numbers import numbers_of_lines
 
@@ -35,7 +36,7 @@ def read_stl(path: Path) -> Surface:
         When it is not STL, or holds more or fewer triangles than it says.
     """
     size = path.stat().st_size
-    with path.open("rb") as file:
+    with open_mesh(path) as file:
         head = file.read(HEAD_BYTES)
         count = int.from_bytes(head[80:84], "little")
         binary_size = HEAD_BYTES + count * ROW.itemsize

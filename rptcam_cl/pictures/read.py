@@ -7,6 +7,7 @@ from pathlib import Path
 from rptcam_cl.errors import InputError
 from rptcam_cl.pictures import bitmap, exr, radiance
 from rptcam_cl.pictures.picture import Picture
+from rptcam_cl.references import open_regular, read_whole
 
 SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr")
 LARGEST_FILE = 2 << 30  # bytes; 64 million pixels of four floats are 1 GiB
@@ -19,23 +20,19 @@ def read_picture(source: Path | bytes) -> Picture:
     Raises
     ------
     InputError
-        When it cannot be read or is not a picture that can be used; the message says why, not which file.
+        When it is not a picture that can be used; the message says why, not which file.
+    StateError
+        When it cannot be read.
     """
-    try:
-        size = len(source) if isinstance(source, bytes) else source.stat().st_size
-        if size > LARGEST_FILE:
-            raise InputError(f"is too large (got {size} bytes; allowed: at most {LARGEST_FILE})")
-        head = source[:_HEAD] if isinstance(source, bytes) else _first_bytes(source)
-        if exr.is_exr(head):
-            if isinstance(source, bytes):
-                raise InputError("is OpenEXR inside another file (allowed: PNG or JPEG there)")
-            return exr.read(source)
-        content = source if isinstance(source, bytes) else source.read_bytes()
-    except OSError as problem:
-        raise InputError(f"cannot be read ({problem.strerror})") from None
+    head = source[:_HEAD] if isinstance(source, bytes) else _first_bytes(source)
+    if exr.is_exr(head):
+        if isinstance(source, bytes):
+            raise InputError("is OpenEXR inside another file (allowed: PNG or JPEG there)")
+        return exr.read(source)
+    content = read_whole(source, LARGEST_FILE)
     return radiance.read(content) if radiance.is_radiance(head) else bitmap.read(content)
 
 
 def _first_bytes(path: Path) -> bytes:
-    with path.open("rb") as file:
+    with open_regular(path, LARGEST_FILE) as file:
         return file.read(_HEAD)

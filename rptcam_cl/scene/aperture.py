@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from pydantic import BeforeValidator, Field
 
 from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.file_reference import FileName, FileReference
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, list_of
 
 Turn = Annotated[float, Field(ge=-360, le=360), NUMBER]
@@ -79,13 +80,13 @@ class OutlineAperture(SceneModel):
     """Turn from the camera's +x towards +y [degrees]."""
 
 
-class ImageAperture(SceneModel):
+class ImageAperture(FileReference):
     """A square picture: open where it is brighter than half; its inscribed circle is the aperture's."""
 
     shape: Literal["image"]
     """Outline of the aperture."""
 
-    file: Annotated[str, Field(min_length=1, max_length=1000)]
+    file: FileName
     """Picture file in the scene's folder (PNG, JPEG or TIFF, at most 512 x 512 pixels)."""
 
 

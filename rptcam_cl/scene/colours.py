@@ -12,7 +12,7 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from rptcam_cl.scene.files import Folders
+from rptcam_cl.references import Folders
 from rptcam_cl.scene.numbers import number_at
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.spectrum import SpectralColour

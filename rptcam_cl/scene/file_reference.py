@@ -5,12 +5,15 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import PrivateAttr
+from pydantic import Field, PrivateAttr
 
+from rptcam_cl.references import Folders, digest
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.files import FileName, Folders, digest
+
+LARGEST_FILE = 2 << 30  # bytes, of a picture, the largest kind of file that parts of a scene name
+FileName = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
 class FileReference(SceneModel):
@@ -43,7 +46,7 @@ class FileReference(SceneModel):
     def content_digest(self, folders: Folders) -> str:
         """Return the SHA-256 of the content."""
         source = self.source(folders)
-        return hashlib.sha256(source).hexdigest() if isinstance(source, bytes) else digest(source)
+        return hashlib.sha256(source).hexdigest() if isinstance(source, bytes) else digest(source, LARGEST_FILE)
 
 
 def described(value: SceneModel, folders: Folders) -> dict[str, Any]:

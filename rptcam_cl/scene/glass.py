@@ -13,14 +13,13 @@ from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GLASS
 from rptcam_cl.optics.files.schema import glass_json_schema
 from rptcam_cl.optics.glass import WAVELENGTH_D, Law, held_index, known_range
-from rptcam_cl.scene.files import Folders
+from rptcam_cl.references import Folders, References
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.spectra import WAVELENGTHS_NM
 from rptcam_cl.strict_yaml import Document
 
 SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
 
-FILES = ("catalogue", "refractiveindex")  # keys of a glass that name a file
 KEYS = {name: key for name, key in GLASS.items() if name != "transmittance"}
 
 
@@ -34,7 +33,7 @@ def _read(value: Any, info: ValidationInfo) -> Law:
         raise refuse("is not read here", allowed="absorption_per_m or attenuation of the material",
                      path=("transmittance",))  # fmt: skip
     folders = info.context["folders"] if info.context else Folders()
-    document = Document({"glass": _found(value, folders) if isinstance(value, dict) else value}, "glass", {}, {})
+    document = Document({"glass": value}, "glass", {}, {}, References(folders))
     try:
         medium = read_glass(document, ("glass",))
     except FieldError as problem:
@@ -44,18 +43,6 @@ def _read(value: Any, info: ValidationInfo) -> Law:
     assert isinstance(medium, Law)
     _check(medium)
     return medium
-
-
-def _found(value: dict[Any, Any], folders: Folders) -> dict[Any, Any]:
-    """Return the mapping of a glass with checked paths in place of the names of files."""
-    found = dict(value)
-    for key in FILES:
-        if isinstance(name := value.get(key), str):
-            try:
-                found[key] = str(folders.find(name))
-            except InputError as problem:
-                raise refuse(str(problem), path=(key,)) from None
-    return found
 
 
 def _check(medium: Law) -> None:

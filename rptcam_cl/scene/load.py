@@ -12,9 +12,9 @@ from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.references import Folders
 from rptcam_cl.scene.checks import check_extent
 from rptcam_cl.scene.file_reference import file_references
-from rptcam_cl.scene.files import Folders
 from rptcam_cl.scene.mesh_shape import MeshObject
 from rptcam_cl.scene.overrides import apply_overrides
 from rptcam_cl.scene.problems import Where, input_error, refusal_text, shown

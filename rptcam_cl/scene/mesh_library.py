@@ -17,7 +17,7 @@ from rptcam_cl.mesh_files import (
     finished,
     read_mesh_file,
 )
-from rptcam_cl.scene.files import Folders
+from rptcam_cl.references import Folders
 from rptcam_cl.scene.material import Material
 from rptcam_cl.scene.mesh_look import material_of
 from rptcam_cl.scene.mesh_shape import LoadedMesh, MeshObject, MeshSource, NamedMesh

@@ -9,10 +9,10 @@ from pydantic import ValidationError
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.mesh_files import Look, Painting, has_alpha
+from rptcam_cl.references import Folders
 from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.coverage import NormalMap
 from rptcam_cl.scene.dielectric import LEAST_BEND, Attenuation, Dielectric, ThinGlass
-from rptcam_cl.scene.files import Folders
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mix
 from rptcam_cl.scene.principled import Principled
 from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE

@@ -10,9 +10,9 @@ from pydantic import AfterValidator, Field, PrivateAttr, model_validator
 
 from rptcam_cl.mesh_files import MeshContents, NormalsMode
 from rptcam_cl.mesh_files.winding import winding_number
+from rptcam_cl.references import Folders
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.file_reference import described
-from rptcam_cl.scene.files import Folders
 from rptcam_cl.scene.material import Material
 from rptcam_cl.scene.mesh_rows import FaceRows, Normals, Pairs, Points, Vectors
 from rptcam_cl.scene.refusal import refuse

@@ -10,9 +10,10 @@ from pydantic import BeforeValidator, Discriminator, Field, GetCoreSchemaHandler
 from pydantic_core import CoreSchema, core_schema
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.references import Folders
 from rptcam_cl.scene.base import Alternatives, SceneModel
 from rptcam_cl.scene.coverage import BumpyMaterial
-from rptcam_cl.scene.files import FileName, Folders
+from rptcam_cl.scene.file_reference import FileName
 from rptcam_cl.scene.quantities import NUMBER, list_of
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.roughness import RoughMaterial

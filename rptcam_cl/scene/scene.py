@@ -11,14 +11,16 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from rptcam_cl.scene.aperture import ImageAperture
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics import Lens, load_lens
+from rptcam_cl.optics.library import digests_of_lens, named_lens, names_a_file
+from rptcam_cl.references import Folders, References
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Camera, LensCamera
 from rptcam_cl.scene.checks import check_extent, check_focus, scene_warnings
 from rptcam_cl.scene.environment import WITH_UP, Environment
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, check_exposure
 from rptcam_cl.scene.file_reference import FileReference, file_references
-from rptcam_cl.scene.files import Folders, digest, is_file_reference
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import Light
 from rptcam_cl.scene.material import Material
@@ -168,13 +170,31 @@ class Scene(SceneModel):
         if not isinstance(self.camera, LensCamera):
             return None
         lens = self.camera.lens
-        return self._folders.find(lens) if isinstance(lens, str) and is_file_reference(lens) else lens
+        return self._folders.find(lens) if isinstance(lens, str) and names_a_file(lens) else lens
 
-    def aperture_file(self) -> Path:
-        """Return the checked path of the picture that shapes the aperture."""
-        aperture = getattr(self.camera, "aperture", None)
-        assert isinstance(aperture, ImageAperture)
-        return self._folders.find(aperture.file)
+    def load_lens(self) -> Lens:
+        """Return the real lens of the camera; its files lie where the scene may read.
+
+        Raises
+        ------
+        InputError
+            When it cannot be used; the message names a lens file, else the key.
+        StateError
+            When a file cannot be read.
+        """
+        source = self.lens_source()
+        assert source is not None, "only cameras with a real lens have one"
+        try:
+            if isinstance(source, str):
+                return named_lens(source)
+            return load_lens(source, References(self._lens_folders(source)))
+        except InputError as problem:
+            place = "" if isinstance(source, Path) else "camera.lens: "
+            raise InputError(f"{place}{problem}") from None
+
+    def _lens_folders(self, source: Path | dict[str, Any]) -> Folders:
+        """Return where the files may lie that a lens names."""
+        return self._folders.beside(source) if isinstance(source, Path) else self._folders
 
     def content_of(self, reference: FileReference) -> Path | bytes:
         """Return the checked path of the file that a part of the scene names, or its content where that is known."""
@@ -204,10 +224,13 @@ class Scene(SceneModel):
             if isinstance(item, MeshObject):
                 self.load_mesh(item)
                 plain |= item.described(self._folders)
-        if isinstance(source := self.lens_source(), Path):
-            content["camera"]["lens"] = digest(source)
-        if isinstance(getattr(self.camera, "aperture", None), ImageAperture):
-            content["camera"]["aperture"]["file"] = hashlib.sha256(self.aperture_file().read_bytes()).hexdigest()
+        source = self.lens_source()
+        if source is not None and not isinstance(source, str):
+            digests = digests_of_lens(source, self._lens_folders(source))
+            if isinstance(source, Path):
+                content["camera"]["lens"] = digests.pop("")
+            if digests:
+                content["camera"]["files of the lens"] = digests
         for (key, *rest), reference in file_references(self):
             if key != "materials":
                 part: Any = content[str(key)]

@@ -8,8 +8,9 @@ import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.references import Folders
 from rptcam_cl.scene.base import Alternatives, SceneModel
-from rptcam_cl.scene.files import FileName, Folders
+from rptcam_cl.scene.file_reference import FileName
 from rptcam_cl.scene.numbers import read_number
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.spectrum import Lines, SpectralColour

@@ -9,8 +9,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.scene.files import Folders
+from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.references import Folders, read_whole
 from rptcam_cl.scene.numbers import FLOAT32_MIN_NORMAL, number_at, read_number
 from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.spectrum import Lines
@@ -133,10 +133,8 @@ def _numbers(text: str) -> list[float]:
 
 def _text(path: Path) -> str:
     try:
-        if (size := path.stat().st_size) > LARGEST_FILE:
-            raise InputError(f"is too large (got {size} bytes; allowed: at most {LARGEST_FILE})")
-        return path.read_text("utf-8-sig")
+        return read_whole(path, LARGEST_FILE).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise InputError("is not text in UTF-8") from None
-    except OSError as problem:
-        raise InputError(f"cannot be read ({problem.strerror})") from None
+    except StateError as problem:
+        raise InputError(str(problem)) from None

@@ -10,8 +10,8 @@ from PIL import Image
 from rptcam_cl.errors import InputError
 from rptcam_cl.geometry import mesh_parts
 from rptcam_cl.mesh_files import Look, Painting
+from rptcam_cl.references import Folders
 from rptcam_cl.scene import Material, MeshObject, load_scene
-from rptcam_cl.scene.files import Folders
 from rptcam_cl.scene.mesh_look import material_of
 from rptcam_cl.scene.texture import ImageTexture
 

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 import yaml
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.errors import InputError
 from rptcam_cl.lensview.prescription import lens_text
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
 from rptcam_cl.optics.glass import attenuation
+from rptcam_cl.references import Folders, References
 
 SPECTRUM = {"wavelengths_nm": [400, 550, 700], "values": [0.01, 0.002, 0.02]}
 INSIDE = {"thickness_mm": 10, "wavelengths_nm": [400, 700], "values": [0.9, 0.99]}
@@ -58,13 +59,14 @@ def test_reflectance_from_a_file_beside_the_lens(tmp_path, head):
 @pytest.mark.parametrize("text", ["400,0.01\n300,0.02\n", "400,1.5\n500,1\n", "400,0.01,3\n", "400,0.1\nx,y\n", "a\n"])
 def test_file_that_is_no_spectrum_is_refused_by_its_name(tmp_path, text):
     (tmp_path / "coat.csv").write_text(text)
-    with pytest.raises(InputError, match=r"coat\.csv"):
-        load_lens(doublet(name=str(tmp_path / "x"), coating={"reflectance": "coat.csv"}))
+    with pytest.raises(InputError, match=r"coat\.csv:") as refused:
+        load_lens(doublet(coating={"reflectance": "coat.csv"}), References(Folders(tmp_path)))
+    assert "no such file" not in str(refused.value)
 
 
 def test_missing_file_is_named(tmp_path):
-    with pytest.raises(StateError, match=r"missing\.csv: cannot be read"):
-        load_lens(doublet(name=str(tmp_path / "x"), coating={"reflectance": "missing.csv"}))
+    with pytest.raises(InputError, match=r"coating\.reflectance: no such file \(got .*missing\.csv\)"):
+        load_lens(doublet(coating={"reflectance": "missing.csv"}), References(Folders(tmp_path)))
 
 
 @pytest.mark.parametrize(

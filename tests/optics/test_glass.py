@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
 from rptcam_cl.optics.glass import abbe_number
@@ -95,7 +95,7 @@ def test_lens_files_name_catalogues_beside_them(tmp_path):
     with pytest.raises(InputError, match=r"surfaces\[0\]\.glass\.name: no such glass in x\.agf; did you mean N-BK7"):
         load_lens(path)
     path.write_text(text.format("{catalogue: absent.agf, name: N-BK8}"))
-    with pytest.raises(StateError, match=r"absent\.agf: cannot be read"):
+    with pytest.raises(InputError, match=r"surfaces\[0\]\.glass\.catalogue: no such file"):
         load_lens(path)
 
 

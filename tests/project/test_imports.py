@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 GROUND = {"errors", "_version"}
-FILES = GROUND | {"resources", "strict_yaml"}
+FILES = GROUND | {"references", "resources", "strict_yaml"}
 ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "_version": set(),
@@ -17,10 +17,11 @@ ALLOWED: dict[str, set[str]] = {
     "kinds": set(),
     "records": {"kinds"},
     "resources": GROUND,
-    "strict_yaml": GROUND,
-    "mesh_files": GROUND,
-    "photometry": GROUND,
-    "pictures": GROUND,
+    "references": GROUND,
+    "strict_yaml": GROUND | {"references"},
+    "mesh_files": GROUND | {"references"},
+    "photometry": GROUND | {"references"},
+    "pictures": GROUND | {"references"},
     "spectra": GROUND | {"resources"},
     "sensor": GROUND | {"resources", "spectra"},
     "imaging": GROUND | {"sensor"},
@@ -29,7 +30,7 @@ ALLOWED: dict[str, set[str]] = {
     "geometry": GROUND | {"mesh_files", "records", "scene"},
     "device": GROUND | {"records", "resources"},
     "acceleration": GROUND | {"records", "resources", "geometry", "device"},
-    "cameras": GROUND | {"curves", "photometry", "records", "scene", "optics"},
+    "cameras": GROUND | {"references", "curves", "photometry", "records", "scene", "optics"},
     "plan": GROUND
     | {"curves", "kinds", "records", "scene", "optics", "geometry", "photometry", "pictures", "cameras"}
     | {"spectra", "sensor"},

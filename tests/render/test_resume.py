@@ -12,6 +12,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl import saving
 from rptcam_cl.errors import StateError
+from rptcam_cl.scene import load_scene
 from tests.render.pictures import seed_of
 from tests.render.test_determinism import LENS
 from tests.render.test_world import still_life
@@ -213,3 +214,35 @@ def test_state_that_cannot_be_written_does_not_end_the_render(tmp_path):
         )
     assert image.stats["checkpoint"] is None
     assert image.stats["spp"] == 2
+
+
+GLASS = "DATA:\n  - {{type: formula 5, wavelength_range: 0.3 2.0, coefficients: {index}}}\n"
+ONE_LENS = {
+    "name": "one",
+    "surfaces": [
+        {"radius": 50, "thickness": 4, "glass": {"refractiveindex": "g.yml"}, "diameter": 20},
+        {"radius": -50, "thickness": 5, "diameter": 20},
+        {"stop": True, "diameter": 10},
+    ],
+}
+
+
+def test_picture_of_one_glass_is_not_gone_on_with_through_another(tmp_path):
+    def part(index, spp):
+        (tmp_path / "g.yml").write_text(GLASS.format(index=index))
+        taken = load_scene(scene("pinhole") | {"camera": LENS | {"lens": ONE_LENS}}, base_dir=tmp_path)
+        return rptcam_cl.render(taken, size=(8, 8), spp=spp, checkpoint=tmp_path / "a.rpck", resume=True)
+
+    part(1.5, 1)
+    with pytest.raises(StateError, match="it is of another scene, or one that has changed since"):
+        part(1.7, 2)
+    assert part(1.5, 2).stats["resumed_from"] == 1
+
+
+def test_layers_of_so_many_samples_are_not_gone_on_with_by_others(tmp_path):
+    options = {"size": (8, 8), "layers": ["depth"], "checkpoint": tmp_path / "a.rpck", "resume": True}
+    rptcam_cl.render(scene("pinhole") | {"render": {"layers_spp": 2}}, spp=1, **options)
+    with pytest.raises(StateError, match="its layers_spp is 2, and this render's 3"):
+        rptcam_cl.render(scene("pinhole") | {"render": {"layers_spp": 3}}, spp=2, **options)
+    again = rptcam_cl.render(scene("pinhole") | {"render": {"layers_spp": 2}}, spp=2, **options)
+    assert again.stats["resumed_from"] == 1

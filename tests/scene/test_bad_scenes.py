@@ -36,7 +36,7 @@ FILES: list[tuple[str, str | bytes, str]] = [
     ("merge bomb", MERGES, r":1:4: anchors are not allowed"),
     ("merge key", "camera:\n  <<: {kind: pinhole}\n", r":2:3: merge keys"),
     ("nested too deep", "a: " + "[" * 1000 + "]" * 1000 + "\n", r":1:\d+: nested deeper than 32 levels"),
-    ("too long", "# " + "x" * 4_100_000 + "\n", r": has \d+ bytes \(at most 4000000; put meshes"),
+    ("too long", "# " + "x" * 4_100_000 + "\n", r": is too large \(got \d+ bytes; allowed: at most 4000000"),
     ("too many values", "a: [" + "0," * 60_000 + "]\n", r":1:\d+: more than 50000 values"),
     ("endless integer", HEAD.replace("40", "4" * 5000), r":1:\d+: a number of 5000 digits"),
     ("beyond float64", HEAD.replace("40", "1e400"), r":1:\d+: 1e400 is beyond the range"),

@@ -12,11 +12,14 @@ import numpy as np
 from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.glass import Law, PowerSeries, Sellmeier, TabulatedIndex
+from rptcam_cl.references import read_whole
 from rptcam_cl.strict_yaml import read_yaml
 
 Formula = Callable[[list[float], tuple[float, float], str], Law]
 
 SCHOTT, SELLMEIER_1, EXTENDED, SELLMEIER_5, EXTENDED_2, EXTENDED_3 = 1, 2, 10, 11, 12, 13
+LARGEST_FILE = 16_000_000  # bytes; all catalogues of Zemax in one file have 2 MB
+
 POWERS: dict[int, tuple[int, ...]] = {
     SCHOTT: (0, 2, -2, -4, -6, -8),
     EXTENDED: (0, 2, -2, -4, -6, -8, -10, -12),
@@ -26,17 +29,40 @@ POWERS: dict[int, tuple[int, ...]] = {
 
 
 def read_agf(path: Path | str) -> dict[str, Law]:
+    """Return the glasses of a catalogue file by name, as `glasses_of_agf` does.
+
+    Raises
+    ------
+    InputError
+        When it is not a regular file of bearable size, or holds no glass that is known.
+    StateError
+        When it cannot be read.
+    """
+    try:
+        return glasses_of_agf(read_whole(Path(path), LARGEST_FILE), path)
+    except StateError as problem:
+        raise StateError(f"{path}: {problem}") from None
+
+
+def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
     """Return the glasses of a catalogue by name. Those with a formula that is not known are left out.
 
     Known: Schott (1), Sellmeier 1 (2), Sellmeier 3 and 5 (6, 11), extended 1 to 3 (10, 12, 13). Lines IT (wavelength in
     um, internal transmittance, thickness in mm) say what a glass absorbs.
+
+    Parameters
+    ----------
+    content : bytes
+        Of the file.
+    path : Path or str
+        What errors call it.
     """
     glasses: dict[str, Law] = {}
     name, formula = "", 0
     terms: list[float] = []
     inside: list[tuple[float, float, float]] = []
     limits: tuple[float, float] | None = None
-    for line, raw in enumerate(_text(Path(path)).splitlines(), start=1):
+    for line, raw in enumerate(_text(content).splitlines(), start=1):
         words = raw.split()
         if not words:
             continue
@@ -86,9 +112,17 @@ def _absorption(inside: list[tuple[float, float, float]]) -> Absorption | None:
     return Absorption.from_transmittance(*zip(*rows, strict=True)) if len(rows) > 1 else None
 
 
-def read_refractive_index(path: Path | str) -> Law:
-    """Return the medium of a refractiveindex.info file: formulas 1, 2, 3 and 5, or tabulated n; k when there is one."""
-    document = read_yaml(Path(path))
+def read_refractive_index(path: Path | str, content: bytes | None = None) -> Law:
+    """Return the medium of a refractiveindex.info file: formulas 1, 2, 3 and 5, or tabulated n; k when there is one.
+
+    Parameters
+    ----------
+    path : Path or str
+        The file.
+    content : bytes, optional
+        What it holds, where that is known.
+    """
+    document = read_yaml(Path(path) if content is None else content, str(path))
     data = document.data
     blocks = data.get("DATA") if isinstance(data, dict) else None
     if not isinstance(blocks, list) or not blocks:
@@ -164,11 +198,7 @@ _FORMULAS: dict[str, Formula] = {
 }
 
 
-def _text(path: Path) -> str:
-    try:
-        raw = path.read_bytes()
-    except OSError as problem:
-        raise StateError(f"{path}: cannot be read ({problem.strerror})") from problem
+def _text(raw: bytes) -> str:
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
         return raw.decode("utf-16", "replace")
     return raw.decode("utf-8-sig", "replace")

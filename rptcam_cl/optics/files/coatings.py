@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import pairwise
-from pathlib import Path
 
 from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.optics.coating import (
@@ -21,7 +20,7 @@ from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, QUARTER_WAVE, RE
 from rptcam_cl.optics.glass import WAVELENGTH_D, Medium
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.transmission import meets_air
-from rptcam_cl.strict_yaml import Document, KeyPath
+from rptcam_cl.strict_yaml import MAX_BYTES, Document, KeyPath
 
 WORDS: dict[str, Coating] = dict(zip(COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE), strict=True))
 FORMS = f"{', '.join(COATING_WORDS)}, {{quarter_wave: …}} or {{reflectance: …}}"
@@ -86,7 +85,7 @@ def _quarter_wave(fields: Fields) -> Coating:
 def _measured(fields: Fields) -> Coating:
     value = fields.get("reflectance")
     if isinstance(value, str):
-        return read_reflectance(Path(fields.document.name).parent / value)
+        return _read_reflectance(fields, value)
     if isinstance(value, dict):
         inner = Fields(fields.document, (*fields.path, "reflectance"), REFLECTANCE)
         return MeasuredReflectance(*read_spectrum(inner, "reflectance"))
@@ -118,20 +117,15 @@ def spectrum_fault(wavelengths: tuple[float, ...], values: tuple[float, ...], wh
     return None
 
 
-def read_reflectance(path: Path) -> MeasuredReflectance:
-    """Return the coating of a CSV file: wavelength [nm] and reflectance (0 to 1) in each line, perhaps under a head.
-
-    Raises
-    ------
-    InputError
-        When it holds anything else.
-    StateError
-        When it cannot be read.
-    """
+def _read_reflectance(fields: Fields, name: str) -> MeasuredReflectance:
+    """Return the coating of a CSV file: wavelength [nm] and reflectance (0 to 1) in each line, perhaps under a head."""
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except (OSError, UnicodeDecodeError) as trouble:
-        raise StateError(f"{path}: cannot be read ({getattr(trouble, 'strerror', trouble)})") from None
+        path, content = fields.document.files.read(name, MAX_BYTES)
+        text = content.decode("utf-8-sig")
+    except (InputError, StateError) as trouble:
+        raise fields.fail("reflectance", str(trouble)) from None
+    except UnicodeDecodeError:
+        raise fields.fail("reflectance", "is not text in UTF-8") from None
     rows: list[tuple[float, float]] = []
     for number, line in enumerate(text.splitlines(), start=1):
         words = line.split("#")[0].replace(",", " ").replace(";", " ").split()

@@ -7,8 +7,9 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
+from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.optics.absorption import Absorption
-from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
+from rptcam_cl.optics.files.catalogue import LARGEST_FILE, glasses_of_agf, read_refractive_index
 from rptcam_cl.optics.files.coatings import read_spectrum
 from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.files.glass_names import glass_named, near_names
@@ -33,7 +34,7 @@ from rptcam_cl.optics.glass import (
     Sellmeier,
     TabulatedIndex,
 )
-from rptcam_cl.strict_yaml import Document, KeyPath
+from rptcam_cl.strict_yaml import MAX_BYTES, Document, KeyPath
 
 
 def read_glass(document: Document, path: KeyPath) -> Medium:
@@ -140,8 +141,8 @@ def _range(fields: Fields) -> tuple[float, float] | None:
 
 
 def _catalogue(fields: Fields) -> Law:
-    path = _beside(fields, fields.text("catalogue"))
-    glasses, name = read_agf(path), fields.text("name")
+    path, content = _content(fields, "catalogue", LARGEST_FILE)
+    glasses, name = glasses_of_agf(content, path), fields.text("name")
     for known, medium in glasses.items():
         if known.lower() == name.lower():
             return medium
@@ -150,12 +151,15 @@ def _catalogue(fields: Fields) -> Law:
 
 
 def _refractive_index(fields: Fields) -> Law:
-    return read_refractive_index(_beside(fields, fields.text("refractiveindex")))
+    return read_refractive_index(*_content(fields, "refractiveindex", MAX_BYTES))
 
 
-def _beside(fields: Fields, name: str) -> Path:
-    """Return a path that a lens file names, relative to the lens file itself."""
-    return Path(fields.document.name).parent / name
+def _content(fields: Fields, key: str, most: int) -> tuple[Path, bytes]:
+    """Return the path and the content of the file that a key names."""
+    try:
+        return fields.document.files.read(fields.text(key), most)
+    except (InputError, StateError) as problem:
+        raise fields.fail(key, str(problem)) from None
 
 
 _LAWS = {

@@ -21,13 +21,15 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.variable import configured
+from rptcam_cl.references import References
 from rptcam_cl.strict_yaml import Document
 
 
-def document_of(mapping: Mapping[str, Any]) -> Document:
-    """Return a mapping made in Python as a document without line numbers."""
+def document_of(mapping: Mapping[str, Any], files: References | None = None) -> Document:
+    """Return a mapping made in Python as a document without line numbers; it may name files of the working folder."""
     name = mapping.get("name")
-    return Document(_plain(mapping), name if isinstance(name, str) and name else "<lens>", {}, {})
+    label = name if isinstance(name, str) and name else "<lens>"
+    return Document(_plain(mapping), label, {}, {}, files or References())
 
 
 def _plain(value: Any) -> Any:
