@@ -146,6 +146,7 @@ def test_command_ends_with_3_and_one_line(rptcam, words, tmp_path):
 def test_record_of_parts_joins_what_is_alike_and_keeps_what_was_dropped():
     both, one = split_text({"0:1": 0.7, "0:2": 0.3}), split_text({"0:1": 1.0})
     assert split_of(both) == {"0:1": 0.7, "0:2": 0.3}
+    assert ended([], 16) == []
     parts = begun([], 0, both)
     assert ended(parts, 16) == [{"samples": [0, 16], "split": both}]
     parts = begun(parts, 8, one, {"0:2": "why"})

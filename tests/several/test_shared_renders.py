@@ -1,7 +1,10 @@
 """A render that devices share is the one that each of them makes alone, and a failed device takes nothing with it."""
 
+import subprocess
+import sys
 import threading
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -176,11 +179,44 @@ def test_interrupted_shared_render_goes_on_to_the_same_bits_on_whatever_devices(
     assert done < 40
     more = rptcam_cl.render(scene("lens"), spp=40, device=[first, second], **options)  # by the shares of before
     assert more.stats["work"] == [{"samples": [0, 40], "split": "0:1=0.7,0:2=0.3"}]
+    idle = rptcam_cl.render(scene("lens"), spp=20, device=[first, second], **options)  # which has them already
+    assert same(idle, more)
+    assert (taken(idle), idle.stats["work"]) == ({"0:1": 0, "0:2": 0}, more.stats["work"])
     rest = rptcam_cl.render(scene("lens"), spp=60, device=whole, **options)
     assert rest.stats["resumed_from"] == 40
     assert same(rest, alone)
     assert rest.stats["work"] == [*more.stats["work"], {"samples": [40, 60], "split": "0:0=1"}]
     assert taken(rest) == {"0:0": 20 * SIZE[0] * SIZE[1]}
+
+
+ENDLESS = """
+import rptcam_cl
+from rptcam_cl import saving
+from rptcam_cl.device import Session
+from tests.render import test_resume as t
+from tests.several.devices import processor_and_cores
+saving.INTERVAL = 0.0
+cores = [Session(info) for info in processor_and_cores()[1:]]
+rptcam_cl.render(t.scene("pinhole"), size=t.SIZE, spp=10**6, device=cores, split={{"0:1": 0.7, "0:2": 0.3}},
+                 checkpoint={state!r}, resume=True)
+"""
+
+
+@pytest.mark.slow
+def test_killed_shared_render_goes_on_to_the_same_bits(first, second, whole, tmp_path):
+    state, root = tmp_path / "a.rpck", Path(__file__).resolve().parents[2]
+    for _ in range(2):
+        before = state.stat().st_mtime_ns if state.exists() else None
+        process = subprocess.Popen([sys.executable, "-c", ENDLESS.format(state=str(state))], cwd=root)
+        while process.poll() is None and (not state.exists() or state.stat().st_mtime_ns == before):
+            time.sleep(0.01)
+        process.kill()
+        assert process.wait() < 0
+    options = {"size": SIZE, "checkpoint": state, "resume": True}
+    saved = rptcam_cl.render(scene("pinhole"), spp=1, device=[first, second], **options).stats["resumed_from"]
+    part = rptcam_cl.render(scene("pinhole"), spp=saved + 5, device=[first, second], **options)
+    assert part.stats["work"] == [{"samples": [0, saved + 5], "split": "0:1=0.7,0:2=0.3"}]
+    assert same(part, rptcam_cl.render(scene("pinhole"), size=SIZE, spp=saved + 5, device=whole))
 
 
 def test_names_of_all_devices_that_worked_are_told_after_a_resume(first, second, tmp_path, monkeypatch):
