@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import D_LINE, check_file, load, write
+from rptcam_cl.cli.lens_options import D_LINE, add_catalogue, check_file, load, write
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.errors import InputError
 
@@ -19,6 +19,7 @@ def add_to(commands: Commands) -> None:
     parser = commands.add_parser("convert", help=text, description=text.capitalize() + ".")
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file of any known kind")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml or .dat")
+    add_catalogue(parser)
     parser.add_argument("--f-number", type=values.positive, metavar="N", help="stop down (default: as in the file)")
     parser.add_argument(
         "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens and write it as it then is"
@@ -40,7 +41,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if suffix not in _SUFFIXES:
         raise InputError(f"{arguments.output}: unknown kind of lens file to write (allowed: {', '.join(_SUFFIXES)})")
     check_file(arguments.output, arguments.lens)
-    lens = load(arguments.lens)
+    lens = load(arguments.lens, arguments.catalogue)
     comments = []
     if arguments.focal_length_mm is not None:
         lens = replace(zoomed(lens, arguments.focal_length_mm), configurations=(), published={})

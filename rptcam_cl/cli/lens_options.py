@@ -3,6 +3,7 @@
 import argparse
 import math
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -74,11 +75,21 @@ def add_lens(parser: argparse.ArgumentParser) -> None:
         "--focus-distance-m", type=values.positive, metavar="D",
         help="distance from the object to the film in metres (default: infinity)",
     )  # fmt: skip
+    add_catalogue(parser)
     zoom = parser.add_mutually_exclusive_group()
     zoom.add_argument("--zoom", metavar="NAME", help="position of a zoom lens, by its name (default: the first)")
     zoom.add_argument(
         "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens, between its positions too"
     )
+
+
+def add_catalogue(parser: argparse.ArgumentParser) -> None:
+    """Add whose glasses come first."""
+    parser.add_argument(
+        "--catalogue", action="append", default=[], metavar="MAKER",
+        help="whose glasses come first in a file of another program, such as SCHOTT; may be given again "
+        "(default: as the file says, else SCHOTT, OHARA, HOYA, ...)",
+    )  # fmt: skip
 
 
 def coating(text: str) -> "Coating":
@@ -146,7 +157,7 @@ def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
     """The lens at the focal length that the options ask for; doubts about it go to standard error."""
     from rptcam_cl.optics.variable import configured, zoomed
 
-    lens = load(arguments.lens)
+    lens = load(arguments.lens, arguments.catalogue)
     if arguments.zoom is not None:
         return configured(lens, arguments.zoom)
     if arguments.focal_length_mm is not None:
@@ -154,11 +165,11 @@ def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
     return lens
 
 
-def load(source: str) -> "Lens":
+def load(source: str, catalogues: Sequence[str] = ()) -> "Lens":
     """A lens; doubts about it go to standard error."""
     from rptcam_cl.optics import load_lens
 
-    lens = load_lens(source)
+    lens = load_lens(source, catalogues=catalogues)
     for warning in lens.warnings:
         print(f"warning: {warning}", file=sys.stderr)
     return lens

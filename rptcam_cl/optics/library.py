@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import difflib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.optics.files.codev import read_codev
-from rptcam_cl.optics.files.iset import is_iset, read_iset
+from rptcam_cl.optics.files.deeplens import is_deeplens, read_deeplens
+from rptcam_cl.optics.files.glass_names import chosen_makers
+from rptcam_cl.optics.files.iset import is_iset, is_ray_transfer, read_iset
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.files.optical_bench import is_optical_bench, read_optical_bench
 from rptcam_cl.optics.files.pbrt import read_pbrt
@@ -19,11 +21,16 @@ from rptcam_cl.optics.files.zemax import read_zemax
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.references import Folders, References, digest, read_whole
 from rptcam_cl.resources import lenses_dir
-from rptcam_cl.strict_yaml import MAX_BYTES, read_yaml
+from rptcam_cl.strict_yaml import MAX_BYTES, Document, read_yaml
 
 NATIVE_SUFFIXES = (".yaml", ".yml", ".json")
+NAMING: dict[str, Callable[[str, str, tuple[str, ...]], Lens]] = {".zmx": read_zemax, ".seq": read_codev}
 READERS: dict[str, Callable[[str, str], Lens]] = {".dat": read_pbrt, ".zmx": read_zemax, ".seq": read_codev}
 SUFFIXES = (*NATIVE_SUFFIXES, *READERS, ".txt")
+STRANGE = {
+    ".zar": "a Zemax archive", ".zos": "a binary file of OpticStudio", ".zmf": "a catalogue of lenses of Zemax",
+    ".len": "a lens of OSLO or an older CODE V", ".roa": "a model of ray-optics", ".agf": "a catalogue of glasses",
+}  # fmt: skip
 
 
 def list_lenses() -> list[str]:
@@ -49,17 +56,21 @@ def named_lens(name: str) -> Lens:
     return read_native(read_yaml(lenses_dir() / f"{name}.yaml"))
 
 
-def load_lens(source: str | Path | Mapping[str, Any], files: References | None = None) -> Lens:
+def load_lens(
+    source: str | Path | Mapping[str, Any], files: References | None = None, catalogues: Sequence[str] = ()
+) -> Lens:
     """Return a lens.
 
     Parameters
     ----------
     source : str, Path or mapping
-        A name from `list_lenses`; a path to a lens file: our YAML or JSON, ISET JSON, pbrt ``.dat``, Zemax ``.zmx``,
-        CODE V ``.seq`` or Optical Bench ``.txt``; or the content of a file of ours.
+        A name from `list_lenses`; a path to a lens file: our YAML or JSON, ISET or DeepLens JSON, pbrt ``.dat``,
+        Zemax ``.zmx``, CODE V ``.seq`` or Optical Bench ``.txt``; or the content of a file of ours.
     files : References, optional
         Reads the files that the lens names: glass catalogues, coatings. By default they lie in the folder of the lens
         file or below it, for a mapping in the working folder.
+    catalogues : sequence of str
+        Makers such as ``SCHOTT`` whose glasses come first where a file of Zemax or CODE V names one that several have.
 
     Raises
     ------
@@ -79,16 +90,41 @@ def load_lens(source: str | Path | Mapping[str, Any], files: References | None =
         found = False
     if not found:
         raise _unknown(str(source))
+    makers = chosen_makers(catalogues)
+    try:
+        return _read(path, files, makers)
+    except InputError as problem:
+        if str(path) in str(problem):
+            raise
+        raise InputError(f"{path}: {problem}") from None
+
+
+def _read(path: Path, files: References | None, makers: tuple[str, ...]) -> Lens:
+    """Return the lens of a file, whosever form it has."""
     suffix = path.suffix.lower()
     if suffix in NATIVE_SUFFIXES:
         document = replace(read_yaml(path), files=files or References(Folders(path.parent, owner="lens")))
-        return read_iset(document) if is_iset(document) else read_native(document)
+        return _of_document(document, makers)
+    if suffix in NAMING:
+        return NAMING[suffix](_read_text(path), str(path), makers)
     if suffix in READERS:
         return READERS[suffix](_read_text(path), str(path))
     if suffix == ".txt":
         text = _read_text(path)
         return read_optical_bench(text, str(path)) if is_optical_bench(text) else read_pbrt(text, str(path))
-    raise InputError(f"{path}: unknown kind of lens file; known: {', '.join(SUFFIXES)}")
+    what = f"is {STRANGE[suffix]}, which cannot be read" if suffix in STRANGE else "unknown kind of lens file"
+    raise InputError(f"{path}: {what}; known: {', '.join(SUFFIXES)}")
+
+
+def _of_document(document: Document, makers: tuple[str, ...]) -> Lens:
+    """Return the lens of a JSON or YAML document, whosever form it has."""
+    if is_ray_transfer(document):
+        raise InputError(
+            f"{document.name}: is an ISET ray transfer: polynomials in place of a lens, with no surfaces to trace"
+        )
+    if is_deeplens(document):
+        return read_deeplens(document, makers)
+    return read_iset(document, makers) if is_iset(document) else read_native(document)
 
 
 def digests_of_lens(source: Path | Mapping[str, Any], folders: Folders) -> dict[str, str]:
@@ -121,7 +157,10 @@ def _read_text(path: Path) -> str:
     except (InputError, StateError) as problem:
         raise type(problem)(f"{path}: {problem}") from None
     if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return raw.decode("utf-16")
+        try:
+            return raw.decode("utf-16")
+        except UnicodeDecodeError as problem:
+            raise InputError(f"{path}: is not whole UTF-16 text (byte {problem.start})") from None
     if b"\0" in raw:
         raise InputError(f"{path}: contains NUL bytes; this is not a text file")
     return raw.decode("utf-8-sig", "replace")

@@ -48,6 +48,13 @@ class Frame:
         if tilt_first:
             self.place = self.place + self.turn @ np.array(decentre)
 
+    def unbend(self, decentre: tuple[float, float, float], tilt_degrees: tuple[float, float, float]) -> None:
+        """Undo a tilt, and then a decentre, as REV of CODE V does behind a surface."""
+        bent = Frame(self.senses)
+        bent.bend((0.0, 0.0, 0.0), tilt_degrees)
+        self.turn = self.turn @ bent.turn.T
+        self.place = self.place - self.turn @ np.array(decentre)
+
     def keys(self) -> dict[str, list[float]]:
         """Return the decentre and tilt keys of a surface that stands here; empty on the axis."""
         if self.is_nominal:

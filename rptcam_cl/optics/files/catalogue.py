@@ -76,7 +76,7 @@ def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
                 limits = (1e3 * float(words[1]), 1e3 * float(words[2]))
             elif words[0] == "IT" and len(words) > 3:
                 inside.append((1e3 * float(words[1]), float(words[2]), float(words[3])))
-        except (IndexError, ValueError):
+        except (IndexError, ValueError, OverflowError):
             raise InputError(f"{path}:{line}: cannot read this {words[0]} line of a glass catalogue") from None
     _add(glasses, name, formula, terms, limits, inside)
     if not glasses:
@@ -175,10 +175,17 @@ def _extinction(path: Path | str, blocks: list[Any]) -> Absorption | None:
 
 
 def _formula_1(terms: list[float], limits: tuple[float, float], name: str) -> Law:
+    _check_pairs(terms)
     return Sellmeier(tuple(terms[1::2]), tuple(c * c for c in terms[2::2]), terms[0], limits, name)
 
 
+def _check_pairs(terms: list[float]) -> None:
+    if len(terms) % 2 == 0:
+        raise ValueError("a constant and pairs of strength and resonance are expected")
+
+
 def _formula_2(terms: list[float], limits: tuple[float, float], name: str) -> Law:
+    _check_pairs(terms)
     return Sellmeier(tuple(terms[1::2]), tuple(terms[2::2]), terms[0], limits, name)
 
 

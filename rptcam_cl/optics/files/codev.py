@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.files.breaks import Frame
-from rptcam_cl.optics.files.table import Table, glass_entry, numbers, six_digit_glass
+from rptcam_cl.optics.files.codev_glass import is_private_end, private_glasses
+from rptcam_cl.optics.files.table import Table, numbers
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"M": "mm", "C": "cm", "I": "in"}
@@ -15,36 +19,66 @@ POWERS = dict(zip("ABCDEFGHJ", range(4, 22, 2), strict=True))
 # ADE and BDE turn left handed, CDE right handed: the convention of optical design, as ray-optics has it (misc_math.py).
 SENSES = (-1.0, -1.0, 1.0)
 TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
+FAR = 1e9  # an object beyond this is at infinity
+_PARTS = re.compile(r"'[^']*'|\"[^\"]*\"|!|[^!'\"]+|['\"]")
+_SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
+_HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM", "ZOO"))
+_NUMBERED = frozenset(("K", *POWERS, *TILTS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
+_OF_SURFACES = frozenset((*_NUMBERED, "STO", "CIR", "CYL", "YTO", "GLA", "GL1", "DAR", "REV"))
+RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
 QUIET_WORDS = """
-LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB YOB XIM CCY THC CCX KC AC BC CC DC PIM DER DAR SPH ASP CON
-SLB CA CUM THM BEN REX REY GLB DIF TIT ADX ADY
+LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB XIM CCY THC CCX KC AC BC CC DC EC FC GC HC PIM DER DAR REV SPH ASP CON
+SLB CUM THM BEN REX REY GLB TIT ADX ADY ADZ TEM PRE CA RMD RET VUP TEL GLC CUF CUC HWL HCT HOR HCC HCO PWL END AFI
+DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC CDC STP SAV OUT WRX WTX FCO SUR IN NXT
 """
 QUIET = frozenset(QUIET_WORDS.split())
+NOT_READ = {"DIF": "a diffractive surface", "HOE": "a holographic surface", "GRT": "a grating",
+            "SPS": "a special surface",
+            "XTO": "a toroid about x", "AAS": "an anamorphic asphere",
+            "ZRN": "a Zernike surface", "UDS": "a surface of its own",
+            "SPL": "a spline", "GRN": "a gradient index", "FRN": "a Fresnel surface"}  # fmt: skip
 
 
 @dataclass
 class _Surface:
     line: int
-    curvature: float
+    value: float
     thickness: float
     glass: str
+    radius_mode: bool | None
     stop: bool = False
     diameter: float | None = None
     conic: float = 0.0
     aspheric: dict[int, float] = field(default_factory=dict)
     cylinder: str | None = None
+    curvature_x: float | None = None
+    clear: dict[str, float] = field(default_factory=dict)
     bend: dict[str, float] = field(default_factory=dict)
+    way: str = ""
+
+    @property
+    def curvature(self) -> float:
+        return (1.0 / self.value if self.value else 0.0) if self.radius_mode else self.value
 
 
-def read_codev(text: str, path: str) -> Lens:
-    """Return the lens of a CODE V sequence."""
-    table = Table(path)
-    surfaces = _parse(text, table)
+def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
+    """Return the lens of a CODE V sequence; glasses of `makers` come first."""
+    table = Table(path, makers=makers)
+    statements = _statements(text)
+    surfaces = _parse(statements, table)
+    _choose_radii(surfaces, table)
+    private = private_glasses(statements, path)
     frame = Frame(SENSES)
     for place, surface in enumerate(surfaces):
-        if surface.bend:
-            frame.bend(_three(surface.bend, TILTS[:3]), _three(surface.bend, TILTS[3:]))
-        row = _row(surface, table) | frame.keys()
+        before = frame.place, frame.turn
+        decentre, tilt = _three(surface.bend, TILTS[:3]), _three(surface.bend, TILTS[3:])
+        if surface.way != "REV":
+            frame.bend(decentre, tilt)
+        row = _row(surface, table, private) | frame.keys()
+        if surface.way == "REV":
+            frame.unbend(decentre, tilt)
+        elif surface.way == "DAR":
+            frame.place, frame.turn = before
         if place < len(surfaces) - 1:
             row["thickness"] = surface.thickness
         frame.advance(surface.thickness)
@@ -53,45 +87,78 @@ def read_codev(text: str, path: str) -> Lens:
 
 
 def _statements(text: str) -> list[tuple[int, list[str]]]:
-    """Return the words of each statement: separated by semicolons, continued by &, comments behind !."""
+    """Return the words of each statement: between semicolons, continued by &, comments behind !, text in quotes."""
     result: list[tuple[int, list[str]]] = []
     carry = ""
     for line, raw in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
-        bare = carry + raw.split("!")[0].rstrip()
+        parts = _PARTS.findall(carry + raw)
+        bare = "".join(parts[: parts.index("!")] if "!" in parts else parts).rstrip()
         if bare.endswith("&"):
             carry = bare[:-1] + " "
             continue
         carry = ""
-        result += [(line, part.split()) for part in bare.split(";") if part.split()]
+        for statement in _SPLIT.split(bare):
+            if words := statement.split():
+                result.append((line, words))
     return result
 
 
-def _parse(text: str, table: Table) -> list[_Surface]:
+def _parse(statements: list[tuple[int, list[str]]], table: Table) -> list[_Surface]:
     surfaces: list[_Surface] = []
-    radius_mode, inside = False, True
-    for line, words in _statements(text):
+    radius_mode: bool | None = None
+    inside, private = True, False
+    for line, words in statements:
         key, rest = words[0].upper(), words[1:]
-        if key == "RDM":
+        if private:
+            private = not is_private_end(key)
+        elif key == "PRV":
+            private = True
+        elif key == "RDM":
             radius_mode = not rest or rest[0].upper() != "N"
-        elif key == "SO":
+        elif key in ("SO", "SI"):
             inside = False
-        elif key == "SI":
-            inside = False
-            break
+            if key == "SO" and len(rest) > 1:
+                table.object_distance = _distance(numbers(rest[1:2], table.path, line)[0])
         elif key == "S" or (key[0] == "S" and key[1:].isdigit()):
             inside = True
-            surfaces.append(_new(rest, radius_mode, line, table))
+            value, thickness = numbers([*rest, "0", "0"][:2], table.path, line)
+            glass = rest[2] if len(rest) > 2 else ""
+            surfaces.append(_Surface(line, value, thickness, glass, radius_mode))
+        elif rest and (target := _target(rest[0], surfaces)) is not None:
+            _take(target, key, rest[1:], line, table)
+        elif key in _HEADER:
+            _header(key, rest, line, table)
         elif surfaces and inside:
             _take(surfaces[-1], key, rest, line, table)
+        elif key in NOT_READ or key in _OF_SURFACES:
+            continue  # of the object or the image
         else:
             _header(key, rest, line, table)
     return surfaces
 
 
-def _new(rest: list[str], radius_mode: bool, line: int, table: Table) -> _Surface:
-    value, thickness = numbers([*rest, "0", "0"][:2], table.path, line)
-    curvature = (1.0 / value if value else 0.0) if radius_mode else value
-    return _Surface(line, curvature, thickness, rest[2] if len(rest) > 2 else "")
+def _target(word: str, surfaces: list[_Surface]) -> _Surface | None:
+    """Return the surface that a qualifier such as S3 names."""
+    number = int(word[1:]) if word[:1] in "sS" and word[1:].isdecimal() and word.isascii() and len(word) < 6 else 0
+    return surfaces[number - 1] if 1 <= number <= len(surfaces) else None
+
+
+def _distance(value: float) -> float:
+    return value if 0 < abs(value) < FAR else float("inf")
+
+
+def _choose_radii(surfaces: list[_Surface], table: Table) -> None:
+    """Where no RDM says so, take the numbers as curvatures, as CODE V does, unless no beam could cross them."""
+    open_ones = [surface for surface in surfaces if surface.radius_mode is None]
+    heights = [surface.diameter / 2 for surface in open_ones if surface.diameter]
+    half = max([*heights, (table.pupil_diameter or 0.0) / 2]) or max((abs(s.thickness) for s in open_ones), default=0.0)
+    radii = any(abs(surface.value) * half > RADIUS_NEEDS for surface in open_ones)
+    for surface in open_ones:
+        surface.radius_mode = radii
+    if radii:
+        table.note(
+            open_ones[0].line, "no RDM: the numbers are radii, for as curvatures no beam could cross the surfaces"
+        )
 
 
 def _header(key: str, rest: list[str], line: int, table: Table) -> None:
@@ -102,38 +169,71 @@ def _header(key: str, rest: list[str], line: int, table: Table) -> None:
             raise InputError(f"{table.path}:{line}: dimension {rest[0]!r} is unknown; known: M, C, I")
         table.unit = UNITS[rest[0].upper()[0]]
     elif key == "EPD":
-        table.pupil_diameter = numbers(rest[:1], table.path, line)[0]
+        table.pupil_diameter = numbers(rest[:1], table.path, line, 1)[0]
     elif key == "FNO":
-        table.f_number = numbers(rest[:1], table.path, line)[0]
-    elif key == "YAN":
-        table.field_degrees = min(max(map(abs, numbers(rest, table.path, line)), default=0.0), 60.0)
-    elif key == "YIM":
-        table.note(line, "YIM, the field as an image height, is ignored")
+        table.f_number = numbers(rest[:1], table.path, line, 1)[0]
+    elif key == "NA":
+        aperture = numbers(rest[:1], table.path, line, 1)[0]
+        table.f_number = 0.5 / abs(aperture) if aperture else None
+    elif key == "NAO":
+        table.object_aperture = numbers(rest[:1], table.path, line, 1)[0]
+    elif key in ("YAN", "YOB", "YIM", "YRI"):
+        widest = max(map(abs, numbers(rest, table.path, line)), default=0.0)
+        if key == "YAN":
+            table.field_degrees = min(widest, 60.0)
+        elif key == "YOB":
+            table.object_height = widest
+        else:
+            table.image_height = widest
+    elif key == "ZOO":
+        table.note(line, "ZOO: only the first position of the zoom is read")
     elif key not in QUIET:
         table.note(line, f"{key} is ignored")
 
 
 def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table) -> None:
-    if key == "STO":
+    if key in _NUMBERED:
+        value = numbers([word for word in rest if word.upper() != "CLR"][:1], table.path, line, 1)[0]
+        if key == "K":
+            surface.conic = value
+        elif key in POWERS:
+            surface.aspheric[POWERS[key]] = value
+        elif key in TILTS:
+            surface.bend[key] = value
+        elif key in ("THI", "RDY", "CUY"):
+            _set(surface, key, value)
+        elif key in ("CUX", "RDX"):
+            surface.curvature_x = value if key == "CUX" else (1.0 / value if value else 0.0)
+        else:
+            surface.clear[key] = value
+    elif key == "STO":
         surface.stop = True
     elif key == "CIR":
-        words = [word for word in rest if word.upper() not in ("EDG", "CLR", "OBS", "HOL")]
-        surface.diameter = 2 * numbers(words[:1], table.path, line)[0]
-    elif key == "K":
-        surface.conic = numbers(rest[:1], table.path, line)[0]
-    elif key in POWERS:
-        surface.aspheric[POWERS[key]] = numbers(rest[:1], table.path, line)[0]
-    elif key == "CYL":
+        words = [word.upper() for word in rest]
+        value = numbers([w for w in words if w not in ("EDG", "CLR", "OBS", "HOL")][:1], table.path, line, 1)[0]
+        if "EDG" not in words or surface.diameter is None:
+            surface.diameter = 2 * abs(value)
+    elif key in ("CYL", "YTO"):
         surface.cylinder = "y"
-    elif key in TILTS:
-        surface.bend[key] = numbers(rest[:1], table.path, line)[0]
-    elif key in ("EPD", "FNO", "YAN"):
-        _header(key, rest, line, table)
+    elif key in ("GLA", "GL1") and rest:
+        surface.glass, surface.line = rest[0], line
+    elif key in ("DAR", "REV"):
+        surface.way = key
+    elif key in NOT_READ:
+        raise InputError(f"{table.path}:{line}: {NOT_READ[key]} ({' '.join([key, *rest])}) cannot be read")
     elif key not in QUIET:
         table.note(line, f"{key} is ignored")
 
 
-def _row(surface: _Surface, table: Table) -> dict[str, Any]:
+def _set(surface: _Surface, key: str, value: float) -> None:
+    """Set a thickness, radius or curvature that stands in a line of its own."""
+    if key == "THI":
+        surface.thickness = value
+    else:
+        surface.value, surface.radius_mode = value, key == "RDY"
+
+
+def _row(surface: _Surface, table: Table, private: Mapping[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {}
     if surface.curvature:
         row["radius"] = 1.0 / surface.curvature
@@ -145,14 +245,18 @@ def _row(surface: _Surface, table: Table) -> dict[str, Any]:
         row["conic"] = surface.conic
     if aspheric := {power: value for power, value in surface.aspheric.items() if value}:
         row["aspheric"] = aspheric
-    if surface.cylinder:
+    if surface.cylinder and surface.curvature_x:
+        row |= {"radius_x": 1.0 / surface.curvature_x, "form": "toroid"}
+    elif surface.cylinder:
         row["cylinder"] = surface.cylinder
+    if "REX" in surface.clear and "REY" in surface.clear:
+        row["clear"] = {"rectangle": [2 * abs(surface.clear["REX"]), 2 * abs(surface.clear["REY"])]}
+        row.setdefault("diameter", 2 * math.hypot(surface.clear["REX"], surface.clear["REY"]))
     if surface.glass and surface.glass.upper() not in ("AIR", "REFR"):
         if surface.glass.upper() == "REFL":
             raise InputError(f"{table.path}:{surface.line}: mirrors cannot be read; every surface must refract")
-        row["glass"] = six_digit_glass(surface.glass) or glass_entry(surface.glass, None, None)
-        if row["glass"] is None:
-            raise InputError(f"{table.path}:{surface.line}: glass {surface.glass} is not in the bundled table")
+        own = private.get(surface.glass.strip("'").upper())
+        row["glass"] = own if own is not None else table.glass(surface.glass, surface.line)
     return row
 
 

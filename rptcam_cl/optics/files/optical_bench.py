@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from rptcam_cl.errors import InputError
-from rptcam_cl.optics.files.table import Table, glass_entry
+from rptcam_cl.optics.files.table import Table, numbers
 from rptcam_cl.optics.lens import Lens
 
 SECTIONS = ("descriptive data", "constants", "variable distances", "lens data", "aspherical data")
@@ -70,7 +70,8 @@ def _surfaces(table: Table, lines: list[tuple[int, list[str]]], distances: dict[
             row["diameter"] = _number(diameter, table.path, line, f"diameter of surface {label}")
         if index and index not in ("1", "1.0"):
             nd = _number(index, table.path, line, f"index behind surface {label}")
-            row["glass"] = glass_entry("", nd, float(abbe) if abbe else None)
+            vd = numbers([abbe], table.path, line)[0] if abbe else 0.0
+            row["glass"] = {"nd": nd, "vd": vd} if vd > 0 else {"index": nd}
         del glass
         table.rows.append(row)
     return gaps

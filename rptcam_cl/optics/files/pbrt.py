@@ -29,22 +29,27 @@ class _Row:
 
 
 def read_pbrt(text: str, name: str) -> Lens:
-    """Return the lens of a four-column table; lengths in millimetres."""
-    rows = _rows(text, name)
+    """Return the lens of a four-column table; lengths in millimetres. A lone number before it is the focal length."""
+    rows, focal_length = _rows(text, name)
     gaps = _gaps(rows, name)
     stop = _stop(rows, name)
     surfaces = tuple(_surface(row, gap, i == stop, name) for i, (row, gap) in enumerate(zip(rows, gaps, strict=True)))
-    lens = Lens(name=name.rsplit("/", 1)[-1].removesuffix(".dat"), surfaces=surfaces, stop_index=stop)
+    published = {} if focal_length is None else {"focal_length_mm": focal_length}
+    lens = Lens(name.rsplit("/", 1)[-1].removesuffix(".dat"), surfaces, stop, published=published)
     return check_lens(
         lens, lambda index, key, problem: InputError(f"{name}:{rows[index].line}: surface {index}, {key}: {problem}")
     )
 
 
-def _rows(text: str, name: str) -> list[_Row]:
-    rows = []
+def _rows(text: str, name: str) -> tuple[list[_Row], float | None]:
+    rows: list[_Row] = []
+    focal_length: float | None = None
     for number, raw in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
         words = raw.split("#", 1)[0].replace(",", " ").split()
         if not words:
+            continue
+        if len(words) == 1 and not rows and focal_length is None and _is_number(words[0]):
+            focal_length = float(words[0])  # ISET writes it so
             continue
         if len(words) != len(COLUMNS):
             raise InputError(f"{name}:{number}: expected 4 columns, {', '.join(COLUMNS)} (got {len(words)})")
@@ -57,7 +62,14 @@ def _rows(text: str, name: str) -> list[_Row]:
         rows.append(_Row(number, *values))
     if not rows:
         raise InputError(f"{name}: a lens needs surfaces; the table is empty")
-    return rows
+    return rows, focal_length
+
+
+def _is_number(word: str) -> bool:
+    try:
+        return math.isfinite(float(word))
+    except ValueError:
+        return False
 
 
 def _gaps(rows: list[_Row], name: str) -> list[float]:

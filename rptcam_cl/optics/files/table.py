@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
+from rptcam_cl.optics.files.glass_names import named_glass, near_glass_words, near_names
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.first_order import limiting_surface, system_matrix
-from rptcam_cl.optics.glass_table import GLASSES
+from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.lens import Lens
 
+Array = NDArray[np.float64]
+
+STEEPEST = math.tan(math.radians(60))  # field that diameters are chosen for
+LEAST_GLASS = 0.3  # of a six-digit code: 003283 means n_d = 2.003
 UNKNOWN_DIAMETER = 1e-6  # small enough for every shape while first-order data are computed
 RIM = 1.05  # clear diameters that a file does not give leave this margin around the beam
 
@@ -34,8 +41,16 @@ class Table:
         Further top-level keys of our own form.
     notes : list of str
         One line for each thing that was ignored or guessed.
-    pupil_diameter, f_number, field_degrees : float or None
-        What the file says about the beam, in its unit.
+    makers : tuple of str
+        Whose glasses come first: those that the user names, then those that the file does.
+    pupil_diameter, f_number, object_aperture : float or None
+        What the file says about the beam: entrance pupil [unit], or f-number, or sine of the angle at the object.
+    field_degrees, object_height, image_height : float
+        The widest field that it says, as an angle or a height [unit].
+    field_kind : int
+        How Zemax counts fields: 0 as angles, 1 at the object, 2 and 3 at the image.
+    object_distance : float
+        From the object to the first surface [unit], infinite for most lenses.
     """
 
     path: str
@@ -44,9 +59,24 @@ class Table:
     rows: list[dict[str, Any]] = field(default_factory=list)
     keys: dict[str, Any] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    makers: tuple[str, ...] = ()
     pupil_diameter: float | None = None
     f_number: float | None = None
+    object_aperture: float | None = None
     field_degrees: float = 0.0
+    object_height: float = 0.0
+    image_height: float = 0.0
+    object_distance: float = float("inf")
+    field_kind: int = 0
+
+    def set_field(self, widest: float) -> None:
+        """Take the widest field as Zemax counts it: an angle, an object height or an image height, by `field_kind`."""
+        if self.field_kind == 0:
+            self.field_degrees = min(widest, 60.0)
+        elif self.field_kind == 1:
+            self.object_height = widest
+        else:
+            self.image_height = widest
 
     def note(self, line: int, text: str) -> None:
         """Remember what was ignored on a line."""
@@ -63,29 +93,76 @@ class Table:
         lens = read_native(type(document)(document.data, self.path, {}, {}))
         return lens.with_warnings(tuple(self.notes))
 
+    def glass(self, name: str, line: int, nd: float | None = None, vd: float | None = None) -> Any:
+        """Return the `glass` entry of a name, or of the index and Abbe number that stand beside it.
+
+        Raises
+        ------
+        InputError
+            When no catalogue has the name and the file has no index; the nearest names are suggested.
+        """
+        if (model := model_glass(name)) is not None:
+            return model
+        found = named_glass(name, self.makers, successors=True)
+        if found is not None:
+            if remark := found.remark(name.strip("'\"")):
+                self.note(line, remark)
+            return found.written
+        if nd is None or nd <= 1:
+            near = near_names(name)
+            hint = f"did you mean {', '.join(near)}?" if near else "its n_d and V_d would do"
+            raise InputError(f"{self.path}:{line}: glass {name} is in no catalogue and the file has no index; {hint}")
+        if vd is None or vd <= 0:
+            self.note(line, f"glass {name} is replaced by the index {nd:g} beside it")
+            return {"index": nd}
+        beside, near_by = f"the index {nd:g} and Abbe number {vd:g} beside it", near_glass_words(nd, vd)
+        self.note(line, f"glass {name} is replaced by {beside}; the nearest known is {near_by}")
+        return {"nd": nd, "vd": vd}
+
     def _fill_diameters(self) -> None:
         """Give surfaces without a diameter that of the axial beam and the chief ray of the field, to first order."""
         tiny = [{**row, "diameter": UNKNOWN_DIAMETER} for row in self.rows]
         lens = read_native(document_of({"name": self.path, "surfaces": tiny}))
         stop = limiting_surface(lens)
-        to_stop = system_matrix(lens, 587.5618, 0, stop, False)
-        half_pupil = self._half_pupil(lens)
-        slope = np.tan(np.radians(self.field_degrees))
-        chief = -to_stop[0, 1] * slope / to_stop[0, 0]
+        to_stop = system_matrix(lens, WAVELENGTH_D, 0, stop, False)
+        pupil_distance = float(np.divide(to_stop[0, 1], to_stop[0, 0])) if to_stop[0, 0] else 0.0
+        marginal = self._marginal(lens, stop, pupil_distance)
+        slope = self._slope(lens, pupil_distance)
+        chief = np.array([-pupil_distance * slope, slope])
         missing = [k for k, row in enumerate(self.rows) if "diameter" not in row]
         for k in missing:
             row = self.rows[k]
-            (a, b), _ = system_matrix(lens, 587.5618, 0, k, False).tolist()
-            height = abs(a * half_pupil) + (0.0 if row.get("stop") else abs(a * chief + b * slope))
-            height *= 1.0 if row.get("stop") else RIM
+            heights = np.abs(system_matrix(lens, WAVELENGTH_D, 0, k, False)[0] @ np.stack([marginal, chief], axis=1))
+            height = float(heights[0] if row.get("stop") else RIM * heights.sum())
             if row.get("radius") and not row.get("conic") and not row.get("aspheric"):
                 height = min(height, 0.95 * abs(row["radius"]))
-            row["diameter"] = 2 * height
+            row["diameter"] = 2 * max(height, UNKNOWN_DIAMETER)
         for k in missing:
             for one, other in ((k - 1, k), (k, k + 1)):
                 if one >= 0 and other < len(self.rows):
                     self._uncross(self.rows[k], self.rows[one], self.rows[other])
         self.notes.append(f"{self.path}: diameters that the file does not give were chosen for its pupil and field")
+
+    def _marginal(self, lens: Lens, stop: int, pupil_distance: float) -> Array:
+        """Return the height and slope, before the first surface, of the ray along the edge of the axial beam."""
+        away = self.object_distance
+        if self.object_aperture and np.isfinite(away):
+            slope = np.tan(np.arcsin(min(abs(self.object_aperture), 0.99)))
+            return np.array([away * slope, slope])
+        half = self._half_pupil(lens, stop)
+        if not np.isfinite(away) or away + pupil_distance == 0:
+            return np.array([half, 0.0])
+        slope = half / (away + pupil_distance)
+        return np.array([away * slope, slope])
+
+    def _slope(self, lens: Lens, pupil_distance: float) -> float:
+        """Return the tangent of the widest field that the file says."""
+        if self.object_height and np.isfinite(self.object_distance):
+            return abs(self.object_height) / max(abs(self.object_distance + pupil_distance), UNKNOWN_DIAMETER)
+        if self.image_height:
+            length = abs(lens.first_order().focal_length_mm)
+            return min(abs(self.image_height) / length, STEEPEST) if np.isfinite(length) and length else 0.0
+        return float(np.tan(np.radians(min(self.field_degrees, 60.0))))
 
     @staticmethod
     def _uncross(chosen: dict[str, Any], first: dict[str, Any], second: dict[str, Any]) -> None:
@@ -98,12 +175,19 @@ class Table:
                 return
             chosen["diameter"] = min(chosen["diameter"], 2 * height) * 0.98
 
-    def _half_pupil(self, lens: Lens) -> float:
+    def _half_pupil(self, lens: Lens, stop: int) -> float:
+        """Return the radius of the entrance pupil: as the file says, else as its rims let through."""
         if self.pupil_diameter:
             return self.pupil_diameter / 2
-        if self.f_number:
+        if self.f_number and np.isfinite(lens.first_order().focal_length_mm):
             return abs(lens.first_order().focal_length_mm) / self.f_number / 2
-        raise InputError(f"{self.path}: gives no diameters, and no pupil or f-number to work them out from")
+        known = [k for k, row in enumerate(self.rows) if "diameter" in row]
+        rims = [stop] if stop in known and self.rows[stop].get("stop") else known
+        heights = {k: abs(float(system_matrix(lens, WAVELENGTH_D, 0, k, False)[0, 0])) for k in rims}
+        limits = [self.rows[k]["diameter"] / 2 / height for k, height in heights.items() if height > 0]
+        if not limits:
+            raise InputError(f"{self.path}: gives no diameters, and no pupil or f-number to work them out from")
+        return float(min(limits))
 
 
 def _sag(row: dict[str, Any], height: float) -> float:
@@ -112,32 +196,30 @@ def _sag(row: dict[str, Any], height: float) -> float:
     return float(c * height**2 / (1.0 + np.sqrt(max(1.0 - (c * height) ** 2, 0.0))))
 
 
-def plain_glass_name(name: str) -> str:
-    """Return a glass name without hyphens, blanks, catalogue suffix and case: ``NBK7_SCHOTT`` and ``N-BK7`` agree."""
-    return re.sub(r"[-\s]", "", name.split("_")[0]).upper()
+def model_glass(text: str) -> Any:
+    """Return the `glass` entry of an index and an Abbe number written as one word; None for other text.
 
-
-def glass_entry(name: str, index: float | None, abbe: float | None) -> Any:
-    """Return the `glass` entry for a name, or for index and Abbe number when the name is not known; None if neither."""
-    wanted = plain_glass_name(name)
-    for known in GLASSES:
-        if wanted and plain_glass_name(known) in (wanted, "N" + wanted):
-            return known
-    if index is None or index <= 1:
+    ``517642``, ``517.642`` and ``517000.642000`` mean n_d = 1.517 and V_d = 64.2; ``1.5168:64.17`` and ``1.5168/64.17``
+    say it in full.
+    """
+    if match := re.fullmatch(r"(\d{3})(\d{3})", text) or re.fullmatch(r"(\d{3,6})\.(\d{3,6})", text):
+        above, vd = int(match[1]) / 10 ** len(match[1]), int(match[2]) / 10 ** (len(match[2]) - 2)
+        nd = 1 + above if above >= LEAST_GLASS else 2 + above
+    elif match := re.fullmatch(r"([1-4](?:\.\d*)?)[:/](\d+(?:\.\d*)?)", text):
+        nd, vd = float(match[1]), float(match[2])
+    else:
         return None
-    return {"nd": index, "vd": abbe} if abbe and abbe > 0 else {"index": index}
+    return {"nd": nd, "vd": vd} if vd > 0 else {"index": nd}
 
 
-def six_digit_glass(code: str) -> Any:
-    """Return the `glass` entry of a code such as 517.642 or 517642: n_d = 1.517, V_d = 64.2; None for other text."""
-    match = re.fullmatch(r"(\d{3})\.?(\d{3})", code)
-    return {"nd": 1 + int(match[1]) / 1000, "vd": int(match[2]) / 10} if match else None
-
-
-def numbers(words: list[str], path: str, line: int) -> list[float]:
-    """Return words as finite numbers, or say where one is not."""
+def numbers(words: list[str], path: str, line: int, count: int = 0) -> list[float]:
+    """Return words as finite numbers, at least `count` of them, or say where one is not."""
+    if len(words) < count:
+        raise InputError(f"{path}:{line}: expected {'a number' if count == 1 else f'{count} numbers'}")
     try:
         values = [float(word.replace("D", "E").replace("d", "e")) for word in words]
     except ValueError as error:
         raise InputError(f"{path}:{line}: expected numbers ({error})") from None
+    if not all(map(math.isfinite, values)):
+        raise InputError(f"{path}:{line}: every number must be finite (got {' '.join(words)})")
     return values

@@ -7,19 +7,18 @@ from typing import Any
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.files.breaks import Frame
-from rptcam_cl.optics.files.table import Table, glass_entry, numbers
+from rptcam_cl.optics.files.glass_names import makers_of
+from rptcam_cl.optics.files.table import Table, numbers
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
 TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "COORDBRK")
 SENSES = (1.0, 1.0, 1.0)  # tilts turn right handed: OpticStudio help, «Tilt/Decenter»
 PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
-QUIET_WORDS = """
-VERS MODE PFIL LANG ENVD GFAC GCAT RAIM PUSH SDMA ROPD PICB XFLN FWGN VDXN VDYN VCXN VCYN VANN WAVM WAVN WAVL
-WWGT PWAV POLS GLRS GSTD NSCD COFN HIDE MIRR SLAB POPS FLAP TOL MNUM MOFF EFLY NOTE VDSZ MAZH COMM COAT SQAP
-FWGT PRIM
-"""
-QUIET = frozenset(QUIET_WORDS.split())
+FAR = 1e9  # an object beyond this is at infinity
+# What decides the rays and is not read; everything else that is not read has no optical meaning.
+MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SPID OBDC XDAT NSCS GRIN TEMP"
+MEANT = frozenset(MEANT_WORDS.split())
 
 
 @dataclass
@@ -30,14 +29,17 @@ class _Surface:
     parameters: dict[int, float] = field(default_factory=dict)
     glass: list[str] | None = None
     stop: bool = False
+    rectangle: list[float] | None = None
 
 
-def read_zemax(text: str, path: str) -> Lens:
-    """Return the lens of a sequential Zemax file."""
-    table = Table(path)
+def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
+    """Return the lens of a sequential Zemax file; glasses of `makers` come first, then those of its own catalogues."""
+    table = Table(path, makers=makers)
     surfaces = _parse(text, table)
     if len(surfaces) < 3:
         raise InputError(f"{path}: a lens needs surfaces between object and image")
+    distance = surfaces[0].values.get("DISZ", 0.0)
+    table.object_distance = distance if 0 < abs(distance) < FAR else float("inf")
     frame = Frame(SENSES)
     body = surfaces[1:-1]
     for place, surface in enumerate(body):
@@ -67,11 +69,14 @@ def _parse(text: str, table: Table) -> list[_Surface]:
         key, rest = words[0].upper(), words[1:]
         if key == "SURF":
             surfaces.append(_Surface(line))
-        elif surfaces:
+        elif surfaces and key not in _HEADER:
             _take(surfaces[-1], key, rest, line, table)
         else:
             _header(key, rest, line, table)
     return surfaces
+
+
+_HEADER = frozenset(("MNUM", "MODE", "UNIT"))
 
 
 def _header(key: str, rest: list[str], line: int, table: Table) -> None:
@@ -84,33 +89,45 @@ def _header(key: str, rest: list[str], line: int, table: Table) -> None:
     elif key == "MODE" and rest and rest[0].upper() != "SEQ":
         raise InputError(f"{table.path}:{line}: only sequential files can be read (MODE {rest[0]})")
     elif key == "ENPD":
-        table.pupil_diameter = numbers(rest[:1], table.path, line)[0]
+        table.pupil_diameter = numbers(rest[:1], table.path, line, 1)[0]
     elif key == "FNUM":
-        table.f_number = numbers(rest[:1], table.path, line)[0]
+        table.f_number = numbers(rest[:1], table.path, line, 1)[0]
+    elif key == "OBNA":
+        table.object_aperture = numbers(rest[:1], table.path, line, 1)[0]
+    elif key == "GCAT":
+        table.makers += tuple(maker for word in rest for maker in makers_of(word))
+    elif key == "FTYP":
+        table.field_kind = int(numbers(rest[:1], table.path, line, 1)[0])
     elif key == "YFLN":
-        table.field_degrees = min(max(map(abs, numbers(rest, table.path, line)), default=0.0), 60.0)
-    elif key not in QUIET and key not in ("FTYP", "OBNA"):
-        table.note(line, f"{key} is ignored")
+        table.set_field(max(map(abs, numbers(rest, table.path, line)), default=0.0))
+    elif key == "MNUM" and rest and rest[0].isdecimal() and int(rest[0]) > 1:
+        table.note(line, f"only the first of {rest[0]} configurations is read")
 
 
 def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table) -> None:
     if key == "TYPE":
         surface.kind = rest[0].upper() if rest else "STANDARD"
         if surface.kind not in TYPES:
-            table.note(line, f"surface type {surface.kind} is read as STANDARD")
+            raise InputError(
+                f"{table.path}:{line}: surface type {surface.kind} cannot be read; known: {', '.join(TYPES)}"
+            )
     elif key == "STOP":
         surface.stop = True
     elif key in ("CURV", "CONI", "DIAM"):
-        surface.values[key] = numbers(rest[:1], table.path, line)[0]
+        surface.values[key] = numbers(rest[:1], table.path, line, 1)[0]
     elif key == "DISZ":
-        surface.values[key] = 0.0 if rest[:1] == ["INFINITY"] else numbers(rest[:1], table.path, line)[0]
+        far = [word.upper() for word in rest[:1]] == ["INFINITY"]
+        surface.values[key] = 0.0 if far else numbers(rest[:1], table.path, line, 1)[0]
     elif key == "PARM":
-        number, value = numbers(rest[:2], table.path, line)
+        number, value = numbers(rest[:2], table.path, line, 2)
         surface.parameters[int(number)] = value
+    elif key == "SQAP":
+        half = numbers(rest[:2], table.path, line, 2)
+        surface.rectangle = [2 * abs(value) for value in half]
     elif key == "GLAS":
         surface.glass = rest
         surface.line = line
-    elif key not in QUIET:
+    elif key in MEANT:
         table.note(line, f"{key} is ignored")
 
 
@@ -122,6 +139,8 @@ def _row(surface: _Surface, table: Table) -> dict[str, Any]:
         row["stop"] = True
     if surface.values.get("DIAM", 0.0) > 0:
         row["diameter"] = 2 * surface.values["DIAM"]
+    if surface.rectangle and all(surface.rectangle):
+        row["clear"] = {"rectangle": surface.rectangle}
     if surface.values.get("CONI"):
         row["conic"] = surface.values["CONI"]
     if surface.glass:
@@ -146,18 +165,14 @@ def _glass(surface: _Surface, table: Table) -> Any:
     name = words[0] if words else ""
     if name.upper() == "MIRROR":
         raise InputError(f"{table.path}:{surface.line}: mirrors cannot be read; every surface must refract")
-    values = numbers(words[3:5], table.path, surface.line) if len(words) >= 5 else [0.0, 0.0]
-    model = None if tuple(values) == PLACEHOLDER and not name.startswith("___") else values
-    entry = glass_entry("" if name.startswith("___") else name, *(model or (None, None)))
-    if entry is None:
-        raise InputError(
-            f"{table.path}:{surface.line}: glass {name} is not in the bundled table and the file has no index"
-        )
-    if isinstance(entry, dict) and not name.startswith("___"):
-        table.note(
-            surface.line, f"glass {name} is replaced by the index {values[0]:g} and Abbe number {values[1]:g} beside it"
-        )
-    return entry
+    nd, vd = numbers(words[3:5], table.path, surface.line) if len(words) >= 5 else (0.0, 0.0)
+    if name.startswith("___") or not name:
+        if nd <= 0:
+            raise InputError(f"{table.path}:{surface.line}: a model glass needs an index and an Abbe number")
+        return {"nd": nd, "vd": vd} if vd > 0 else {"index": nd}
+    if (nd, vd) == PLACEHOLDER:
+        nd, vd = 0.0, 0.0
+    return table.glass(name, surface.line, nd, vd)
 
 
 def _break(frame: Frame, surface: _Surface) -> None:
