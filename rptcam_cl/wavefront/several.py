@@ -80,7 +80,8 @@ class SharedWavefront:
         self._need_one("")
         self._deal()
         self.tiles = np.arange(layout.tiles, dtype=np.uint32)
-        self._round = max(worker.wavefront.samples_per_wave for worker in self._workers)
+        self._shortest = max(worker.wavefront.samples_per_wave for worker in self._workers)
+        self._round = self._shortest
         self._ends = np.zeros(layout.tiles, np.int64)  # samples per pixel of each tile
         self._base: dict[str, NDArray[Any]] = {}  # what is safe on the host; empty: an empty film
         self._base_counts = np.zeros_like(self._workers[0].wavefront.counts())
@@ -160,7 +161,7 @@ class SharedWavefront:
         if seconds < 0.5 * ROUND_SECONDS and samples >= self._round:
             self._round = min(2 * self._round, MOST_OF_A_ROUND)
         elif seconds > 2 * ROUND_SECONDS:
-            self._round = max(self._round // 2, 1)
+            self._round = max(self._round // 2, self._shortest)
 
     def _own(self, worker: Worker) -> NDArray[np.uint32]:
         return self.tiles[worker.owned[self.tiles]]
