@@ -1,6 +1,6 @@
 """Autofocus in random cases: how often each method ends in focus, how far from it, and what it costs.
 
-    python -m benchmarks.autofocus [--cases 200] [--quick] [--json FILE]
+    python -m benchmarks.autofocus [--cases 200] [--methods contrast,laplacian] [--quick] [--json FILE]
 
 A case is a lens, an aperture, a target at a distance with a texture of some contrast, a zone and a state to start from.
 A method succeeds when the target is sharp in the end: the state lies within half of the depth of focus, 2 N c, of the
@@ -25,7 +25,7 @@ from rptcam_cl.device import Session, choose_device
 from rptcam_cl.errors import InputError
 from rptcam_cl.scene import Scene, load_scene
 
-SEEKING = ("contrast", "phase", "hybrid", "depth")
+SEEKING = ("contrast", "laplacian", "phase", "hybrid", "depth")
 BRUTE_SPP = 256
 SHARP = 0.5  # depths of focus
 LENSES: dict[str, tuple[float, tuple[float | None, ...]]] = {  # focal length [mm] and apertures
@@ -171,17 +171,19 @@ def main() -> None:
     """Run the cases and print the tables."""
     parser = arguments("Autofocus in random cases.")
     parser.add_argument("--cases", type=int, default=200)
+    parser.add_argument("--methods", default=",".join(SEEKING), help="several with commas between them")
     given = parser.parse_args()
+    methods = given.methods.split(",")
     session = Session(choose_device(given.device))
     begun_on = machine(session.info)
     cases = [random_case(number) for number in range(12 if given.quick else given.cases)]
-    found = [outcome(case, method, session) for case in cases for method in SEEKING]
+    found = [outcome(case, method, session) for case in cases for method in methods]
     swept = [brute_force(case, session) for case in cases[:4]]
     print_machine(begun_on)
-    rows = [summary(found, method, blank=False) for method in SEEKING]
-    rows += [summary(found, method, blank=True) for method in SEEKING if method != "depth"]  # which needs no texture
+    rows = [summary(found, method, blank=False) for method in methods]
+    rows += [summary(found, method, blank=True) for method in methods if method != "depth"]  # which needs no texture
     print_table("Success", ["method", "wanted", "cases", "share", "95 % interval", "median miss / 2 N c"], rows)
-    costs = [cost(found, method) for method in SEEKING]
+    costs = [cost(found, method) for method in methods]
     looks, samples, seconds = (float(np.median([one[key] for one in swept])) for key in ("looks", "samples", "seconds"))
     costs.append(["brute force", f"{looks:.0f}", f"{samples / 1e6:.0f}", f"{seconds:.0f}", ""])
     print_table("Cost", ["method", "looks", "Msamples", "seconds", "CPU seconds"], costs)

@@ -122,7 +122,8 @@ def render(
     numerics
         Whether to measure too what float32 costs in the lens, by the kernel that traces given rays.
     strict
-        Whether numbers that cannot be trusted are an error; measures as ``numerics`` does. See docs/numerics.md.
+        Whether numbers that cannot be trusted and autofocus that failed are an error; measures as ``numerics`` does.
+        See docs/numerics.md.
     on_progress
         Called with a `Progress` several times a second.
     should_stop
@@ -190,11 +191,11 @@ def render(
         stats["checkpoint"] = saver.end(rendering.state, keep=resume or rendering.interrupted)
         metadata["device"] = saver.devices
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
-    stats |= {key: metadata[key] for key in ("accuracy",) if key in metadata}
+    stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
     image = developed_as(Image(rendering.pixels, metadata, stats, layers=rendering.layers), scene.picture)
     if denoise:
         image = replace(image.denoised(), layers={name: image[name] for name in wanted})
-    if strict and (met := anomalies(stats["numerics"])):
+    if strict and (met := anomalies(stats["numerics"]) + _failed_focus(metadata)):
         raise NumericError(f"strict: {'; '.join(met)}", image)
     return image
 
@@ -243,6 +244,12 @@ def _taken(scene: Scene, session: Session, saver: Saver | None) -> tuple[Scene, 
     if saver is not None:
         saver.metered_cd_m2, saver.focus = shot.metered_cd_m2, focus
     return shot.scene, shot.metadata | chosen.metadata | ({} if focus is None else focus["metadata"])
+
+
+def _failed_focus(metadata: Mapping[str, Any]) -> list[str]:
+    """Return why autofocus failed; nothing where it did not."""
+    failure = metadata.get("autofocus", {}).get("failure")
+    return [] if failure is None else [f"autofocus: {failure}"]
 
 
 def _limit(scene: Scene, spp: int | None, seconds: float | None, noise: float | None) -> int | None:

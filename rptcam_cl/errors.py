@@ -26,7 +26,7 @@ class StateError(RptcamError):
 
 
 class NumericError(RptcamError):
-    """A strict render met numbers that cannot be trusted.
+    """A strict render met numbers that cannot be trusted, or autofocus that failed.
 
     Attributes
     ----------

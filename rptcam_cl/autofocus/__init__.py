@@ -14,20 +14,21 @@ from rptcam_cl.autofocus.controller import (
     focused_scene,
     follow_focus,
     in_focus,
-    wanted,
     zone_at,
 )
 from rptcam_cl.autofocus.interface import autofocus
 from rptcam_cl.autofocus.policy import Policy
 from rptcam_cl.autofocus.probe import FocusProbe, Zone, ZoneImage
 from rptcam_cl.autofocus.renderer import ProbeRenderer
-from rptcam_cl.autofocus.report import FocusReport, NoContrast, ProbeRecord
+from rptcam_cl.autofocus.report import FocusReport, NoContrast, OutOfReach, ProbeRecord
+from rptcam_cl.autofocus.task import wanted
 
 __all__ = [
     "METHODS",
     "FocusProbe",
     "FocusReport",
     "NoContrast",
+    "OutOfReach",
     "Policy",
     "ProbeRecord",
     "ProbeRenderer",

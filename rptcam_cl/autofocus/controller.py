@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import astuple
 from typing import Any
@@ -10,21 +11,24 @@ from pydantic import ValidationError
 
 from rptcam_cl.autofocus.contrast import focus_by_contrast, focus_by_laplacian
 from rptcam_cl.autofocus.depth import focus_by_depth
+from rptcam_cl.autofocus.doubts import judged
+from rptcam_cl.autofocus.drive import Drive
 from rptcam_cl.autofocus.drives import focus_drive
 from rptcam_cl.autofocus.hybrid import focus_by_hybrid
 from rptcam_cl.autofocus.looks import Look
 from rptcam_cl.autofocus.phase import focus_by_phase
 from rptcam_cl.autofocus.policy import Policy
 from rptcam_cl.autofocus.probe import Zone
+from rptcam_cl.autofocus.reach import check_reach
 from rptcam_cl.autofocus.renderer import ProbeRenderer
-from rptcam_cl.autofocus.report import FocusReport, NoContrast
+from rptcam_cl.autofocus.report import FocusReport, NoContrast, OutOfReach
 from rptcam_cl.autofocus.subject import zone_of_object
-from rptcam_cl.autofocus.task import Task
+from rptcam_cl.autofocus.task import Task, wanted
 from rptcam_cl.autofocus.variance import focus_by_variance
 from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
 from rptcam_cl.imaging.marks import MARKED
-from rptcam_cl.scene import AutoFocus, LensCamera, ThinLensCamera, change_scene
+from rptcam_cl.scene import AutoFocus, change_scene
 from rptcam_cl.scene.problems import input_error
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.zones_file import read_zones
@@ -40,14 +44,6 @@ METHODS: dict[str, Callable[[Task], FocusReport]] = {
 MIDDLE = Zone(0.45, 0.55, 0.43, 0.57)  # 1.4 % of the picture
 PLACES = ("zones", "zones_from", "point", "object")
 POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
-
-
-def wanted(scene: Scene) -> AutoFocus | None:
-    """Return the autofocus that a scene asks for, if it does."""
-    camera = scene.camera
-    if isinstance(camera, LensCamera):
-        return camera.focus.auto
-    return camera.focus.auto if isinstance(camera, ThinLensCamera) and camera.focus is not None else None
 
 
 def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, Any]) -> AutoFocus:
@@ -125,6 +121,8 @@ def find_focus(
     ------
     NoContrast
         When there is nothing to focus on.
+    OutOfReach
+        When what the zone shows is nearer than the camera can focus, or farther.
     InputError
         When the camera has no focus, or a zone or object is not there.
     """
@@ -139,7 +137,12 @@ def find_focus(
         near,
         on_look,
     )
-    return METHODS[settings.method](task)
+    try:
+        report = METHODS[settings.method](task)
+    except NoContrast:
+        check_reach(task, probe.state if near is None else near)
+        raise
+    return judged(task, report)
 
 
 def focused_scene(scene: Scene, report: FocusReport) -> Scene:
@@ -150,8 +153,8 @@ def focused_scene(scene: Scene, report: FocusReport) -> Scene:
 def follow_focus(scenes: Iterable[Scene], session: Session, settings: AutoFocus) -> Iterator[FocusReport]:
     """Yield the focus of one frame after the other (AF-C), each sought near the last one first.
 
-    Where there is nothing near it any more, the whole reach is searched; a frame without contrast keeps the focus, with
-    a confidence of 0.
+    Where there is nothing near it any more, the whole reach is searched; a frame without contrast, or with what is out
+    of reach, keeps the focus, with a confidence of 0 and the reason as its failure.
 
     Raises
     ------
@@ -167,10 +170,10 @@ def follow_focus(scenes: Iterable[Scene], session: Session, settings: AutoFocus)
                 if last is None:
                     raise
                 found = find_focus(scene, session, settings)
-        except NoContrast:
+        except (NoContrast, OutOfReach) as problem:
             if last is None:
                 raise
-            found = last.kept()
+            found = last.kept(problem)
         last = found
         yield found
 
@@ -195,14 +198,38 @@ def in_focus(
     if settings is None:
         return scene, None
     if known is None:
-        try:
-            report = find_focus(scene, session, settings)
-        except NoContrast as problem:
-            raise InputError(f"camera.focus.auto: {problem}") from None
-        metadata: dict[str, Any] = {"autofocus": report.summary()}
-        if report.focus_distance_m is not None:  # by exact rays, where the camera knows it by first-order optics
-            metadata["focus_distance_m"] = report.focus_distance_m
-        if settings.draw_zones:
-            metadata[MARKED] = [list(astuple(zone)) for zone in report.zones]
-        known = {"camera": focus_drive(scene).camera_keys(report.state), "metadata": metadata}
+        known = _found(scene, session, settings)
     return change_scene(scene, camera=known["camera"]), known
+
+
+def _found(scene: Scene, session: Session, settings: AutoFocus) -> dict[str, Any]:
+    """Return the keys of the camera in focus, and metadata; where the focus ends when what is wanted lies beyond."""
+    drive = focus_drive(scene)
+    try:
+        report = find_focus(scene, session, settings)
+    except NoContrast as problem:
+        raise InputError(f"camera.focus.auto: {problem}") from None
+    except OutOfReach as problem:
+        report = _at_the_end(drive, settings, problem)
+    metadata: dict[str, Any] = {"autofocus": report.summary()}
+    if report.focus_distance_m is not None:  # by exact rays, where the camera knows it by first-order optics
+        metadata["focus_distance_m"] = report.focus_distance_m
+    if settings.draw_zones:
+        metadata[MARKED] = [list(astuple(zone)) for zone in report.zones]
+    return {"camera": drive.camera_keys(report.state), "metadata": metadata}
+
+
+def _at_the_end(drive: Drive, settings: AutoFocus, problem: OutOfReach) -> FocusReport:
+    """Return the report of a focus that went as far as it can."""
+    return FocusReport(
+        method=settings.method,
+        state=problem.state,
+        film_distance_mm=drive.film_distance(problem.state),
+        focus_distance_m=drive.object_distance(problem.state, problem.zone),
+        confidence=0.0,
+        error=math.inf,
+        depth_of_focus_mm=drive.depth_of_focus,
+        zone=problem.zone,
+        zones=(problem.zone,),
+        failure=f"{problem}; the focus stands at its end",
+    )

@@ -11,14 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.autofocus.policy import chosen
-from rptcam_cl.autofocus.probe import Zone
+from rptcam_cl.autofocus.reach import LEAST_SHARE, state_within_reach
 from rptcam_cl.autofocus.report import FocusReport, NoContrast, ProbeRecord
 from rptcam_cl.autofocus.task import Task
-from rptcam_cl.errors import InputError
 
 MOST_LOOKS = 10
 SETTLED = 0.1  # depths of focus between two looks
-LEAST_SHARE = 0.25  # of a zone whose rays must meet something
 
 
 def focus_by_depth(task: Task) -> FocusReport:
@@ -31,8 +29,8 @@ def focus_by_depth(task: Task) -> FocusReport:
     ------
     NoContrast
         When the rays of every zone go past everything.
-    InputError
-        When what they meet is out of the lens's reach.
+    OutOfReach
+        When what they meet is nearer than the lens can focus, or farther.
     """
     probe = task.probe
     state = probe.state if task.near is None else task.near
@@ -47,7 +45,7 @@ def focus_by_depth(task: Task) -> FocusReport:
         medians = {k: float(np.median(depth[np.isfinite(depth)])) for k, depth in met.items()}
         zone = chosen(task.policy, task.zones, {k: -median for k, median in medians.items()})
         before = probe.coordinate(state)
-        state = _state_for(task, medians[zone], task.zones[zone])
+        state = state_within_reach(probe, medians[zone], task.zones[zone])
         zones = {zone: task.zones[zone]}
         film = probe.film_distance(state)
         taken = (probe.samples - samples, probe.seconds - seconds)
@@ -56,16 +54,6 @@ def focus_by_depth(task: Task) -> FocusReport:
             break
     share = _within_depth_of_field(task, state, met[zone])
     return task.report("depth", state, task.zones[zone], 0.0, share, records)
-
-
-def _state_for(task: Task, distance_m: float, zone: Zone) -> float:
-    low, high = task.probe.limits
-    state = task.probe.state_for(distance_m, zone)
-    if not low <= state <= high:
-        reach = [task.probe.object_distance(end, zone) for end in (low, high)]
-        known = ", ".join(f"{distance:.4g} m" for distance in reach if distance is not None)
-        raise InputError(f"what the zone shows is {distance_m:.4g} m away, out of reach of the focus (ends at {known})")
-    return state
 
 
 def _spread(depth: NDArray[np.float64]) -> float:

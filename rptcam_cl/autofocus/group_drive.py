@@ -9,6 +9,7 @@ import numpy as np
 from rptcam_cl.autofocus.lens_drive import LensDrive
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.cameras.lens_setting import lens_setting
+from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.variable import film_behind, focused_by_group, moved, shift_of
@@ -50,7 +51,12 @@ class GroupDrive(LensDrive):
                 break
             before, shift = shift, shift - missed * (shift - before) / (missed - missed_before)
             missed_before, missed = missed, miss(shift)
-        return float(np.clip(shift, *self.limits))
+        within = float(np.clip(shift, *self.limits))
+        if abs(shift - within) > self.depth_of_focus:
+            end = self.object_distance(within, zone)
+            words = "" if end is None else f"; the end of its travel is sharp at {end * 1e3:.6g} mm"
+            raise InputError(f"{self.lens.name}: its group cannot focus at {distance_mm:.6g} mm from the film{words}")
+        return within
 
     @cached_property
     def limits(self) -> tuple[float, float]:  # type: ignore[override]

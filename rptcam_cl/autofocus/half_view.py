@@ -91,3 +91,10 @@ class HalfView:
         at, along = self._lines[:2]
         weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
         return -float(np.sum(weights * at * along) / np.sum(weights * along * along))
+
+    def sharpest_along(self) -> tuple[float, float]:
+        """Return the vergences at which the rays spread least across and least down [1/m]: apart by astigmatism."""
+        at, along = self._lines[:2]
+        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
+        across, down = -np.sum(weights * at * along, axis=0) / np.sum(weights * along * along, axis=0)
+        return float(across), float(down)

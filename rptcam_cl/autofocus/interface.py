@@ -55,6 +55,8 @@ def autofocus(
     ------
     NoContrast
         An `InputError`: there is nothing to focus on.
+    OutOfReach
+        An `InputError`: what the zone shows is nearer than the camera can focus, or farther.
     InputError
         The camera has no focus, or an argument is wrong.
     DeviceError

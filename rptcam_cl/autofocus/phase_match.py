@@ -35,6 +35,7 @@ UNLIKELY = 4.0  # times the least misfit: then it is no rival, however good
 APART = 1.5  # displacement from which on it is another one [pixels]
 LEAST_ALONG = 0.1  # of those changes
 LAG = 4  # pixels, over which they are taken
+LEAST_SIGNIFICANCE = 5.0  # of the contrast, in standard errors
 LEAST_CONTRAST = 0.002  # standard deviation over mean
 
 
@@ -78,7 +79,7 @@ class Match:
     @property
     def refusal(self) -> str | None:
         """Why the distance cannot be relied on; None where it can."""
-        if self.significance < 5.0 or self.contrast < LEAST_CONTRAST:
+        if self.significance < LEAST_SIGNIFICANCE or self.contrast < LEAST_CONTRAST:
             return "flat"
         if self.gain < LEAST_GAIN or self.along < LEAST_ALONG:
             return "vague"

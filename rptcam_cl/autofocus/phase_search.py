@@ -13,7 +13,7 @@ from rptcam_cl.autofocus.drive import circle_of_confusion
 from rptcam_cl.autofocus.half_looks import HalfLook, half_look, half_view
 from rptcam_cl.autofocus.looks import Look
 from rptcam_cl.autofocus.measures import Measured
-from rptcam_cl.autofocus.phase_match import Match, PhaseMatch
+from rptcam_cl.autofocus.phase_match import LEAST_CONTRAST, LEAST_SIGNIFICANCE, Match, PhaseMatch
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.autofocus.renderer import ProbeRenderer
 from rptcam_cl.autofocus.report import NoContrast, ProbeRecord
@@ -33,7 +33,8 @@ SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, ov
 BLUR = 1.2  # radius of a blurred point over the displacement of its halves
 OTHER_STARTS = (0.12, 0.45, 0.8)  # of the reach, from far to near
 REASONS = {
-    "flat": "its details are no stronger than the noise",
+    "flat": f"its details do not come to {LEAST_SIGNIFICANCE:g} standard errors of the noise"
+    f" or {LEAST_CONTRAST:.1%} of its light",
     "vague": "it looks the same in and out of focus",
     "ambiguous": "it repeats itself, and fits at more than one distance",
     "dark": "it is dark",

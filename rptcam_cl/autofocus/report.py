@@ -13,6 +13,22 @@ class NoContrast(InputError):  # noqa: N818  (a refusal, as photographers call i
     """Nothing in the zone tells focus from blur; the camera stays as it was."""
 
 
+class OutOfReach(InputError):  # noqa: N818  (the same)
+    """What the zone shows is nearer than the camera can focus, or farther.
+
+    Attributes
+    ----------
+    state : float
+        The end of the focus that comes nearest to it.
+    zone : Zone
+        What shows it.
+    """
+
+    def __init__(self, message: str, state: float, zone: Zone) -> None:
+        super().__init__(message)
+        self.state, self.zone = state, zone
+
+
 @dataclass(frozen=True)
 class ProbeRecord:
     """One look through the lens.
@@ -73,6 +89,10 @@ class FocusReport:
         In the order in which they were made.
     notes : dict
         What else the method has to say.
+    failure : str or None
+        Why the zone cannot be relied on to be in focus; None where it can.
+    remarks : tuple of str
+        What a photographer should know of the zone all the same.
     """
 
     method: str
@@ -86,6 +106,13 @@ class FocusReport:
     zones: tuple[Zone, ...] = ()
     probes: list[ProbeRecord] = field(default_factory=list)
     notes: dict[str, Any] = field(default_factory=dict)
+    failure: str | None = None
+    remarks: tuple[str, ...] = ()
+
+    @property
+    def warnings(self) -> list[str]:
+        """The failure and the remarks."""
+        return [*(() if self.failure is None else (self.failure,)), *self.remarks]
 
     @property
     def samples(self) -> int:
@@ -104,14 +131,17 @@ class FocusReport:
             "film_distance_mm": self.film_distance_mm,
             "focus_distance_m": self.focus_distance_m,
             "confidence": self.confidence,
+            "failure": self.failure,
+            "warnings": self.warnings,
             "zone": list(astuple(self.zone)),
             "probes": len(self.probes),
             "samples": self.samples,
         }
 
-    def kept(self) -> FocusReport:
+    def kept(self, why: InputError) -> FocusReport:
         """Return the same focus, kept for want of a better one."""
-        return replace(self, confidence=0.0, probes=[], notes={"kept": True})
+        failure = f"{why}; the focus of the frame before is kept"
+        return replace(self, confidence=0.0, probes=[], notes={"kept": True}, failure=failure, remarks=())
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain values, with ``probes`` as pairs of film distance and measure."""

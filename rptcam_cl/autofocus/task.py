@@ -12,6 +12,8 @@ from rptcam_cl.autofocus.policy import Policy
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.autofocus.renderer import ProbeRenderer
 from rptcam_cl.autofocus.report import FocusReport, ProbeRecord
+from rptcam_cl.scene import AutoFocus, LensCamera, ThinLensCamera
+from rptcam_cl.scene.scene import Scene
 
 NEAR = 8.0  # depths of focus to either side within which the focus is sought when it was found a moment ago
 
@@ -70,3 +72,11 @@ class Task:
 def within(tolerance: float, error: float) -> float:
     """Return the probability that a normal error of a standard deviation stays within a tolerance."""
     return math.erf(tolerance / (math.sqrt(2) * error)) if error > 0 else 1.0
+
+
+def wanted(scene: Scene) -> AutoFocus | None:
+    """Return the autofocus that a scene asks for, if it does."""
+    camera = scene.camera
+    if isinstance(camera, LensCamera):
+        return camera.focus.auto
+    return camera.focus.auto if isinstance(camera, ThinLensCamera) and camera.focus is not None else None

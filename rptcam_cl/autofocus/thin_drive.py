@@ -119,11 +119,12 @@ class ThinDrive(Drive):
         Raises
         ------
         InputError
-            When the plane lies within the focal length.
+            When the plane is nearer than natural size.
         """
         low, high = self.limits
-        if distance_m * 1e3 <= self._focal_length_mm:
-            raise InputError(f"camera: a plane {distance_m:g} m from the lens lies within its focal length")
+        if distance_m < low * (1 - 1e-9):
+            nearest = f"the nearest possible is {low * 1e3:.6g} mm"
+            raise InputError(f"camera: cannot focus at {distance_m * 1e3:.6g} mm from the lens; {nearest}")
         return min(max(distance_m, low), high)
 
     def camera_keys(self, state: float) -> dict[str, object]:

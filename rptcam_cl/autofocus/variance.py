@@ -14,24 +14,29 @@ from rptcam_cl.autofocus.looks import Look, Looks
 from rptcam_cl.autofocus.measures import MEASURES
 from rptcam_cl.autofocus.probe import Zone
 from rptcam_cl.autofocus.report import FocusReport
-from rptcam_cl.autofocus.task import Task
+from rptcam_cl.autofocus.task import Task, wanted
 from rptcam_cl.errors import InputError
 
-FIRST_STEP = 0.2  # of the distance: the paper steps by 5 from 25
+START, FIRST_STEP = 50.0, 5.0  # scene units, as the paper prints them: d = 50, s = 5
 LAST_STEP = 0.01  # of the distance
 SAMPLES = 128  # per pixel, as in the paper's pictures
-FARTHEST_FOCAL_LENGTHS = 100.0  # where it starts when the camera is focused at infinity
+FARTHEST_FOCAL_LENGTHS = 100.0  # where it starts when that is out of reach, or the camera is focused at infinity
 MOST_STEPS = 38
 
 
 def focus_by_variance(task: Task) -> FocusReport:
-    """Return the focus at which the walk of the paper ends; its confidence is not known, hence 0."""
+    """Return the focus at which the walk of the paper ends; its confidence is not known, hence 0.
+
+    It starts at 50 scene units with steps of 5, as the paper prints it; where a camera is focused already, from there
+    with steps of a tenth. The notes of the report say which.
+    """
     looks = task.looks(MEASURES["variance"])
     zone = task.zones[0]
-    distance = _start(task, looks)
+    start, why = _start(task, looks)
+    distance, step = start, FIRST_STEP / START * start
     here = _look(looks, distance, zone)
     assert here is not None
-    step = FIRST_STEP * distance
+    notes = {"start_m": distance, "step_m": step, "started": why}
     for _ in range(MOST_STEPS):
         if abs(step) < LAST_STEP * distance:
             break
@@ -41,16 +46,24 @@ def focus_by_variance(task: Task) -> FocusReport:
         else:
             step = -step / 2
     state = looks.state_of(here.place)
-    return task.report("variance", state, zone, math.inf, 0.0, looks.records(0))
+    report = task.report("variance", state, zone, math.inf, 0.0, looks.records(0))
+    report.notes.update(notes)
+    return report
 
 
-def _start(task: Task, looks: Looks) -> float:
-    """Return the object distance that the camera is focused at [m]."""
-    state = task.probe.state if task.near is None else task.near
-    distance = task.probe.object_distance(state, task.zones[0])
-    if distance is None or math.isinf(distance) or _state(looks, distance, task.zones[0]) is None:
-        return FARTHEST_FOCAL_LENGTHS * task.probe.film_distance(state) * 1e-3
-    return distance
+def _start(task: Task, looks: Looks) -> tuple[float, str]:
+    """Return the object distance at which the walk starts [m], and why there."""
+    scene, zone = task.probe.scene, task.zones[0]
+    far = FARTHEST_FOCAL_LENGTHS * task.probe.film_distance(task.probe.state) * 1e-3
+    if task.near is None and wanted(scene) is not None:
+        printed = f"d = {START:g}, s = {FIRST_STEP:g} scene units, as the paper prints it"
+        if _state(looks, START * scene.metres_per_unit, zone) is None:
+            return far, f"far away, as {printed}, is out of reach"
+        return START * scene.metres_per_unit, printed
+    distance = task.probe.object_distance(task.probe.state if task.near is None else task.near, zone)
+    if distance is None or math.isinf(distance) or _state(looks, distance, zone) is None:
+        return far, "far away, where the camera was focused"
+    return distance, "where the camera was focused"
 
 
 def _state(looks: Looks, distance_m: float, zone: Zone) -> float | None:

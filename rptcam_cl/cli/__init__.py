@@ -1,7 +1,7 @@
 """The command ``rptcam``: data goes to standard output, everything said along the way to standard error.
 
 Exit codes: 0 done, 2 wrong input, 3 no usable device, 4 a file could not be read or written, 5 numbers
-that cannot be trusted in a strict run, 130 interrupted.
+that cannot be trusted or autofocus that failed in a strict run, 130 interrupted.
 """
 
 import os

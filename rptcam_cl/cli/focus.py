@@ -74,6 +74,8 @@ def _run(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         device=arguments.device,
     )
+    for line in report.warnings:
+        print(f"warning: {line}", file=sys.stderr)
     if arguments.plot is not None:
         write_picture(focus_plot(report, f"{arguments.scene.stem}: autofocus by {report.method}"), arguments.plot)
     if arguments.json:
@@ -99,6 +101,10 @@ def _print(report: "FocusReport") -> None:
     ]
     columns = ("film distance [mm]", "measure", "error", "stop", "Msamples", "seconds")
     print_table(columns, rows, f"autofocus by {report.method}")
+    if "started" in report.notes:
+        start, step = report.notes["start_m"], report.notes["step_m"]
+        print(f"from {start:.6g} m in steps of {step:.6g} m: {report.notes['started']}")
     distance = "nothing" if report.focus_distance_m is None else f"{report.focus_distance_m:.6g} m"
     film = f"film {report.film_distance_mm:.6g} mm behind the lens"
-    print(f"{film}, sharp at {distance}, confidence {report.confidence:.2f}")
+    told = "" if report.failure is None else ", NOT KNOWN TO BE IN FOCUS"
+    print(f"{film}, sharp at {distance}, confidence {report.confidence:.2f}{told}")

@@ -66,7 +66,8 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--strict",
         action="store_true",
-        help="fail, with exit code 5, when numbers cannot be trusted; the picture is written all the same",
+        help="fail, with exit code 5, when numbers cannot be trusted or autofocus failed; the picture is written"
+        " all the same",
     )
     parser.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
@@ -236,6 +237,8 @@ def _run(arguments: argparse.Namespace) -> int:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
     image, failure = _render(arguments, scene, checkpoint)
     _save(image, arguments)
+    for line in image.metadata.get("autofocus", {}).get("warnings", ()):
+        print(f"warning: autofocus: {line}", file=sys.stderr)
     if not arguments.quiet:
         for line in image.metadata.get("accuracy", {}).get("says", ()):
             print(f"accuracy: {line}", file=sys.stderr)

@@ -112,7 +112,7 @@ def test_stripes_along_one_axis_are_seen_by_the_other_split():
 @pytest.mark.parametrize(
     ("material", "reason"),
     [
-        ({"kind": "matte", "reflectance": 0.5}, "details are no stronger than the noise"),
+        ({"kind": "matte", "reflectance": 0.5}, "details do not come to 5 standard errors of the noise"),
         ({"kind": "matte", "reflectance": 0.0}, "dark"),
     ],
     ids=["flat", "dark"],

@@ -9,15 +9,31 @@ from benchmarks.autofocus import BLANK_EVERY, outcome, random_case, wilson
 from rptcam_cl.device import open_session
 
 CASES = 10
+TARGETS = [number for number in range(29) if number % BLANK_EVERY != BLANK_EVERY - 1][:26]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("method", ["contrast", "phase", "hybrid"])
+@pytest.mark.parametrize("method", ["contrast", "laplacian", "phase", "hybrid"])
 def test_random_cases_end_in_focus_or_in_a_refusal(method):
     session = open_session(None)
     found = [outcome(random_case(number), method, session) for number in range(CASES)]
     assert sum(row["blank"] for row in found) == CASES // BLANK_EVERY
     assert [row["case"] for row in found if not row["good"]] == []
+
+
+@pytest.mark.parametrize("number", [4, 8, 11])
+def test_laplacian_finds_what_is_faint_far_or_coarse(number):
+    assert outcome(random_case(number), "laplacian", open_session(None))["miss"] < 0.25
+
+
+@pytest.mark.slow
+def test_laplacian_finds_as_many_of_26_targets_as_contrast():
+    session = open_session(None)
+    good = {
+        method: sum(outcome(random_case(number), method, session)["good"] for number in TARGETS)
+        for method in ("laplacian", "contrast")
+    }
+    assert good["laplacian"] >= max(22, good["contrast"] - 1)
 
 
 @pytest.mark.parametrize("number", [40, pytest.param(178, marks=pytest.mark.slow)])
