@@ -27,13 +27,12 @@ def test_laplacian_finds_what_is_faint_far_or_coarse(number):
 
 
 @pytest.mark.slow
-def test_laplacian_finds_as_many_of_26_targets_as_contrast():
+@pytest.mark.parametrize("method", ["laplacian", "contrast"])
+def test_most_of_26_targets_are_found(method):
     session = open_session(None)
-    good = {
-        method: sum(outcome(random_case(number), method, session)["good"] for number in TARGETS)
-        for method in ("laplacian", "contrast")
-    }
-    assert good["laplacian"] >= max(22, good["contrast"] - 1)
+    found = [outcome(random_case(number), method, session) for number in TARGETS]
+    assert sum(row["good"] for row in found) >= 22
+    assert [row["reason"] for row in found if row["reason"]] == []
 
 
 @pytest.mark.parametrize("number", [40, pytest.param(178, marks=pytest.mark.slow)])
