@@ -16,8 +16,7 @@ from rptcam_cl.accuracy import decided
 from rptcam_cl.autofocus import FocusReport, focused_scene, in_focus
 from rptcam_cl.autofocus.interface import autofocus
 from rptcam_cl.developing import develop, developed_as
-from rptcam_cl.device import Session, Split, Wanted, choose_device, list_devices, open_sessions
-from rptcam_cl.device.listing import ALL
+from rptcam_cl.device import Session, Split, Wanted, choose_device, list_devices, means_all, open_sessions
 from rptcam_cl.errors import InputError, NumericError
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
@@ -160,7 +159,7 @@ def render(
         on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
     if shares is None and saver is not None:
         shares = _shares_of(saver.parts, sessions)
-    wavefront = _wavefront(scene, plan, sessions, shares, wave_size, lenient=isinstance(device, str) and device == ALL)
+    wavefront = _wavefront(scene, plan, sessions, shares, wave_size, lenient=means_all(device))
     if saver is not None:
         saver.parts_since = lambda done: _parts(wavefront, saved, done)
     compiled = time.perf_counter()

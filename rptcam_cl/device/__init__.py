@@ -3,9 +3,9 @@
 from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
 from rptcam_cl.device.program import Program
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.device.several import Split, Wanted, open_sessions
+from rptcam_cl.device.several import Split, Wanted, means_all, open_sessions
 
 __all__ = [
-    "DeviceInfo", "Program", "Session", "Split", "Wanted", "choose_device", "list_devices", "open_session",
-    "open_sessions",
+    "DeviceInfo", "Program", "Session", "Split", "Wanted", "choose_device", "list_devices", "means_all",
+    "open_session", "open_sessions",
 ]  # fmt: skip

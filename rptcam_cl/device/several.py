@@ -49,6 +49,13 @@ def open_sessions(wanted: Wanted = None, split: Split | None = None) -> tuple[li
     return sessions, None if shares is None else _in_order(shares, sessions)
 
 
+def means_all(wanted: Wanted) -> bool:
+    """Return whether the devices were not named, but all were asked for: one that cannot begin may be left out."""
+    if wanted is None:
+        return several_of_environment() == [ALL]
+    return not isinstance(wanted, Session) and ALL in ([wanted] if isinstance(wanted, str) else wanted)
+
+
 def _opened(wanted: Wanted) -> list[Session]:
     if isinstance(wanted, Session):
         return [wanted]

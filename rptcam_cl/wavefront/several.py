@@ -75,9 +75,12 @@ class SharedWavefront:
             self._left_out(worker.wavefront.session, failure, lenient)
             worker.dropped = str(failure)
         self._workers = self._live()
+        self._need_one("")
         if shares is None:
             self._measure()
-        self._need_one("")
+            self._need_one("")
+        elif len(self._workers) < len(sessions):
+            self._share_out([worker.share for worker in self._workers])
         self._deal()
         self.tiles = np.arange(layout.tiles, dtype=np.uint32)
         self._shortest = max(worker.wavefront.samples_per_wave for worker in self._workers)
@@ -103,8 +106,11 @@ class SharedWavefront:
         for worker, error in self._in_parallel(self._workers, measure):
             _tell(f"{error}; it is dropped, and the other devices render without it")
             worker.dropped = str(error)
-        live = self._live()
-        for worker, share in zip(live, shares_of([speeds[worker.id] for worker in live]) if live else [], strict=True):
+        self._share_out([speeds[worker.id] for worker in self._live()])
+
+    def _share_out(self, speeds: Sequence[float]) -> None:
+        """Give the devices that work shares in proportion to ``speeds``."""
+        for worker, share in zip(self._live(), shares_of(speeds) if speeds else [], strict=True):
             worker.share = share
 
     def _deal(self) -> None:
@@ -200,8 +206,7 @@ class SharedWavefront:
             lost |= worker.owned
         self._need_one(f": {failed[-1][1]}")
         live = self._live()
-        for worker, share in zip(live, shares_of([worker.share for worker in live]), strict=True):
-            worker.share = share
+        self._share_out([worker.share for worker in live])
         for _, error in failed:
             _tell(f"{error}; it is dropped, and what it has made is made again by the other devices")
         self._begin_part(self._base_done or 0, {worker.id: str(error) for worker, error in failed})

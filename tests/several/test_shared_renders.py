@@ -189,6 +189,22 @@ def test_interrupted_shared_render_goes_on_to_the_same_bits_on_whatever_devices(
     assert taken(rest) == {"0:0": 20 * SIZE[0] * SIZE[1]}
 
 
+@pytest.mark.usefixtures("three")
+def test_device_that_cannot_begin_is_left_out_of_all(second, whole, monkeypatch):
+    alone = rptcam_cl.render(scene("pinhole"), size=SIZE, spp=4, device=whole)
+    for wanted in ("all", None):
+        monkeypatch.setenv("RPTCAM_DEVICE", "all")
+        second.healthy_launches = 0
+        with pytest.warns(UserWarning, match=r"device 0:2 .* is left out: .*made to fail"):
+            image = rptcam_cl.render(scene("pinhole"), size=SIZE, spp=4, device=wanted)
+        assert same(image, alone)
+        assert list(taken(image)) == ["0:0", "0:1"]
+    second.healthy_launches = 0
+    with pytest.warns(UserWarning, match=r"device 0:2 .* is left out"):
+        image = rptcam_cl.render(scene("pinhole"), size=SIZE, spp=4, device="all", split="0:0=0.3,0:1=0.1,0:2=0.6")
+    assert image.stats["work"][0]["split"] == "0:0=0.75,0:1=0.25"
+
+
 ENDLESS = """
 import rptcam_cl
 from rptcam_cl import saving
