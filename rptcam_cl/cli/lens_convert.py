@@ -1,4 +1,4 @@
-"""``rptcam lens convert``: a lens file of any known kind becomes one of ours, or a pbrt table."""
+"""``rptcam lens convert``: a lens file of any known kind becomes one of ours, of pbrt, of Zemax or of CODE V."""
 
 import argparse
 import sys
@@ -10,15 +10,15 @@ from rptcam_cl.cli.lens_options import D_LINE, add_catalogue, check_file, load, 
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.errors import InputError
 
-_SUFFIXES = (".yaml", ".yml", ".dat")
+_SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")
 
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    text = "write a lens as a file of ours (.yaml) or as a pbrt table (.dat)"
+    text = "write a lens as a file of ours (.yaml), a pbrt table (.dat) or for Zemax (.zmx) or CODE V (.seq)"
     parser = commands.add_parser("convert", help=text, description=text.capitalize() + ".")
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file of any known kind")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml or .dat")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", required=True, help=".yaml, .dat, .zmx or .seq")
     add_catalogue(parser)
     parser.add_argument("--f-number", type=values.positive, metavar="N", help="stop down (default: as in the file)")
     parser.add_argument(
@@ -32,8 +32,11 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.lensview.codev_text import codev_text
+    from rptcam_cl.lensview.foreign import left_out
     from rptcam_cl.lensview.pbrt_table import loses_dispersion, pbrt_text
     from rptcam_cl.lensview.prescription import lens_text
+    from rptcam_cl.lensview.zemax_text import zemax_text
     from rptcam_cl.optics.transmission import has_coatings
     from rptcam_cl.optics.variable import zoomed
 
@@ -50,7 +53,11 @@ def _run(arguments: argparse.Namespace) -> int:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(arguments.f_number))
         lens = replace(lens, published={})
         comments.append(f"Stopped down to f/{arguments.f_number:g}.")
-    if suffix != ".dat":
+    if suffix in (".zmx", ".seq"):
+        text = zemax_text(lens) if suffix == ".zmx" else codev_text(lens)
+        for note in left_out(lens):
+            print(f"a {suffix} file: {note}", file=sys.stderr)
+    elif suffix != ".dat":
         text = lens_text(lens, comments)
     else:
         text = pbrt_text(lens, arguments.wavelength_nm)

@@ -46,6 +46,6 @@ def _entry(name: str, rest: list[str], wavelengths: list[float], path: str, line
             f"({len(values)} for {len(wavelengths)})"
         )
     rows = sorted(dict(zip(wavelengths, values, strict=True)).items())
-    if len(rows) == 1:
+    if len(set(values)) == 1:
         return {"index": rows[0][1], "name": name}
     return {"table": {"wavelengths_nm": [w for w, _ in rows], "values": [n for _, n in rows]}, "name": name}

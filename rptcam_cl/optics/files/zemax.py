@@ -151,7 +151,7 @@ def _row(surface: _Surface, table: Table) -> dict[str, Any]:
     elif surface.kind == "ODDASPHE":
         row["aspheric"] = {i: v for i, v in p.items() if v and 1 <= i <= 8}
     elif surface.kind == "TOROIDAL":
-        row |= {"radius_x": p.get(1) or float("inf"), "form": "toroid"}
+        row |= {"radius_x": p[1], "form": "toroid"} if p.get(1) else {"cylinder": "y"}
         row["aspheric"] = {2 * (i - 1): v for i, v in p.items() if v and 2 <= i <= 8}
     elif surface.kind == "BICONICX":
         row["radius_x"] = p.get(1) or float("inf")
