@@ -92,10 +92,11 @@ class SharedWavefront:
         self._parts: list[dict[str, Any]] = []
 
     def _left_out(self, session: Session, error: RptcamError, lenient: bool) -> None:
+        device = f"device {session.info.id} {session.info.name}"
+        why = str(error) if device in str(error) else f"{device}: {error}"
         if not lenient:
-            remedy = f"leave {session.info.id} out of --device, or update its driver"
-            raise type(error)(f"device {session.info.id} {session.info.name}: {error} ({remedy})") from error
-        _tell(f"device {session.info.id} {session.info.name} is left out: {error}")
+            raise type(error)(f"{why} (leave {session.info.id} out of --device, or update its driver)") from error
+        _tell(f"{why}; it is left out")
 
     def _measure(self) -> None:
         speeds: dict[str, float] = {}

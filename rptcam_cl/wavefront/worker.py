@@ -67,11 +67,6 @@ class Worker:
         """Of the device."""
         return self.wavefront.session.info.id
 
-    @property
-    def named(self) -> str:
-        """The device for people."""
-        return f"device {self.id} {self.wavefront.session.info.name}"
-
     def run(self, job: Job, halt: threading.Event) -> None:
         """Do a job and wait for it; leave early once ``halt`` is set."""
         begun, before = time.perf_counter(), self.wavefront.camera_rays
