@@ -12,6 +12,7 @@ from rptcam_cl.device import Program, Session
 BINS = 16  # per axis
 SWEEP = 32  # nodes of at most so many primitives are split exactly
 SMALL = {"cpu": 4096, "gpu": 1024}  # primitives that one work item takes on: what a core's cache holds; many for a GPU
+SMALL_FOR_SHORT_LOOPS = 64  # for a device that limits loops: sorting more might take it 65535 steps
 GROUP = {"cpu": 1, "gpu": 32}  # work items per group: each has kilobytes of its own
 KERNELS = ("gather", "histogram", "partition", "subtree", "leaves", "search", "reinsert")
 FILES = [f"build/{name}.cl" for name in KERNELS]
@@ -51,7 +52,7 @@ class Builder:
         self.max_depth = max_depth
         self._session = session
         self._program = build_program(session)
-        self._small = SMALL[session.info.type]
+        self._small = SMALL[session.kind] if session.loop_limit is None else SMALL_FOR_SHORT_LOOPS
         self._count = len(lower)
         self._shrink = np.float32(scale_of(np.concatenate([lower.min(axis=0), upper.max(axis=0)])))
         self._boxes = session.allocate(32 * self._count)
@@ -65,7 +66,7 @@ class Builder:
         launch.enqueue(-(-items // group) * group, group)
 
     def _run_heavy(self, name: str, items: int, *arguments: Any) -> None:
-        self._run(name, items, GROUP[self._session.info.type], *arguments)
+        self._run(name, items, GROUP[self._session.kind], *arguments)
 
     def is_small(self, count: NDArray[np.int64], depth: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which nodes are left to one work item: small ones, and those deep enough to need exact halves."""

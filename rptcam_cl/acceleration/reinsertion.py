@@ -13,6 +13,7 @@ from rptcam_cl.device import Session
 
 ROUNDS = 4  # more gain less than 1 %
 MOST_MOVES = 1 << 16  # in a round, the best ones: they run one after the other, which takes a GPU long
+STEPS_OF_MOVE = 6 * 128  # at most: five ways up a tree, taken together with the loop over the moves
 
 
 def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree:
@@ -33,7 +34,8 @@ def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree
     rest = np.int32(tree.leaves), np.int32(tree.root), np.float32(scale_of(tree.bounds[tree.root]))
     places, gains = session.allocate(4 * nodes), session.allocate(4 * nodes)
     search = session.bind(program, "search", *memory, places, gains, *rest, np.int32(nodes))
-    group = GROUP[session.info.type]
+    group = GROUP[session.kind]
+    most = MOST_MOVES if session.loop_limit is None else session.loop_limit // STEPS_OF_MOVE
     for _ in range(ROUNDS):
         search.enqueue(-(-nodes // group) * group, group)
         found, gain = session.read(places, np.int32, nodes), session.read(gains, np.float32, nodes)
@@ -41,8 +43,9 @@ def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree
         if len(moving) == 0:
             break
         moving = moving[np.argsort(-gain[moving], kind="stable")][:MOST_MOVES]
-        given = session.upload(moving.astype(np.int32)), session.upload(found[moving])
-        session.bind(program, "reinsert", *memory, *given, *rest, np.int32(len(moving))).enqueue(1, 1)
+        for part in np.array_split(moving, -(-len(moving) // most)):
+            given = session.upload(part.astype(np.int32)), session.upload(found[part])
+            session.bind(program, "reinsert", *memory, *given, *rest, np.int32(len(part))).enqueue(1, 1)
     better = session.read(memory[0], np.float32, boxes.size).reshape(boxes.shape)[:, :, :3].reshape(-1, 6)
     children = session.read(memory[1], np.int32, tree.children.size).reshape(-1, 2)
     height = heights(children, tree.root, max_depth)

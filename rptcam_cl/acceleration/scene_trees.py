@@ -58,7 +58,7 @@ def scene_trees(meshes: PackedMeshes, session: Session, movements: Movements | N
 
     The box of an instance that moves holds all of its way.
     """
-    width = leaf = WIDTH[session.info.type]
+    width = leaf = WIDTH[session.kind]
     vertices = meshes.vertices.copy()
     for group in meshes.groups:
         part = slice(group.first_vertex, group.first_vertex + group.vertices)
@@ -101,7 +101,8 @@ def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: in
             np.maximum(upper, points, out=upper)
         return build_bvh(lower, upper, width=width, leaf_size=leaf, session=session)
 
-    return load_or_build(f"{group.key} {width} {leaf} {session.info.type}", build)
+    way = session.kind if session.loop_limit is None else f"{session.kind} in short loops"
+    return load_or_build(f"{group.key} {width} {leaf} {way}", build)
 
 
 def _nodes(tree: Bvh, group: TriangleGroup, first_node: int, first_block: int) -> NDArray[np.float32]:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device.choose import DeviceInfo, choose_device
+from rptcam_cl.device.llvmpipe import LLVMPIPE_LOOP_LIMIT, is_llvmpipe
 from rptcam_cl.device.program import Program, assemble, first_error
 from rptcam_cl.device.trial import AVX512_ARCH, try_device
 from rptcam_cl.errors import DeviceError
@@ -75,12 +76,25 @@ class Session:
         self._programs: dict[str, Program] = {}
 
     @property
+    def kind(self) -> str:
+        """How the work is cut up for the device: "cpu" or "gpu".
+
+        Mesa's llvmpipe runs on a processor, but its compiler takes work items together as that of a GPU does.
+        """
+        return "gpu" if is_llvmpipe(self.info.handle) else self.info.type
+
+    @property
+    def loop_limit(self) -> int | None:
+        """Steps that all loops of a work item may take together; None where they may take as many as they like."""
+        return LLVMPIPE_LOOP_LIMIT if is_llvmpipe(self.info.handle) else None
+
+    @property
     def lanes(self) -> int:
         """Lanes per work item that suit the device: a register's on CPUs, 8 or, with AVX-512, 16; 1 on GPUs.
 
         Measured with AVX-512: 16 render three spheres 1.2 times as fast as 8, a Cornell box and meshes as fast.
         """
-        if self.info.type != "cpu":
+        if self.kind != "cpu":
             return 1
         return 16 if self._library_arch == AVX512_ARCH else 8
 

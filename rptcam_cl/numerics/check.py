@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 
@@ -19,6 +20,8 @@ class Check:
         Of both.
     note : str
         Anything else worth saying; for a check that could not be made, why.
+    skipped : bool
+        Whether it asks for what the device does not offer; it then neither passes nor fails.
     """
 
     name: str
@@ -26,8 +29,19 @@ class Check:
     allowed: float
     unit: str
     note: str = ""
+    skipped: bool = False
 
     @property
     def passed(self) -> bool:
         """Whether the device computes what it should."""
-        return self.measured <= self.allowed
+        return bool(self.measured <= self.allowed)
+
+    @property
+    def failed(self) -> bool:
+        """Whether the check was made, and the device computes something else."""
+        return not self.passed and not self.skipped
+
+
+def needs_float64(name: str, unit: str) -> Check:
+    """Return a check that was not made because the device has no float64."""
+    return Check(name, math.nan, math.nan, unit, "the device has no float64", skipped=True)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
 from rptcam_cl.lens_tracing import Precision, trace_on_device
-from rptcam_cl.numerics.check import Check
+from rptcam_cl.numerics.check import Check, needs_float64
 from rptcam_cl.numerics.lens_margin import film_rays
 from rptcam_cl.optics import Lens, Rays, Status, Surface, load_lens
 from rptcam_cl.optics.focus import film_distance
@@ -200,7 +200,8 @@ def library_checks(session: Session) -> list[Check]:
         # a ray within a millionth of a rim may go either way
         Check("lens: fates in them", found[:, 2].sum(), 2, f"of {512 * len(LENSES)} rays other than in float64"),
     ]
-    if session.info.fp64:
-        position, direction, fates = library_errors(session, LENSES[0], "double")
-        checks.append(Check("lens: the first of them in float64", max(position, direction, fates), 1e-11, "mm"))
-    return checks
+    precise = "lens: the first of them in float64", "mm"
+    if not session.info.fp64:
+        return [*checks, needs_float64(*precise)]
+    name, unit = precise
+    return [*checks, Check(name, max(library_errors(session, LENSES[0], "double")), 1e-11, unit)]

@@ -15,7 +15,8 @@ MULTIPLIER, INCREMENT = 1664525, 1013904223
 CORNERS = (0, 1, 2, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFE, 0xFFFFFFFF)
 SEED = (12345, 67890)
 ADDITIONS = 1 << 22  # to a pixel of the film
-PER_LAUNCH = 1 << 18
+PER_LAUNCH = 1 << 15  # steps of a loop that no kernel of a render exceeds
+LOOPS = 1000  # steps of the inner one
 FILM_PIXELS = 16
 WORST_ULPS = 3.0  # what OpenCL 1.2 allows a root, and more than it allows a quotient
 
@@ -114,6 +115,16 @@ def film_values(pixel: int, count: int) -> NDArray[np.float32]:
 def _film_sums(pixel: int, count: int) -> NDArray[np.float64]:
     sums: NDArray[np.float64] = film_values(pixel, count).sum(axis=1, dtype=np.float64)
     return sums
+
+
+def loop_check(session: Session) -> Check:
+    """Loops run to their end, as far as the device is known to let them: more than a kernel of a render takes."""
+    steps = 1 << 20 if session.loop_limit is None else session.loop_limit - 1
+    outer = steps // (LOOPS + 1)  # a step of the outer loop counts, too
+    out = session.allocate(4)
+    run_probe(session, "probe_loops", {"VW": 1}, 1, out, np.uint32(outer), np.uint32(LOOPS))
+    done = int(session.read(out, np.uint32, 1)[0])
+    return Check(f"loops: {outer * LOOPS} steps", abs(outer * LOOPS - done), 0, "not taken")
 
 
 def film_checks(session: Session) -> list[Check]:

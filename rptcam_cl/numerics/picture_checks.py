@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device import Session
-from rptcam_cl.numerics.check import Check
+from rptcam_cl.numerics.check import Check, needs_float64
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.wavefront import Wavefront, render_plan
@@ -24,6 +24,7 @@ UNLIKE = 0.02  # share of the values that rounding may change by more than 1e-5,
 # By how much a picture may change, over its mean: by roundings that send paths elsewhere, by parts of a pixel.
 ROUNDED = 0.02
 FITTED = 0.2
+OF_MEAN = "of the mean, root mean square"
 RADII = (1e-3, 1.0, 1e4)  # of cavities [m]
 
 MATTE = {"kind": "matte", "reflectance": REFLECTANCE}
@@ -113,10 +114,8 @@ def lens_checks(session: Session) -> list[Check]:
     def beside(name: str, camera: dict[str, str], allowed: float) -> Check:
         other = change_scene(scene, camera=camera)
         apart = picture(session, other, make_plan(other)) - single
-        return Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, "of the mean, root mean square")
+        return Check(name, float(np.sqrt(np.mean(apart**2)) / single.mean()), allowed, OF_MEAN)
 
-    precise = [beside("pictures: lens in float32 and float64", {"precision": "double"}, ROUNDED)]
-    return [
-        *(precise if session.info.fp64 else []),
-        beside("pictures: rays traced and fitted", {"rays": "fitted"}, FITTED),
-    ]
+    name = "pictures: lens in float32 and float64"
+    precise = beside(name, {"precision": "double"}, ROUNDED) if session.info.fp64 else needs_float64(name, OF_MEAN)
+    return [precise, beside("pictures: rays traced and fitted", {"rays": "fitted"}, FITTED)]

@@ -18,7 +18,7 @@ from rptcam_cl.numerics.geometry_checks import (
     object_tree_check,
 )
 from rptcam_cl.numerics.lens_checks import library_checks, radius_checks, reflection_check, stigmatic_checks
-from rptcam_cl.numerics.number_checks import arithmetic_checks, film_checks, random_check
+from rptcam_cl.numerics.number_checks import arithmetic_checks, film_checks, loop_check, random_check
 from rptcam_cl.numerics.picture_checks import energy_check, lens_checks, organisation_checks
 
 
@@ -40,6 +40,7 @@ class Part:
 SUITE = (
     Part("random numbers", random_check),
     Part("arithmetic", arithmetic_checks),
+    Part("loops", loop_check),
     Part("film", film_checks),
     Part("lens surfaces", radius_checks),
     Part("total reflection", reflection_check),

@@ -36,6 +36,7 @@ STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through 
 GROUP = {"cpu": 4, "gpu": 64}  # work items per group; small ones spread evenly over few cores
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
+STEPS_OF_SAMPLE = 4096  # that all loops of a kernel take for one sample, at most: those of trees and lenses
 WAVE_OF_GENERATE, WAVE_OF_FILM = 7, 3  # argument indices
 
 
@@ -79,10 +80,10 @@ class Wavefront:
         self.layout = layout
         self.settings = settings
         self.seed = settings.seed
-        self.organisation = organisation or ORGANISATION[session.info.type]
+        self.organisation = organisation or ORGANISATION[session.kind]
         self._emitters = plan.emitters.count
-        self._size_wave(wave_size or WAVE_SLOTS[session.info.type])
-        self._group = GROUP[session.info.type]
+        self._size_wave(wave_size or WAVE_SLOTS[session.kind])
+        self._group = GROUP[session.kind]
         self.tiles = layout.whole_list()
         self._enqueued, self._rays = 0, 0  # camera rays of the picture, since the last and up to the last `finish`
         self._events: list[tuple[str, Any]] = []
@@ -99,7 +100,8 @@ class Wavefront:
     def _size_wave(self, slots: int) -> None:
         at_least = STREAM_SAMPLES if self.organisation == "stream" else 1
         self._wave_pixels = min(max(slots // at_least // BLOCK, 1) * BLOCK, self.layout.pixels)
-        self._wave_samples = max(slots // self._wave_pixels, 1)
+        most = (self.session.loop_limit or slots * STEPS_OF_SAMPLE) // STEPS_OF_SAMPLE
+        self._wave_samples = min(max(slots // self._wave_pixels, 1), most)
 
     @property
     def capacity(self) -> int:

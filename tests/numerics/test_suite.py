@@ -2,10 +2,12 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from rptcam_cl import device
 from rptcam_cl.cli import main
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.errors import DeviceError
@@ -33,7 +35,8 @@ def checks_of(session, name):
 def test_sound_device_passes(session, name):
     checks = checks_of(session, name)
     assert checks
-    assert [check for check in checks if not check.passed] == []
+    assert [check for check in checks if check.failed] == []
+    assert [check for check in checks if check.skipped and session.info.fp64] == []
     assert all(check.name and check.unit for check in checks)
 
 
@@ -53,6 +56,7 @@ def passes(name):
 FAULTS = [
     Mutant("no product", "h.d += h.b * h.c;\n    h.a ^=", "h.d += h.b;\n    h.a ^=", passes("random numbers")),
     Mutant("infinite is finite", ">= INFINITE; }", "> INFINITE; }", passes("arithmetic")),
+    Mutant("loops that end early", "i < outer; ++i)", "i < outer && steps < 65535u; ++i)", passes("loops")),
     Mutant("plain sum", "F3 y = sub(value, s.rest);", "F3 y = value;", passes("film")),
     Mutant("not y", "F g = d.z - c * (x * d.x + y * d.y);", "F g = d.z - c * x * d.x;", passes("lens surfaces")),
     Mutant("early total reflection", "cosine2_after > CRITICAL;", "cosine2_after > 1e-3f;",
@@ -82,6 +86,19 @@ def test_plain_float32_sum_would_fail_the_check_of_the_film():
 def test_what_is_not_a_number_fails():
     assert not Check("x", math.nan, 1.0, "mm").passed
     assert Check("x", 1.0, 1.0, "mm").passed
+
+
+def test_check_that_needs_float64_is_skipped_and_told_on_a_device_without(monkeypatch, capsys):
+    single = replace(choose_device(), fp64=False)
+    monkeypatch.setattr(suite.outcomes, "__defaults__", ((PARTS["real lenses"],),))
+    monkeypatch.setattr(device, "open_session", lambda _: Session(single))
+    assert main(["doctor", "--numerics"]) == 0
+    said = capsys.readouterr().out
+    assert "  skip lens: the first of them in float64                the device has no float64\n" in said
+    assert "3 of 3 checks passed, 1 skipped" in said
+    assert main(["doctor", "--numerics", "--json"]) == 0
+    (checks,) = json.loads(capsys.readouterr().out)["numerics"].values()
+    assert [(check["skipped"], check["failed"]) for check in checks] == [(False, False)] * 3 + [(True, False)]
 
 
 def test_device_that_throws_in_one_check_is_tried_in_the_next(session):
