@@ -14,6 +14,7 @@ from benchmarks.mitsuba_scene import describe
 from benchmarks.mitsuba_worker import find_llvm
 from benchmarks.scenes import reference_scene
 from benchmarks.worker import Worker, WorkerError
+from rptcam_cl.device import choose_device
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
 
@@ -99,6 +100,15 @@ def test_noise_behind_every_shape_of_aperture_is_measured(checkout: Path, tmp_pa
     assert "mask" in printed
     assert all(found["camera_ns_per_sample"] > 0 for found in results if "sampler" not in found)
     assert all(noise > 0 for found in results if "sampler" in found for noise in found["noise"].values())
+
+
+@pytest.mark.slow
+def test_device_compared_with_itself_makes_the_same_bits(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "devices", "--reference", choose_device().id)
+    assert printed.count("same bits") == len(results["scenes"]) == 4
+    assert all(found["other_bits"] == 0 and found["speed"] > 0.2 for found in results["scenes"].values())
+    assert results["numerics"]["passed"] == results["numerics"]["made"] >= 20
+    assert results["numerics"]["failed"] == []
 
 
 @pytest.mark.slow
