@@ -16,6 +16,7 @@ from rptcam_cl.lensview.foreign import (
     tilts,
 )
 from rptcam_cl.optics import Lens, Surface
+from rptcam_cl.optics.files.makers import plain_glass_name
 from rptcam_cl.optics.first_order import limiting_surface
 from rptcam_cl.optics.glass import AIR, WAVELENGTH_D, AbbeCauchy, ConstantIndex, Medium, held_index
 
@@ -87,12 +88,12 @@ def _glass(medium: Medium, private: dict[Medium, str]) -> str:
     if medium == AIR:
         return ""
     if found := maker_and_name(medium):
-        return f"{found[1].replace(' ', '')}_{found[0].upper()}"
+        return f"{plain_glass_name(found[1])}_{found[0].upper()}"  # CODE V has no hyphens
     if isinstance(medium, AbbeCauchy):
         above, vd = f"{medium.nd - 1:.6f}", f"{medium.vd / 100:.6f}"
         if 0.3 <= medium.nd - 1 < 1 and abs(float(above) + 1 - medium.nd) < 1e-12 and medium.vd < 100:
             return f"{above[2:]}.{vd[2:]}"
-    name = private.setdefault(medium, f"GLASS{len(private) + 1}")
+    name = private.setdefault(medium, f"PG{len(private) + 1}")
     return f"'{name}'"
 
 

@@ -77,6 +77,13 @@ def test_numbers_without_rdm_are_curvatures_unless_no_beam_could_cross_them(tmp_
     assert any("no RDM: the numbers are radii" in note for note in radii.warnings)
 
 
+def test_solves_and_labelled_apertures(tmp_path):
+    text = "SO 0 100\nS 0.1 1 nbk7_schott\n CIR L'A' 4\nS -.05 15\n THI HMY 0.0\nSI 0 0\nFNO 5\n"
+    first, second = load_text(tmp_path, text, "a.seq").surfaces
+    assert (first.radius, first.semi_diameter) == (pytest.approx(10), 4)
+    assert second.radius == pytest.approx(-20)
+
+
 def test_decentre_and_return_and_reverse(tmp_path):
     text = "RDM\nEPD 2\nSO 0 0\nS 50 3 517.642\n ADE 10; YDE 1\n DAR\nS -50 5\nS 0 2\n ADE 20\n REV\nS 0 1\nSI 0 0\n"
     first, second, turning, last = load_text(tmp_path, text, "a.seq").surfaces

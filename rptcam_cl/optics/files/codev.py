@@ -25,6 +25,7 @@ _SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
 _HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM", "ZOO"))
 _NUMBERED = frozenset(("K", *POWERS, *TILTS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
 _OF_SURFACES = frozenset((*_NUMBERED, "STO", "CIR", "CYL", "YTO", "GLA", "GL1", "DAR", "REV"))
+THICKEST = 4.0  # of an element, in radii of its surfaces
 RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
 QUIET_WORDS = """
 LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB XIM CCY THC CCX KC AC BC CC DC EC FC GC HC PIM DER DAR REV SPH ASP CON
@@ -151,7 +152,9 @@ def _choose_radii(surfaces: list[_Surface], table: Table) -> None:
     """Where no RDM says so, take the numbers as curvatures, as CODE V does, unless no beam could cross them."""
     open_ones = [surface for surface in surfaces if surface.radius_mode is None]
     heights = [surface.diameter / 2 for surface in open_ones if surface.diameter]
-    half = max([*heights, (table.pupil_diameter or 0.0) / 2]) or max((abs(s.thickness) for s in open_ones), default=0.0)
+    half = max([*heights, (table.pupil_diameter or 0.0) / 2])
+    if not half:  # no element is that much thicker than it is curved
+        half = max((abs(s.thickness) for s in open_ones if s.glass), default=0.0) / THICKEST
     radii = any(abs(surface.value) * half > RADIUS_NEEDS for surface in open_ones)
     for surface in open_ones:
         surface.radius_mode = radii
@@ -192,6 +195,8 @@ def _header(key: str, rest: list[str], line: int, table: Table) -> None:
 
 
 def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table) -> None:
+    if key in ("THI", "RDY", "CUY") and rest and rest[0].isalpha():
+        return  # a solve, whose value stands in the line of the surface
     if key in _NUMBERED:
         value = numbers([word for word in rest if word.upper() != "CLR"][:1], table.path, line, 1)[0]
         if key == "K":
@@ -210,7 +215,7 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table)
         surface.stop = True
     elif key == "CIR":
         words = [word.upper() for word in rest]
-        value = numbers([w for w in words if w not in ("EDG", "CLR", "OBS", "HOL")][:1], table.path, line, 1)[0]
+        value = numbers([w for w in words if w[:1] in "+-.0123456789"][-1:], table.path, line, 1)[0]
         if "EDG" not in words or surface.diameter is None:
             surface.diameter = 2 * abs(value)
     elif key in ("CYL", "YTO"):
