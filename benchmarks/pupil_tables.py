@@ -15,7 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.cameras.pupil import PupilSampling, forget_tables, pupil_sampling
+from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
+from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.device import choose_device
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, list_lenses, load_lens

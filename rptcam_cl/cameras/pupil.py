@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.cameras.pupil_check import loses_light
+from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
-from rptcam_cl.optics.probe import FilmProbe, Wavelengths, cells, grid
-from rptcam_cl.optics.pupil_shape import DIRECTIONS, PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
+from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid
+from rptcam_cl.optics.pupil_shape import PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
 from rptcam_cl.records import PupilKind
 
 Array = NDArray[np.float64]
@@ -23,28 +25,6 @@ CELLS = 16  # of the film across and down, for the boxes
 SPREAD = 0.05  # share of its size that a box is widened by, for what lies between the corners of its cell
 EDGE_SPREAD = 0.2  # the same where the pupil closes within the cell
 PROBES = (18, 18)  # rays per box and film point
-
-
-@dataclass(frozen=True)
-class PupilSampling:
-    """What `kernels/lens/pupil.h` reads: kind and facts, four numbers and a table."""
-
-    tier: str
-    kind: PupilKind
-    parameters: tuple[float, float, float, float]
-    table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
-    radial: bool = False
-    widened: float = 1.0  # factor on the paraxial pupil of the thick tier, without which it would lose light
-
-    @property
-    def metadata(self) -> dict[str, str | float]:
-        """What the picture's metadata should say."""
-        return {"pupil": self.tier} | ({"pupil_widened": self.widened} if self.widened > 1.0 else {})
-
-    @property
-    def facts(self) -> dict[str, int]:
-        """Facts for the compilation."""
-        return {"PUPIL_KIND": int(self.kind), "PUPIL_RADIAL": int(self.radial), "PUPIL_DIRECTIONS": DIRECTIONS}
 
 
 def pupil_sampling(
@@ -59,6 +39,7 @@ def pupil_sampling(
     tier
         ``rear``: the whole rear element (CS348b 2015). ``thick``: the paraxial image of the stop (CS348b 2003), widened
         where it would lose light. ``bounds``: a box per film cell (pbrt). ``tight``: the outline of the true pupil.
+        A table that proves to lose light, as with a pupil of several parts, gives way to ``rear``.
         ``auto``: tight, which needs the fewest samples on the four lenses it was measured on.
     """
     return _remembered(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, tier)
@@ -96,6 +77,9 @@ def _remembered(
 ) -> PupilSampling:
     """Return the sampling, ready for the next picture with the lens in the same state."""
     sampling = _made(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier)
+    if tier != "rear" and loses_light(sampling, FilmProbe(content.lens, film_distance_mm, wavelength_nm), half_film_mm):
+        rear = _rear(content.lens, film_distance_mm, half_film_mm, wavelength_nm)
+        sampling = replace(rear, instead_of=sampling.tier)
     sampling.table.flags.writeable = False
     return sampling
 
@@ -130,7 +114,10 @@ def _rear(
     shift = 1.0 - scale[-1]  # of the rim, the last ring of the patch
     film = np.linspace(0.0, float(np.hypot(*half_film_mm)), 9)[:, None]
     u = film * (1.0 - scale) + probe.patch[:, 0] * scale - shift * film
-    radius = float(np.hypot(u, probe.patch[:, 1] * scale).max())
+    reach = np.hypot(u, probe.patch[:, 1] * scale)
+    radius = float(reach.max())
+    if radius > reach[:, -(len(scale) // PATCH_RADII) :].max():
+        radius *= 1.0 + BULGE
     return PupilSampling("rear", PupilKind.CIRCLE, (float(shift), radius, 0.0, 0.0))
 
 

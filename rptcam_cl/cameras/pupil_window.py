@@ -7,7 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.pupil import CELLS, EDGE_SPREAD, PROBES, SPREAD, PupilSampling, without_shape
+from rptcam_cl.cameras.pupil import CELLS, EDGE_SPREAD, PROBES, SPREAD, without_shape
+from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes

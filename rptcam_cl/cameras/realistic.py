@@ -16,7 +16,8 @@ from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lens_rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
-from rptcam_cl.cameras.pupil import PupilSampling, pupil_sampling
+from rptcam_cl.cameras.pupil import pupil_sampling
+from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
 from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.errors import InputError

@@ -38,11 +38,12 @@ def add_to(commands: Commands) -> None:
     text = "where chief rays meet the film against an ideal projection, and lateral colour"
     distortion = commands.add_parser("distortion", help=text, description=text.capitalize() + ".")
     add_lens(distortion)
-    add_fields(distortion)
+    add_fields(distortion, steep=True)
     add_wavelengths(distortion, FDC)
     distortion.add_argument(
-        "--projection", choices=("tan", "theta"),
-        help="ideal height f tan(angle) or f angle (default: theta for fields beyond 55 degrees)",
+        "--projection", choices=("tan", "theta", "stereographic", "equisolid", "orthographic"),
+        help="ideal height: f tan(angle), f angle, 2 f tan(angle/2), 2 f sin(angle/2) or f sin(angle) "
+        "(default: tan, and for wide lenses that bend lines what they follow best)",
     )  # fmt: skip
     add_plot(distortion)
     distortion.set_defaults(run=_distortion, parser=distortion)
@@ -65,21 +66,21 @@ def _vignette(arguments: argparse.Namespace) -> int:
 
 
 def _distortion(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lensview.distortion import distortion_picture, distortion_table, usual_projection
+    from rptcam_cl.lensview.distortion import PROJECTIONS, distortion_picture, distortion_table, followed_projection
     from rptcam_cl.lensview.fields import default_fields
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments)
     _ = state.film
     fields = arguments.fields or default_fields(state, _SHARES)
-    projection = arguments.projection or usual_projection(fields)
+    projection = arguments.projection or followed_projection(state, fields)
     rows = distortion_table(state, fields, arguments.wavelengths, projection)
     if arguments.json:
         print(as_json({"lens": state.lens.name, "film_distance_mm": state.film, "projection": projection,
                        "distortion": rows}))  # fmt: skip
     else:
         columns = ("field [°]", "wavelength [nm]", "height [mm]", "ideal [mm]", "off [mm]", "off [%]", "colour [µm]")
-        meant = "f tan(angle)" if projection == "tan" else "f angle"
+        meant = PROJECTIONS[projection][1] + (", which it follows best" if arguments.projection is None else "")
         title = f"{state.lens.name}, film at {state.film:.6g} mm, against {meant}"
         print_table(columns, [list(row.values()) for row in rows], title)
     if arguments.output is not None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics import Lens
     from rptcam_cl.optics.coating import Coating
 
+STEEPEST = 130.0  # degrees; fisheyes see up to 110
 D_LINE = 587.5618  # [nm], of helium, where n_d is measured
 FDC = (486.1327, 587.5618, 656.2725)  # [nm], the F, d and C lines
 
@@ -49,6 +50,14 @@ def angles(text: str) -> list[float]:
     found = numbers(text)
     if any(abs(angle) >= 89 for angle in found):
         raise argparse.ArgumentTypeError(f"got {text}; allowed angles between -89 and 89 degrees")
+    return found
+
+
+def steep_angles(text: str) -> list[float]:
+    """Angles from the axis of ``a,b,c`` [degrees], from the side and from behind too."""
+    found = numbers(text)
+    if any(abs(angle) > STEEPEST for angle in found):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed angles from -{STEEPEST:g} to {STEEPEST:g} degrees")
     return found
 
 
@@ -123,11 +132,12 @@ def coated_lens(arguments: argparse.Namespace, lens: "Lens") -> "Lens":
     return lens if arguments.coating is None else with_coating(lens, arguments.coating)
 
 
-def add_fields(parser: argparse.ArgumentParser) -> None:
-    """Add the angles to look at."""
+def add_fields(parser: argparse.ArgumentParser, *, steep: bool = False) -> None:
+    """Add the angles to look at, perhaps those of light from behind too."""
     parser.add_argument(
-        "--fields", type=angles, metavar="A,B,…", help="angles from the axis in degrees (default: chosen from the lens)"
-    )
+        "--fields", type=steep_angles if steep else angles, metavar="A,B,…",
+        help="angles from the axis in degrees (default: chosen from the lens)",
+    )  # fmt: skip
 
 
 def add_wavelengths(parser: argparse.ArgumentParser, default: tuple[float, ...]) -> None:

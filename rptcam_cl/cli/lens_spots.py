@@ -8,6 +8,7 @@ from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import (
     D_LINE,
     FDC,
+    STEEPEST,
     add_fields,
     add_lens,
     add_plot,
@@ -33,11 +34,11 @@ if TYPE_CHECKING:
 def add_to(commands: Commands) -> None:
     """Add the three commands."""
     spot = _command(commands, "spot", "spots on the film: centroid and rms size for fields and wavelengths", FDC)
-    add_fields(spot)
+    add_fields(spot, steep=True)
     add_plot(spot)
     spot.set_defaults(run=_spot, parser=spot)
-    mtf = _command(commands, "mtf", "modulation transfer from the spots, and the limit of diffraction", FDC)
-    add_fields(mtf)
+    mtf = _command(commands, "mtf", "modulation transfer from the spots, times what diffraction leaves of it", FDC)
+    add_fields(mtf, steep=True)
     add_plot(mtf)
     mtf.add_argument(
         "--frequencies", type=numbers, metavar="F,F,…", default=[10.0, 20.0, 30.0, 40.0, 50.0],
@@ -121,11 +122,11 @@ def _mtf(arguments: argparse.Namespace) -> int:
         raise InputError("--frequencies: must not be negative, and one must be above 0")
     state = _state(arguments)
     spots = film_spots(state, arguments.fields, arguments.wavelengths, arguments.rays)
-    rows = mtf_table(state, spots, arguments.frequencies)
+    rows = mtf_table(spots, arguments.frequencies)
     if arguments.json:
         print(_document(state, mtf=rows))
     else:
-        columns = ("field [°]", "cycles/mm", "tangential", "sagittal", "diffraction limit")
+        columns = ("field [°]", "cycles/mm", "tangential", "sagittal", "limit tang.", "limit sag.")
         print_table(columns, [list(row.values()) for row in rows], f"{state.lens.name}, film at {state.film:.6g} mm")
     if arguments.output is not None:
         write_picture(mtf_picture(state, spots, max(arguments.frequencies)), arguments.output)
@@ -139,8 +140,8 @@ def _psf(arguments: argparse.Namespace) -> int:
     output = arguments.output
     if output is not None and output.suffix.lower() not in (".npy", ".png"):
         raise InputError(f"{output}: unknown kind of image (allowed: a name that ends in .npy or .png)")
-    if not abs(arguments.field) < 89:
-        raise InputError(f"--field: got {arguments.field:g}; allowed between -89 and 89 degrees")
+    if not abs(arguments.field) <= STEEPEST:
+        raise InputError(f"--field: got {arguments.field:g}; allowed from -{STEEPEST:g} to {STEEPEST:g} degrees")
     check_file(output, arguments.lens)
     state = _state(arguments)
     spots = film_spots(state, [arguments.field], arguments.wavelengths, arguments.rays)

@@ -1,4 +1,9 @@
-"""Modulation transfer: geometrical, from the spots, beside what diffraction allows a perfect lens."""
+"""Modulation transfer: that of the spots times that of diffraction at the aperture that each field has.
+
+The geometrical transfer knows no diffraction and exceeds its limit where a lens is sharp. The transfer of a lens is
+that of its perfect pupil times a factor of its aberrations (Wetherell, The Calculation of Image Quality, 1980), for
+which the geometrical one stands here: right where aberrations are none or many waves, and never above the limit.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +17,12 @@ from rptcam_cl.lensview.chart import Key, chart
 from rptcam_cl.lensview.picture import FAINT, SERIES, Picture
 from rptcam_cl.lensview.setting import Setting
 from rptcam_cl.lensview.spots import FilmSpot, by_field
-from rptcam_cl.optics.summary import working_f_number
 
 Array = NDArray[np.float64]
 
 CURVE = 101
 DOTTED = (5.0, 4.0)
+COLUMNS = ("tangential", "sagittal", "tangential_limit", "sagittal_limit")
 
 
 def geometric_mtf(points: Array, frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
@@ -32,54 +37,74 @@ def geometric_mtf(points: Array, frequencies_per_mm: ArrayLike) -> tuple[Array, 
     return tangential, sagittal
 
 
-def diffraction_mtf(frequencies_per_mm: ArrayLike, f_number: float, wavelength_nm: float) -> Array:
-    """Return the modulation of a perfect lens with a round pupil ; 0 from 1 / (wavelength f-number) on."""
-    share = np.asarray(frequencies_per_mm, dtype=np.float64) * f_number * wavelength_nm * 1e-6
+def diffraction_mtf(frequencies_per_mm: ArrayLike, aperture: float, wavelength_nm: float) -> Array:
+    """Return the modulation of a perfect lens with a round pupil; 0 from 2 aperture / wavelength on.
+
+    Parameters
+    ----------
+    aperture : float
+        Numerical aperture on the film, along the direction of the modulation: 1 / (2 f-number).
+    """
+    if not aperture > 0:
+        return np.where(np.asarray(frequencies_per_mm, dtype=np.float64) == 0, 1.0, 0.0)
+    share = np.asarray(frequencies_per_mm, dtype=np.float64) * wavelength_nm * 1e-6 / (2.0 * aperture)
     inside = np.minimum(np.abs(share), 1.0)
     return np.asarray(2 / np.pi * (np.arccos(inside) - inside * np.sqrt(1 - inside * inside)))
 
 
-def perfect_mtf(setting: Setting, spots: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> Array:
-    """Return the modulation on the axis of a perfect lens of the same aperture, the mean over the wavelengths."""
-    f_number = working_f_number(setting.lens, setting.film, setting.wavelength_nm)
-    waves = list(dict.fromkeys(spot.wavelength_nm for spot in spots))
-    curves = [diffraction_mtf(frequencies_per_mm, f_number, wave) for wave in waves]
-    return np.asarray(np.mean(curves, axis=0))
+def limits(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
+    """Return the modulation (tangential, sagittal) that diffraction leaves the spots of one field.
+
+    The mean over the wavelengths by their rays. A pupil that is not round counts as the ellipse of its second moments.
+    """
+    rays = np.array([len(spot.points) for spot in group], dtype=np.float64)
+    curves = [
+        np.average([diffraction_mtf(frequencies_per_mm, spot.cone[axis], spot.wavelength_nm) for spot in group],
+                   axis=0, weights=rays)
+        for axis in (1, 0)
+    ]  # fmt: skip
+    return curves[0], curves[1]
 
 
-def mtf_table(setting: Setting, spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
-    """Return a row for each field and frequency, the wavelengths of a field together."""
-    perfect = perfect_mtf(setting, spots, frequencies_per_mm)
+def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[Array] | None:
+    """Return tangential and sagittal modulation and the limit of each, of one field; None when no light passes."""
+    points = np.concatenate([spot.points for spot in group])
+    if not len(points):
+        return None
+    most = limits(group, frequencies_per_mm)
+    drawn = geometric_mtf(points, frequencies_per_mm)
+    return [*(shape * limit for shape, limit in zip(drawn, most, strict=True)), *most]
+
+
+def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
+    """Return a row for each field and frequency, the wavelengths of a field together; None where no light passes."""
     rows = []
     for degrees, group in by_field(spots).items():
-        points = np.concatenate([spot.points for spot in group])
-        curves = zip(frequencies_per_mm, *geometric_mtf(points, frequencies_per_mm), perfect, strict=True)
-        for frequency, tangential, sagittal, limit in curves:
-            rows.append(
-                {
-                    "field_degrees": degrees,
-                    "frequency_per_mm": frequency,
-                    "tangential": float(tangential),
-                    "sagittal": float(sagittal),
-                    "diffraction_limit": float(limit),
-                }
-            )
+        curves = field_mtf(group, frequencies_per_mm)
+        for k, frequency in enumerate(frequencies_per_mm):
+            values = [None] * len(COLUMNS) if curves is None else [float(curve[k]) for curve in curves]
+            modulation = dict(zip(COLUMNS, values, strict=True))
+            rows.append({"field_degrees": degrees, "frequency_per_mm": frequency, **modulation})
     return rows
 
 
 def mtf_picture(setting: Setting, spots: Sequence[FilmSpot], highest_per_mm: float) -> Picture:
-    """Return the curves of every field up to a frequency: tangential full, sagittal dashed, the limit grey."""
+    """Return the curves of every field up to a frequency: tangential full, sagittal dashed, the first limit grey."""
     groups = by_field(spots)
     keys = [Key(f"{degrees:g}°", SERIES[i % len(SERIES)]) for i, degrees in enumerate(groups)]
     keys += [Key("sagittal", SERIES[0], DOTTED), Key("diffraction limit", FAINT, (2, 3))]
     labels = ("cycles per mm on the film", "modulation")
-    axes = chart(f"{setting.lens.name}: geometrical MTF", labels, (0.0, highest_per_mm), (0.0, 1.02), keys)
+    title = f"{setting.lens.name}: MTF, geometrical times diffraction"
+    axes = chart(title, labels, (0.0, highest_per_mm), (0.0, 1.02), keys)
     frequencies = np.linspace(0.0, highest_per_mm, CURVE)
-    axes.curve(frequencies, perfect_mtf(setting, spots, frequencies), FAINT, (2, 3))
     for number, group in enumerate(groups.values()):
-        points = np.concatenate([spot.points for spot in group])
-        tangential, sagittal = geometric_mtf(points, frequencies)
+        curves = field_mtf(group, frequencies)
+        if curves is None:
+            continue
+        tangential, sagittal, limit, _ = curves
         colour = SERIES[number % len(SERIES)]
+        if number == 0:
+            axes.curve(frequencies, limit, FAINT, (2, 3))
         axes.curve(frequencies, tangential, colour)
         axes.curve(frequencies, sagittal, colour, DOTTED)
     return axes.picture

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.errors import InputError
 from rptcam_cl.lensview.chart import Axes, Key, draw_key
 from rptcam_cl.lensview.colours import wavelength_colour
 from rptcam_cl.lensview.fields import at_plane, default_fields
@@ -19,6 +21,7 @@ from rptcam_cl.optics.spot import Beam, passing_beam
 Array = NDArray[np.float64]
 
 ACROSS = 64
+FACTS = ("centroid_x_mm", "centroid_y_mm", "rms_um", "rms_x_um", "rms_y_um", "largest_um")
 PANEL, GAP, HEAD, FOOT = 240.0, 70.0, 84.0, 80.0
 MOST_DOTS = 700  # of each colour in a panel
 FILL = 0.45  # half width of the largest spot, in widths of a panel
@@ -32,12 +35,15 @@ class FilmSpot:
     ----------
     field_degrees, wavelength_nm : float
     points : (n, 2) array
-        Where they meet the film, x and y [mm].
+        Where they meet the film, x and y [mm]; none when nothing of the beam passes.
+    cone : (x, y)
+        Half widths of the cone of light on the film, in x and y: numerical apertures.
     """
 
     field_degrees: float
     wavelength_nm: float
     points: Array
+    cone: tuple[float, float] = (0.0, 0.0)
 
 
 def film_spots(
@@ -53,15 +59,38 @@ def film_spots(
     wavelengths_nm : sequence of float
     across : int
         Rays that span the beam each way.
+
+    Raises
+    ------
+    InputError
+        When nothing of any beam passes; of one among others the spot is empty.
     """
     film_z = setting.film_z
-    spots = []
+    spots: list[FilmSpot] = []
+    refused: InputError | None = None
     for degrees in default_fields(setting) if fields is None else fields:
         for wavelength in wavelengths_nm:
             beam = Beam(degrees, setting.object_distance_mm)
-            _, rays, _ = passing_beam(setting.lens, beam, wavelength, across)
-            spots.append(FilmSpot(degrees, wavelength, at_plane(rays.origins, rays.directions, film_z)[:, :2]))
+            try:
+                _, rays, _ = passing_beam(setting.lens, beam, wavelength, across)
+            except InputError as problem:
+                spots.append(FilmSpot(degrees, wavelength, np.zeros((0, 2))))
+                refused = problem
+                continue
+            points = at_plane(rays.origins, rays.directions, film_z)[:, :2]
+            spots.append(FilmSpot(degrees, wavelength, points, _cone(setting, wavelength, rays.directions)))
+    if refused is not None and not any(len(spot.points) for spot in spots):
+        raise refused
     return spots
+
+
+def _cone(setting: Setting, wavelength_nm: float, directions: Array) -> tuple[float, float]:
+    """Return the numerical apertures in x and y of the ellipse with the second moments of a bundle's directions.
+
+    Twice the standard deviation is the half axis of an ellipse that is evenly filled.
+    """
+    x, y = 2.0 * float(setting.lens.indices(wavelength_nm)[-1]) * np.std(directions[:, :2], axis=0)
+    return float(x), float(y)
 
 
 def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degrees: float = 0.0) -> Setting:
@@ -79,8 +108,10 @@ def by_field(spots: Sequence[FilmSpot]) -> dict[float, list[FilmSpot]]:
     return groups
 
 
-def spot_facts(points: Array) -> dict[str, float]:
-    """Return centroid [mm], and rms and largest distance from it [micrometres], of points (n, 2)."""
+def spot_facts(points: Array) -> dict[str, Any]:
+    """Return centroid [mm], and rms and largest distance from it [micrometres], of points (n, 2); None without any."""
+    if not len(points):
+        return {"rays": 0} | dict.fromkeys(FACTS)
     centroid = points.mean(axis=0)
     off = (points - centroid) * 1e3
     rms_x, rms_y = np.sqrt(np.mean(off * off, axis=0))
@@ -95,9 +126,9 @@ def spot_facts(points: Array) -> dict[str, float]:
     }
 
 
-def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, float | None]]:
+def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
     """Return a row for each spot, and for each field of several wavelengths one of all together (wavelength None)."""
-    rows: list[dict[str, float | None]] = []
+    rows: list[dict[str, Any]] = []
     for degrees, group in by_field(spots).items():
         for spot in group:
             rows.append({"field_degrees": degrees, "wavelength_nm": spot.wavelength_nm, **spot_facts(spot.points)})
@@ -109,6 +140,7 @@ def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, float | None]]:
 
 def spot_picture(setting: Setting, spots: Sequence[FilmSpot]) -> Picture:
     """Return the spot diagrams of all fields side by side, to the same scale, about their centroids."""
+    spots = [spot for spot in spots if len(spot.points)]
     groups = by_field(spots)
     width = GAP + len(groups) * (PANEL + GAP / 2)
     picture = Picture(max(width, 420.0), HEAD + PANEL + FOOT, f"{setting.lens.name}: spots")

@@ -13,7 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.probe import FilmProbe, narrowed
+from rptcam_cl.optics.probe import FilmProbe, narrowed, spread_points
+from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance
 
 if TYPE_CHECKING:
@@ -25,6 +26,9 @@ GRID = (40, 40)
 DENSE_GRID = (200, 200)  # finds the slivers of pupil that remain near the edge of the image circle
 AZIMUTHS = 256
 STEPS = 48
+MANY_STEPS = 1024  # along an azimuth, where the pupil has parts besides the main one
+STRAYS = 4096  # rays of a film point over the whole rear window, in search of such parts
+LEAST_SHARE = 1e-7  # of the window's radius, from which a pupil on the axis is found
 BISECTIONS = 24
 LOSS_RAYS = 4096  # of a film point, that say how much of its light is lost
 GOLDEN_TURN = np.pi * (3 - np.sqrt(5))
@@ -62,10 +66,10 @@ def film_irradiance(
     radii = np.asarray(radii_mm, dtype=np.float64)
     angle = np.radians(azimuth_degrees)
     film = radii.reshape(-1, 1) * np.array([np.cos(angle), np.sin(angle)])
-    boxes, found = _pupil_boxes(probe, film)
+    boxes, found, parted = _pupil_boxes(probe, film)
     result = np.zeros(len(film))
     for k in np.flatnonzero(found):
-        result[k] = _integrate(probe, film[k], boxes[k])
+        result[k] = _integrate(probe, film[k], boxes[k], parted=bool(parted[k]))
         if transmission:
             result[k] *= _mean_transmittance(probe, film[k], boxes[k], transmission)
     # Radiance over the squared index is what a ray keeps, so a film in water or in an eye receives more.
@@ -89,32 +93,88 @@ def on_axis_irradiance(
     return value
 
 
-def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_]]:
-    """Return a box round the passing rays of each film point, and which film points have any."""
+def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:
+    """Return a box round the passing rays of each film point, which film points have any, and which in several parts.
+
+    A pupil that slips through the grids is sought from wider stops down, and round its first-order image; one on the
+    axis of a round lens by rays at all distances from it. Rays spread over the whole window find what lies apart.
+    """
     boxes, found = narrowed(probe, film, probe.windows(film), GRID)
     dark = np.flatnonzero(~found)
     for k in dark:
         boxes[k : k + 1], found[k : k + 1] = narrowed(
             probe, film[k : k + 1], probe.windows(film[k : k + 1]), DENSE_GRID
         )
+    dark = np.flatnonzero(~found)
+    if len(dark):
+        probes = narrowing_probes(probe.lens, probe.distance, probe.wavelength_nm)
+        boxes[dark], found[dark] = pupil_boxes(probes, film[dark])
     lit = np.flatnonzero(found)
     if len(lit):
         boxes[lit], _ = narrowed(probe, film[lit], boxes[lit], GRID)
-    return boxes, found
+    parted = np.zeros(len(film), dtype=bool)
+    for i, point in enumerate(film):
+        wider = _axial_box(probe) if _is_alike(probe, point) else _with_strays(probe, point, boxes[i], bool(found[i]))
+        if wider is not None:
+            boxes[i], found[i], parted[i] = wider, True, True
+    return boxes, found, parted
 
 
-def _integrate(probe: FilmProbe, film: Array, box: Array) -> float:
+def _is_alike(probe: FilmProbe, film: Array) -> bool:
+    """Return whether all azimuths are alike: on the axis of a rotationally symmetric lens."""
+    stop = probe.lens.stop
+    return not film.any() and probe.lens.is_rotational and (stop is None or stop.stop_shape is None)
+
+
+def _axial_radii(reach: float) -> Array:
+    """Return distances from the axis, evenly and by their logarithms, at which parts of a pupil are sought."""
+    return np.union1d(np.linspace(0.0, reach, MANY_STEPS), np.geomspace(LEAST_SHARE * reach, reach, MANY_STEPS))
+
+
+def _axial_box(probe: FilmProbe) -> Array | None:
+    """Return a box round all rays that pass from the centre of the film; None when a single part holds them all."""
+    film = np.zeros(2)
+    radii = _axial_radii(float(probe.windows(film[None])[0, 1]))
+    hits = probe.passes(film, np.stack([radii, np.zeros(len(radii))], axis=1))
+    if not hits.any():
+        return None
+    last = int(np.flatnonzero(hits)[-1])
+    if hits[: last + 1].all() and radii[last] > radii[-1] / DENSE_GRID[0]:
+        return None
+    outermost = radii[min(last + 1, len(radii) - 1)]
+    return np.asarray(outermost * np.array([-1.0, 1.0, -1.0, 1.0]), dtype=np.float64)
+
+
+def _with_strays(probe: FilmProbe, film: Array, box: Array, found: bool) -> Array | None:
+    """Return a box that holds the rays outside of a box as well; None when there are none."""
+    window = probe.windows(film[None])
+    points, hits = spread_points(window, STRAYS)[0], np.zeros(STRAYS, dtype=bool)
+    apart = np.any((points < box[::2]) | (points > box[1::2]), axis=1) if found else np.ones(STRAYS, dtype=bool)
+    hits[apart] = probe.passes(film, points[apart])
+    if not hits.any():
+        return None
+    margin = (window[0, 1::2] - window[0, ::2]) / np.sqrt(STRAYS)
+    low, high = points[hits].min(axis=0) - margin, points[hits].max(axis=0) + margin
+    if found:
+        low, high = np.minimum(low, box[::2]), np.maximum(high, box[1::2])
+    return np.array([low[0], high[0], low[1], high[1]])
+
+
+def _integrate(probe: FilmProbe, film: Array, box: Array, *, parted: bool = False) -> float:
     centre = np.array([box[0] + box[1], box[2] + box[3]]) / 2
     reach = np.hypot(box[1] - box[0], box[3] - box[2]) / 2
-    azimuths = AZIMUTHS
-    if not film.any() and probe.lens.is_rotational and (probe.lens.stop is None or probe.lens.stop.stop_shape is None):
-        centre, azimuths = film, 1  # all are alike
+    azimuths, steps = AZIMUTHS, np.linspace(0.0, reach, MANY_STEPS if parted else STEPS)
+    if _is_alike(probe, film):
+        centre, azimuths = film, 1
+        if parted:
+            steps = _axial_radii(reach)
     angles = (np.arange(azimuths) + 0.5) * 2 * np.pi / azimuths
     rays = np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    steps = np.linspace(0.0, reach, STEPS)
     hits = probe.passes(film, centre + rays[:, None] * steps[:, None])
     hits[:, -1] = False
     change = np.diff(hits.astype(np.int8), axis=1)
+    if not parted and np.any(np.count_nonzero(change, axis=1) > 1):  # a thin part may lie between the steps elsewhere
+        return _integrate(probe, film, box, parted=True)
     ray, step = np.nonzero(change)
     ends = _bisect(probe, film, centre, rays[ray], steps[step], steps[step + 1], hits[ray, step])
     sign = np.where(change[ray, step] > 0, -1.0, 1.0)

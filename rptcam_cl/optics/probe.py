@@ -18,7 +18,8 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.surface import Surface
 
 PATCH_AZIMUTHS = 32
-PATCH_RADII = 9
+PATCH_RADII = 257  # so many that the outline of a bulging surface, which lies between two, is met within 1e-4
+BULGE = 1e-4
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -55,6 +56,10 @@ class FilmProbe:
         scale = self.distance / (self.distance - self.patch[:, 2])
         crossing = film[:, None, :] * (1.0 - scale)[None, :, None] + self.patch[:, :2] * scale[:, None]
         low, high = crossing.min(axis=1), crossing.max(axis=1)
+        ring = crossing[:, -(len(self.patch) // PATCH_RADII) :]
+        if np.any(ring.min(axis=1) > low) or np.any(ring.max(axis=1) < high):  # a bulge beyond the rim
+            middle, half = (low + high) / 2, (high - low) / 2 * (1.0 + BULGE)
+            low, high = middle - half, middle + half
         if not self.lens.surfaces[-1].is_rotational:  # the rim bulges between the azimuths that were taken
             middle, half = (low + high) / 2, (high - low) / 2 / np.cos(np.pi / PATCH_AZIMUTHS)
             low, high = middle - half, middle + half
@@ -98,6 +103,13 @@ def grid(boxes: Array, nu: int, nv: int) -> Array:
     points[..., 0] = u[:, :, None]
     points[..., 1] = v[:, None, :]
     return points.reshape(len(boxes), nu * nv, 2)
+
+
+def spread_points(boxes: Array, count: int) -> Array:
+    """Return points (m, count, 2) spread over boxes (m, 4) more evenly than by chance (R2, Roberts 2018)."""
+    share = (0.5 + np.arange(1, count + 1)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
+    low, high = boxes[:, None, ::2], boxes[:, None, 1::2]
+    return np.asarray(low + (high - low) * share)
 
 
 def cells(boxes: Array, nu: int, nv: int) -> Array:

@@ -16,6 +16,7 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.optics.first_order import limiting_surface
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.trace import Rays, Status
+from rptcam_cl.optics.wide_beam import is_steep, passing_steep_beam, steep_chief_ray
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -116,12 +117,26 @@ def spot(
 
 
 def passing_beam(lens: Lens, beam: Beam, wavelength_nm: float, across: int) -> tuple[Array, Rays, float]:
-    """Return the points of the first vertex plane whose rays pass, those rays, and the area of a grid cell [mm2]."""
+    """Return the points of the first vertex plane whose rays pass, those rays, and the area of a grid cell [mm2].
+
+    Of a steep field, points and area are those of a plane across the beam.
+
+    Raises
+    ------
+    InputError
+        When nothing of the beam passes.
+    """
+    if is_steep(beam.field_degrees):
+        _check_steep(lens, beam)
+        return passing_steep_beam(lens, beam.field_degrees, wavelength_nm, across)
     box = _first_box(lens, beam)
     for count in (64, 64, across):
-        points, size = _grid(box, count)
-        rays = lens.trace(*beam.rays(points), wavelength_nm, start="scene")
-        good = rays.passed
+        for finer in (1, 4, 16):  # a small pupil behind a large first surface slips through the first grid
+            points, size = _grid(box, finer * count)
+            rays = lens.trace(*beam.rays(points), wavelength_nm, start="scene")
+            good = rays.passed
+            if good.any() or count != 64:
+                break
         if not good.any():
             raise InputError(f"{lens.name}: nothing of a beam at {beam.field_degrees:g} degrees comes through")
         passing = points[good]
@@ -137,12 +152,17 @@ def chief_ray(
 ) -> tuple[float, Rays]:
     """Return the ray through the centre of the stop: its height y in the plane of the first vertex [mm], and its trace.
 
+    Of a steep field the height is that across the beam.
+
     Raises
     ------
     InputError
         When no ray of that field reaches the centre of the stop.
     """
     stop = limiting_surface(lens, wavelength_nm)
+    if is_steep(field_degrees):
+        _check_steep(lens, Beam(field_degrees, object_distance_mm))
+        return steep_chief_ray(lens, field_degrees, stop, wavelength_nm)
     open_surfaces = tuple(replace(surface, semi_diameter=np.inf, region=None) for surface in lens.surfaces[: stop + 1])
     front = replace(lens, surfaces=open_surfaces)
     beam = Beam(field_degrees, object_distance_mm)
@@ -167,6 +187,14 @@ def chief_ray(
         low, high = trial[k], trial[k + 1]
     height = float((low + high) / 2)
     return height, lens.trace(*beam.rays(np.array([[0.0, height]])), wavelength_nm, start="scene")
+
+
+def _check_steep(lens: Lens, beam: Beam) -> None:
+    if np.isfinite(beam.object_distance_mm) or beam.azimuth_degrees != 90.0:
+        raise InputError(
+            f"{lens.name}: nothing of a beam at {beam.field_degrees:g} degrees comes through:"
+            " an object plane across the axis does not reach there"
+        )
 
 
 def distortion(lens: Lens, film_distance_mm: float, field_degrees: float, wavelength_nm: float = WAVELENGTH_D) -> float:

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.lensview import setting
-from rptcam_cl.lensview.distortion import distortion_table, film_height, ideal_height, usual_projection
+from rptcam_cl.lensview.distortion import distortion_table, film_height, followed_projection, ideal_height
 from rptcam_cl.lensview.mtf import diffraction_mtf, geometric_mtf, mtf_table
 from rptcam_cl.lensview.psf import npy_bytes, point_image
 from rptcam_cl.lensview.spots import FilmSpot, at_best_focus, film_spots, spot_facts, spot_table
@@ -84,14 +84,14 @@ def test_tangential_lines_blur_with_y() -> None:
 
 def test_diffraction_limit_ends_at_the_cutoff() -> None:
     cutoff = 1 / (550e-6 * 8)
-    np.testing.assert_allclose(diffraction_mtf([0, cutoff, 2 * cutoff], 8, 550), [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(diffraction_mtf([0, cutoff, 2 * cutoff], 1 / 16, 550), [1, 0, 0], atol=1e-12)
     # at half the cutoff: 2/pi (pi/3 - sqrt(3)/4)
-    assert diffraction_mtf([cutoff / 2], 8, 550)[0] == pytest.approx(2 / np.pi * (np.pi / 3 - np.sqrt(3) / 4))
+    assert diffraction_mtf([cutoff / 2], 1 / 16, 550)[0] == pytest.approx(2 / np.pi * (np.pi / 3 - np.sqrt(3) / 4))
 
 
 def test_mtf_has_a_row_for_each_field_and_frequency() -> None:
     state = setting(load_lens("tessar-100mm"))
-    rows = mtf_table(state, film_spots(state, [0.0, 5.0], [486.1, 656.3], 32), [10.0, 20.0])
+    rows = mtf_table(film_spots(state, [0.0, 5.0], [486.1, 656.3], 32), [10.0, 20.0])
     assert [(row["field_degrees"], row["frequency_per_mm"]) for row in rows] == [(0, 10), (0, 20), (5, 10), (5, 20)]
     assert all(0 <= row["tangential"] <= 1 for row in rows)
 
@@ -145,7 +145,7 @@ def test_distortion_agrees_with_that_of_optics() -> None:
 
 def test_fisheye_draws_by_angle() -> None:
     state = setting(load_lens("fisheye-10mm"))
-    assert usual_projection([0.0, 70.0]) == "theta"
+    assert followed_projection(state, [0.0, 30.0, 60.0, 70.0]) == "theta"
     height = film_height(state, 50.0, 587.56)
     assert height == pytest.approx(ideal_height(state, 50.0, "theta"), rel=0.02)
     assert height < 0.8 * ideal_height(state, 50.0, "tan")
@@ -155,3 +155,47 @@ def test_lens_without_a_real_image_cannot_be_measured() -> None:
     state = setting(load_lens("biconcave"))
     with pytest.raises(InputError, match="no real image"):
         film_spots(state, [0.0], [587.56])
+
+
+def test_a_field_that_nothing_reaches_is_an_empty_row_among_others() -> None:
+    state = setting(load_lens("wide-22mm"))
+    spots = film_spots(state, [0.0, 60.0, 100.0], [587.56], 24)
+    rows = spot_table(spots)
+    assert [row["rays"] > 0 for row in rows] == [True, False, False]
+    assert rows[1]["rms_um"] is None
+    modulation = mtf_table(spots, [20.0])
+    assert [row["tangential"] is None for row in modulation] == [False, True, True]
+    heights = [row["height_mm"] for row in distortion_table(state, [0.0, 60.0, 100.0], [587.56], "tan")]
+    assert [height is None for height in heights] == [False, True, True]
+    with pytest.raises(InputError, match="nothing of a beam"):
+        film_spots(state, [60.0], [587.56], 24)
+
+
+@pytest.mark.parametrize("name", ["tessar-100mm", "dgauss-50mm", "microscope-20x", "fisheye-10mm", "telephoto-400mm"])
+@pytest.mark.parametrize("f_number", [None, 16.0])
+def test_modulation_is_never_above_the_limit_of_diffraction(name: str, f_number: float | None) -> None:
+    state = setting(load_lens(name), f_number=f_number)
+    frequencies = [5.0, 20.0, 50.0, 100.0, 300.0, 1000.0]
+    for row in mtf_table(film_spots(state, None, [486.1, 587.56, 656.3], 32), frequencies):
+        for way in ("tangential", "sagittal"):
+            assert row[way] <= row[f"{way}_limit"] <= 1
+
+
+def test_the_limit_is_that_of_the_aperture_that_a_field_has() -> None:
+    state = setting(load_lens(THIN))
+    (axis,) = film_spots(state, [0.0], [550.0], 128)
+    assert axis.cone == pytest.approx((0.01, 0.01), rel=0.01)
+    cutoff = 2 * axis.cone[0] / 550e-6
+    (below, above) = mtf_table([axis], [0.98 * cutoff, 1.02 * cutoff])
+    assert below["tangential_limit"] > 0
+    assert above["tangential_limit"] == 0
+    # rims cut the beam of a wide field from above and below
+    inner, outer = film_spots(setting(load_lens("tessar-100mm")), [0.0, 25.0], [550.0], 64)
+    assert outer.cone[1] < 0.7 * inner.cone[1]
+
+
+def test_rectilinear_wides_are_judged_by_straight_lines() -> None:
+    fields = [0.0, 10.0, 20.0, 30.0, 36.0]
+    assert followed_projection(setting(load_lens("wide-22mm")), fields) == "tan"
+    assert followed_projection(setting(load_lens("retrofocus-28mm")), [0.0, 20.0, 34.0, 60.0]) == "tan"
+    assert ideal_height(setting(load_lens("wide-22mm")), 95.0, "tan") is None

@@ -19,7 +19,7 @@ QUICK = {
 }
 KEYS = {
     "spot": ("spots", {"rms_um", "centroid_y_mm"}),
-    "mtf": ("mtf", {"tangential", "sagittal", "diffraction_limit"}),
+    "mtf": ("mtf", {"tangential", "sagittal", "tangential_limit", "sagittal_limit"}),
     "vignette": ("vignetting", {"film_radius_mm", "relative", "cos4", "pass_area_mm2"}),
     "distortion": ("distortion", {"height_mm", "distortion_percent", "lateral_colour_um"}),
     "transmittance": ("transmittance", {"glass", "bare", "coated", "t_number_bare", "t_number_coated"}),

@@ -1,0 +1,37 @@
+"""A sampling of the pupil as the camera's kernel reads it: kind and facts, four numbers and a table."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.optics.pupil_shape import DIRECTIONS
+from rptcam_cl.records import PupilKind
+
+
+@dataclass(frozen=True)
+class PupilSampling:
+    """What `kernels/lens/pupil.h` reads: kind and facts, four numbers and a table."""
+
+    tier: str
+    kind: PupilKind
+    parameters: tuple[float, float, float, float]
+    table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
+    radial: bool = False
+    instead_of: str = ""  # the tier that was asked for, where its tables would lose light
+    widened: float = 1.0  # factor on the paraxial pupil of the thick tier, without which it would lose light
+
+    @property
+    def metadata(self) -> dict[str, str | float]:
+        """What the picture's metadata should say."""
+        said: dict[str, str | float] = {"pupil": self.tier}
+        if self.instead_of:
+            said["pupil_instead_of"] = f"{self.instead_of}: the pupil has parts that its tables do not hold"
+        return said | ({"pupil_widened": self.widened} if self.widened > 1.0 else {})
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Facts for the compilation."""
+        return {"PUPIL_KIND": int(self.kind), "PUPIL_RADIAL": int(self.radial), "PUPIL_DIRECTIONS": DIRECTIONS}

@@ -1,0 +1,108 @@
+"""Pupils too small for a grid over the rear window: every lens at every stop has its light."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from rptcam_cl.errors import InputError
+from rptcam_cl.optics import list_lenses, load_lens
+from rptcam_cl.optics.focus import film_distance
+from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.optics.irradiance import film_irradiance
+from rptcam_cl.optics.summary import lens_info
+
+STOPS = [1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, 128.0, 256.0, 512.0]
+STOPPED = [name for name in list_lenses() if load_lens(name).stop is not None]
+# of light, to that of first-order optics, where the pupil is so small that only its real place off it counts
+CLOSE = 0.01
+
+
+def behind_glass(name, distance_mm=0.5, thickness_mm=2.0, diameter_mm=43.3):
+    """A bundled lens with a sensor's cover glass so near to the film that the beam is a thread there."""
+    lens = load_lens(name)
+    path = film_distance(lens, np.inf)
+    rows = [
+        {
+            "radius": float(np.inf) if surface.curvature == 0 else 1 / surface.curvature,
+            "thickness": surface.thickness,
+            "glass": {"index": float(surface.glass.index(WAVELENGTH_D))},
+            "diameter": 2 * surface.semi_diameter,
+            "stop": k == lens.stop_index,
+        }
+        for k, surface in enumerate(lens.surfaces)
+    ]
+    for row in rows:
+        if np.isinf(row["radius"]):
+            del row["radius"]
+        if row["glass"]["index"] == 1.0:
+            del row["glass"]
+        if not row["stop"]:
+            del row["stop"]
+    rows[-1]["thickness"] = path - distance_mm - thickness_mm / 1.5168
+    cover = [
+        {"thickness": thickness_mm, "glass": {"index": 1.5168}, "diameter": diameter_mm},
+        {"diameter": diameter_mm},
+    ]
+    return load_lens({"name": f"{name} behind glass", "surfaces": rows + cover})
+
+
+def closed(lens, f_number):
+    return lens.with_stop_diameter(lens.stop_diameter_for(f_number))
+
+
+def paraxial(lens, back):
+    """pi sin^2 of the angle that the exit pupil subtends, times the square of the image space's index."""
+    pupil = lens.first_order().exit_pupil
+    tangent = pupil.diameter_mm / 2 / (back - pupil.distance_mm)
+    ends = lens.indices()[[0, -1]]
+    return np.pi * tangent**2 / (1 + tangent**2) * (ends[1] / ends[0]) ** 2
+
+
+def distance_of(lens):
+    try:
+        return film_distance(lens, np.inf)
+    except InputError:
+        return 80.0
+
+
+def lights(lens, back):
+    widest = lens.first_order().f_number
+    return {f: float(film_irradiance(closed(lens, f), back, 0.0)) for f in STOPS if f > widest}
+
+
+@pytest.mark.parametrize("name", [name for name in STOPPED if load_lens(name).is_rotational])
+def test_a_lens_stopped_down_has_the_light_of_first_order_optics(name):
+    lens = load_lens(name)
+    back = distance_of(lens)
+    found = lights(lens, back)
+    for f_number, value in found.items():
+        if f_number >= 64:
+            assert value == pytest.approx(paraxial(closed(lens, f_number), back), rel=CLOSE)
+    # the light falls with every stop that is closed, unless a rim limits it before
+    values = list(found.values())
+    assert all(b < a * 1.001 for a, b in pairwise(values))
+
+
+@pytest.mark.parametrize("name", ["dgauss-50mm", "biotar-58mm", "telephoto-250mm"])
+def test_a_cover_glass_before_the_film_takes_no_light(name):
+    bare, covered = load_lens(name), behind_glass(name)
+    for f_number, value in lights(bare, film_distance(bare, np.inf)).items():
+        if f_number >= 4:  # wider open, the plate's spherical aberration shifts the rim that limits the beam
+            again = float(film_irradiance(closed(covered, f_number), film_distance(covered, np.inf), 0.0))
+            assert again == pytest.approx(value, rel=0.01)
+
+
+@pytest.mark.parametrize("f_number", [2.8, 8.0, 16.0, 128.0])
+def test_light_off_the_axis_is_found_behind_a_cover_glass(f_number):
+    bare, covered = load_lens("dgauss-50mm"), behind_glass("dgauss-50mm")
+    field = [3.0, 9.0]
+    before = film_irradiance(closed(bare, f_number), film_distance(bare, np.inf), field)
+    after = film_irradiance(closed(covered, f_number), film_distance(covered, np.inf), field)
+    np.testing.assert_allclose(after, before, rtol=0.03)
+
+
+def test_the_facts_of_the_phone_lens_at_f_16():
+    facts = lens_info(load_lens("phone-5.6mm"), f_number=16.0)
+    assert facts["t_number"] == pytest.approx(16.0, rel=0.02)
+    assert facts["image_circle_mm"] > 5.0
