@@ -16,7 +16,7 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.optics.first_order import limiting_surface
 from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.trace import Rays, Status
-from rptcam_cl.optics.wide_beam import is_steep, passing_steep_beam, steep_chief_ray
+from rptcam_cl.optics.wide_beam import grid_points, is_steep, passing_steep_beam, steep_chief_ray
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -132,7 +132,7 @@ def passing_beam(lens: Lens, beam: Beam, wavelength_nm: float, across: int) -> t
     box = _first_box(lens, beam)
     for count in (64, 64, across):
         for finer in (1, 4, 16):  # a small pupil behind a large first surface slips through the first grid
-            points, size = _grid(box, finer * count)
+            points, size = grid_points(box, finer * count)
             rays = lens.trace(*beam.rays(points), wavelength_nm, start="scene")
             good = rays.passed
             if good.any() or count != 64:
@@ -215,13 +215,6 @@ def _first_box(lens: Lens, beam: Beam) -> Array:
     slope = abs(np.tan(np.radians(beam.field_degrees))) + first.semi_diameter / beam.object_distance_mm
     reach = float(np.max(heights + sags * slope)) * 1.001
     return np.array([[-reach, -reach], [reach, reach]])
-
-
-def _grid(box: Array, count: int) -> tuple[Array, Array]:
-    """Return the centres (count^2, 2) of the cells of a box and the size of a cell."""
-    size = (box[1] - box[0]) / count
-    x, y = (box[0, i] + size[i] * (np.arange(count) + 0.5) for i in (0, 1))
-    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), size
 
 
 def _at_film(lens: Lens, rays: Rays, film_distance_mm: float) -> Array:

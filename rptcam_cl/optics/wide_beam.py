@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 
 STEEP = 85.0  # degrees, from which rays are spread across the beam
-FIRST = 512  # rays across the first surface, each way
+FIRST = 256  # rays across the first surface, each way
 
 
 def is_steep(field_degrees: float) -> bool:
@@ -94,11 +94,12 @@ def passing_steep_beam(
     reach = 1.0 / lens.surfaces[0].curvature if lens.surfaces[0].curvature > 0 else 1.0
     box = np.array([[-reach, -reach], [reach, reach]])
     for count in (FIRST, 64, across):
-        size = (box[1] - box[0]) / count
-        x, y = (box[0, i] + size[i] * (np.arange(count) + 0.5) for i in (0, 1))
-        points = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-        rays = enter(lens, field_degrees, points, wavelength_nm)
-        good = rays.passed
+        for finer in (1, 4):  # a small pupil behind a large first surface slips through the first grid
+            points, size = grid_points(box, finer * count)
+            rays = enter(lens, field_degrees, points, wavelength_nm)
+            good = rays.passed
+            if good.any() or count != FIRST:
+                break
         if not good.any():
             raise InputError(f"{lens.name}: nothing of a beam at {field_degrees:g} degrees comes through")
         box = np.stack([points[good].min(axis=0) - size, points[good].max(axis=0) + size])
@@ -106,6 +107,13 @@ def passing_steep_beam(
         rays.origins[good], rays.directions[good], rays.status[good], rays.surface[good], rays.optical_path[good]
     )
     return points[good], kept, float(size.prod())
+
+
+def grid_points(box: Array, count: int) -> tuple[Array, Array]:
+    """Return the centres (count^2, 2) of the cells of a box and the size of a cell."""
+    size = (box[1] - box[0]) / count
+    x, y = (box[0, i] + size[i] * (np.arange(count) + 0.5) for i in (0, 1))
+    return np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2), size
 
 
 def steep_chief_ray(lens: Lens, field_degrees: float, stop: int, wavelength_nm: float) -> tuple[float, Rays]:
