@@ -103,7 +103,12 @@ def distortion_table(
 ) -> list[Row]:
     """Return a row for each field and wavelength: height, ideal height, their difference, and lateral colour.
 
-    Lateral colour is the height less that at the wavelength of the setting.
+    Lateral colour is the height less that at the wavelength of the setting. A field that nothing reaches has None.
+
+    Raises
+    ------
+    InputError
+        When no ray of any field reaches the stop.
     """
     rows: list[Row] = []
     for degrees in fields:
@@ -123,6 +128,8 @@ def distortion_table(
                     "lateral_colour_um": None if height is None or main is None else 1e3 * (height - main),
                 }
             )
+    if fields and all(row["height_mm"] is None for row in rows):  # then say why
+        chief_ray(setting.lens, fields[0], setting.wavelength_nm, setting.object_distance_mm)
     return rows
 
 
