@@ -86,12 +86,19 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
     sharp = _sharp_vergence(task, report.state)
     if report.focus_distance_m is None or sharp is None:
         return None
-    states = [report.state]
+    expected = 1 / report.focus_distance_m
+    here = _shown(task, report.state, zone, APART * sharp)
+    if not here:
+        return None
+    # what the focus is on: by the distances of the zone, as astigmatism and curved fields move that of the lens
+    large = [vergence for vergence, share in here if share >= LEAST_SHARE] or [max(here, key=lambda group: group[1])[0]]
+    own = min(large, key=lambda vergence: abs(vergence - expected))
+    looks = [here]
     if task.near is None and abs(probe.image_scale(*probe.limits) - 1) > 0.02:
-        states += probe.limits
-    tried: list[float] = [1 / report.focus_distance_m]
-    for state in states:
-        for vergence, share in _shown(task, state, zone, APART * sharp):
+        looks += [_shown(task, state, zone, APART * sharp) for state in probe.limits]
+    tried = [own]
+    for look in looks:
+        for vergence, share in look:
             if share < LEAST_SHARE or any(abs(vergence - other) < APART * sharp for other in tried):
                 continue
             tried.append(vergence)
@@ -103,7 +110,7 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
                     if abs(found - vergence) < APART / 2 * sharp]  # fmt: skip
             if sum(seen) >= LEAST_SHARE:
                 return (
-                    f"the zone shows two distances: the focus is {report.focus_distance_m:.4g} m away, and what is"
+                    f"the zone shows two distances: the focus is on what is {1 / own:.4g} m away, and what is"
                     f" {1 / vergence:.4g} m away fills {sum(seen):.0%} of the zone when the focus is there"
                 )
     return None

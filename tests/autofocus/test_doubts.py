@@ -151,6 +151,10 @@ def test_line_focuses_of_an_anamorphic_lens_are_told():
     task, report = report_of(probe, "contrast", 0.99, 1.0)
     (remark,) = judged(task, report).remarks
     assert "astigmatic in the zone: upright lines are sharp at" in remark
+    # one line focus on the wall, so that the lens as a whole is focused beyond it: that is no second distance
+    assert [
+        word for word in judged(*report_of(probe, "contrast", 0.99, 1.119)).remarks if "two distances" in word
+    ] == []
     round_one = probe_of(scene_of([target(1.0, 0.6, checker(200))], lens_camera("dgauss-50mm")))
     assert judged(*report_of(round_one, "contrast", 0.99, 1.0)).remarks == ()
 
