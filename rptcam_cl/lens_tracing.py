@@ -174,9 +174,12 @@ class _Tracer:
         self.lanes = DOUBLE_LANES if double else session.lanes
         self.backwards = start == "film"
         self.last_surface = len(lens.surfaces) - 1
-        self.sense = -1.0 if self.backwards else 1.0
+        ends = (-lens.sense, -1.0) if self.backwards else (1.0, lens.sense)
+        self.sense, self.sense_behind = ends
         self.first, self.last = (lens.length, 0.0) if self.backwards else (0.0, lens.length)
-        self.far = FAR * (lens.length + max(min(surface.semi_diameter, 1e6) for surface in lens.surfaces))
+        self.far = FAR * (
+            float(np.ptp(lens.vertices)) + max(min(surface.semi_diameter, 1e6) for surface in lens.surfaces)
+        )
         side: Literal["film", "scene"] = "film" if self.backwards else "scene"
         traced = lens_records(
             lens, wavelength_nm, side, 0.0, double=double, dispersive=dispersive, transmission=transmission
@@ -236,8 +239,8 @@ class _Tracer:
         """Write what the kernel wrote to rows of ``rays``."""
         rays.origins[part] = out[:3].T
         rays.directions[part] = out[3:6].T
-        rays.origins[part, 2] = out[2].astype(np.float64) * self.sense + self.last
-        if self.backwards:
+        rays.origins[part, 2] = out[2].astype(np.float64) * self.sense_behind + self.last
+        if self.sense_behind < 0:
             rays.directions[part, 2] = -out[5]
         rays.status[part] = out[6]
         if rays.transmittance is not None:

@@ -255,7 +255,7 @@ SURFACE = Record(
         ("real", "edge_x"),
         ("real", "edge_y"),
         ("real", "stop_radius"),  # half the side of a mask
-        ("real", "refracts"),  # 0 where the media before and after are the same
+        ("real", "refracts"),  # 0 where the media before and after are the same, -1 where a mirror turns z round
         ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
         ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
         ("real", "offset[4]"),  # pose
@@ -266,7 +266,7 @@ SURFACE = Record(
         ("real", "index"),  # before the surface
         ("real", "gain"),  # of the transmittance over that of the bare surface
         ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
-        ("real", "reserved_0"),
+        ("real", "inner_semi_diameter2"),
         ("real", "reserved_1"),
         ("real", "reserved_2"),
         ("int", "kind"),

@@ -1,7 +1,7 @@
 // Where a ray meets one surface of a lens, in the frame of its vertex with z along the travel; the same steps as the
 // float64 reference in rptcam_cl/optics/shapes.py. Every kind goes to the vertex plane first and then to the surface, so that
 // planes are exact and no large radius is ever subtracted. Facts: LENS_CONIC, LENS_GENERAL, LENS_ODD, LENS_CYLINDER,
-// LENS_REGION.
+// LENS_REGION, LENS_RING.
 #ifndef LENS_SURFACE_H
 #define LENS_SURFACE_H
 #include "common/records.h"
@@ -264,10 +264,13 @@ static I within_mask(const __global Surface *surface, const __global real *cells
 }
 #endif
 
-// Inside the rim and, at a stop with a shape, inside that.
+// Inside the rim, outside of a hole and, at a stop with a shape, inside that.
 static I within_rim(const __global Surface *surface, const __global real *stop, F3 p)
 {
     I within = p.x * p.x + p.y * p.y <= surface->semi_diameter2;
+#if LENS_RING
+    within = within & (p.x * p.x + p.y * p.y >= surface->inner_semi_diameter2);
+#endif
 #if LENS_OUTLINE
     if (surface->stop_shape == STOP_OUTLINE)
         within = within & within_outline(stop, surface->stop_count, p);

@@ -1,6 +1,7 @@
 // A ray through every surface of a lens, in order of travel. Coordinates in millimetres, z along the direction of travel
 // and relative to the vertex of the current surface. Snell's law is exact in vector form. A ray that fails keeps the
-// state in which it failed. Facts: those of lens/surface.h, LENS_POSE, and LENS_DISPERSION: how many coefficients give the
+// state in which it failed. A mirror turns z round, so that it runs along the travel behind it as well. Facts: those of
+// lens/surface.h, LENS_POSE, LENS_MIRROR, and LENS_DISPERSION: how many coefficients give the
 // ratio of the indices at a wavelength, 0 where one ratio holds for all rays; those of lens/coating.h.
 #ifndef LENS_TRACE_H
 #define LENS_TRACE_H
@@ -147,6 +148,15 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
 #endif
     F3 bent = v;
     I bends = TRUE;
+#if LENS_MIRROR
+    int mirrors = s->refracts < 0.0f;
+    if (mirrors) {
+        bent = along(v, hit.n, -2.0f * hit.cosine);
+#if LENS_FRESNEL
+        path->share *= over_wavelength(s->gain, s->gain_table, stop, path->wavelength);
+#endif
+    } else
+#endif
     if (s->refracts != 0.0f) {
 #if LENS_DISPERSION
         F eta = eta_of(s, path->colour);
@@ -185,8 +195,20 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
         path->d = turned(s->rotation, bent);
     }
 #endif
+#if LENS_MIRROR
+    if (mirrors) {
+        path->p.z = -path->p.z;
+        path->d.z = -path->d.z;
+    }
+#endif
 #if LENS_KEEP_FAILED
     path->stopped_p.z -= s->gap;
+#if LENS_MIRROR
+    if (mirrors) {
+        path->stopped_p.z = -path->stopped_p.z;
+        path->stopped_d.z = -path->stopped_d.z;
+    }
+#endif
     path->stopped_p = select3(met, path->p, path->stopped_p);
     path->stopped_d = select3(path->passed, path->d, path->stopped_d);
 #endif

@@ -104,7 +104,7 @@ def tier_bundle(first: FirstOrderCamera, tier: Tier, point: Array) -> Bundle:
     """Return the rays of thick lens, thin lens or pinhole for a film point (2,)."""
     disk, area = _disk()
     if tier == "thick_lens":
-        thick, lens_mm = first.thick, first.setting.film_distance_mm + first.setting.lens.length
+        thick, lens_mm = first.thick, first.setting.lens.film_z(first.setting.film_distance_mm)
         height = thick.height[0] * point + thick.height[1] * disk
         slope = thick.slope[0] * point + thick.slope[1] * disk
         film_slope = thick.film_slope[0] * point + thick.film_slope[1] * disk

@@ -141,7 +141,7 @@ def _bundles(
     weights = np.where(good, area.ravel() * (back_mm / np.sum(towards**2, axis=1)) ** 2, 0.0)
     if rays.transmittance is not None:
         weights = weights * rays.transmittance
-    starts = np.where(good[:, None], rays.origins * (1, 1, -1) + (0, 0, lens.length + back_mm), np.nan)
+    starts = np.where(good[:, None], rays.origins * (1, 1, -1) + (0, 0, lens.film_z(back_mm)), np.nan)
     leaving = np.where(good[:, None], rays.directions / -rays.directions[:, 2:], np.nan)
     leaving[:, 2] *= -1.0
     shape = (len(points), -1)
@@ -176,6 +176,6 @@ def _at_stop(setting: LensSetting, film: Array, rear: Array) -> Array:
 def _from_film(lens: Lens, back_mm: float, film: Array, rear: Array) -> tuple[Array, Array]:
     """Return origins and directions of rays from film points (m, 2) through points (m, n, 2) behind the last vertex."""
     origins, towards = np.empty((2, *rear.shape[:2], 3))
-    origins[..., :2], origins[..., 2] = film[:, None], lens.length + back_mm
-    towards[..., :2], towards[..., 2] = rear - film[:, None], -back_mm
+    origins[..., :2], origins[..., 2] = film[:, None], lens.film_z(back_mm)
+    towards[..., :2], towards[..., 2] = rear - film[:, None], -lens.sense * back_mm
     return origins.reshape(-1, 3), towards.reshape(-1, 3)

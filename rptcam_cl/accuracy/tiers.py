@@ -89,7 +89,7 @@ def first_order_camera(scene: Scene) -> FirstOrderCamera:
     pupil = setting.lens.first_order(wavelength_nm).entrance_pupil
     if not (np.isfinite(pupil.distance_mm) and np.isfinite(pupil.diameter_mm)):
         raise InputError(f"{setting.lens.name}: its entrance pupil is infinitely far away")
-    ahead_mm = setting.film_distance_mm + setting.lens.length - pupil.distance_mm
+    ahead_mm = setting.lens.film_z(setting.film_distance_mm) - pupil.distance_mm
     focus_mm = setting.focus_distance_mm
     plane_mm = None if focus_mm is None else focus_mm - ahead_mm
     return FirstOrderCamera(setting, thick, ahead_mm, pupil.diameter_mm / 2, 1 / abs(thick.slope[0]), plane_mm)

@@ -79,7 +79,7 @@ class Truth:
     def view(self) -> View:
         """What the camera may see, ahead of the film: at least as much as to first order."""
         setting = self.first.setting
-        start = setting.film_distance_mm + setting.lens.length
+        start = setting.lens.film_z(setting.film_distance_mm)
         half, slopes = np.zeros(2), self.half_mm / self.first.film_mm_per_tangent
         for field in self.fields:
             if field is not None:

@@ -109,7 +109,7 @@ class LensDrive(Drive):
         image = ratio * (back_mm - first.exit_pupil.distance_mm)
         if distance_mm is None or np.isinf(distance_mm):
             return image
-        return image / (distance_mm - lens.length - back_mm + first.entrance_pupil.distance_mm)
+        return image / (distance_mm - lens.length - lens.sense * back_mm + first.entrance_pupil.distance_mm)
 
     def film_distance(self, state: float) -> float:
         """Return the distance from the last vertex to the film [mm]."""

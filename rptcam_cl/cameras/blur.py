@@ -74,7 +74,7 @@ def traced_blur(
     focus_distance_mm
         Object plane in focus to film; None when no object is sharp.
     """
-    length = film_distance_mm + lens.length
+    length = lens.film_z(film_distance_mm)
     first = lens.first_order(wavelength_nm)
     focus, step = 0.0, 1.0 / (FAR_FOCAL_LENGTHS * min(abs(first.focal_length_mm), 1e9))
     if focus_distance_mm is not None and length < focus_distance_mm < 1.0 / step:

@@ -72,7 +72,8 @@ def fill_dispersion(records: NDArray[np.void], lens: Lens, backwards: bool) -> i
     found = fewest_terms(ratios, wavelengths, ENOUGH_IN_DOUBLE if double else ENOUGH)
     for record, ratio, coefficients in zip(records, ratios, found, strict=True):
         record["dispersion"][: len(coefficients)] = coefficients
-        record["refracts"] = bool(np.any(ratio != 1.0))
+        if record["refracts"] >= 0:
+            record["refracts"] = bool(np.any(ratio != 1.0))
     return len(found[0])
 
 
@@ -89,7 +90,7 @@ def colour_error_px(
     half_mm = np.array(film.size_m()) / 2 * 1e3
     pitch_mm = 2 * half_mm[0] / film.resolution[0]
     sharp = focus_distance_mm is not None and focus_distance_mm < FAR_MM
-    plane_mm = film_distance_mm + lens.length - (focus_distance_mm if sharp and focus_distance_mm else FAR_MM)
+    plane_mm = lens.film_z(film_distance_mm) - (focus_distance_mm if sharp and focus_distance_mm else FAR_MM)
     probe = _Probe(lens, film_distance_mm, plane_mm, wavelength_nm)
     nudge = np.full(2, 1e-3 * pitch_mm)
     worst = 0.0
@@ -113,20 +114,20 @@ class _Probe:
     """Rays from film points through a square of points of the paraxial exit pupil to a plane of the scene."""
 
     def __init__(self, lens: Lens, film_distance_mm: float, plane_mm: float, wavelength_nm: float) -> None:
-        self.lens, self.film_mm, self.plane_mm = lens, lens.length + film_distance_mm, plane_mm
+        self.lens, self.film_mm, self.plane_mm = lens, lens.film_z(film_distance_mm), plane_mm
         pupil = lens.first_order(wavelength_nm).exit_pupil
         distance, radius = pupil.distance_mm, pupil.diameter_mm / 2
         if not (np.isfinite(distance) and np.isfinite(radius)):
             distance, radius = 0.0, lens.surfaces[-1].semi_diameter
         side = np.linspace(-0.6, 0.6, PUPIL) * radius
         x, y = (values.ravel() for values in np.meshgrid(side, side))
-        self.aims = np.stack([x, y, np.full(len(x), lens.length + distance)], axis=1)
+        self.aims = np.stack([x, y, np.full(len(x), lens.film_z(distance))], axis=1)
 
     def meets(self, point: Array, wavelength_nm: float) -> Array:
         """Return where rays from a film point (2,) meet the plane, (n, 2); not a number where they are blocked."""
         origin = np.array([*point, self.film_mm])
         directions = self.aims - origin
-        directions *= -np.sign(directions[:, 2:])  # also through a pupil behind the film
+        directions *= -self.lens.sense * np.sign(directions[:, 2:])  # also through a pupil behind the film
         rays = self.lens.trace(np.tile(origin, (len(directions), 1)), directions, wavelength_nm, "film")
         with np.errstate(all="ignore"):
             step = (self.plane_mm - rays.origins[:, 2]) / rays.directions[:, 2]

@@ -53,10 +53,10 @@ def focused(
     if measured_from == "film":
         return _by_group(lens, distance_mm, film, method, wavelength_nm, film_point_mm)
     settled = SETTLED if film_point_mm is None else SETTLED_AT_A_POINT
-    whole = distance_mm + lens.length + film
+    whole = distance_mm + lens.length + lens.sense * film
     for _ in range(ROUNDS):
         state, back = _by_group(lens, whole, film, method, wavelength_nm, film_point_mm)
-        new = distance_mm + state.length + back  # the first vertex may belong to the group
+        new = distance_mm + state.length + state.sense * back  # the first vertex may belong to the group
         if abs(new - whole) <= settled * whole:
             return state, back
         whole = new
@@ -86,7 +86,7 @@ def _by_group(
         state, image = focused_by_group(lens, distance_mm - offset, film_mm - offset, wavelength_nm)
         if method == "thick":
             return state, image
-        front = distance_mm - offset - state.length - image
+        front = distance_mm - offset - state.length - state.sense * image
         error = _film_distance(state, front, "front", method, wavelength_nm, film_point_mm) - image - offset
         if abs(error) <= (SETTLED if film_point_mm is None else SETTLED_AT_A_POINT) * film_mm:
             return state, image + offset

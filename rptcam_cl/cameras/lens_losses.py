@@ -76,7 +76,9 @@ class LossFiller:
         for number, record in enumerate(records):
             k = count - 1 - number if backwards else number
             before, after = (lens.media[k + 1], lens.media[k]) if backwards else (lens.media[k], lens.media[k + 1])
-            if self.transmission.fresnel:
+            if lens.surfaces[k].is_mirror:
+                self._put(record, "gain", partial(self.transmission.mirror_share, lens.surfaces[k]))
+            elif self.transmission.fresnel:
                 self._fill_surface(record, before, after, self.transmission.coating_of(lens.surfaces[k]))
             if self.transmission.absorption and number > 0 and before.absorption is not None:
                 self._put(record, "attenuation", partial(attenuation, before))

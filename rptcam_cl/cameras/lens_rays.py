@@ -106,7 +106,7 @@ def fitted_map(
         )
     width_mm, height_mm = (side * 1e3 for side in film.size_m())
     focus_mm = setting.focus_distance_mm
-    near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - film_mm, FAR_MM)
+    near = FAR_MM if focus_mm is None else min(focus_mm - lens.length - lens.sense * film_mm, FAR_MM)
     try:
         return _remembered(
             ByContent(without_shape(lens)),

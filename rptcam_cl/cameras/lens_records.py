@@ -49,8 +49,8 @@ def lens_records(
     Parameters
     ----------
     start
-        Side where rays begin. The device's z runs along the direction of travel, so shapes are mirrored for rays from
-        the film.
+        Side where rays begin. The device's z runs along the direction of travel, so shapes are mirrored where rays
+        travel to -z: on their way from the film, or between mirrors.
     first_gap_mm
         Distance along the travel from the plane z = 0 of the rays to the first vertex they meet.
     double
@@ -71,13 +71,14 @@ def lens_records(
     for record, k in zip(records, order, strict=True):
         surface = lens.surfaces[k]
         before, after = (indices[k + 1], indices[k]) if backwards else (indices[k], indices[k + 1])
-        record["eta"], record["refracts"] = before / after, before != after
-        sense = -1.0 if backwards else 1.0
+        record["eta"], record["refracts"] = before / after, -1.0 if surface.is_mirror else before != after
+        sense = -lens.senses[k + 1] if backwards else lens.senses[k]
         record["gap"] = first_gap_mm if previous is None else sense * (lens.vertices[k] - lens.vertices[previous])
+        record["inner_semi_diameter2"] = np.square(surface.inner_semi_diameter)
         record["semi_diameter2"] = min(np.square(surface.semi_diameter), float(np.finfo(np.float32).max))
         _fill_shape(record, surface, sense, f"{lens.name}: surfaces[{k}]")
         if surface.pose is not None:
-            _fill_pose(record, surface.pose, backwards)
+            _fill_pose(record, surface.pose, sense)
         if surface.stop_shape is not None:
             stop = _fill_stop(record, surface.stop_shape, surface.semi_diameter)
         if surface.region is not None:
@@ -113,8 +114,8 @@ def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> 
         record[f"{name}_terms"] = max(int(record[f"{name}_terms"]), place + 1)
 
 
-def _fill_pose(record: np.void, pose: Pose, backwards: bool) -> None:
-    mirror = MIRRORED if backwards else np.eye(3)
+def _fill_pose(record: np.void, pose: Pose, sense: float) -> None:
+    mirror = MIRRORED if sense < 0 else np.eye(3)
     record["posed"] = 1
     record["offset"][:3] = mirror @ np.array(pose.offset)
     record["rotation"][:9] = (mirror @ pose.matrix() @ mirror).ravel()
@@ -157,5 +158,7 @@ def _facts(lens: Lens, records: NDArray[np.void]) -> dict[str, int]:
         "LENS_POSE": int(any(surface.pose is not None for surface in lens.surfaces)),
         "LENS_OUTLINE": int(bool(np.any(records["stop_shape"] == StopKind.OUTLINE))),
         "LENS_MASK": int(bool(np.any(records["stop_shape"] == StopKind.MASK))),
+        "LENS_MIRROR": int(lens.has_mirrors),
+        "LENS_RING": int(lens.is_obstructed),
         "LENS_REGION": int(any(surface.region is not None for surface in lens.surfaces)),
     }

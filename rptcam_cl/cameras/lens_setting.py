@@ -95,7 +95,7 @@ def lens_setting(scene: Scene) -> LensSetting:
     if focus.front_distance_m is not None:
         front_mm = focus.front_distance_m * 1e3
         lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
-        return LensSetting(lens, back_mm, front_mm + lens.length + back_mm, camera)
+        return LensSetting(lens, back_mm, front_mm + lens.length + lens.sense * back_mm, camera)
     if focus.point is not None:
         distance_mm = camera.ahead(focus.point) * scene.metres_per_unit * 1e3
     else:

@@ -117,7 +117,7 @@ def _thick(setting: LensSetting, film_mm: Array) -> PupilRays:
     def together(factors: tuple[float, float]) -> Array:
         return np.asarray(factors[0] * film_mm[:, None] + factors[1] * points)
 
-    z = np.full((*many[:2], 1), -(setting.film_distance_mm + setting.lens.length) * 1e-3)
+    z = np.full((*many[:2], 1), -setting.lens.film_z(setting.film_distance_mm) * 1e-3)
     origins = np.concatenate([together(thick.height) * 1e-3, z], axis=-1)
     cos4 = (1.0 + np.sum(together(thick.film_slope) ** 2, axis=-1)) ** -2
     cell = np.full((len(film_mm), 2), 2.0 / ACROSS)
@@ -141,7 +141,7 @@ def _traced(scene: Scene, setting: LensSetting, film_mm: Array) -> PupilRays:
     weights = np.where(passed, np.sum(away * away, axis=-1) ** -2, 0.0)  # cos^4, as Z is the same
     weights /= weights.sum(axis=1, keepdims=True)
     keep = passed[..., None]
-    origins = np.where(keep, (origins - [0.0, 0.0, lens.length + back]) * 1e-3, 0.0)
+    origins = np.where(keep, (origins - [0.0, 0.0, lens.film_z(back)]) * 1e-3, 0.0)
     slopes = np.where(keep, directions[..., :2] / -np.where(keep, directions[..., 2:], -1.0), 0.0)
     return PupilRays(origins, slopes, weights, rear, cells(boxes, ACROSS, ACROSS), film_mm)
 
@@ -158,8 +158,8 @@ def _through(
         origins, directions = (values * (1.0, 1.0, -1.0) for values in found.trace(*flat))
         passed = found.passes(lens, *flat)
     else:
-        start = np.concatenate([film, np.full((*film.shape[:2], 1), lens.length + back)], axis=-1)
-        away = np.concatenate([rear - film, np.full((*rear.shape[:2], 1), -back)], axis=-1)
+        start = np.concatenate([film, np.full((*film.shape[:2], 1), lens.film_z(back))], axis=-1)
+        away = np.concatenate([rear - film, np.full((*rear.shape[:2], 1), -lens.sense * back)], axis=-1)
         rays = lens.trace(start.reshape(-1, 3), away.reshape(-1, 3), camera.wavelength_nm)
         origins, directions, passed = rays.origins, rays.directions, rays.passed
     return origins.reshape(shape), directions.reshape(shape), passed.reshape(shape[:2])

@@ -275,7 +275,7 @@ class _Sample:
         share = rng.random((len(low), AIMS, 2)) * (1 + 2 * BEYOND) - BEYOND
         aims = (low[:, None] + share * size[:, None]).reshape(-1, 2)
         film = np.repeat(film[lit], AIMS, axis=0)
-        start = np.column_stack([film, np.full(len(film), lens.length + film_distance_mm)])
+        start = np.column_stack([film, np.full(len(film), lens.film_z(film_distance_mm))])
         away = np.column_stack([aims - film, np.full(len(film), -film_distance_mm)])
         groups = [np.arange(first, len(film), len(nodes)) for first in range(len(nodes))]
         parts = [crossings(lens, start[rows], away[rows], nm) for rows, nm in zip(groups, nodes.tolist(), strict=True)]

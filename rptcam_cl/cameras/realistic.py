@@ -132,7 +132,7 @@ def _record(
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
     record = camera_record(camera, scene.film)
     record["a"][0] = (width_mm / 2, height_mm / 2, setting.film_distance_mm, setting.gain)
-    record["b"][0] = (1e-3, -(setting.film_distance_mm + lens.length) * 1e-3, len(pupil.table), 0.0)
+    record["b"][0] = (1e-3, -lens.film_z(setting.film_distance_mm) * 1e-3, len(pupil.table), 0.0)
     record["pupil"][0] = pupil.parameters
     record["count"] = surfaces
     record["wavelength"] = camera.wavelength_nm
@@ -185,7 +185,7 @@ def _view(scene: Scene, setting: LensSetting) -> CameraView:
     columns, rows = scene.film.resolution
     return entrance_pupil_view(
         lens.first_order(wavelength_nm),
-        -(setting.film_distance_mm + lens.length) * 1e-3,
+        -lens.film_z(setting.film_distance_mm) * 1e-3,
         lambda: traced_blur(
             lens,
             setting.film_distance_mm,

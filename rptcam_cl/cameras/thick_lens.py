@@ -123,7 +123,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     width_m, height_m = scene.film.size_m()
     record = camera_record(camera, scene.film)
     record["a"][0] = (width_m / 2 * 1e3, height_m / 2 * 1e3, scale, 0.0)
-    first_vertex_m = -(setting.film_distance_mm + setting.lens.length) * 1e-3
+    first_vertex_m = -setting.lens.film_z(setting.film_distance_mm) * 1e-3
     record["b"][0] = (1e-3, first_vertex_m, *thick.film_slope)
     record["pupil"][0] = (*thick.height, *thick.slope)
     projection = intrinsics(scene.film, thick.film_per_tangent(width_m, height_m), flip=camera.flip)

@@ -117,8 +117,8 @@ def bundles(setting: Setting, view: View, tracer: Tracer) -> Iterator[Bundle]:
 def _chosen_points(setting: Setting, degrees: float, view: View) -> Array:
     """Return points (n, 2) of the plane of the first vertex.
 
-    They step evenly over what passes, and go on beyond as long as there is glass; when nothing passes they step over
-    the whole first surface.
+    They step evenly over what passes, and go on beyond as long as nothing is obstructed and there is glass; when nothing
+    passes they step over the whole first surface.
     """
     points = fan_points(setting, degrees, view.section)
     origins, directions = section_rays(setting, degrees, points, view.section)
@@ -130,6 +130,10 @@ def _chosen_points(setting: Setting, degrees: float, view: View) -> Array:
     below = above = 0
     if view.blocked and view.rays > 1 and step > 0:
         below, above = (int(min(view.rays, room // step)) for room in (low - line[0], line[-1] - high))
+    if setting.lens.is_obstructed and len(passed) > 1:  # even steps would mostly end at the obstruction
+        result = np.zeros((view.rays, 2))
+        result[:, axis] = line[passed[np.linspace(0, len(passed) - 1, view.rays).astype(int)]]
+        return result
     start = (low + high) / 2 if view.rays == 1 else low
     result = np.zeros((below + view.rays + above, 2))
     result[:, axis] = start + step * np.arange(-below, view.rays + above)

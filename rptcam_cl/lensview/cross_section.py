@@ -35,6 +35,23 @@ def profile(lens: Lens, k: int, section: str) -> Array:
     return np.stack([points[2] + lens.vertices[k], points[1 if section == "y" else 0]], axis=1)
 
 
+def lines(lens: Lens, k: int, section: str) -> list[Array]:
+    """Return the pieces (m, 2) of a surface as drawn: both halves of a ring."""
+    points = profile(lens, k, section)
+    if not lens.surfaces[k].inner_semi_diameter:
+        return [points]
+    return [points[: len(points) // 2], points[len(points) // 2 :]]
+
+
+def obstruction(lens: Lens, k: int, section: str) -> Array | None:
+    """Return the ends (2, 2) of what stands in the middle of a ring in air, None where it is but a hole."""
+    surface, before = lens.surfaces[k], lens.media[k]
+    if not surface.inner_semi_diameter or surface.is_mirror or surface.glass != before:
+        return None
+    halves = lines(lens, k, section)
+    return np.array([halves[0][-1], halves[1][0]])
+
+
 def glass(lens: Lens, section: str, wavelength_nm: float) -> list[tuple[float, Array]]:
     """Return the index and the outline (m, 2) of the medium behind each surface where it is not air."""
     indices = lens.indices(wavelength_nm)

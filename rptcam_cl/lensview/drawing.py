@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.lensview.bundles import APPROACH, Bundle, View, bundles, size_of
 from rptcam_cl.lensview.colours import glass_colour
-from rptcam_cl.lensview.cross_section import blades, glass, medium_behind, profile
+from rptcam_cl.lensview.cross_section import blades, glass, lines, medium_behind, obstruction, profile
 from rptcam_cl.lensview.picture import FAINT, INK, Path, Picture, Point, Text
 from rptcam_cl.lensview.ray_paths import Tracer, reference
 from rptcam_cl.lensview.setting import Setting
@@ -115,8 +115,13 @@ def _draw_glass(picture: Picture, frame: _Frame, setting: Setting, view: View) -
 def _draw_surfaces(picture: Picture, frame: _Frame, setting: Setting, view: View) -> None:
     for k, surface in enumerate(setting.lens.surfaces):
         flat_stop = surface.is_stop and surface.kind == "sphere" and not surface.curvature
-        if not flat_stop:
-            picture.add(Path(frame.places(profile(setting.lens, k, view.section)), INK, 1.1, note=f"surface {k}"))
+        block = obstruction(setting.lens, k, view.section)
+        if block is not None:
+            picture.add(Path(frame.places(block), INK, 3.5, note=f"obstruction, surface {k}"))
+        elif not flat_stop:
+            width = 2.2 if surface.is_mirror else 1.1
+            for line in lines(setting.lens, k, view.section):
+                picture.add(Path(frame.places(line), INK, width, note=f"surface {k}"))
     for blade in blades(setting.lens, view.section):
         picture.add(Path(frame.places(blade), INK, 3.5, note=f"stop, surface {setting.lens.stop_index}"))
 

@@ -72,6 +72,8 @@ def _surface_reasons(surface: Surface, before: float, after: float) -> Iterator[
         "not round": surface.region is not None or surface.stop_shape is not None,
         "without diameter": not np.isfinite(surface.semi_diameter),
         "of negative thickness": surface.thickness < 0,
+        "a mirror": surface.is_mirror,
+        "a ring": surface.inner_semi_diameter > 0,
     }
     yield from (text for text, found in shapes.items() if found)
     if surface.is_stop and surface.curvature:

@@ -84,13 +84,17 @@ def _surface(lens: Lens, k: int, last: bool) -> dict[str, Any]:
     row: dict[str, Any] = {}
     if surface.is_stop:
         row["stop"] = True
+    if surface.is_mirror:
+        row["mirror"] = True
     if surface.curvature:
         row["radius"] = short_radius(surface.curvature)
     if not last:
         row["thickness"] = surface.thickness
-    if surface.glass != AIR:
+    if surface.glass != AIR and not surface.is_mirror:
         row["glass"] = _medium(surface.glass)
     row["diameter"] = 2 * surface.semi_diameter
+    if surface.inner_semi_diameter:
+        row["inner_diameter"] = 2 * surface.inner_semi_diameter
     if surface.coating is not None:
         row["coating"] = _coating(surface.coating, where)
     row |= _shape(surface)

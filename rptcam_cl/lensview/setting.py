@@ -45,7 +45,7 @@ class Setting:
     @property
     def film_z(self) -> float:
         """Film plane in the frame of the lens [mm]."""
-        return self.lens.length + self.film
+        return self.lens.film_z(self.film)
 
 
 def setting(
@@ -70,7 +70,7 @@ def setting(
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
     if focus_distance_m is not None:
         film = film_distance(lens, 1000 * focus_distance_m, wavelength_nm=wavelength_nm)
-        return Setting(lens, film, 1000 * focus_distance_m - film - lens.length, wavelength_nm)
+        return Setting(lens, film, 1000 * focus_distance_m - lens.sense * film - lens.length, wavelength_nm)
     first = lens.first_order(wavelength_nm)
     real = 0 < first.focal_length_mm < math.inf and first.back_focal_distance_mm > 0
     return Setting(lens, first.back_focal_distance_mm if real else None, math.inf, wavelength_nm)

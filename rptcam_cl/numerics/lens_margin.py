@@ -82,9 +82,9 @@ def film_rays(
     if np.isfinite(pupil.distance_mm) and np.isfinite(pupil.diameter_mm) and pupil.distance_mm < film_mm:
         half = count // 2
         radius, turn = pupil.diameter_mm / 2 * np.sqrt(rng.random(half)), 2 * np.pi * rng.random(half)
-        there = np.full(half, lens.length + pupil.distance_mm)
+        there = np.full(half, lens.film_z(pupil.distance_mm))
         aims[:half] = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), there])
-    origins = np.column_stack([film, np.full(count, lens.length + film_mm)])
+    origins = np.column_stack([film, np.full(count, lens.film_z(film_mm))])
     return origins, aims - origins
 
 

@@ -24,6 +24,8 @@ ZONES = 48
 ACROSS = 128  # rays that span an oblique beam each way
 AIMS = (48, 48)  # rays that seek where a film point looks
 ROUNDS = 60
+RING_STEPS = 512  # rays that seek the edges of an obstructed beam
+RING_ROUNDS = 4
 AIMED = 4  # rounds after which the direction of the object point stays
 SETTLED = 1e-11  # of the film distance, between two rounds
 SETTLED_AT_A_POINT = 1e-6  # the same where the rays that pass are counted, not integrated
@@ -56,7 +58,7 @@ def best_film_distance(
         return _best(lens, object_distance_mm, wavelengths_nm, field_degrees, paraxial)
     back = paraxial
     for _ in range(ROUNDS):
-        front = object_distance_mm - lens.length - back
+        front = object_distance_mm - lens.length - lens.sense * back
         new = _best(lens, front, wavelengths_nm, field_degrees, back)
         if abs(new - back) <= SETTLED * abs(back):
             return new
@@ -91,7 +93,7 @@ def best_film_distance_at(
     back = film_distance(lens, object_distance_mm, measured_from, wavelength_nm)
     beam = Beam()
     for number in range(ROUNDS):
-        front = object_distance_mm if measured_from == "front" else object_distance_mm - lens.length - back
+        front = object_distance_mm if measured_from == "front" else object_distance_mm - lens.length - lens.sense * back
         beam = replace(beam, object_distance_mm=front)
         if number < AIMED:
             beam = _beam_to(lens, film_point_mm, back, front, wavelength_nm)
@@ -114,7 +116,7 @@ def _beam_to(
         raise InputError(f"{lens.name}: no light reaches the film point ({x:g}, {y:g}) mm")
     points = grid(boxes, *AIMS)[0]
     rear = np.column_stack([points, np.full(len(points), lens.length)])
-    start = np.array([*film_point_mm, lens.length + back_mm])
+    start = np.array([*film_point_mm, lens.film_z(back_mm)])
     rays = lens.trace(np.broadcast_to(start, rear.shape), rear - start, wavelength_nm)
     origins, directions = rays.origins[rays.passed], rays.directions[rays.passed]
     if np.isinf(front_mm):
@@ -138,30 +140,49 @@ def _best(lens: Lens, front_mm: float, wavelengths_nm: Sequence[float], field_de
 
 
 def _zones(lens: Lens, front_mm: float, wavelength_nm: float) -> tuple[Array, Array, Array]:
-    """Return height at the last vertex, slope and weight of meridional rays spread evenly over the entrance pupil."""
+    """Return height at the last vertex, slope along the light and weight of meridional rays.
+
+    They are spread evenly over the entrance pupil, from the edge of what obstructs its middle.
+    """
     pupil = lens.first_order(wavelength_nm).entrance_pupil
-    widest = _widest(lens, front_mm, pupil.distance_mm, 2.0 * pupil.diameter_mm, wavelength_nm)
+    reach = _ring if lens.is_obstructed else _disk
+    inner, outer = reach(lens, front_mm, pupil.distance_mm, 2.0 * pupil.diameter_mm, wavelength_nm)
     nodes, weights = np.polynomial.legendre.leggauss(ZONES)
-    radii = widest * np.sqrt((nodes + 1) / 2)
+    share = inner / outer
+    radii = outer * np.sqrt(share * share + (1.0 - share * share) * ((nodes + 1) / 2))
     rays = lens.trace(*_meridional(front_mm, pupil.distance_mm, radii), wavelength_nm, start="scene")
     slopes = rays.directions[:, 1] / rays.directions[:, 2]
     heights = rays.origins[:, 1] + (lens.length - rays.origins[:, 2]) * slopes
-    return heights, slopes, weights / 2
+    return heights, lens.sense * slopes, weights / 2
 
 
-def _widest(lens: Lens, front_mm: float, plane: float, limit: float, wavelength_nm: float) -> float:
-    """Return the largest height in a plane below which every ray from the axial object point passes [mm]."""
+def _ring(lens: Lens, front_mm: float, plane: float, limit: float, wavelength_nm: float) -> tuple[float, float]:
+    """Return the least and the largest height in a plane at which rays from the axial object point pass [mm]."""
+    heights = np.linspace(0.0, limit, RING_STEPS)
+    for _ in range(RING_ROUNDS):
+        passed = lens.trace(*_meridional(front_mm, plane, heights), wavelength_nm, start="scene").passed
+        if not passed.any():
+            raise InputError(f"{lens.name}: no ray from a point on the axis comes through")
+        first, last = int(np.argmax(passed)), len(passed) - 1 - int(np.argmax(passed[::-1]))
+        inner = np.linspace(heights[max(first - 1, 0)], heights[first], RING_STEPS // 2)
+        outer = np.linspace(heights[last], heights[min(last + 1, len(heights) - 1)], RING_STEPS // 2)
+        heights = np.concatenate([inner, outer])
+    return float(inner[-1]), float(outer[0])
+
+
+def _disk(lens: Lens, front_mm: float, plane: float, limit: float, wavelength_nm: float) -> tuple[float, float]:
+    """Return 0 and the largest height in a plane below which every ray from the axial object point passes [mm]."""
     low, high = 0.0, limit
     for _ in range(8):
         trial = np.linspace(low, high, 129)
         passed = lens.trace(*_meridional(front_mm, plane, trial), wavelength_nm, start="scene").passed
         if passed.all():
-            return high
+            return 0.0, high
         first = int(np.argmin(passed))
         if first == 0:
             raise InputError(f"{lens.name}: the ray on the axis does not come through")
         low, high = trial[first - 1], trial[first]
-    return low
+    return 0.0, low
 
 
 def _meridional(front_mm: float, plane: float, heights: Array) -> tuple[Array, Array]:

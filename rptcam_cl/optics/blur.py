@@ -71,9 +71,11 @@ def _beams(lens: Lens, film_distance_mm: float, film: Array, boxes: Array, wavel
     """Return the beams that film points see through boxes of the rear plane, and which have any light."""
     rear = grid(boxes, *NARROWING)
     count, rays_each = rear.shape[:2]
-    away = np.concatenate([rear - film[:, None], np.full((count, rays_each, 1), -film_distance_mm)], axis=-1)
+    away = np.concatenate(
+        [rear - film[:, None], np.full((count, rays_each, 1), -lens.sense * film_distance_mm)], axis=-1
+    )
     origins = np.empty_like(away)
-    origins[..., :2], origins[..., 2] = film[:, None], lens.length + film_distance_mm
+    origins[..., :2], origins[..., 2] = film[:, None], lens.film_z(film_distance_mm)
     rays = lens.trace(origins.reshape(-1, 3), away.reshape(-1, 3), wavelength_nm)
     passed = np.asarray(rays.passed).reshape(count, rays_each)
     cos4 = (film_distance_mm**2 / np.sum(away * away, axis=-1)) ** 2 * passed
@@ -120,6 +122,6 @@ def _on_film(
         sources = (beams.nearest + beams.along / vergence)[:, None]
         origins, directions = np.broadcast_to(sources, front.shape), front - sources
     rays = lens.trace(origins.reshape(-1, 3), directions.reshape(-1, 3), wavelength_nm, start="scene")
-    step = (lens.length + film_distance_mm - rays.origins[:, 2:]) / rays.directions[:, 2:]
+    step = (lens.film_z(film_distance_mm) - rays.origins[:, 2:]) / rays.directions[:, 2:]
     film = rays.origins[:, :2] + step * rays.directions[:, :2]
     return film.reshape(steps.shape), rays.passed.reshape(steps.shape[:2])

@@ -1,6 +1,7 @@
 """First-order optics: focal length, cardinal points and pupils from 2 x 2 matrices on (height, index * angle).
 
-Distances are signed along +z, from scene to film.
+Distances are signed along the light from the scene to the film: mirrors are unfolded, so that behind one z, and with it
+thicknesses and curvatures, change their sign.
 """
 
 from __future__ import annotations
@@ -47,7 +48,7 @@ class Pupil:
 
 @dataclass(frozen=True)
 class FirstOrder:
-    """First-order data at one wavelength. Lengths in millimetres, signed along +z (towards the film).
+    """First-order data at one wavelength. Lengths in millimetres, signed along the light from scene to film.
 
     Attributes
     ----------
@@ -65,7 +66,7 @@ class FirstOrder:
     f_number : float
         Focal length / entrance pupil diameter.
     length_mm : float
-        First to last vertex.
+        z of the last vertex from the first one.
     surfaces : int
         Number of surfaces, the stop included.
     """
@@ -139,12 +140,12 @@ def system_matrix(
     for k in range(first, end + 1):
         surface = lens.surfaces[k]
         if k < end or refract_last:
-            matrix = (
-                np.array([[1.0, 0.0], [-surface.paraxial_curvature(section) * (indices[k + 1] - indices[k]), 1.0]])
-                @ matrix
-            )
+            change = -2.0 * indices[k] if surface.is_mirror else indices[k + 1] - indices[k]
+            power = lens.senses[k] * surface.paraxial_curvature(section) * change
+            matrix = np.array([[1.0, 0.0], [-power, 1.0]]) @ matrix
         if k < end:
-            matrix = np.array([[1.0, surface.thickness / indices[k + 1]], [0.0, 1.0]]) @ matrix
+            gap = lens.senses[k + 1] * surface.thickness
+            matrix = np.array([[1.0, gap / indices[k + 1]], [0.0, 1.0]]) @ matrix
     return matrix
 
 

@@ -72,7 +72,7 @@ def object_distance(lens: Lens, film_distance_mm: float, wavelength_nm: float = 
             f"{lens.name}: nothing in front of the lens is sharp with the film {film_distance_mm:.6g} mm behind the "
             f"last vertex (infinity is sharp at {data.back_focal_distance_mm:.6g} mm, nearer objects farther back)"
         )
-    return float(from_front + data.length_mm + film_distance_mm)
+    return float(from_front + data.length_mm + lens.sense * film_distance_mm)
 
 
 def nearest_object_distance(lens: Lens, measured_from: str = "film", wavelength_nm: float = WAVELENGTH_D) -> float:
@@ -81,6 +81,8 @@ def nearest_object_distance(lens: Lens, measured_from: str = "film", wavelength_
     product = data.focal_length_mm * data.front_focal_length_mm
     if measured_from == "front":
         return float(max(0.0, -data.front_focal_distance_mm))
+    if lens.sense < 0:  # the film stands before the last mirror, so that object and film may meet
+        return 0.0
     to_focal_point = max(np.sqrt(product), data.front_focal_distance_mm)
     span = data.length_mm + data.back_focal_distance_mm - data.front_focal_distance_mm
     return float(span + to_focal_point + product / to_focal_point)
@@ -97,8 +99,8 @@ def _newton_distance(lens: Lens, data: FirstOrder, object_distance_mm: float, me
         )
     if measured_from == "front":
         return object_distance_mm + data.front_focal_distance_mm
-    span = object_distance_mm - data.length_mm - data.back_focal_distance_mm + data.front_focal_distance_mm
-    product = data.focal_length_mm * data.front_focal_length_mm
+    span = object_distance_mm - data.length_mm - lens.sense * data.back_focal_distance_mm + data.front_focal_distance_mm
+    product = lens.sense * data.focal_length_mm * data.front_focal_length_mm
     return float((span + np.sqrt(max(span * span - 4 * product, 0.0))) / 2)
 
 

@@ -196,9 +196,9 @@ def _mean_transmittance(probe: FilmProbe, film: Array, box: Array, transmission:
     number = np.arange(LOSS_RAYS)
     radii = reach * np.sqrt((number + 0.5) / LOSS_RAYS)
     points = centre + radii[:, None] * np.stack([np.cos(number * GOLDEN_TURN), np.sin(number * GOLDEN_TURN)], axis=1)
-    origin = np.array([*film, probe.lens.length + probe.distance])
+    origin = np.array([*film, probe.lens.film_z(probe.distance)])
     across = points - film
-    directions = np.column_stack([across, np.full(len(points), -probe.distance)])
+    directions = np.column_stack([across, np.full(len(points), -probe.lens.sense * probe.distance)])
     rays = probe.lens.trace(origin[None], directions, probe.wavelength_nm, transmission=transmission)
     assert rays.transmittance is not None
     weights = rays.passed / (probe.distance**2 + np.sum(across**2, axis=1)) ** 2

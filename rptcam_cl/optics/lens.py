@@ -35,7 +35,7 @@ class Lens:
     published : mapping
         First-order data that the source claims, such as ``focal_length_mm`` and ``f_number``.
     surfaces : tuple of Surface
-        Scene side first.
+        In the order in which light from the scene meets them.
     stop_index : int or None
         Which surface is the aperture stop; None when only the rims limit the light.
     object_medium : Medium
@@ -66,8 +66,33 @@ class Lens:
 
     @property
     def length(self) -> float:
-        """Distance from the first to the last vertex [mm]."""
+        """Position z of the last vertex [mm]: how far it lies from the first one."""
         return float(self.vertices[-1])
+
+    @cached_property
+    def senses(self) -> Array:
+        """Which way light from the scene travels before the first surface and behind each one: 1 to +z, -1 to -z."""
+        turns = [-1.0 if surface.is_mirror else 1.0 for surface in self.surfaces]
+        return np.concatenate([[1.0], np.cumprod(turns)])
+
+    @property
+    def sense(self) -> float:
+        """Which way light travels to the film: 1 to +z, -1 to -z behind an odd number of mirrors."""
+        return float(self.senses[-1])
+
+    @property
+    def has_mirrors(self) -> bool:
+        """Whether any surface reflects."""
+        return any(surface.is_mirror for surface in self.surfaces)
+
+    @property
+    def is_obstructed(self) -> bool:
+        """Whether any surface has a hole or an obstruction in its middle."""
+        return any(surface.inner_semi_diameter > 0 for surface in self.surfaces)
+
+    def film_z(self, distance_mm: float) -> float:
+        """Return z of a plane at a distance behind the last vertex, along the light [mm]."""
+        return self.length + self.sense * distance_mm
 
     @property
     def stop(self) -> Surface | None:

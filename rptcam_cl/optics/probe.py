@@ -41,7 +41,7 @@ class FilmProbe:
     def __init__(self, lens: Lens, film_distance_mm: float, wavelength_nm: Wavelengths) -> None:
         if not np.isfinite(lens.surfaces[-1].semi_diameter):
             raise InputError(f"{lens.name}: the last surface needs a diameter")
-        self.patch = _patch(lens.surfaces[-1])
+        self.patch = _patch(lens.surfaces[-1], lens.sense)
         if not film_distance_mm > max(0.0, float(self.patch[:, 2].max())):
             raise InputError(
                 f"{lens.name}: the film must stand behind the last surface "
@@ -71,10 +71,10 @@ class FilmProbe:
         shape = rear.shape[:-1]
         origins = np.empty((*shape, 3))
         origins[..., :2] = film
-        origins[..., 2] = self.lens.length + self.distance
+        origins[..., 2] = self.lens.film_z(self.distance)
         directions = np.empty((*shape, 3))
         directions[..., :2] = rear - film
-        directions[..., 2] = -self.distance
+        directions[..., 2] = -self.lens.sense * self.distance
         origins, directions = origins.reshape(-1, 3), directions.reshape(-1, 3)
         passed = passing(self.lens, origins, directions, self.wavelength_nm)
         for wavelength_nm in self.others_nm:
@@ -83,8 +83,8 @@ class FilmProbe:
         return passed.reshape(shape)
 
 
-def _patch(surface: Surface) -> Array:
-    """Return points (n, 3) spread over the clear area of the last surface, in the frame of its nominal vertex."""
+def _patch(surface: Surface, sense: float) -> Array:
+    """Return points (n, 3) spread over the clear area of the last surface about its vertex, z towards the film."""
     azimuths = 4 if surface.is_rotational else PATCH_AZIMUTHS
     angles = np.arange(azimuths) * 2 * np.pi / azimuths
     radii = np.linspace(0.0, surface.semi_diameter * (1 - 1e-12), PATCH_RADII)
@@ -92,7 +92,7 @@ def _patch(surface: Surface) -> Array:
     points = np.stack([x, y, surface.sag(x, y)])
     if surface.pose:
         points, _ = surface.pose.outward(points, points)
-    return points.T
+    return points.T * [1.0, 1.0, sense]
 
 
 def grid(boxes: Array, nu: int, nv: int) -> Array:

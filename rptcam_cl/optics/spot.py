@@ -65,7 +65,7 @@ class Spot:
     rms, rms_x, rms_y : float
         Root mean square distance from the centroid.
     best_shift, best_rms : float
-        Film shift (towards +z) that makes the rms least, and that rms.
+        Film shift (along the light) that makes the rms least, and that rms.
     rays : int
         How many rays passed.
     """
@@ -97,7 +97,7 @@ def spot(
     beam = beam or Beam()
     points, rays, cell = passing_beam(lens, beam, wavelength_nm, across)
     film = _at_film(lens, rays, film_distance_mm)
-    slopes = rays.directions[:, :2] / rays.directions[:, 2:]
+    slopes = lens.sense * rays.directions[:, :2] / rays.directions[:, 2:]
     centroid, drift = film.mean(axis=0), slopes.mean(axis=0)
     off, turn = film - centroid, slopes - drift
     variance = np.mean(off * off, axis=0)
@@ -219,5 +219,5 @@ def _first_box(lens: Lens, beam: Beam) -> Array:
 
 def _at_film(lens: Lens, rays: Rays, film_distance_mm: float) -> Array:
     """Return x, y (n, 2) where rays meet the film."""
-    step = (lens.length + film_distance_mm - rays.origins[:, 2]) / rays.directions[:, 2]
+    step = (lens.film_z(film_distance_mm) - rays.origins[:, 2]) / rays.directions[:, 2]
     return rays.origins[:, :2] + rays.directions[:, :2] * step[:, None]

@@ -125,7 +125,7 @@ def field_of_view(
         return None
     points = grid(boxes, *QUICK)[0]
     targets = np.column_stack([points, np.full(len(points), lens.length)])
-    start = np.array([film_radius_mm, 0.0, lens.length + film_distance_mm])
+    start = np.array([film_radius_mm, 0.0, lens.film_z(film_distance_mm)])
     rays = lens.trace(np.broadcast_to(start, targets.shape), targets - start, wavelength_nm)
     if not rays.passed.any():
         return None

@@ -1,4 +1,4 @@
-"""One refracting surface or stop of a lens: its shape about the vertex, its clear region and the medium behind it."""
+"""A refracting or reflecting surface, or a stop: its shape about the vertex, its clear region, the medium behind it."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Surface:
-    """An interface between two media, in the frame of its vertex (+z towards the film).
+    """An interface between two media or a mirror, in the frame of its vertex (+z towards the film).
 
     The plain surface is a sphere or plane: curvature alone. With s = x^2 + y^2 (or x^2, or y^2, for a cylinder),
 
@@ -29,13 +29,18 @@ class Surface:
     curvature : float
         c = 1 / radius [1/mm], positive when the centre lies on the film side; 0 is a plane.
     thickness : float
-        Distance to the vertex of the next surface [mm]; 0 on the last one, whose distance to the film is the focus.
+        Distance to the vertex of the next surface along +z [mm], negative where a mirror has sent the light back; 0 on
+        the last one, whose distance to the film is the focus.
     glass : Medium
-        Medium behind the surface, on the film side.
+        Medium that the light enters behind the surface; of a mirror the one that it comes from.
     semi_diameter : float
         Clear radius [mm]: rays that meet the surface farther from the axis are clipped.
+    inner_semi_diameter : float
+        Radius of a hole or an obstruction [mm]: rays that meet the surface nearer to the axis are clipped.
     is_stop : bool
         Whether this is the aperture stop.
+    is_mirror : bool
+        Whether it reflects the light.
     conic : float
         k: 0 sphere, -1 paraboloid, below -1 hyperboloid.
     aspheric : tuple of (power, coefficient)
@@ -62,7 +67,9 @@ class Surface:
     thickness: float = 0.0
     glass: Medium = AIR
     semi_diameter: float = np.inf
+    inner_semi_diameter: float = 0.0
     is_stop: bool = False
+    is_mirror: bool = False
     conic: float = 0.0
     aspheric: tuple[tuple[int, float], ...] = ()
     cylinder: str | None = None
@@ -93,7 +100,10 @@ class Surface:
 
     def clears(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which points of the vertex plane light is not blocked at."""
-        inside = x * x + y * y <= self.semi_diameter * self.semi_diameter
+        square = x * x + y * y
+        inside = square <= self.semi_diameter * self.semi_diameter
+        if self.inner_semi_diameter:
+            inside = inside & (square >= self.inner_semi_diameter * self.inner_semi_diameter)
         if self.region and self.region.blocks:
             inside = inside & self.region.holds(x, y)
         if self.stop_shape:

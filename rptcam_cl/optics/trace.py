@@ -89,7 +89,8 @@ def trace(
         Points [mm] and directions of any length in the frame of the lens, z = 0 at its first vertex and +z to the film.
     wavelength_nm : float or (n,) array
     start : "film" or "scene"
-        Side where the rays begin: from the film they travel to -z, from the scene to +z.
+        Side where the rays begin: from the scene they travel to +z, from the film to -z, or to +z behind an odd number
+        of mirrors.
     transmission : Transmission, optional
         Losses to count.
     """
@@ -117,7 +118,7 @@ def passing(lens: Lens, origins: Array, directions: Array, wavelength_nm: float 
             for k in range(len(lens.surfaces) - 1, -1, -1):
                 ratio, previous = indices[k + 1] / indices[k], _region_of(lens, k + 1)
                 p, d, beside, through = _crossed(
-                    lens.surfaces[k], float(lens.vertices[k]), p, d, ratio, beside, previous
+                    lens.surfaces[k], float(lens.vertices[k]), p, d, ratio, beside, previous, -lens.senses[k + 1]
                 )
                 good &= through
                 if np.count_nonzero(good) < WORTH_MOVING * len(rows):
@@ -127,16 +128,28 @@ def passing(lens: Lens, origins: Array, directions: Array, wavelength_nm: float 
 
 
 def _crossed(
-    surface: Surface, vertex: float, p: Array, d: Array, ratio: Array, beside: Mask, previous: Region | None
+    surface: Surface,
+    vertex: float,
+    p: Array,
+    d: Array,
+    ratio: Array,
+    beside: Mask,
+    previous: Region | None,
+    sense: float,
 ) -> tuple[Array, Array, Mask, Mask]:
-    """Return rays (3, n) from the film on and behind a surface, which are beside a half lens, and which have passed."""
+    """Return rays (3, n) from the film on and behind a surface, which are beside a half lens, and which have passed.
+
+    They have to come to the surface with z in the given sense.
+    """
     pose, shift = surface.pose, np.array([[0.0], [0.0], [vertex]])
     points, d = pose.inward(p - shift, d) if pose else (p - shift, d)
     hits = meet(surface, points, d)
-    good = hits.met & np.isfinite(hits.distances) & (d[2] < 0) & surface.clears(hits.points[0], hits.points[1])
+    good = hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0) & surface.clears(hits.points[0], hits.points[1])
     beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
     good &= apart
-    if ratio != 1.0:
+    if surface.is_mirror:
+        d = reflect(d, hits.normals, hits.cosines)
+    elif ratio != 1.0:
         bent, through = refract(d, hits.normals, hits.cosines, ratio)
         d = np.where(beside, d, bent) if surface.region else bent
         good &= through | beside
@@ -171,7 +184,8 @@ def _trace_part(lens: Lens, rays: Rays, part: slice, indices: Array, forward: bo
     beam = _Beam(rays, part, indices, losses)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):
         previous = _region_of(lens, k - 1 if forward else k + 1)
-        beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), forward, previous)
+        sense = lens.senses[k] if forward else -lens.senses[k + 1]
+        beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), forward, sense, previous)
     beam.store(slice(None), Status.ok, -1)
     if losses is not None and rays.transmittance is not None:
         rays.transmittance[beam.rows] = losses.share
@@ -216,13 +230,15 @@ class _Beam:
             self.indices, self.outside_index = self.indices[:, good], self.outside_index[good]
         return tuple(array[..., good] for array in others)
 
-    def cross(self, surface: Surface, number: int, vertex: float, forward: bool, previous: Region | None) -> None:
-        """Move every ray to a surface and refract it there."""
+    def cross(
+        self, surface: Surface, number: int, vertex: float, forward: bool, sense: float, previous: Region | None
+    ) -> None:
+        """Move every ray, travelling in a sense of z, to a surface, and refract or reflect it there."""
         pose = surface.pose or IN_PLACE
         shift = np.array([[0.0], [0.0], [vertex]])
         points, directions = pose.inward(self.p - shift, self.d) if surface.pose else (self.p - shift, self.d)
         hits = meet(surface, points, directions)
-        met = hits.met & np.isfinite(hits.distances) & ((directions[2] > 0) if forward else (directions[2] < 0))
+        met = hits.met & np.isfinite(hits.distances) & (directions[2] * sense > 0)
         kept: tuple[Array, ...] = (hits.points, hits.distances, hits.normals, hits.cosines, directions)
         if hits.undecided is not None:
             lost = hits.undecided & ~met
@@ -241,6 +257,12 @@ class _Beam:
         normal, cosine, directions = self.drop(clipped, Status.clipped, number, normal, cosine, directions)
         if opens:
             self.outside_index = self.indices[before]
+        if surface.is_mirror:
+            if self.losses:
+                self.losses.off(surface)
+            bent = reflect(directions, normal, cosine)
+            self.d = pose.matrix() @ bent if surface.pose else bent
+            return
         if np.array_equal(self.indices[before], self.indices[after]):
             return
         bent, through = refract(directions, normal, cosine, self.indices[before] / self.indices[after])
@@ -252,6 +274,11 @@ class _Beam:
             cosines = np.abs(cosine), np.abs(np.sum(bent * normal, axis=0))
             self.losses.across(surface, Interface(self.indices[before], self.indices[after], *cosines), self.beside)
         self.d = pose.matrix() @ bent if surface.pose else bent
+
+
+def reflect(directions: Array, normals: Array, cosines: Array) -> Array:
+    """Return directions (3, n) after a mirror."""
+    return directions - 2.0 * cosines * normals
 
 
 def refract(directions: Array, normals: Array, cosines: Array, ratio: Array) -> tuple[Array, Mask]:

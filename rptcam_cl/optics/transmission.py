@@ -1,4 +1,4 @@
-"""What a lens takes from the light that crosses it: reflection at its surfaces and absorption in its glass.
+"""What a lens takes from the light that crosses it: reflection at its surfaces, absorption in its glass and mirrors.
 
 Reflected light is lost; it makes no ghosts. Each surface counts with the mean of both polarisations.
 """
@@ -49,6 +49,13 @@ class Transmission:
     def coating_of(self, surface: Surface) -> Coating:
         """Return what a surface lets through."""
         return surface.coating if self.coatings and surface.coating is not None else BARE
+
+    def mirror_share(self, mirror: Surface, wavelength_nm: ArrayLike) -> Array:
+        """Return what a mirror reflects at wavelengths [nm]: all light, unless it says how much."""
+        coating = self.coating_of(mirror)
+        if isinstance(coating, MeasuredReflectance):
+            return coating.reflectance(wavelength_nm)
+        return np.ones(np.shape(wavelength_nm))
 
 
 IDEAL = Transmission(fresnel=False, coatings=False, absorption=False)
@@ -111,6 +118,11 @@ class Losses:
             passed = self.transmission.coating_of(surface).transmittance(interface, self.wavelengths)
             self.share = self.share * np.where(beside, 1.0, passed)
 
+    def off(self, mirror: Surface) -> None:
+        """Take away what a mirror does not reflect."""
+        if self.transmission.fresnel:
+            self.share = self.share * self.transmission.mirror_share(mirror, self.wavelengths)
+
     def keep(self, good: Mask) -> None:
         """Forget the other rays."""
         self.share, self.wavelengths = self.share[good], self.wavelengths[good]
@@ -125,11 +137,13 @@ def axial_transmittance(
     indices = lens.indices(wavelengths)
     passed = np.ones(wavelengths.shape)
     for k, surface in enumerate(lens.surfaces):
-        if transmission.fresnel and np.any(indices[k] != indices[k + 1]):
+        if surface.is_mirror:
+            passed = passed * (transmission.mirror_share(surface, wavelengths) if transmission.fresnel else 1.0)
+        elif transmission.fresnel and np.any(indices[k] != indices[k + 1]):
             interface = Interface(indices[k], indices[k + 1])
             passed = passed * transmission.coating_of(surface).transmittance(interface, wavelengths)
         if transmission.absorption and k + 1 < len(lens.surfaces):
-            passed = passed * np.exp(-attenuation(surface.glass, wavelengths) * surface.thickness)
+            passed = passed * np.exp(-attenuation(surface.glass, wavelengths) * abs(surface.thickness))
     return passed
 
 

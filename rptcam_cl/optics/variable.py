@@ -161,7 +161,7 @@ def focused_by_group(
 def _defocus(lens: Lens, shift: float, distance: float, film: float, wavelength: float) -> float:
     """Return how far behind the film the image of an object plane lies [mm]; NaN when there is none."""
     state, back = moved(lens, shift), film_behind(lens, shift, film)
-    front = distance - state.length - back
+    front = distance - state.length - state.sense * back
     if not front > 0:
         return float("nan")
     try:

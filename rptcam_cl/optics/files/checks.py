@@ -26,6 +26,7 @@ def check_lens(lens: Lens, report: Report) -> Lens:
     """Return the lens with its warnings, or raise the `report(surface, key, text)` of its first impossibility."""
     for index, surface in enumerate(lens.surfaces):
         _check_reach(surface, index, report)
+        _check_way(surface, lens.senses[index + 1], index, report)
     _check_half_lenses(lens, report)
     return replace(lens, warnings=(*lens.warnings, *_doubts(lens)))
 
@@ -44,6 +45,13 @@ def _check_reach(surface: Surface, index: int, report: Report) -> None:
             f"{diameter} is more than twice the radius {abs(surface.radius):g} mm; the surface does not reach its rim",
         )
     raise report(index, "diameter", f"{diameter} is more than the shape (radius, conic) reaches")
+
+
+def _check_way(surface: Surface, sense: float, index: int, report: Report) -> None:
+    """Refuse a mirror behind which light would go on."""
+    if surface.is_mirror and sense * surface.thickness < 0:
+        way = "-z: the thickness must not be positive" if sense < 0 else "+z: the thickness must not be negative"
+        raise report(index, "thickness", f"the mirror sends light to {way} (got {surface.thickness:g} mm)")
 
 
 def _check_half_lenses(lens: Lens, report: Report) -> None:
@@ -66,7 +74,7 @@ def backward_gaps(lens: Lens) -> tuple[str, ...]:
         f"the thickness behind surface {index} is negative ({surface.thickness:g} mm): surface {index + 1} stands in "
         f"front of it, and rays meet surface {index} first all the same"
         for index, surface in enumerate(lens.surfaces)
-        if surface.thickness < 0 and not (surface.is_stop or lens.surfaces[index + 1].is_stop)
+        if lens.senses[index + 1] * surface.thickness < 0 and not (surface.is_stop or lens.surfaces[index + 1].is_stop)
     )
 
 
@@ -79,18 +87,19 @@ def crossed_surfaces(lens: Lens) -> tuple[str, ...]:
     doubts = []
     indices = lens.indices(WAVELENGTH_D)
     for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
-        if first.is_stop or second.is_stop or first.pose or second.pose or first.thickness < 0:
+        if first.is_stop or second.is_stop or first.pose or second.pose:
             continue
-        if not np.isfinite(first.semi_diameter + second.semi_diameter):
+        sense = lens.senses[index + 1]
+        if sense * first.thickness < 0 or not np.isfinite(first.semi_diameter + second.semi_diameter):
             continue
         height = min(first.semi_diameter, second.semi_diameter) * INSIDE_THE_RIM
-        gap = first.thickness + second.rim_sag(height) - first.rim_sag(height)
+        gap = sense * (first.thickness + second.rim_sag(height) - first.rim_sag(height))
         if gap < -1e-6 * max(1.0, height):
             where = f"they overlap by {-gap:.4g} mm at {height:g} mm from the axis"
             doubts.append(f"surfaces {index} and {index + 1} cross: {where}; rays meet them in their order")
         elif abs(indices[index + 1] - 1) >= DENSER_THAN_AIR:
             front, rear = (part.rim_sag(part.semi_diameter * INSIDE_THE_RIM) for part in (first, second))
-            edge = first.thickness + rear - front
+            edge = sense * (first.thickness + rear - front)
             if edge < -1e-6 * max(first.semi_diameter, second.semi_diameter):
                 doubts.append(f"the rims of the glass between surfaces {index} and {index + 1} cross by {-edge:.4g} mm")
     return tuple(doubts)
@@ -111,7 +120,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
     for index, surface in enumerate(lens.surfaces):
         if surface.aspheric and not _monotone(surface):
             doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
-    doubts += [*backward_gaps(lens), *crossed_surfaces(lens)]
+    doubts += [*backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens)]
     for place, value in enumerate(lens.indices(WAVELENGTH_D)):
         if value < THINNEST:
             where = f"behind surface {place - 1}" if place else "in front of the lens"
@@ -124,6 +133,17 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
 
 def _widest(lens: Lens) -> float:
     return max(surface.semi_diameter for surface in lens.surfaces)
+
+
+def _in_the_way(lens: Lens) -> tuple[str, ...]:
+    """Return a doubt about the first mirror that stands in light on its way to another one, where nothing says so."""
+    backwards = [k for k, s in enumerate(lens.surfaces) if s.is_mirror and lens.senses[k] < 0 and s.pose is None]
+    if not backwards or lens.is_obstructed:
+        return ()
+    return (
+        f"surface {backwards[0]}: this mirror stands in the light that enters, which passes it all the same;"
+        " inner_diameter on a surface before it would make a ring of the pupil",
+    )
 
 
 def _monotone(surface: Surface) -> bool:

@@ -35,20 +35,23 @@ def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: Med
         if "coating" in document.data["surfaces"][k]:
             path: KeyPath = ("surfaces", k, "coating")
             coating = read_coating(document, path)
-            fault = _misfit(coating, before, surface.glass)
+            fault = _misfit(coating, before, surface)
             if fault:
                 raise problem(document, path, fault)
-        elif fault := _misfit(coating, before, surface.glass):
+        elif fault := _misfit(coating, before, surface):
             raise problem(document, ("coating",), f"does not suit surface {k}: {fault}")
         result.append(replace(surface, coating=coating) if coating else surface)
         before = surface.glass
     return tuple(result)
 
 
-def _misfit(coating: Coating | None, before: Medium, after: Medium) -> str:
-    """Return why a coating cannot lie between two media, nothing when it can."""
+def _misfit(coating: Coating | None, before: Medium, surface: Surface) -> str:
+    """Return why a coating cannot lie on a surface behind a medium, nothing when it can."""
+    after = surface.glass
     if coating is None or isinstance(coating, Bare):
         return ""
+    if surface.is_mirror:
+        return "" if isinstance(coating, MeasuredReflectance) else "a mirror takes its reflectance alone"
     if before == after:
         return f"has {after.name or 'the same medium'} on both sides, so there is nothing to coat"
     least = min(float(medium.index(WAVELENGTH_D)) for medium in (before, after))

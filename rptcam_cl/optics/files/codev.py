@@ -49,6 +49,7 @@ class _Surface:
     radius_mode: bool | None
     stop: bool = False
     diameter: float | None = None
+    inner_diameter: float = 0.0
     conic: float = 0.0
     aspheric: dict[int, float] = field(default_factory=dict)
     cylinder: str | None = None
@@ -213,6 +214,10 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table)
             surface.clear[key] = value
     elif key == "STO":
         surface.stop = True
+    elif key == "RMD":
+        surface.glass = "REFL" if " ".join(rest).upper().startswith("REFL") else surface.glass
+    elif key == "CIR" and {"OBS", "HOL"} & {word.upper() for word in rest}:
+        surface.inner_diameter = 2 * numbers(rest[-1:], table.path, line)[0]
     elif key == "CIR":
         words = [word.upper() for word in rest]
         value = numbers([w for w in words if w[:1] in "+-.0123456789"][-1:], table.path, line, 1)[0]
@@ -246,6 +251,8 @@ def _row(surface: _Surface, table: Table, private: Mapping[str, Any]) -> dict[st
         row["stop"] = True
     if surface.diameter:
         row["diameter"] = surface.diameter
+    if surface.inner_diameter:
+        row["inner_diameter"] = surface.inner_diameter
     if surface.conic:
         row["conic"] = surface.conic
     if aspheric := {power: value for power, value in surface.aspheric.items() if value}:
@@ -257,9 +264,9 @@ def _row(surface: _Surface, table: Table, private: Mapping[str, Any]) -> dict[st
     if "REX" in surface.clear and "REY" in surface.clear:
         row["clear"] = {"rectangle": [2 * abs(surface.clear["REX"]), 2 * abs(surface.clear["REY"])]}
         row.setdefault("diameter", 2 * math.hypot(surface.clear["REX"], surface.clear["REY"]))
-    if surface.glass and surface.glass.upper() not in ("AIR", "REFR"):
-        if surface.glass.upper() == "REFL":
-            raise InputError(f"{table.path}:{surface.line}: mirrors cannot be read; every surface must refract")
+    if surface.glass.upper() == "REFL":
+        row["mirror"] = True
+    elif surface.glass and surface.glass.upper() not in ("AIR", "REFR"):
         own = private.get(surface.glass.strip("'").upper())
         row["glass"] = own if own is not None else table.glass(surface.glass, surface.line)
     return row

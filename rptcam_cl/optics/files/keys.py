@@ -145,9 +145,14 @@ SHAPED = {
 
 SURFACE = {
     "radius": Key("Of curvature [unit], positive when the centre lies on the film side; a plane by default.", NUMBER),
-    "thickness": Key("To the next vertex [unit]; required but on the last surface.", NUMBER),
+    "thickness": Key(
+        "To the next vertex [unit], negative where a mirror has sent the light back; required but on the last surface.",
+        NUMBER,
+    ),
     "glass": Key("What fills the space behind the surface; air by default.", GLASS_VALUE),
+    "mirror": Key("Whether the surface reflects; the light stays in the medium it comes from.", {"type": "boolean"}),
     "diameter": Key("Full clear diameter [unit].", POSITIVE),
+    "inner_diameter": Key("Of a hole or an obstruction in the middle, which stops light [unit].", POSITIVE),
     "stop": Key("Whether this is the aperture stop; at most one is.", {"type": "boolean"}),
     "coating": Key("What lies on the surface; as the lens says by default.", COATING_VALUE),
     **SHAPED,

@@ -22,7 +22,7 @@ from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.variable import configured
 from rptcam_cl.references import References
-from rptcam_cl.strict_yaml import Document
+from rptcam_cl.strict_yaml import Document, KeyPath
 
 
 def document_of(mapping: Mapping[str, Any], files: References | None = None) -> Document:
@@ -50,9 +50,9 @@ def read_native(document: Document) -> Lens:
     rows = top.get("surfaces")
     if not isinstance(rows, list) or not rows:
         raise top.fail("surfaces" if "surfaces" in top else None, "a lens needs a list of surfaces")
-    surfaces = tuple(_surface(document, i, i == len(rows) - 1, scale) for i in range(len(rows)))
-    surfaces = _grouped(document, top, surfaces, scale)
     object_medium = read_glass(document, ("object_medium",)) if "object_medium" in top else AIR
+    surfaces = tuple(_surface(document, i, i == len(rows) - 1, scale) for i in range(len(rows)))
+    surfaces = _grouped(document, top, _reflected(document, surfaces, object_medium), scale)
     stops = [i for i, surface in enumerate(surfaces) if surface.is_stop]
     if len(stops) > 1:
         raise problem(
@@ -91,7 +91,13 @@ def _surface(document: Document, index: int, last: bool, scale: float) -> Surfac
     if abs(radius * scale) < SHORTEST_MM:
         raise fields.fail("radius", f"must be at least {SHORTEST_MM:g} mm")
     thickness = fields.number("thickness", 0.0 if last else None)
-    for key, value in (("thickness", thickness), ("diameter", fields.positive("diameter"))):
+    diameter, inner = (
+        fields.positive("diameter"),
+        fields.positive("inner_diameter") if "inner_diameter" in fields else 0.0,
+    )
+    if inner >= diameter:
+        raise fields.fail("inner_diameter", f"must be less than the diameter {diameter:g}")
+    for key, value in (("thickness", thickness), ("diameter", diameter)):
         if abs(value * scale) > LONGEST_MM:
             raise fields.fail(key, f"must be at most {LONGEST_MM:g} mm")
     glass: Medium = read_glass(document, (*fields.path, "glass")) if "glass" in fields else AIR
@@ -99,10 +105,30 @@ def _surface(document: Document, index: int, last: bool, scale: float) -> Surfac
         curvature=1.0 / (radius * scale),
         thickness=0.0 if last else thickness * scale,
         glass=glass,
-        semi_diameter=fields.positive("diameter") * scale / 2,
+        semi_diameter=diameter * scale / 2,
+        inner_semi_diameter=inner * scale / 2,
         is_stop=fields.flag("stop"),
+        is_mirror=fields.flag("mirror"),
         **read_shape(fields, scale),
     )
+
+
+def _reflected(document: Document, surfaces: tuple[Surface, ...], before: Medium) -> tuple[Surface, ...]:
+    """Return the surfaces with the medium before each mirror also behind it, which is the same."""
+    result = []
+    for k, surface in enumerate(surfaces):
+        if surface.is_mirror:
+            path: KeyPath = ("surfaces", k)
+            if "glass" in document.data["surfaces"][k] and surface.glass != before:
+                raise problem(
+                    document, (*path, "glass"), "a mirror sends light back into the medium it comes from; leave it out"
+                )
+            if surface.region is not None and not surface.region.blocks:
+                raise problem(document, (*path, "outside"), "nothing passes beside a mirror; leave it out")
+            surface = replace(surface, glass=before)
+        result.append(surface)
+        before = surface.glass
+    return tuple(result)
 
 
 def _grouped(document: Document, top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tuple[Surface, ...]:

@@ -121,7 +121,8 @@ class Table:
 
     def _fill_diameters(self) -> None:
         """Give surfaces without a diameter that of the axial beam and the chief ray of the field, to first order."""
-        tiny = [{**row, "diameter": UNKNOWN_DIAMETER} for row in self.rows]
+        tiny = [{**row, "diameter": UNKNOWN_DIAMETER, "inner_diameter": None} for row in self.rows]
+        tiny = [{k: v for k, v in row.items() if v is not None} for row in tiny]
         lens = read_native(document_of({"name": self.path, "surfaces": tiny}))
         stop = limiting_surface(lens)
         to_stop = system_matrix(lens, WAVELENGTH_D, 0, stop, False)
@@ -137,7 +138,7 @@ class Table:
             if row.get("radius") and not row.get("conic") and not row.get("aspheric"):
                 height = min(height, 0.95 * abs(row["radius"]))
             row["diameter"] = 2 * max(height, UNKNOWN_DIAMETER)
-        for k in missing:
+        for k in missing if not lens.has_mirrors else ():
             for one, other in ((k - 1, k), (k, k + 1)):
                 if one >= 0 and other < len(self.rows):
                     self._uncross(self.rows[k], self.rows[one], self.rows[other])

@@ -30,6 +30,11 @@ class _Surface:
     glass: list[str] | None = None
     stop: bool = False
     rectangle: list[float] | None = None
+    inner_radius: float = 0.0
+
+    @property
+    def is_mirror(self) -> bool:
+        return self.glass is not None and self.glass[:1] == ["MIRROR"]
 
 
 def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
@@ -124,6 +129,9 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table)
     elif key == "SQAP":
         half = numbers(rest[:2], table.path, line, 2)
         surface.rectangle = [2 * abs(value) for value in half]
+    elif key in ("CLAP", "OBSC") and len(rest) >= 2:
+        least, most = numbers(rest[:2], table.path, line)
+        surface.inner_radius = max(surface.inner_radius, least if key == "CLAP" else most)
     elif key == "GLAS":
         surface.glass = rest
         surface.line = line
@@ -143,7 +151,11 @@ def _row(surface: _Surface, table: Table) -> dict[str, Any]:
         row["clear"] = {"rectangle": surface.rectangle}
     if surface.values.get("CONI"):
         row["conic"] = surface.values["CONI"]
-    if surface.glass:
+    if surface.inner_radius > 0:
+        row["inner_diameter"] = 2 * surface.inner_radius
+    if surface.is_mirror:
+        row["mirror"] = True
+    elif surface.glass:
         row["glass"] = _glass(surface, table)
     p = surface.parameters
     if surface.kind == "EVENASPH":
@@ -163,8 +175,6 @@ def _row(surface: _Surface, table: Table) -> dict[str, Any]:
 def _glass(surface: _Surface, table: Table) -> Any:
     words = surface.glass or []
     name = words[0] if words else ""
-    if name.upper() == "MIRROR":
-        raise InputError(f"{table.path}:{surface.line}: mirrors cannot be read; every surface must refract")
     nd, vd = numbers(words[3:5], table.path, surface.line) if len(words) >= 5 else (0.0, 0.0)
     if name.startswith("___") or not name:
         if nd <= 0:
@@ -185,7 +195,7 @@ def _trim(table: Table) -> None:
     """Drop the dummy planes in air before and after the lens, so that its first and last vertex are real ones."""
 
     def is_dummy(row: dict[str, Any], before: Any) -> bool:
-        return not (row.keys() & {"radius", "stop", "glass", "decentre"}) and before is None
+        return not (row.keys() & {"radius", "stop", "glass", "mirror", "inner_diameter", "decentre"}) and before is None
 
     while table.rows and is_dummy(table.rows[0], None):
         table.rows.pop(0)
