@@ -196,6 +196,8 @@ def ray_map(
     """
     if not lens.is_rotational:
         raise InputError(f"{lens.name} is not the same from every azimuth")
+    if lens.has_mirrors or lens.is_obstructed:
+        raise InputError(f"{lens.name} has mirrors or a ring for a pupil")
     radius, nodes = float(np.hypot(*half_film_mm)), _nodes(wavelengths_nm)
     fitted, others = (_Sample.of(lens, film_distance_mm, radius, nodes, seed) for seed in (1, 2))
     passes = others.found.within(lens)

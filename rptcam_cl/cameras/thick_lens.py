@@ -97,6 +97,10 @@ def _check(lens: Lens, wavelength_nm: float) -> None:
         )
     if not math.isfinite(lens.first_order(wavelength_nm).focal_length_mm):
         raise InputError(f"{lens.name}: is afocal, so it has no cardinal points; take camera.kind: realistic")
+    if lens.is_obstructed:
+        raise InputError(
+            f"{lens.name}: its pupil is a ring, for which no thick lens stands; take camera.kind: realistic"
+        )
     if lens.stop is not None and lens.stop.stop_shape is not None:
         raise InputError(f"{lens.name}: its stop is not round; take camera.kind: realistic")
 

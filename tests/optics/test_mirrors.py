@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
+from rptcam_cl.cameras.ray_map import ray_map
+from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.errors import InputError
+from rptcam_cl.lensview.prescription import lens_text
 from rptcam_cl.optics import Status, load_lens
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.focus import film_distance, object_distance
@@ -245,3 +248,82 @@ def test_a_mirror_that_stands_in_the_light_is_told():
     assert any("surface 1: this mirror stands in the light" in text for text in lens(*rows).warnings)
     rows[0]["inner_diameter"] = 20
     assert not lens(*rows).warnings
+
+
+ZEMAX = """\
+MODE SEQ
+UNIT MM
+SURF 0
+  TYPE STANDARD
+  DISZ INFINITY
+SURF 1
+  TYPE STANDARD
+  CURV 0
+  DISZ 140
+  DIAM 60
+  OBSC 0 21 0
+SURF 2
+  STOP
+  TYPE STANDARD
+  CURV -0.0025
+  CONI -1
+  DISZ -140
+  GLAS MIRROR 0 0 1.5 40 0 0 0 0 0 0
+  DIAM 50
+  CLAP 15 50 0
+SURF 3
+  TYPE STANDARD
+  CURV -0.00625
+  CONI -2.7777777777777777
+  DISZ 240
+  GLAS MIRROR 0 0 1.5 40 0 0 0 0 0 0
+  DIAM 20
+SURF 4
+  TYPE STANDARD
+  CURV 0
+"""
+CODE_V = """\
+LEN
+RDM
+SO 0 1e11
+S 0 140
+  CIR 60
+  CIR OBS 21
+S -400 -140 REFL
+  STO
+  CIR 50
+  CIR HOL 15
+  CON
+  K -1
+S -160 240
+  RMD REFL
+  CIR 20
+  CON
+  K -2.7777777777777777
+SI 0 0
+"""
+
+
+@pytest.mark.parametrize(("suffix", "text"), [("zmx", ZEMAX), ("seq", CODE_V)])
+def test_other_programs_mirrors_and_holes_are_read(tmp_path, suffix, text):
+    path = tmp_path / f"cassegrain.{suffix}"
+    path.write_text(text)
+    found = load_lens(path)
+    assert [s.inner_semi_diameter for s in found.surfaces] == [21, 15, 0]
+    assert found.first_order().focal_length_mm == pytest.approx(800, abs=1e-10)
+    np.testing.assert_allclose(crossing(found.trace(*axial(BEAM[6:]), start="scene")), 240, atol=1e-10)
+
+
+def test_mirrors_read_back_from_the_text_of_a_lens(tmp_path):
+    ring = cassegrain(400.0, 160.0, 140.0, 240.0, obstruction=42.0)
+    path = tmp_path / "again.yaml"
+    path.write_text(lens_text(ring))
+    assert load_lens(path).surfaces == ring.surfaces
+
+
+def test_models_of_a_full_pupil_refuse_a_ring():
+    ring = cassegrain(400.0, 160.0, 140.0, 240.0, obstruction=42.0)
+    with pytest.raises(InputError, match="its pupil is a ring"):
+        thick_lens(ring, 240.0, 587.56)
+    with pytest.raises(InputError, match="has mirrors or a ring"):
+        ray_map(ring, 240.0, (18.0, 12.0), 587.56, 100.0, (1e6,))
