@@ -117,8 +117,8 @@ def bundles(setting: Setting, view: View, tracer: Tracer) -> Iterator[Bundle]:
 def _chosen_points(setting: Setting, degrees: float, view: View) -> Array:
     """Return points (n, 2) of the plane of the first vertex.
 
-    They step evenly over what passes, and go on beyond it as long as there is glass, unless the middle is obstructed; when
-    nothing passes they step over the whole first surface.
+    They step evenly over what passes, and go on beyond it as long as there is glass, unless the middle is obstructed;
+    when nothing passes they step over the whole first surface.
     """
     points = fan_points(setting, degrees, view.section)
     origins, directions = section_rays(setting, degrees, points, view.section)

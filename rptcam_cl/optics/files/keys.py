@@ -119,6 +119,11 @@ CLEAR = {
     "edge": Key("Distance of the half plane's edge from the axis [unit]; 0 by default.", NUMBER),
 }
 
+QCON = {
+    "radius": Key("Distance from the axis at which u is 1 [unit].", POSITIVE),
+    "coefficients": Key("a_0, a_1, ... of the sum u^4 a_m Q_m(u^2) [unit].", _numbers(1, (HIGHEST_POWER - 2) // 2)),
+}
+
 POSE = {
     "decentre": Key("[x, y] or [x, y, z] by which the vertex is moved [unit].", _numbers(2, 3)),
     "tilt_degrees": Key("Turns about x, then y, then z, right handed.", _numbers(2, 3)),
@@ -134,6 +139,7 @@ SHAPED = {
         f"Powers of r from 1 to {HIGHEST_POWER} and their coefficients [unit^(1 - power)].",
         {"type": "object", "patternProperties": {BY_NUMBER: NUMBER}, "additionalProperties": False},
     ),
+    "qcon": Key("Forbes's Qcon polynomials, added to the rest.", mapping(QCON, ("radius", "coefficients"))),
     "cylinder": Key("The only axis along which the surface curves.", {"enum": ["x", "y"]}),
     "radius_x": Key("Radius in the x-z section where it differs [unit].", NUMBER),
     "conic_x": Key("k in the x-z section of a biconic.", NUMBER),

@@ -7,7 +7,8 @@ from typing import Any
 
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
-from rptcam_cl.optics.files.keys import CLEAR, HIGHEST_POWER, SHAPE
+from rptcam_cl.optics.files.keys import CLEAR, HIGHEST_POWER, QCON, SHAPE
+from rptcam_cl.optics.files.qcon import FIRST_POWER, even_powers
 from rptcam_cl.optics.placement import Pose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopShape, blades, heart, polygon, star
@@ -30,7 +31,7 @@ def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
         raise fields.fail("cylinder", "a cylinder has one radius; leave out radius_x")
     return {
         "conic": fields.number("conic", 0.0),
-        "aspheric": _aspheric(fields, scale),
+        "aspheric": _with_qcon(fields, scale, _aspheric(fields, scale)),
         "cylinder": cylinder,
         "curvature_x": 1.0 / (radius_x * scale) if "radius_x" in fields else None,
         "conic_x": fields.number("conic_x", 0.0),
@@ -106,7 +107,21 @@ def _aspheric(fields: Fields, scale: float) -> tuple[tuple[int, float], ...]:
         if isinstance(key, bool) or not 1 <= power <= HIGHEST_POWER:
             raise problem(fields.document, path, f"a power of r is a whole number from 1 to {HIGHEST_POWER}", key)
         terms.append((power, as_number(fields.document, path) * scale ** (1 - power)))
-    return tuple(sorted(term for term in terms if term[1] != 0))
+    return tuple(terms)
+
+
+def _with_qcon(fields: Fields, scale: float, terms: tuple[tuple[int, float], ...]) -> tuple[tuple[int, float], ...]:
+    """Return the terms of an asphere with those of its Qcon polynomials, by rising power."""
+    result = dict(terms)
+    if "qcon" in fields:
+        inner = Fields(fields.document, (*fields.path, "qcon"), QCON)
+        radius, coefficients = inner.positive("radius"), inner.numbers("coefficients")
+        most = (HIGHEST_POWER - FIRST_POWER) // 2 + 1
+        if len(coefficients) > most:
+            raise inner.fail("coefficients", f"at most {most}, which reach r^{HIGHEST_POWER}")
+        for power, value in even_powers(tuple(scale * a for a in coefficients), radius * scale).items():
+            result[power] = result.get(power, 0.0) + value
+    return tuple(sorted(term for term in result.items() if term[1] != 0))
 
 
 def _region(fields: Fields, scale: float) -> Region | None:

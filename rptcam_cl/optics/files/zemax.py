@@ -12,8 +12,9 @@ from rptcam_cl.optics.files.table import Table, numbers
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
-TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "COORDBRK")
+TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "XASPHERE", "COORDBRK")
 SENSES = (1.0, 1.0, 1.0)  # tilts turn right handed: OpticStudio help, «Tilt/Decenter»
+MOST_TERMS = 240  # of an extended asphere, to r^480
 PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
 FAR = 1e9  # an object beyond this is at infinity
 # What decides the rays and is not read; everything else that is not read has no optical meaning.
@@ -27,6 +28,7 @@ class _Surface:
     kind: str = "STANDARD"
     values: dict[str, float] = field(default_factory=dict)
     parameters: dict[int, float] = field(default_factory=dict)
+    extra: dict[int, float] = field(default_factory=dict)
     glass: list[str] | None = None
     stop: bool = False
     rectangle: list[float] | None = None
@@ -123,6 +125,9 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table)
     elif key == "DISZ":
         far = [word.upper() for word in rest[:1]] == ["INFINITY"]
         surface.values[key] = 0.0 if far else numbers(rest[:1], table.path, line, 1)[0]
+    elif key == "XDAT":
+        number, value = numbers(rest[:2], table.path, line, 2)
+        surface.extra[int(number)] = value
     elif key == "PARM":
         number, value = numbers(rest[:2], table.path, line, 2)
         surface.parameters[int(number)] = value
@@ -160,6 +165,8 @@ def _row(surface: _Surface, table: Table) -> dict[str, Any]:
     p = surface.parameters
     if surface.kind == "EVENASPH":
         row["aspheric"] = {2 * i: v for i, v in p.items() if v and 1 <= i <= 8}
+    elif surface.kind == "XASPHERE":
+        row["aspheric"] = _extended(surface, table)
     elif surface.kind == "ODDASPHE":
         row["aspheric"] = {i: v for i, v in p.items() if v and 1 <= i <= 8}
     elif surface.kind == "TOROIDAL":
@@ -183,6 +190,18 @@ def _glass(surface: _Surface, table: Table) -> Any:
     if (nd, vd) == PLACEHOLDER:
         nd, vd = 0.0, 0.0
     return table.glass(name, surface.line, nd, vd)
+
+
+def _extended(surface: _Surface, table: Table) -> dict[int, float]:
+    """Return the powers of r of an extended asphere: extra data are their number, the norm radius, r^2, r^4, ..."""
+    count, norm = surface.extra.get(1, 0.0), surface.extra.get(2, 1.0)
+    if not norm > 0 or not 0 <= count <= MOST_TERMS:
+        raise InputError(
+            f"{table.path}:{surface.line}: an extended asphere needs up to {MOST_TERMS} terms (XDAT 1, got {count:g})"
+            f" and a norm radius above 0 (XDAT 2, got {norm:g})"
+        )
+    terms = {2 * i: surface.extra.get(i + 2, 0.0) / norm ** (2 * i) for i in range(1, int(count) + 1)}
+    return {power: value for power, value in terms.items() if value}
 
 
 def _break(frame: Frame, surface: _Surface) -> None:
