@@ -202,7 +202,8 @@ def test_nine_of_ten_rays_pass_and_the_table_is_made_in_a_second(name):
         aimed &= np.hypot(*film.T) <= x[-1]  # beyond the last node no ray is drawn
     passes = FilmProbe(lens, back, WAVELENGTH_D).passes(film, points)
     assert not passes[~aimed].any()
-    assert passes[aimed].mean() >= 0.90
+    # Rays that aim at the middle of a ring are lost: of the mirror telephoto's pupil that obstructs a good third.
+    assert passes[aimed].mean() >= (0.58 if lens.is_obstructed else 0.90)
 
 
 def test_a_lens_in_the_same_state_finds_its_table_again():

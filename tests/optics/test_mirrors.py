@@ -327,3 +327,42 @@ def test_models_of_a_full_pupil_refuse_a_ring():
         thick_lens(ring, 240.0, 587.56)
     with pytest.raises(InputError, match="has mirrors or a ring"):
         ray_map(ring, 240.0, (18.0, 12.0), 587.56, 100.0, (1e6,))
+
+
+# Rays by ray-optics 0.9.8: x, y in the plane of the first vertex, angle towards +y [degrees], then point and direction on
+# the last surface. The prescriptions are those of its test files mangin.seq and rc_f16.seq.
+MANGIN = [
+    {"radius": -1200, "thickness": 10, "glass": "N-BK7", "diameter": 240},
+    {"radius": -1000, "thickness": -10, "mirror": True, "diameter": 240},
+    {"radius": -1200, "diameter": 240},
+]
+TELESCOPE = [
+    {"radius": -21335.137, "thickness": -7490.46, "mirror": True, "conic": -1.0961, "diameter": 7924.8},
+    {"radius": -9576.712, "mirror": True, "conic": -5.1628, "diameter": 3000},
+]
+TRACED = [
+    (MANGIN, 555.0, 0.0, 60.0, 0.0, (0.0, 59.16514918803047, -1.4594353458210563),
+     (0.0, -0.13098083101735933, -0.9913849009875039)),
+    (MANGIN, 555.0, 20.0, 45.0, 0.3, (19.71874733424573, 44.42885147493292, -0.9848840985420972),
+     (-0.04369935677656016, -0.09314957608678961, -0.9946926775100772)),
+    (TELESCOPE, 550.0, 0.0, 2000.0, 0.0, (0.0, 598.0194074080911, -18.596548781128803),
+     (0.0, -0.06308671785069657, 0.9980080490811816)),
+    (TELESCOPE, 550.0, 700.0, 1500.0, 0.3, (209.10165127466004, 487.37776247528814, -14.63804129157419),
+     (-0.022100413562796024, -0.03398383220171855, 0.9991779975906385)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("rows", "wavelength", "x", "y", "angle", "point", "direction"), TRACED)
+def test_rays_are_those_of_ray_optics(rows, wavelength, x, y, angle, point, direction):
+    system = lens(*rows)
+    rays = system.trace([[x, y, 0]], [[0, np.tan(np.radians(angle)), 1]], wavelength, start="scene")
+    np.testing.assert_allclose(rays.origins[0] - [0, 0, system.length], point, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(rays.directions[0], direction, atol=1e-13)
+
+
+def test_focal_lengths_are_those_of_ray_optics():
+    mangin, telescope = lens(*MANGIN).first_order(555.0), lens(*TELESCOPE).first_order(550.0)
+    assert mangin.focal_length_mm == pytest.approx(457.1217083117136, rel=1e-12)  # it calls it negative, as z is there
+    assert mangin.back_focal_distance_mm == pytest.approx(450.5539648880832, rel=1e-12)
+    assert telescope.focal_length_mm == pytest.approx(31702.215601505046, rel=1e-12)
+    assert telescope.back_focal_distance_mm == pytest.approx(9441.83097173215, rel=1e-12)
