@@ -329,7 +329,7 @@ def test_models_of_a_full_pupil_refuse_a_ring():
         ray_map(ring, 240.0, (18.0, 12.0), 587.56, 100.0, (1e6,))
 
 
-# Rays by ray-optics 0.9.8: x, y in the plane of the first vertex, angle towards +y [degrees], then point and direction on
+# Rays by ray-optics 0.9.8: x, y in the plane of the first vertex, angle towards +y [degrees], then point and direction
 # the last surface. The prescriptions are those of its test files mangin.seq and rc_f16.seq.
 MANGIN = [
     {"radius": -1200, "thickness": 10, "glass": "N-BK7", "diameter": 240},
