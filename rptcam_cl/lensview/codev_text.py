@@ -35,7 +35,7 @@ def codev_text(lens: Lens) -> str:
     refuse(lens, ".seq", _reasons(lens))
     beam = beam_of(lens)
     private: dict[Medium, str] = {}
-    words = [_glass(surface.glass, private) for surface in lens.surfaces]
+    words = ["REFL" if surface.is_mirror else _glass(surface.glass, private) for surface in lens.surfaces]
     lines = ["RDM N;LEN", f"TITLE '{one_line(lens.name)}'", f"EPD {number(beam.pupil_diameter)}", "DIM M"]
     lines.append(f"WL {' '.join(number(nm) for nm in reversed(WAVELENGTHS_NM))}")
     lines += [f"REF {len(WAVELENGTHS_NM) - WAVELENGTHS_NM.index(WAVELENGTH_D)}", "WTW 1 1 1"]
@@ -48,7 +48,7 @@ def codev_text(lens: Lens) -> str:
     lines.append("SO 0.0 1.0E+13")
     stop, last = limiting_surface(lens), len(lens.surfaces) - 1
     for k, surface in enumerate(lens.surfaces):
-        gap = beam.film if k == last else surface.thickness
+        gap = lens.sense * beam.film if k == last else surface.thickness
         curvature = 0.0 if surface.cylinder == "x" else surface.curvature
         lines.append(f"S {number(curvature)} {number(gap)} {words[k]}".rstrip())
         lines += [f"  {line}" for line in _details(surface, k == stop)]
@@ -59,6 +59,8 @@ def _details(surface: Surface, is_stop: bool) -> Iterator[str]:
     if is_stop:
         yield "STO"
     yield f"CIR {number(surface.semi_diameter)}"
+    if surface.inner_semi_diameter:
+        yield f"CIR HOL {number(surface.inner_semi_diameter)}"
     if surface.region is not None:
         yield f"REX {number(surface.region.half_width)}"
         yield f"REY {number(surface.region.half_height)}"

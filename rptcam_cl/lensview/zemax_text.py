@@ -48,7 +48,7 @@ def zemax_text(lens: Lens) -> str:
     stop = limiting_surface(lens)
     last = len(lens.surfaces) - 1
     for k, surface in enumerate(lens.surfaces):
-        blocks += _surface(surface, beam.film if k == last else surface.thickness, k == stop, makers)
+        blocks += _surface(surface, lens.sense * beam.film if k == last else surface.thickness, k == stop, makers)
     blocks.append(["  TYPE STANDARD", "  CURV 0.0", "  DISZ 0.0"])
     for k, block in enumerate(blocks):
         lines += [f"SURF {k}", *block]
@@ -78,11 +78,15 @@ def _surface(surface: Surface, gap: float, is_stop: bool, makers: Sequence[str])
     lines += [f"  TYPE {kind}", f"  CURV {number(0.0 if surface.cylinder == 'x' else surface.curvature)} 0 0 0 0"]
     lines += [f"  PARM {k} {number(value)}" for k, value in sorted(parameters.items())]
     lines.append(f"  DISZ {number(gap if surface.pose is None else 0.0)}")
-    if surface.glass != AIR:
+    if surface.is_mirror:
+        lines.append("  GLAS MIRROR 0 0 1.5 40")
+    elif surface.glass != AIR:
         lines.append(f"  GLAS {_glass(surface.glass, makers)}")
     if conic:
         lines.append(f"  CONI {number(conic)}")
     lines.append(f'  DIAM {number(surface.semi_diameter)} 1 0 0 1 ""')
+    if surface.inner_semi_diameter:
+        lines.append(f"  CLAP {number(surface.inner_semi_diameter)} {number(surface.semi_diameter)} 0")
     if surface.region is not None:
         lines.append(f"  SQAP {number(surface.region.half_width)} {number(surface.region.half_height)}")
     if surface.pose is None:

@@ -6,7 +6,9 @@ import pytest
 from rptcam_cl.cameras.ray_map import ray_map
 from rptcam_cl.cameras.thick_lens import thick_lens
 from rptcam_cl.errors import InputError
+from rptcam_cl.lensview.codev_text import codev_text
 from rptcam_cl.lensview.prescription import lens_text
+from rptcam_cl.lensview.zemax_text import zemax_text
 from rptcam_cl.optics import Status, load_lens
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.focus import film_distance, object_distance
@@ -319,6 +321,19 @@ def test_mirrors_read_back_from_the_text_of_a_lens(tmp_path):
     path = tmp_path / "again.yaml"
     path.write_text(lens_text(ring))
     assert load_lens(path).surfaces == ring.surfaces
+
+
+@pytest.mark.parametrize(("suffix", "write"), [("zmx", zemax_text), ("seq", codev_text)])
+def test_mirrors_read_back_from_other_programs_files(tmp_path, suffix, write):
+    ring = cassegrain(400.0, 160.0, 140.0, 240.0, obstruction=42.0)
+    path = tmp_path / f"ring.{suffix}"
+    path.write_text(write(ring))
+    again = load_lens(path)
+    keys = ("curvature", "thickness", "conic", "semi_diameter", "inner_semi_diameter", "is_mirror")
+    for key in keys:
+        np.testing.assert_allclose(
+            [getattr(s, key) for s in again.surfaces], [getattr(s, key) for s in ring.surfaces], rtol=1e-14, atol=1e-14
+        )
 
 
 def test_models_of_a_full_pupil_refuse_a_ring():

@@ -90,7 +90,7 @@ def test_command_of_the_gallery_parses_and_its_files_exist(arguments: list[str])
     path = ROOT / picture_of(arguments)
     with Image.open(path) as picture:
         assert picture.size == (parsed.size or scene.film.resolution)
-        assert picture.width <= 400
+        assert picture.width <= 960
     assert path.stat().st_size < LARGEST_PICTURE
 
 
