@@ -17,6 +17,7 @@ from rptcam_cl.autofocus import FocusReport, focused_scene, in_focus
 from rptcam_cl.autofocus.interface import autofocus
 from rptcam_cl.developing import develop, developed_as
 from rptcam_cl.device import Session, Split, Wanted, choose_device, list_devices, means_all, open_sessions
+from rptcam_cl.device.choose import problem_of
 from rptcam_cl.errors import InputError, NumericError
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser
 from rptcam_cl.lens_tracing import TraceableLens, traceable
@@ -50,14 +51,20 @@ __all__ = [
 
 
 def devices() -> list[dict[str, Any]]:
-    """Return every OpenCL device as a mapping: id, name, platform, type, compute_units, memory_bytes, fp64, default.
+    """Return every OpenCL device as a mapping of id, name, platform, type, compute_units, memory_bytes, fp64,
+    problem and default.
 
-    ``default`` marks the one that ``auto`` chooses.
+    ``problem`` is why it cannot be used, None where it can; ``default`` marks the one that ``auto`` chooses.
     """
     found = list_devices()
-    chosen = choose_device("auto").id
+    problems = {device.id: problem_of(device) for device in found}
+    chosen = None if all(problems.values()) else choose_device("auto").id
     names = ("id", "name", "platform", "type", "compute_units", "memory_bytes", "fp64")
-    return [{name: getattr(device, name) for name in names} | {"default": device.id == chosen} for device in found]
+    return [
+        {name: getattr(device, name) for name in names}
+        | {"problem": problems[device.id], "default": device.id == chosen}
+        for device in found
+    ]
 
 
 def load_lens(source: str | Path | Mapping[str, Any]) -> TraceableLens:

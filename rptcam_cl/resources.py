@@ -1,9 +1,12 @@
-"""Where the kernels and the lens files lie: inside an installed package, or beside it in a checkout."""
+"""Where the package's data lie, inside an installed package or beside it in a checkout; and where caches are kept."""
 
+import os
+import sys
 from pathlib import Path
 
 from rptcam_cl.errors import StateError
 
+CACHE_VARIABLE = "RPTCAM_CACHE_DIR"
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -39,3 +42,22 @@ def response_curves_dir() -> Path:
 def glass_catalogues_dir() -> Path:
     """Folder of the glasses of the makers."""
     return _PACKAGE / "optics" / "catalogues"
+
+
+def cache_dir(kind: str) -> Path:
+    """Return the folder of one kind of cache: in ``RPTCAM_CACHE_DIR``, else where the system keeps caches.
+
+    It need not exist, and it may be impossible to make it.
+    """
+    named = os.environ.get(CACHE_VARIABLE)
+    return (Path(named) if named else _system_cache() / "rptcam_cl") / kind
+
+
+def _system_cache() -> Path:
+    home = Path(os.path.expanduser("~"))  # noqa: PTH111 -- Path.home() raises where there is no home
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches"
+    named = os.environ.get("XDG_CACHE_HOME", "")
+    return Path(named) if os.path.isabs(named) else home / ".cache"  # noqa: PTH117 -- the standard ignores other paths

@@ -10,7 +10,6 @@ import contextlib
 import hashlib
 import os
 import secrets
-import sys
 import time
 from collections.abc import Callable
 from functools import lru_cache
@@ -19,9 +18,9 @@ from pathlib import Path
 import numpy as np
 
 from rptcam_cl.acceleration.bvh import Bvh, is_sound
-from rptcam_cl.resources import kernels_dir
+from rptcam_cl.resources import CACHE_VARIABLE, cache_dir, kernels_dir
 
-VARIABLE = "RPTCAM_CACHE_DIR"
+VARIABLE = CACHE_VARIABLE
 MOST_BYTES = 2 << 30  # of all kept trees
 STRAY_SECONDS = 3600  # after which a file that is still being written has been left behind
 ARRAYS = ("bounds", "children", "blocks")
@@ -50,19 +49,8 @@ def load_or_build(key: str, build: Callable[[], Bvh]) -> Bvh:
 
 
 def cache_folder() -> Path:
-    """Return the folder of the trees: in ``RPTCAM_CACHE_DIR``, else where the system keeps what can be made anew."""
-    named = os.environ.get(VARIABLE)
-    return (Path(named) if named else _system_cache() / "rptcam_cl") / "trees"
-
-
-def _system_cache() -> Path:
-    home = Path(os.path.expanduser("~"))  # noqa: PTH111 -- Path.home() raises where there is no home
-    if sys.platform == "win32":
-        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
-    if sys.platform == "darwin":
-        return home / "Library" / "Caches"
-    named = os.environ.get("XDG_CACHE_HOME", "")
-    return Path(named) if os.path.isabs(named) else home / ".cache"  # noqa: PTH117 -- the standard ignores other paths
+    """Return the folder of the trees."""
+    return cache_dir("trees")
 
 
 @lru_cache(maxsize=1)

@@ -19,7 +19,8 @@ def _line(device: dict[str, Any]) -> str:
     mark = "*" if device["default"] else " "
     precision = "fp64" if device["fp64"] else "fp32 only"
     facts = f"{device['compute_units']} compute units, {as_bytes(device['memory_bytes'])}, {precision}"
-    return f"{mark} {device['id']:<5} {device['type']}  {device['name']} ({device['platform']}; {facts})"
+    barred = f"\n{'':8}cannot be used: {device['problem']}" if device["problem"] else ""
+    return f"{mark} {device['id']:<5} {device['type']}  {device['name']} ({device['platform']}; {facts}){barred}"
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -74,7 +74,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if not arguments.json:
         print("\n".join(as_lines(found)), flush=True)
     if arguments.numerics and found["devices"]:
-        found["numerics"] = _numerics(found["devices"], not arguments.json)
+        usable = [device for device in found["devices"] if device["problem"] is None]
+        found["numerics"] = _numerics(usable, not arguments.json)
     if arguments.json:
         print(as_json(found))
     sys.stdout.flush()

@@ -2,45 +2,53 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
-from rptcam_cl.device.choose import DeviceInfo
-from rptcam_cl.device.trial import try_device
+from rptcam_cl.device.choose import DeviceInfo, problem_of
+from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.trial import Trial, try_device
+from rptcam_cl.errors import DeviceError
 
 
 def device_details(info: DeviceInfo) -> dict[str, Any]:
     """Return everything about a device that its drivers tell and that matters here.
 
-    ``problem`` is why no kernel can be built, if so. ``renamed`` holds the processor's name by PoCL and the one that it
-    got in its place (see `rptcam_cl.device.pocl_processor`). ``kernel_target`` is the processor that PoCL's kernels are
-    compiled for, so that its built-ins can be inlined (see `rptcam_cl.device.program`); None where the compiler needs
-    no such help.
+    ``problem`` is why it cannot be used, if so. ``renamed`` holds the processor's name by PoCL and the one that it
+    got in its place (see `rptcam_cl.device.pocl_processor`). ``kernel_target`` is the processor that PoCL's kernels
+    are compiled for, so that its built-ins can be inlined (see `rptcam_cl.device.program`); None where the compiler
+    needs no such help. What a driver does not tell is None.
     """
-    handle = info.handle
-    trial = try_device(handle)
+    trial = Trial() if info.failure else try_device(info.handle)
     return {
         "id": info.id,
         "name": info.name,
         "type": info.type,
         "platform": info.platform,
-        "platform_version": handle.platform.version.strip(),
-        "driver_version": handle.driver_version.strip(),
-        "opencl_c": handle.opencl_c_version.strip(),
+        "platform_version": _told(lambda: info.handle.platform.version.strip()),
+        "driver_version": _told(lambda: info.handle.driver_version.strip()),
+        "opencl_c": _told(lambda: info.handle.opencl_c_version.strip()),
         "compute_units": info.compute_units,
-        "clock_mhz": int(handle.max_clock_frequency),
+        "clock_mhz": _told(lambda: int(info.handle.max_clock_frequency)),
         "memory_bytes": info.memory_bytes,
-        "largest_buffer_bytes": int(handle.max_mem_alloc_size),
+        "largest_buffer_bytes": _told(lambda: int(info.handle.max_mem_alloc_size)),
         "fp64": info.fp64,
-        "problem": trial.problem,
+        "problem": problem_of(info),
         "kernel_target": trial.library_arch,
         "renamed": trial.renamed,
     }
 
 
+def _told(ask: Callable[[], Any]) -> Any:
+    try:
+        return ask()
+    except Exception:  # a driver may raise anything; what is wrong with it is said in ``problem``
+        return None
+
+
 def opencl_version() -> str | None:
     """Return the version of the binding to OpenCL; None where it is not installed."""
     try:
-        import pyopencl
-    except ImportError:
+        return str(load_opencl().VERSION_TEXT)
+    except DeviceError:
         return None
-    return str(pyopencl.VERSION_TEXT)

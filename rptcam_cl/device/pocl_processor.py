@@ -69,6 +69,19 @@ def rename_processor(device: Any, log: str) -> tuple[str, str] | None:
     return old, new
 
 
+def rename_as_before(device: Any, old: str, new: str) -> bool:
+    """Repeat in this process what `rename_processor` did in another; tell whether the name is now the new one.
+
+    Nothing is touched unless the processor has the old name here too.
+    """
+    place = processor_field(device.int_ptr)
+    if place is None:
+        return False
+    if processor_name(place) == old:
+        _point(place, new)
+    return processor_name(place) == new
+
+
 def processor_name(place: int) -> str:
     """Return the name that the pointer at ``place`` points to."""
     return ctypes.string_at(ctypes.c_uint64.from_address(place).value).decode("ascii")

@@ -12,7 +12,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rptcam_cl.device.trial import AVX512_ARCH, target_pragma
+from rptcam_cl.device.built_programs import build_program
+from rptcam_cl.device.trial import AVX512_ARCH, first_error, target_pragma
 from rptcam_cl.errors import DeviceError
 from rptcam_cl.resources import kernels_dir
 
@@ -84,8 +85,8 @@ class Program:
 
         self.identity = hashlib.sha256(source.encode()).hexdigest()
         try:
-            self.handle = cl.Program(context, source).build(options=list(BUILD_OPTIONS), devices=[device])
-        except cl.RuntimeError as error:
+            self.handle = build_program(context, device, source, list(BUILD_OPTIONS))
+        except cl.Error as error:
             raise DeviceError(_build_failure(source, str(error), self.identity)) from error
 
 
@@ -93,8 +94,3 @@ def _build_failure(source: str, log: str, identity: str) -> str:
     path = Path(tempfile.gettempdir()) / f"rptcam_cl-{identity[:12]}.cl.log"
     path.write_text(f"{log}\n\n/* source */\n{source}", encoding="utf-8")
     return f"an OpenCL program did not compile: {first_error(log)} (source and full log: {path})"
-
-
-def first_error(log: str) -> str:
-    """Return the first line of a compiler's log that speaks of an error."""
-    return next((line.strip() for line in log.splitlines() if "error" in line.lower()), "no message")

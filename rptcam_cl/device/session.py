@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.device.choose import DeviceInfo, choose_device
+from rptcam_cl.device.choose import DeviceInfo, choose_device, problem_of
 from rptcam_cl.device.llvmpipe import LLVMPIPE_LOOP_LIMIT, is_llvmpipe
-from rptcam_cl.device.program import Program, assemble, first_error
+from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.program import Program, assemble
+from rptcam_cl.device.remedies import instead
 from rptcam_cl.device.trial import AVX512_ARCH, try_device
 from rptcam_cl.errors import DeviceError
 
@@ -37,7 +39,10 @@ class Launch:
         self.name = name
         self._session = session
         self._enqueue = cl.enqueue_nd_range_kernel
-        self._kernel = cl.Kernel(program.handle, name)
+        try:
+            self._kernel = cl.Kernel(program.handle, name)
+        except cl.Error as error:
+            raise DeviceError(f"device {session.info.id} has no kernel {name} in what it built: {error}") from error
         for index, value in enumerate(arguments):
             self.set(index, value)
 
@@ -59,20 +64,19 @@ class Session:
     """Context, in-order queue and program cache of one device. Programs are built once per source text."""
 
     def __init__(self, info: DeviceInfo, *, profiling: bool = False) -> None:
-        import pyopencl as cl
-
+        cl = load_opencl()
         self.info = info
         self.profiling = profiling
+        problem = problem_of(info)
+        if problem is not None:
+            raise DeviceError(f"device {info.id} {info.name} cannot be used: {problem}; {instead()}")
         try:
             self.context = cl.Context([info.handle])
             options = {"properties": cl.command_queue_properties.PROFILING_ENABLE} if profiling else {}
             self.queue = cl.CommandQueue(self.context, info.handle, **options)
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
-        trial = try_device(info.handle)
-        if trial.problem is not None:
-            raise DeviceError(f"device {info.id} {info.name} builds no kernel: {first_error(trial.problem)}")
-        self._library_arch = trial.library_arch
+        self._library_arch = try_device(info.handle).library_arch
         self._programs: dict[str, Program] = {}
 
     @property

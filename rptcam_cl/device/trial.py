@@ -1,25 +1,35 @@
 """Whether a device builds a trivial kernel: what has to be known before it is chosen, and before kernels are written.
 
-The trial is made once for each device in a process. PoCL keeps what it built, so that a later one costs no compilation.
+A driver may fail, crash or never come back. So it is tried in a process of its own, which costs half a second; what
+that one showed of a driver that works is kept, and costs the next run nothing.
 """
 
 from __future__ import annotations
 
-import os
+import hashlib
+import json
 import platform
+import signal
+import subprocess
 import sys
-import tempfile
 import warnings
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
-from rptcam_cl.device.pocl_processor import AVX2, AVX512, processor_flags, rename_processor
+from rptcam_cl._version import __version__
+from rptcam_cl.device.kept import keep_bytes, kept_bytes
+from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.pocl_processor import AVX2, AVX512, processor_flags, rename_as_before, rename_processor
 
 AVX512_ARCH = "skylake-avx512"
 AVX2_ARCH = "haswell"
+PATIENCE = 120  # [s] for a trivial kernel; a busy processor takes ten
+_CHILD = (
+    "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import trial; "
+    "trial.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
+)
 
 
 @dataclass(frozen=True)
@@ -39,6 +49,98 @@ class Trial:
 @lru_cache(maxsize=64)
 def try_device(handle: Any) -> Trial:
     """Return what a trivial kernel shows on the pyopencl device ``handle``; where PoCL needs help, after helping."""
+    try:
+        name = _record_name(handle)
+    except Exception as error:  # a driver may raise anything
+        return Trial(problem=f"its driver does not describe it: {error}")
+    kept = _recalled(name)
+    if kept is not None and _helped(handle, kept):
+        return kept
+    trial = _tried_apart(handle)
+    if trial.problem is None:
+        keep_bytes("devices", name, json.dumps(asdict(trial)).encode())
+        if not _helped(handle, trial):
+            return Trial(problem="PoCL's record of the device is not as it was in another process")
+    return trial
+
+
+def first_error(log: str) -> str:
+    """Return the first line of a compiler's log that speaks of an error, else its first line."""
+    lines = [line.strip() for line in log.splitlines() if line.strip()]
+    return next((line for line in lines if "error" in line.lower()), lines[0] if lines else "no message")
+
+
+def _record_name(handle: Any) -> str:
+    """Return a name for all that a trial depends on: driver, device, processor and this package."""
+    driver = [handle.platform.name, handle.platform.version, handle.name, handle.driver_version]
+    facts = [__version__, platform.platform(), *driver, *sorted(processor_flags())]
+    code = Path(__file__).read_bytes() + Path(__file__).with_name("pocl_processor.py").read_bytes()
+    return hashlib.sha256("\n".join(facts).encode() + code).hexdigest() + ".json"
+
+
+def _recalled(name: str) -> Trial | None:
+    """Return what an earlier trial showed of a driver that works; None where nothing sound is kept."""
+    try:
+        found = json.loads(kept_bytes("devices", name) or b"")
+        renamed = found["renamed"]
+        arch = found["library_arch"]
+        if arch not in (None, AVX2_ARCH, AVX512_ARCH):
+            return None
+        return Trial(library_arch=arch, renamed=None if renamed is None else (str(renamed[0]), str(renamed[1])))
+    except (ValueError, KeyError, TypeError, IndexError):
+        return None
+
+
+def _helped(handle: Any, trial: Trial) -> bool:
+    """Give the processor here the name that it needed in the trial; tell whether that, if anything, could be done."""
+    return trial.renamed is None or rename_as_before(handle, *trial.renamed)
+
+
+def _tried_apart(handle: Any) -> Trial:
+    """Return the trial of a device in a process of its own."""
+    place = _place(handle)
+    if place is None or not sys.executable:
+        return try_here(handle)
+    command = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *map(str, place)]
+    try:
+        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False)
+    except subprocess.TimeoutExpired:
+        return Trial(problem=f"error: the driver did not build a trivial kernel within {PATIENCE} s")
+    except OSError:  # no process can be started
+        return try_here(handle)
+    try:
+        found = json.loads(done.stdout.splitlines()[-1])
+    except (ValueError, IndexError):
+        return Trial(problem=_ending(done.returncode, done.stderr.decode(errors="replace")))
+    renamed = found.pop("renamed")
+    return Trial(**found, renamed=None if renamed is None else (renamed[0], renamed[1]))
+
+
+def _ending(code: int, said: str) -> str:
+    """Return how a process ended that was to try a device and told nothing."""
+    if code < 0:
+        name = signal.Signals(-code).name if -code in signal.valid_signals() else f"signal {-code}"
+        return f"error: the driver crashed on a trivial kernel ({name})"
+    last = next((line for line in reversed(said.splitlines()) if line.strip()), "")
+    return f"error: the driver ended the process on a trivial kernel (exit code {code:#x}) {last}".rstrip()
+
+
+def _place(handle: Any) -> tuple[int, int] | None:
+    """Return the numbers of a device's platform and of the device among its own."""
+    for p, each in enumerate(load_opencl().get_platforms()):
+        if each == handle.platform:
+            return next(((p, d) for d, device in enumerate(each.get_devices()) if device == handle), None)
+    return None
+
+
+def print_trial(platform_number: int, device_number: int) -> None:
+    """Try a device in this process and print what it showed as a line of JSON."""
+    handle = load_opencl().get_platforms()[platform_number].get_devices()[device_number]
+    print("\n" + json.dumps(asdict(try_here(handle))), flush=True)
+
+
+def try_here(handle: Any) -> Trial:
+    """Return what a trivial kernel shows on the pyopencl device ``handle`` in this process."""
     if not is_pocl(handle):
         return Trial(problem=_build(handle, _source(None, "")))
     arch = pocl_library_arch()
@@ -91,26 +193,11 @@ def _source(arch: str | None, name: str) -> str:
 
 def _build(handle: Any, source: str) -> str | None:
     """Return what the compiler says of a program that fails; None when it builds."""
-    import pyopencl as cl
-
+    cl = load_opencl()
     try:
-        with warnings.catch_warnings(), _quiet():
+        with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             cl.Program(cl.Context([handle]), source).build(options=["-cl-std=CL1.2", "-w"], devices=[handle])
-    except cl.Error as error:
-        return str(error)
+    except Exception as error:  # a driver may raise anything
+        return str(error) or type(error).__name__
     return None
-
-
-@contextmanager
-def _quiet() -> Iterator[None]:
-    """Keep from standard error what a compiler inside this process writes there ("1 error generated.")."""
-    sys.stderr.flush()
-    kept = os.dup(2)
-    with tempfile.TemporaryFile() as sink:
-        os.dup2(sink.fileno(), 2)
-        try:
-            yield
-        finally:
-            os.dup2(kept, 2)
-            os.close(kept)

@@ -10,9 +10,10 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.acceleration.cache import cache_folder
-from rptcam_cl.device import choose_device, list_devices
-from rptcam_cl.device.choose import default_device
+from rptcam_cl.device import list_devices
+from rptcam_cl.device.choose import default_device, fitting_devices
 from rptcam_cl.device.details import device_details, opencl_version
+from rptcam_cl.device.pocl_cache import pocl_cache_folder
 from rptcam_cl.errors import DeviceError
 
 PACKAGES = ("numpy", "pyopencl", "pocl-binary-distribution", "pydantic", "OpenEXR", "pillow", "tifffile", "pyoidn")
@@ -20,12 +21,12 @@ PREFIXES = ("RPTCAM_", "PYOPENCL_CTX", "POCL_", "OCL_ICD_", "CUDA_VISIBLE")
 
 
 def environment(device: str | None = None) -> dict[str, Any]:
-    """Return what there is, as plain data; without a device, ``devices`` is empty and ``no_device`` says why.
+    """Return what there is, as plain data; ``no_device`` says why no device can be used, if so.
 
     Parameters
     ----------
     device
-        The device to tell of, as ``--device`` on the command line; all of them when absent.
+        The devices to tell of, as ``--device`` on the command line; all of them when absent.
     """
     found: dict[str, Any] = {
         "version": __version__,
@@ -36,15 +37,19 @@ def environment(device: str | None = None) -> dict[str, Any]:
         "packages": {name: _version(name) for name in PACKAGES},
         "pyopencl": opencl_version(),
         "variables": {name: value for name, value in sorted(os.environ.items()) if name.startswith(PREFIXES)},
-        "caches": {"trees": _folder(cache_folder()), "kernels": _folder(_pocl_cache())},
+        "caches": {"trees": _folder(cache_folder()), "kernels": _folder(pocl_cache_folder())},
         "devices": [],
     }
     try:
         devices = list_devices()
     except DeviceError as problem:
         return found | {"no_device": str(problem)}
-    default = default_device(devices).id
-    shown = devices if device is None else [choose_device(device)]
+    shown = devices if device is None else fitting_devices(devices, device)[0]
+    try:
+        default = default_device(devices).id
+    except DeviceError as problem:
+        default = None
+        found["no_device"] = str(problem)
     found["devices"] = [device_details(each) | {"default": each.id == default} for each in shown]
     return found
 
@@ -65,15 +70,6 @@ def _processor() -> str:
     except OSError:
         pass
     return platform.processor() or platform.machine()
-
-
-def _pocl_cache() -> Path:
-    """Return where PoCL keeps compiled kernels; other platforms keep theirs where they like."""
-    named = os.environ.get("POCL_CACHE_DIR")
-    if named:
-        return Path(named)
-    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 -- as PoCL itself does
-    return Path(base) / "pocl" / "kcache"
 
 
 def _folder(path: Path) -> dict[str, Any]:
@@ -103,16 +99,20 @@ def as_lines(found: dict[str, Any]) -> list[str]:
 
 
 def _device_lines(device: dict[str, Any]) -> list[str]:
+    head = f"{'*' if device['default'] else ' '} {device['id']} {device['type']}  {device['name']}"
+    barred = [f"    CANNOT BE USED: {device['problem']}"] if device["problem"] else []
+    if device["largest_buffer_bytes"] is None:
+        return [head, f"    {device['platform']}", *barred]
     target = device["kernel_target"]
     precision = "fp64" if device["fp64"] else "fp32 only"
     memory, largest = (device[name] / 2**30 for name in ("memory_bytes", "largest_buffer_bytes"))
     return [
-        f"{'*' if device['default'] else ' '} {device['id']} {device['type']}  {device['name']}",
+        head,
         f"    {device['platform']}: {device['platform_version']}; driver {device['driver_version']}",
         f"    {device['compute_units']} compute units at {device['clock_mhz']} MHz, {memory:.2f} GiB,"
         f" buffers to {largest:.2f} GiB, {precision}" + (f"; kernels compiled for {target}" if target else ""),
         *([_renaming(*device["renamed"])] if device["renamed"] else []),
-        *([f"    UNUSABLE: {device['problem']}"] if device["problem"] else []),
+        *barred,
     ]
 
 

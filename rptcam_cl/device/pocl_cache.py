@@ -1,0 +1,121 @@
+"""PoCL's cache of compiled kernels, made safe: a folder that can be written, and no file in it that was cut short.
+
+PoCL offers no device at all where it cannot make the folder, and brings the process down when it maps a kernel that a
+full disk or a crash has cut short.
+"""
+
+from __future__ import annotations
+
+import atexit
+import contextlib
+import io
+import os
+import shutil
+import struct
+import tempfile
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+VARIABLE = "POCL_CACHE_DIR"
+ROOM = 8 << 20  # bytes: the kernels of a scene with everything
+_ELF, _BITCODE = b"\x7fELF\x02\x01", b"BC\xc0\xde"
+
+
+def pocl_cache_folder() -> Path:
+    """Return where PoCL keeps compiled kernels."""
+    named = os.environ.get(VARIABLE)
+    if named:
+        return Path(named)
+    base = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")  # noqa: PTH111 -- as PoCL itself does
+    return Path(base) / "pocl" / "kcache"
+
+
+def make_pocl_cache_usable() -> None:
+    """Name a temporary folder for PoCL's cache if its own cannot be written; remove damaged files otherwise."""
+    folder = pocl_cache_folder()
+    barred = _barred(folder)
+    if barred is None:
+        damaged = sum(map(_removed, _damaged(folder)))
+        if damaged:
+            warnings.warn(f"{folder}: {damaged} damaged kernels are compiled anew", stacklevel=1)
+        return
+    try:
+        place = tempfile.mkdtemp(prefix="rptcam_cl-kernels-")
+    except OSError:
+        return  # PoCL says what is wrong
+    atexit.register(shutil.rmtree, place, ignore_errors=True)
+    os.environ[VARIABLE] = place
+    warnings.warn(f"{folder}: {barred}; compiled kernels are not kept", stacklevel=1)
+
+
+def _barred(folder: Path) -> str | None:
+    """Return why nothing can be kept in a folder, None where it can."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(b"\0")
+        if shutil.disk_usage(folder).free < ROOM:
+            return "the disk is full"
+    except OSError as error:
+        return (error.strerror or str(error)).lower()
+    return None
+
+
+def _removed(path: Path) -> bool:
+    """Remove what PoCL keeps of the program that a damaged file belongs to; tell whether that could be done."""
+    folder = path.parent if path.name == "program.bc" else path.parents[2]
+    with contextlib.suppress(OSError):
+        shutil.rmtree(folder)
+        return True
+    return False
+
+
+def _damaged(folder: Path) -> list[Path]:
+    """Return the files of PoCL's cache that are not whole; looked for in a few milliseconds per hundred programs."""
+    return [path for path in _files(folder) if not _is_whole(path)]
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    folders = [str(folder)]
+    while folders:
+        try:
+            with os.scandir(folders.pop()) as entries:
+                for entry in entries:
+                    if entry.is_dir(follow_symlinks=False):
+                        folders.append(entry.path)
+                    elif entry.name == "program.bc" or entry.name.endswith(".so"):
+                        yield Path(entry.path)
+        except OSError:  # another process is at work
+            continue
+
+
+def _is_whole(path: Path) -> bool:
+    try:
+        with path.open("rb", buffering=0) as file:
+            head = file.read(64)
+            size = os.fstat(file.fileno()).st_size
+            return _whole_library(head, size) if path.suffix == ".so" else _whole_bitcode(file, head, size)
+    except OSError:  # it has just been replaced, or is not for us to judge
+        return True
+
+
+def _whole_library(head: bytes, size: int) -> bool:
+    """Tell whether a shared library ends where its section headers, which a linker puts last, say."""
+    if not head.startswith(_ELF) or len(head) < 64:
+        return False
+    offset, entry, count = struct.unpack_from("<Q10xHH", head, 40)
+    return bool(offset + entry * count <= size)
+
+
+def _whole_bitcode(file: io.FileIO, head: bytes, size: int) -> bool:
+    """Tell whether the top-level blocks of LLVM's bitcode fill the file to its end (LLVM Bitcode File Format)."""
+    if not head.startswith(_BITCODE):
+        return False
+    place = 4
+    while place + 8 <= size:
+        block, words = struct.unpack("<II", os.pread(file.fileno(), 8, place))
+        if block & 3 != 1:  # ENTER_SUBBLOCK: nothing else stands at top level
+            return False
+        place += 8 + 4 * words
+    return place == size > 4

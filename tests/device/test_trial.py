@@ -1,0 +1,89 @@
+"""The trial of a driver: in a process of its own, so that it may crash or hang; kept when the driver works."""
+
+import json
+import os
+import sys
+
+import pytest
+
+from rptcam_cl.device import trial
+from rptcam_cl.device.trial import Trial, first_error, try_device
+from rptcam_cl.resources import CACHE_VARIABLE
+from tests.device.probes import open_session
+
+
+@pytest.fixture
+def handle(monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    return open_session().info.handle
+
+
+def fresh(handle):
+    return try_device.__wrapped__(handle)
+
+
+def child(monkeypatch, text):
+    monkeypatch.setattr(trial, "_CHILD", text)
+
+
+def test_trial_is_kept_and_the_next_run_starts_no_process(handle, monkeypatch, tmp_path):
+    first = fresh(handle)
+    assert first.problem is None
+    (kept,) = (tmp_path / "devices").iterdir()
+    child(monkeypatch, "raise SystemExit(1)")
+    assert fresh(handle) == first
+    for damaged in ("", "[]", '{"library_arch": "vax", "renamed": null}', '{"library_arch": null}', "\0"):
+        kept.write_text(damaged)
+        assert fresh(handle).problem is not None  # tried anew, in vain
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no signals")
+def test_driver_that_crashes_is_told_and_tried_again(handle, monkeypatch, tmp_path):
+    child(monkeypatch, "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    assert fresh(handle).problem == "error: the driver crashed on a trivial kernel (SIGSEGV)"
+    child(monkeypatch, "import os; os.abort()")
+    assert "SIGABRT" in fresh(handle).problem
+    assert not (tmp_path / "devices").exists()
+
+
+def test_driver_that_ends_the_process_is_told(handle, monkeypatch):
+    child(monkeypatch, "import sys; sys.exit('LLVM is angry')")
+    assert "LLVM is angry" in fresh(handle).problem
+
+
+def test_driver_that_hangs_is_given_up(handle, monkeypatch):
+    monkeypatch.setattr(trial, "PATIENCE", 0.2)
+    child(monkeypatch, "import time; time.sleep(60)")
+    assert "within 0.2 s" in fresh(handle).problem
+
+
+def test_problem_of_the_trial_comes_through(handle, monkeypatch, tmp_path):
+    told = {"problem": "Build failed\nerror: no such thing", "library_arch": None, "renamed": None}
+    child(monkeypatch, f"print(); print({json.dumps(told)!r})")
+    assert fresh(handle) == Trial(problem=told["problem"])
+    assert first_error(told["problem"]) == "error: no such thing"
+    assert not (tmp_path / "devices").exists()
+
+
+def test_nothing_is_kept_where_nothing_can_be(handle, monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file"))
+    assert fresh(handle).problem is None
+
+
+def test_driver_that_describes_nothing_is_told():
+    class Bad:
+        def __getattr__(self, name):
+            raise RuntimeError("confused")
+
+    assert "confused" in fresh(Bad()).problem
+
+
+def test_standard_error_may_be_closed(handle):
+    kept = os.dup(2)
+    os.close(2)
+    try:
+        assert fresh(handle).problem is None
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
