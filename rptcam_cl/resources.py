@@ -7,6 +7,7 @@ from pathlib import Path
 from rptcam_cl.errors import StateError
 
 CACHE_VARIABLE = "RPTCAM_CACHE_DIR"
+EXAMPLES = ("first_light", "colour_chart", "sunny_sixteen")  # those that the README renders; each is one file
 _PACKAGE = Path(__file__).resolve().parent
 
 
@@ -27,6 +28,12 @@ def kernels_dir() -> Path:
 def lenses_dir() -> Path:
     """Folder of the lens files that come with the package."""
     return _folder("lenses")
+
+
+def example_scenes() -> dict[str, Path]:
+    """Return the scene files that come with the package, by name; the first is the one of the first picture."""
+    folder = _folder("examples")
+    return {name: folder / f"{name}.yaml" for name in EXAMPLES}
 
 
 def spectra_dir() -> Path:

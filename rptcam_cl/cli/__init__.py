@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from typing import TextIO
 
 from rptcam_cl._version import __version__
-from rptcam_cl.cli import convert, develop, devices, doctor, focus, lens, render, schema, tradeoff
+from rptcam_cl.cli import convert, demo, develop, devices, doctor, focus, lens, render, schema, tradeoff
 from rptcam_cl.cli.interrupt import INTERRUPTED
 from rptcam_cl.cli.parser import Parser, nearest
 from rptcam_cl.errors import InputError, RptcamError, StateError
@@ -22,7 +22,7 @@ def build_parser() -> Parser:
     parser = Parser(prog="rptcam", description="Render scenes through real photographic lenses, on OpenCL devices.")
     parser.add_argument("--version", action="version", version=f"rptcam {__version__}")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
-    for command in (render, focus, tradeoff, develop, convert, lens, devices, doctor, schema):
+    for command in (demo, render, focus, tradeoff, develop, convert, lens, devices, doctor, schema):
         command.add_to(commands)
     return parser
 

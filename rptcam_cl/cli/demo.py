@@ -1,0 +1,36 @@
+"""``rptcam demo``: the pictures of the README, from scenes that come with the package."""
+
+import argparse
+import sys
+from pathlib import Path
+
+from rptcam_cl.cli.parser import Commands, add_device
+from rptcam_cl.resources import EXAMPLES, example_scenes
+
+
+def add_to(commands: Commands) -> None:
+    """Add the command."""
+    text = "render the first picture, from a scene that comes with the package"
+    parser = commands.add_parser("demo", help=text, description=text.capitalize() + "; it needs no other file.")
+    parser.add_argument("scene", nargs="?", choices=EXAMPLES, default=EXAMPLES[0], help="another of its scenes")
+    parser.add_argument(
+        "-o", "--output", metavar="OUT", help="picture to write (default: SCENE.png in the current folder)"
+    )
+    parser.add_argument("--spp", metavar="N", help="samples per pixel, in place of the scene's")
+    parser.add_argument("--size", metavar="WxH", help="resolution in pixels")
+    add_device(parser)
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.cli import build_parser
+
+    scene = example_scenes()[arguments.scene]
+    picture = Path(arguments.output or f"{arguments.scene}.png")
+    words = ["render", str(scene), f"--output={picture}"]
+    words += [f"--{name}={value}" for name in ("spp", "size", "device") if (value := getattr(arguments, name))]
+    parsed = build_parser().parse_args(words)
+    code: int = parsed.run(parsed)
+    if code == 0:
+        print(f"the scene is {scene}", file=sys.stderr)
+    return code
