@@ -13,12 +13,14 @@ import os
 import shutil
 import struct
 import tempfile
+import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
 VARIABLE = "POCL_CACHE_DIR"
 ROOM = 8 << 20  # bytes: the kernels of a scene with everything
+WRITING = 1.0  # seconds that pass, at most, while a process writes a file
 _ELF, _BITCODE = b"\x7fELF\x02\x01", b"BC\xc0\xde"
 
 
@@ -38,7 +40,7 @@ def make_pocl_cache_usable() -> None:
     if barred is None:
         damaged = sum(map(_removed, _damaged(folder)))
         if damaged:
-            warnings.warn(f"{folder}: {damaged} damaged kernels are compiled anew", stacklevel=1)
+            warnings.warn(f"{folder}: damaged kernels ({damaged}) are compiled anew", stacklevel=1)
         return
     try:
         place = tempfile.mkdtemp(prefix="rptcam_cl-kernels-")
@@ -73,7 +75,18 @@ def _removed(path: Path) -> bool:
 
 def _damaged(folder: Path) -> list[Path]:
     """Return the files of PoCL's cache that are not whole; looked for in a few milliseconds per hundred programs."""
-    return [path for path in _files(folder) if not _is_whole(path)]
+    suspects = [path for path in _files(folder) if not _is_whole(path)]
+    if suspects:
+        time.sleep(WRITING)  # another process may just be writing them
+    return [path for path in suspects if not _is_whole(path) and _age(path) >= WRITING]
+
+
+def _age(path: Path) -> float:
+    """Return how long ago a file was written [s]; nothing for one that is gone."""
+    try:
+        return time.time() - path.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def _files(folder: Path) -> Iterator[Path]:

@@ -7,11 +7,10 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 
-from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
+from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices, problem_of
 from rptcam_cl.device.listing import ALL, listed, several_of_environment
-from rptcam_cl.device.program import first_error
+from rptcam_cl.device.remedies import instead
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.device.trial import try_device
 from rptcam_cl.errors import DeviceError
 
 Split = str | Mapping[str, float]
@@ -86,13 +85,13 @@ def usable_devices() -> list[DeviceInfo]:
     """
     found, reasons = [], []
     for info in list_devices():
-        problem = try_device(info.handle).problem
+        problem = problem_of(info)
         if problem is None:
             found.append(info)
         else:
-            reasons.append(f"device {info.id} {info.name} builds no kernel: {first_error(problem)}")
+            reasons.append(f"device {info.id} {info.name} cannot be used: {problem}")
     if not found:
-        raise DeviceError("; ".join(reasons))
+        raise DeviceError(f"{'; '.join(reasons)}; {instead()}")
     for reason in reasons:
         warnings.warn(f"{reason}; it is left out", UserWarning, stacklevel=2)
     return found

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
-from rptcam_cl.device import choose_device, open_sessions, several
+from rptcam_cl.device import choose, choose_device, open_sessions
 from rptcam_cl.device.trial import Trial, try_device
 from rptcam_cl.errors import DeviceError
 from rptcam_cl.wavefront.parts import begun, ended, is_shared, joined, split_of, split_text
@@ -58,9 +58,9 @@ def test_environment_may_list_devices(monkeypatch):
 def test_all_leaves_out_what_builds_no_kernel(monkeypatch, infos):
     broken = infos[1].handle
     monkeypatch.setattr(
-        several, "try_device", lambda handle: Trial("error: no") if handle is broken else try_device(handle)
+        choose, "try_device", lambda handle: Trial("error: no") if handle is broken else try_device(handle)
     )
-    with pytest.warns(UserWarning, match="device 0:1 .* builds no kernel: error: no; it is left out"):
+    with pytest.warns(UserWarning, match=r"device 0:1 .* cannot be used: it builds no kernel: error: no; it is left"):
         assert ids("all")[0] == ["0:0", "0:2"]
 
 
