@@ -82,6 +82,12 @@ def rename_as_before(device: Any, old: str, new: str) -> bool:
     return processor_name(place) == new
 
 
+def own_name(device: Any) -> str:
+    """Return the name of the processor in a PoCL device's record as it is now, "" where it cannot be found."""
+    place = processor_field(device.int_ptr)
+    return "" if place is None else processor_name(place)
+
+
 def processor_name(place: int) -> str:
     """Return the name that the pointer at ``place`` points to."""
     return ctypes.string_at(ctypes.c_uint64.from_address(place).value).decode("ascii")

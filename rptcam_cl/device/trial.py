@@ -21,7 +21,7 @@ from typing import Any
 from rptcam_cl._version import __version__
 from rptcam_cl.device.kept import keep_bytes, kept_bytes
 from rptcam_cl.device.opencl import load_opencl
-from rptcam_cl.device.pocl_processor import AVX2, AVX512, processor_flags, rename_as_before, rename_processor
+from rptcam_cl.device.pocl_processor import AVX2, AVX512, own_name, processor_flags, rename_as_before, rename_processor
 
 AVX512_ARCH = "skylake-avx512"
 AVX2_ARCH = "haswell"
@@ -57,7 +57,7 @@ def try_device(handle: Any) -> Trial:
     if kept is not None and _helped(handle, kept):
         return kept
     trial = _tried_apart(handle)
-    if trial.problem is None:
+    if trial.problem is None and _place(handle) is not None:
         keep_bytes("devices", name, json.dumps(asdict(trial)).encode())
         if not _helped(handle, trial):
             return Trial(problem="PoCL's record of the device is not as it was in another process")
@@ -99,7 +99,7 @@ def _helped(handle: Any, trial: Trial) -> bool:
 def _tried_apart(handle: Any) -> Trial:
     """Return the trial of a device in a process of its own."""
     place = _place(handle)
-    if place is None or not sys.executable:
+    if place is None or not sys.executable:  # a part of a device, or Python within another program
         return try_here(handle)
     command = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *map(str, place)]
     try:
@@ -145,13 +145,14 @@ def try_here(handle: Any) -> Trial:
         return Trial(problem=_build(handle, _source(None, "")))
     arch = pocl_library_arch()
     # The name is part of the text: PoCL's cache must not answer for a compiler that was told another one.
-    log = _build(handle, _source(arch, "PoCL's own"))
+    own = own_name(handle)
+    log = _build(handle, _source(arch, own))
     if log is None:
         return Trial(library_arch=arch)
     renamed = rename_processor(handle, log)
     if renamed is not None and _build(handle, _source(arch, renamed[1])) is None:
         return Trial(library_arch=arch, renamed=renamed)
-    if arch is not None and _build(handle, _source(None, "PoCL's own")) is None:
+    if arch is not None and _build(handle, _source(None, own)) is None:
         return Trial()  # built-ins are called and not inlined: right, but slow
     return Trial(problem=log)
 
@@ -184,7 +185,7 @@ def target_pragma(arch: str | None) -> str:
 def _source(arch: str | None, name: str) -> str:
     wide = "float16" if arch == AVX512_ARCH else "float8"
     return (
-        f"/* for the processor by {name} name */\n{target_pragma(arch)}"
+        f"/* for the processor named {name} */\n{target_pragma(arch)}"
         f"static {wide} at_least_one({wide} x) {{ return fmax(x, 1.0f); }}\n"
         "__kernel void trial(__global float *out) { out[0] = at_least_one(out[0]).s0; }\n"
         + ("#pragma clang attribute pop\n" if arch else "")

@@ -87,3 +87,12 @@ def test_standard_error_may_be_closed(handle):
     finally:
         os.dup2(kept, 2)
         os.close(kept)
+
+
+def test_part_of_a_device_leaves_no_record_for_the_whole(handle, tmp_path):
+    cl = pytest.importorskip("pyopencl")
+    if handle.max_compute_units < 2:
+        pytest.skip("one processor has no parts")
+    part, *_ = handle.create_sub_devices([cl.device_partition_property.BY_COUNTS, 1])
+    assert fresh(part).problem is None
+    assert not (tmp_path / "devices").exists()
