@@ -54,6 +54,7 @@ environment: {kind: constant, radiance: 1}
 """
 
 
+@pytest.mark.slow  # three renders, each compiled anew
 def test_render_goes_on_with_damaged_kernels(tmp_path):
     if not is_pocl(open_session().info.handle):
         pytest.skip("the device is not PoCL's")
