@@ -10,7 +10,7 @@ from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.optics.variable import focused_by_group
+from rptcam_cl.optics.variable import floated, focused_by_group
 
 Method = Literal["thick", "spot"]
 Side = Literal["film", "front"]
@@ -47,6 +47,8 @@ def focused(
     InputError
         When the distance is out of reach; the nearest possible is named.
     """
+    if lens.floating:
+        lens = _floated(lens, distance_mm, measured_from, wavelength_nm)
     if lens.focusing is None:
         return lens, _film_distance(lens, distance_mm, measured_from, method, wavelength_nm, film_point_mm)
     film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
@@ -61,6 +63,20 @@ def focused(
             return state, back
         whole = new
     raise InputError(f"{lens.name}: its group finds no focus {distance_mm:g} mm in front of the first surface")
+
+
+def _floated(lens: Lens, distance_mm: float, measured_from: Side, wavelength_nm: float) -> Lens:
+    """Return the lens with its floating groups set for an object plane."""
+    if measured_from == "film":
+        return floated(lens, distance_mm)
+    state = lens
+    for _ in range(ROUNDS):  # the state decides how far the film is, which decides the state
+        film = film_distance(state, distance_mm, "front", wavelength_nm)
+        new = floated(lens, distance_mm + state.length + film)
+        if abs(new.length - state.length) <= SETTLED * lens.length:
+            return new
+        state = new
+    return state
 
 
 def _film_distance(

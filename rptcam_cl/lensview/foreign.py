@@ -64,8 +64,8 @@ def left_out(lens: Lens) -> list[str]:
     notes = []
     if any(surface.coating is not None for surface in lens.surfaces):
         notes.append("coatings are left out")
-    if lens.focusing is not None:
-        notes.append("the focusing group is left out: the lens is written as its file has it")
+    if lens.focusing is not None or lens.floating:
+        notes.append("what moves to focus is left out: the lens is written as its file has it")
     return notes
 
 

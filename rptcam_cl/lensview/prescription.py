@@ -63,6 +63,10 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
         group = lens.focusing
         entry = {"surfaces": [group.first, group.last], "travel": list(group.travel_mm)}
         lines.append(f"focusing: {_flow(entry)}")
+    if lens.floating:
+        lines.append("floating:")
+        rows = ({"distance": state.distance_mm, "gaps": dict(state.gaps)} for state in lens.floating)
+        lines += [f"  - {_flow(row)}" for row in rows]
     return "\n".join([*lines, ""])
 
 

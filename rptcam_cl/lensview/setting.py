@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rptcam_cl.errors import InputError
 from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.optics.variable import floated
 
 if TYPE_CHECKING:
     from rptcam_cl.optics import Lens
@@ -69,6 +70,7 @@ def setting(
     if f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
     if focus_distance_m is not None:
+        lens = floated(lens, 1000 * focus_distance_m)
         film = film_distance(lens, 1000 * focus_distance_m, wavelength_nm=wavelength_nm)
         return Setting(lens, film, 1000 * focus_distance_m - lens.sense * film - lens.length, wavelength_nm)
     first = lens.first_order(wavelength_nm)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.stop_shape import StopMask, StopShape
     from rptcam_cl.optics.trace import Rays
     from rptcam_cl.optics.transmission import Transmission
-    from rptcam_cl.optics.variable import Configuration, FocusingGroup
+    from rptcam_cl.optics.variable import Configuration, FocusingGroup, FocusState
 
 Array = NDArray[np.float64]
 
@@ -44,6 +44,9 @@ class Lens:
         States of a zoom lens, by rising or falling focal length; the lens itself is in the first one.
     focusing : FocusingGroup or None
         Surfaces that move to focus; None when the whole lens does.
+    floating : tuple of FocusState
+        Gaps at nearer object planes, of a lens whose groups move each its own way to focus; the lens itself is focused
+        at infinity.
     warnings : tuple of str
         Doubts about the prescription that do not make it unusable.
     """
@@ -56,6 +59,7 @@ class Lens:
     object_medium: Medium = AIR
     configurations: tuple[Configuration, ...] = ()
     focusing: FocusingGroup | None = None
+    floating: tuple[FocusState, ...] = ()
     warnings: tuple[str, ...] = ()
 
     @cached_property

@@ -13,6 +13,7 @@ from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
 from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance
+from rptcam_cl.optics.variable import floated
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -46,6 +47,7 @@ def lens_info(
     """
     if f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
+    lens = floated(lens, object_distance_mm)
     result = lens.first_order(wavelength_nm).as_dict()
     result |= {"name": lens.name, "source": lens.source, "warnings": list(lens.warnings)}
     result["stop_diameter_mm"] = None if lens.stop is None else 2 * lens.stop.semi_diameter

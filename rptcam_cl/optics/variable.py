@@ -52,6 +52,50 @@ class FocusingGroup:
     travel_mm: tuple[float, float]
 
 
+@dataclass(frozen=True)
+class FocusState:
+    """The gaps of a lens whose groups float, focused at one distance.
+
+    Attributes
+    ----------
+    distance_mm : float
+        From the object plane to the film.
+    gaps : tuple of (surface, thickness)
+        Thickness behind each surface whose gap varies [mm].
+    """
+
+    distance_mm: float
+    gaps: tuple[tuple[int, float], ...]
+
+
+def floated(lens: Lens, distance_mm: float) -> Lens:
+    """Return the lens with its floating groups set for an object plane, at a distance from the film [mm].
+
+    Each gap goes from its value in the table, for infinity, through those of the published distances, along straight
+    lines over 1 / distance: in proportion to how far a lens moves for an object. A lens without such groups stays.
+
+    Raises
+    ------
+    InputError
+        For an object nearer than the nearest published distance, which is named.
+    """
+    if not lens.floating:
+        return lens
+    nearest = max(lens.floating, key=lambda state: 1 / state.distance_mm)
+    if distance_mm < nearest.distance_mm * (1 - 1e-9):
+        raise InputError(
+            f"{lens.name}: its floating groups focus down to {nearest.distance_mm:.6g} mm from the film "
+            f"(asked for {distance_mm:.6g} mm)"
+        )
+    states = sorted(lens.floating, key=lambda state: 1 / state.distance_mm)
+    away = [0.0, *(1 / state.distance_mm for state in states)]
+    surfaces = list(lens.surfaces)
+    for place, (k, _) in enumerate(states[0].gaps):
+        values = [surfaces[k].thickness, *(state.gaps[place][1] for state in states)]
+        surfaces[k] = replace(surfaces[k], thickness=float(np.interp(1 / distance_mm, away, values)))
+    return replace(lens, surfaces=tuple(surfaces), floating=())
+
+
 def configured(lens: Lens, name: str) -> Lens:
     """Return a zoom lens in one of its named configurations."""
     for configuration in lens.configurations:

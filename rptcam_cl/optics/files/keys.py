@@ -176,6 +176,15 @@ CONFIGURATION = {
     "stop_diameter": Key("Diameter of the stop in this position, where it differs [unit].", POSITIVE),
 }  # fmt: skip
 
+FLOATING = {
+    "distance": Key("From the object plane to the film [unit].", POSITIVE),
+    "gaps": Key(
+        "Thickness [unit] behind surfaces, by their number; every state gives the same ones.",
+        {"type": "object", "patternProperties": {BY_NUMBER: {"type": "number", "minimum": 0}},
+         "additionalProperties": False, "minProperties": 1},
+    ),
+}  # fmt: skip
+
 FOCUSING = {
     "surfaces": Key("First and last surface of the group that moves, counted from 0.", SPAN),
     "travel": Key("Least and greatest shift towards the film [unit].", _numbers(2, 2)),
@@ -197,4 +206,8 @@ LENS = {
     ),
     "configurations": Key("Positions of a zoom lens.", {"type": "array", "items": mapping(CONFIGURATION, ("gaps",))}),
     "focusing": Key("A group that moves to focus.", mapping(FOCUSING, ("surfaces", "travel"))),
+    "floating": Key(
+        "Gaps at nearer distances, of groups that each move their own way to focus.",
+        {"type": "array", "items": mapping(FLOATING, ("distance", "gaps"))},
+    ),
 }

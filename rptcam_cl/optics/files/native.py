@@ -15,7 +15,7 @@ from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.files.glasses import read_glass
 from rptcam_cl.optics.files.keys import GROUP, LENS, LONGEST_MM, SHORTEST_MM, SURFACE, UNITS_MM
 from rptcam_cl.optics.files.shapes import read_pose, read_shape
-from rptcam_cl.optics.files.variable import read_configurations, read_focusing
+from rptcam_cl.optics.files.variable import read_configurations, read_floating, read_focusing
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.placement import IN_PLACE
@@ -70,6 +70,7 @@ def read_native(document: Document) -> Lens:
         object_medium=object_medium,
         configurations=read_configurations(document, top, len(surfaces), scale),
         focusing=read_focusing(document, top, len(surfaces), scale),
+        floating=read_floating(document, top, len(surfaces), scale),
     )
     if lens.configurations:
         lens = configured(lens, lens.configurations[0].name)

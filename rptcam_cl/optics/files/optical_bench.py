@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from math import isinf
 from typing import Any
 
 from rptcam_cl.errors import InputError
@@ -101,22 +103,45 @@ def _aspheres(
 
 
 def _configurations(table: Table, gaps: dict[int, str], distances: dict[str, list[str]]) -> None:
-    """Add every state whose gaps are all given, named by its focal length or magnification."""
+    """Add the states whose gaps are all given: at infinity those of a zoom lens, nearer those of floating groups."""
     if not gaps:
         return
-    states = []
+    zooms, near = [], []
     for column in range(max(len(distances[name]) for name in gaps.values())):
         values = {k: _value(distances[name], column) for k, name in gaps.items()}
         if any(value is None for value in values.values()):
             continue
-        label = _label(distances, column)
-        states.append({"name": label, "gaps": values})
-    names = [state["name"] for state in states]
-    for i, state in enumerate(states):
+        if not _is_near(distances, column):
+            zooms.append({"name": _label(distances, column), "gaps": values})
+        elif (distance := _object_to_film(table, values, distances, column)) is not None:
+            near.append({"distance": distance, "gaps": values})
+    names = [state["name"] for state in zooms]
+    for i, state in enumerate(zooms):
         if names.count(state["name"]) > 1:
             state["name"] = f"{state['name']} ({i + 1})"
-    if len(states) > 1:
-        table.keys["configurations"] = states
+    if len(zooms) > 1:
+        table.keys["configurations"] = zooms
+    if near and len(zooms) == 1:
+        table.keys["floating"] = near
+    elif near:
+        table.notes.append(f"{table.path}: close focus of a zoom lens is not read; the whole lens moves to focus")
+
+
+def _is_near(distances: dict[str, list[str]], column: int) -> bool:
+    """Return whether a column is a state of focus nearer than infinity: by its object distance d0 or magnification."""
+    away = _value(distances.get("d0", []), column)
+    return bool(_value(distances.get("Magnification", []), column)) or (away is not None and not isinf(away))
+
+
+def _object_to_film(
+    table: Table, gaps: Mapping[int, float | None], distances: dict[str, list[str]], column: int
+) -> float | None:
+    """Return the distance from object to film of a column, None where it does not say."""
+    away, back = (_value(distances.get(name, []), column) for name in ("d0", "Bf"))
+    if away is None or back is None or isinf(away):
+        return None
+    fixed = sum(float(row["thickness"]) for k, row in enumerate(table.rows) if "thickness" in row and k not in gaps)
+    return away + fixed + sum(value or 0.0 for value in gaps.values()) + back
 
 
 def _label(distances: dict[str, list[str]], column: int) -> str:

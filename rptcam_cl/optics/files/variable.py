@@ -1,10 +1,10 @@
-"""The keys `configurations` and `focusing` of a lens file: zoom positions and a group that moves to focus."""
+"""The keys `configurations`, `focusing` and `floating` of a lens file: zoom positions and groups that move to focus."""
 
 from __future__ import annotations
 
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
-from rptcam_cl.optics.files.keys import CONFIGURATION, FOCUSING
-from rptcam_cl.optics.variable import Configuration, FocusingGroup
+from rptcam_cl.optics.files.keys import CONFIGURATION, FLOATING, FOCUSING
+from rptcam_cl.optics.variable import Configuration, FocusingGroup, FocusState
 from rptcam_cl.strict_yaml import Document
 
 
@@ -23,6 +23,31 @@ def read_configurations(document: Document, top: Fields, count: int, scale: floa
 
 def _configuration(document: Document, index: int, count: int, scale: float) -> Configuration:
     fields = Fields(document, ("configurations", index), CONFIGURATION)
+    gaps = _gaps(document, fields, count, scale)
+    stop = fields.positive("stop_diameter") * scale if "stop_diameter" in fields else None
+    return Configuration(fields.text("name") or str(index), gaps, stop)
+
+
+def read_floating(document: Document, top: Fields, count: int, scale: float) -> tuple[FocusState, ...]:
+    """Return the states of floating groups: a list of {distance, gaps: {surface: thickness}}."""
+    rows = top.get("floating") or []
+    if not isinstance(rows, list):
+        raise top.fail("floating", "expected a list such as [{distance: 450, gaps: {4: 1.9}}]")
+    if rows and ("focusing" in top or "configurations" in top):
+        raise top.fail("floating", "a lens with floating groups has neither focusing nor configurations")
+    states = []
+    for index in range(len(rows)):
+        fields = Fields(document, ("floating", index), FLOATING)
+        states.append(FocusState(fields.positive("distance") * scale, _gaps(document, fields, count, scale)))
+    if any({k for k, _ in row.gaps} != {k for k, _ in states[0].gaps} for row in states):
+        raise top.fail("floating", "every state must give the same gaps")
+    if len({row.distance_mm for row in states}) < len(states):
+        raise top.fail("floating", "two states have the same distance")
+    return tuple(states)
+
+
+def _gaps(document: Document, fields: Fields, count: int, scale: float) -> tuple[tuple[int, float], ...]:
+    """Return the thickness behind each surface that `gaps` names [mm]."""
     gaps = fields.get("gaps")
     if not isinstance(gaps, dict) or not gaps:
         raise fields.fail(
@@ -38,8 +63,7 @@ def _configuration(document: Document, index: int, count: int, scale: float) -> 
         if gap < 0:
             raise problem(document, path, "must not be negative", gaps[key])
         values.append((number, gap))
-    stop = fields.positive("stop_diameter") * scale if "stop_diameter" in fields else None
-    return Configuration(fields.text("name") or str(index), tuple(sorted(values)), stop)
+    return tuple(sorted(values))
 
 
 def read_focusing(document: Document, top: Fields, count: int, scale: float) -> FocusingGroup | None:
