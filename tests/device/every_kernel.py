@@ -1,0 +1,132 @@
+"""Renders tiny scenes so that every kernel of the passes and of the builds of trees runs; for a simulator of a device.
+
+    oclgrind … python -m tests.device.every_kernel NAME
+
+Prints the names of the kernels that ran. `RENDERS` says what each name renders.
+"""
+
+import json
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import rptcam_cl
+from rptcam_cl.acceleration import builder, primitive_tree
+from rptcam_cl.device import Session, open_session, program, session
+from rptcam_cl.scene.layers import LAYER_NAMES
+from rptcam_cl.wavefront import tracer
+from tests.acceleration.meshes import soup
+from tests.device.test_kernels import EVERY_MATERIAL
+from tests.render.test_determinism import LENS
+from tests.render.test_world import PLANE, still_life
+
+SIZE = (8, 4)
+TREES = {"gather", "histogram", "partition", "subtree", "leaves", "search", "reinsert"}
+WAVE = {"generate", "intersect", "shade", "shadow", "film"}
+
+
+def shown(scene: dict[str, Any], **options: Any) -> None:
+    """Render a sample or two of every pixel."""
+    scene = scene | {"render": {"max_depth": 3, "roulette_depth": 2}}
+    film = np.asarray(rptcam_cl.render(scene, size=SIZE, spp=2, wave_size=256, **options))
+    assert np.isfinite(film).all()
+    assert film.max() > 0
+
+
+def passes() -> None:
+    """Every shape, lamp and texture through a pinhole."""
+    shown(still_life())
+
+
+def stream() -> None:
+    """The same in one kernel, which processors prefer."""
+    tracer.ORGANISATION = dict.fromkeys(tracer.ORGANISATION, "stream")
+    shown(still_life())
+
+
+def lens() -> None:
+    """A lens traced in float32, with losses and wavelengths, and one in float64."""
+    camera = LENS | {"transmission": {"coating": "mgf2"}}
+    shown(still_life() | {"camera": camera, "spectrum": "dispersive"})
+    shown(still_life() | {"camera": LENS | {"precision": "double"}})
+    shown(still_life() | {"camera": LENS | {"rays": "fitted"}})
+    rays = rptcam_cl.load_lens("dgauss-50mm").trace([[0, 0, 70]], [[0, 0, -1]], start="film", device=open_session())
+    assert rays.passed.all()
+
+
+def meshes() -> None:
+    """Instances of a mesh of which trees are built from large nodes and small ones; layers of what is seen."""
+    builder.SMALL = dict.fromkeys(builder.SMALL, 16)
+    mesh = {
+        "vertices": soup(40, 0.5).reshape(-1, 3).tolist(),
+        "faces": [[3 * k, 3 * k + 1, 3 * k + 2] for k in range(40)],
+    }
+    shape = {"shape": "mesh", "mesh": "soup", "material": {"kind": "matte", "reflectance": 0.5}}
+    scene = still_life()
+    objects = [*scene["objects"][:2], shape, shape | {"transform": [{"translate": [0, 0, 0.2]}]}]
+    shown(scene | {"meshes": {"soup": mesh}, "objects": objects}, layers=list(LAYER_NAMES))
+
+
+def tree_of_shapes() -> None:
+    """A tree over shapes, however few."""
+    primitive_tree.BREAK_EVEN = 0
+    shown(still_life())
+
+
+def everything() -> None:
+    """Every material in spectra, under a moving camera."""
+    scene = still_life()
+    planes = [PLANE | {"material": name} for name in EVERY_MATERIAL]
+    moving = [{"time_s": 0}, {"time_s": 1e-3, "eye": [0.6, -5, 2]}]
+    shown(
+        scene
+        | {"materials": EVERY_MATERIAL, "objects": [*scene["objects"], *planes], "spectrum": "spectral"}
+        | {"camera": scene["camera"] | {"motion": moving}}
+    )
+
+
+RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
+    "passes": (passes, WAVE),
+    "stream": (stream, {"generate", "stream"}),
+    "lens": (lens, WAVE | {"aim_rays", "trace_lens", "trace_rays"}),
+    "meshes": (meshes, WAVE | TREES | {"layers"}),
+    "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
+    "everything": (everything, WAVE),
+}
+
+
+def heed_oclgrind() -> None:
+    """Go round what Oclgrind 21.10 has wrong."""
+    # optimised, the mirrored digits of the lattice become an instruction that it does not know
+    program.BUILD_OPTIONS = (*program.BUILD_OPTIONS, "-cl-opt-disable")
+    # it takes memory that a command has filled for uninitialised
+    Session.fill_zero = lambda self, buffer, size: self.write(buffer, np.zeros(size, np.uint8))  # type: ignore[method-assign]
+    # and new memory in the place of old for initialised, so that none is given back
+    allocated, kept = Session._allocated, []
+
+    def keep(self: Session, make: Any, size: int) -> Any:
+        kept.append(allocated(self, make, size))
+        return kept[-1]
+
+    Session._allocated = keep  # type: ignore[method-assign]
+
+
+def main() -> None:
+    """Render what the argument names."""
+    heed_oclgrind()
+    ran: set[str] = set()
+    enqueue = session.Launch.enqueue
+
+    def noted(self: session.Launch, items: int, group: int) -> Any:
+        ran.add(self.name)
+        return enqueue(self, items, group)
+
+    session.Launch.enqueue = noted  # type: ignore[method-assign]
+    RENDERS[sys.argv[1]][0]()
+    print(json.dumps({"device": open_session().info.name, "lanes": open_session().lanes, "kernels": sorted(ran)}))
+
+
+if __name__ == "__main__":
+    main()
