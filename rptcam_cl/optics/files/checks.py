@@ -17,6 +17,7 @@ Report = Callable[[int, str, str], InputError]
 
 LONGEST_PLAUSIBLE_MM = 10_000.0
 DENSER_THAN_AIR = 1e-3
+ROUNDING_MM = 1e-6  # of a thickness that is meant to be 0
 FASTEST = 0.25  # f-number below which something is wrong with the numbers: a lens in air ends at f/0.5
 THINNEST = 1 - 1e-6
 INSIDE_THE_RIM = 1 - 1e-9  # where a surface that is a whole hemisphere still has a sag
@@ -74,7 +75,8 @@ def backward_gaps(lens: Lens) -> tuple[str, ...]:
         f"the thickness behind surface {index} is negative ({surface.thickness:g} mm): surface {index + 1} stands in "
         f"front of it, and rays meet surface {index} first all the same"
         for index, surface in enumerate(lens.surfaces)
-        if lens.senses[index + 1] * surface.thickness < 0 and not (surface.is_stop or lens.surfaces[index + 1].is_stop)
+        if lens.senses[index + 1] * surface.thickness < -ROUNDING_MM
+        and not (surface.is_stop or lens.surfaces[index + 1].is_stop)
     )
 
 

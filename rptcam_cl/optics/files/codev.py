@@ -30,7 +30,7 @@ RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
 QUIET_WORDS = """
 LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB XIM CCY THC CCX KC AC BC CC DC EC FC GC HC PIM DER DAR REV SPH ASP CON
 SLB CUM THM BEN REX REY GLB TIT ADX ADY ADZ TEM PRE CA RMD RET VUP TEL GLC CUF CUC HWL HCT HOR HCC HCO PWL END AFI
-DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC CDC STP SAV OUT WRX WTX FCO SUR IN NXT
+DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC CDC STP SAV OUT WRX WTX FCO SUR IN NXT CLS PIK
 """
 QUIET = frozenset(QUIET_WORDS.split())
 NOT_READ = {"DIF": "a diffractive surface", "HOE": "a holographic surface", "GRT": "a grating",
@@ -111,6 +111,8 @@ def _parse(statements: list[tuple[int, list[str]]], table: Table) -> list[_Surfa
     inside, private = True, False
     for line, words in statements:
         key, rest = words[0].upper(), words[1:]
+        if key == "STOP":
+            key = "STO"
         if private:
             private = not is_private_end(key)
         elif key == "PRV":
