@@ -99,10 +99,6 @@ def one_line(text: str) -> str:
 
 
 def _reasons(surface: Surface) -> Iterator[str]:
-    if surface.is_mirror:
-        yield "it is a mirror"
-    if surface.inner_semi_diameter:
-        yield "it is a ring"
     if surface.stop_shape is not None:
         yield "the stop is not round"
     if not math.isfinite(surface.semi_diameter):

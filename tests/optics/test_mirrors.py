@@ -381,3 +381,56 @@ def test_focal_lengths_are_those_of_ray_optics():
     assert mangin.back_focal_distance_mm == pytest.approx(450.5539648880832, rel=1e-12)
     assert telescope.focal_length_mm == pytest.approx(31702.215601505046, rel=1e-12)
     assert telescope.back_focal_distance_mm == pytest.approx(9441.83097173215, rel=1e-12)
+
+
+FOLDED = """\
+LEN
+RDM N
+SO 0 1e11
+S 0 5
+  CIR 4
+S 0 -2.25 REFL
+  CIR 4
+  ADE 60; BEN
+S -.67 -.3 NBK7_SCHOTT
+  CIR 1
+S 0 -.05
+  CIR 1
+S 0 -.2 NBK7_SCHOTT
+  CIR 1
+S -.77095 -2.25
+  CIR 1
+S 0 2.25 REFL
+  CIR 4
+  ADE -60; BEN
+S -.67 .2 NBK7_SCHOTT
+  CIR 1
+S 0 .05
+  CIR 1
+S 0 .3 NBK7_SCHOTT
+  CIR 1
+S -.59225 2.25
+  CIR 1
+S 0 -5 REFL
+  CIR 4
+  ADE -45; BEN
+SI 0 0
+"""
+
+
+def test_rays_through_folded_lenses_are_those_of_ray_optics(tmp_path):
+    """Point and direction on the last mirror, in its frame; the prescription is that of its file folded_lenses.seq."""
+    path = tmp_path / "folded.seq"
+    path.write_text(FOLDED)
+    folded = load_lens(path)
+    slope = np.tan(np.radians(0.5))
+    rays = folded.trace([[0.1, 0.3, 0], [0.2, -0.25, 0]], [[0, 0, 1], [0, slope, 1]], 555.0, start="scene")
+    points, directions = folded.surfaces[-1].pose.inward((rays.origins - [0, 0, folded.length]).T, rays.directions.T)
+    expected = [[0.09740373506910906, 0.41324904948158886, 0], [0.1951910244370261, -0.14774518311476026, 0]]
+    np.testing.assert_allclose(points.T, expected, atol=1e-13)
+    expected = [
+        [-0.00011954227907051002, 0.7068531431939981, -0.7073603181310137],
+        [-0.0001884995764714903, 0.7134718187434236, -0.700683900433613],
+    ]
+    np.testing.assert_allclose(directions.T, expected, atol=1e-13)
+    assert any("mirrors fold the axis" in text for text in folded.warnings)

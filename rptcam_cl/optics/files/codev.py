@@ -24,12 +24,12 @@ _PARTS = re.compile(r"'[^']*'|\"[^\"]*\"|!|[^!'\"]+|['\"]")
 _SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
 _HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM", "ZOO"))
 _NUMBERED = frozenset(("K", *POWERS, *TILTS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
-_OF_SURFACES = frozenset((*_NUMBERED, "STO", "CIR", "CYL", "YTO", "GLA", "GL1", "DAR", "REV"))
+_OF_SURFACES = frozenset((*_NUMBERED, "STO", "CIR", "CYL", "YTO", "GLA", "GL1", "DAR", "REV", "BEN"))
 THICKEST = 4.0  # of an element, in radii of its surfaces
 RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
 QUIET_WORDS = """
 LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB XIM CCY THC CCX KC AC BC CC DC EC FC GC HC PIM DER DAR REV SPH ASP CON
-SLB CUM THM BEN REX REY GLB TIT ADX ADY ADZ TEM PRE CA RMD RET VUP TEL GLC CUF CUC HWL HCT HOR HCC HCO PWL END AFI
+SLB CUM THM REX REY GLB TIT ADX ADY ADZ TEM PRE CA RMD RET VUP TEL GLC CUF CUC HWL HCT HOR HCC HCO PWL END AFI
 DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC CDC STP SAV OUT WRX WTX FCO SUR IN NXT CLS PIK
 """
 QUIET = frozenset(QUIET_WORDS.split())
@@ -81,10 +81,13 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
             frame.unbend(decentre, tilt)
         elif surface.way == "DAR":
             frame.place, frame.turn = before
+        elif surface.way == "BEN":
+            frame.bend((0.0, 0.0, 0.0), tilt)  # the axis is reflected as a ray along it is
         if place < len(surfaces) - 1:
             row["thickness"] = surface.thickness
         frame.advance(surface.thickness)
         table.rows.append(row)
+    table.note_fold(frame.is_nominal)
     return table.lens()
 
 
@@ -229,7 +232,7 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table)
         surface.cylinder = "y"
     elif key in ("GLA", "GL1") and rest:
         surface.glass, surface.line = rest[0], line
-    elif key in ("DAR", "REV"):
+    elif key in ("DAR", "REV", "BEN"):
         surface.way = key
     elif key in NOT_READ:
         raise InputError(f"{table.path}:{line}: {NOT_READ[key]} ({' '.join([key, *rest])}) cannot be read")

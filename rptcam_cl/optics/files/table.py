@@ -93,6 +93,14 @@ class Table:
         lens = read_native(type(document)(document.data, self.path, {}, {}))
         return lens.with_warnings(tuple(self.notes))
 
+    def note_fold(self, ends_on_the_axis: bool) -> None:
+        """Remember that the film does not stand where mirrors have folded the axis to."""
+        if not ends_on_the_axis and any(row.get("mirror") for row in self.rows):
+            self.notes.append(
+                f"{self.path}: mirrors fold the axis: rays are traced to the last surface as the file has it, but"
+                " a film stands across the axis of the first one"
+            )
+
     def glass(self, name: str, line: int, nd: float | None = None, vd: float | None = None) -> Any:
         """Return the `glass` entry of a name, or of the index and Abbe number that stand beside it.
 

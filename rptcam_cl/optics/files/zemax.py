@@ -63,6 +63,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
             row["thickness"] = thickness
         frame.advance(thickness)
         table.rows.append(row)
+    table.note_fold(frame.is_nominal)
     _trim(table)
     return table.lens()
 
