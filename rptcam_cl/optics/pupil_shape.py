@@ -28,6 +28,7 @@ Mask = NDArray[np.bool_]
 DIRECTIONS = 64  # of the table, all round
 FINER = 2  # directions traced per direction of the table
 SCAN = 10  # points along a direction
+RING_SCAN = 40  # the same where the middle is obstructed, beside which slivers of light may pass
 LIT_SCAN = 14  # film points
 LIT_BISECTIONS = 8
 FARTHEST = 1.75  # in the frame of the box round the pupil
@@ -265,13 +266,14 @@ def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> Array:
     angles = np.arange(count) * 2 * np.pi / shape[2]
     frame = axes[:, :, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     points, origins = (np.broadcast_to(values[:, :, None, :], frame.shape) for values in (film, centres))
-    step = FARTHEST / SCAN
+    scan = RING_SCAN if probe.lens.is_obstructed else SCAN
+    step = FARTHEST / scan
 
     def passing(rho: Array, of: Mask) -> Mask:
         return probe.passes(points[of], origins[of] + frame[of] * rho[:, None])
 
     low = np.zeros((*shape[:2], count))
-    for k in range(SCAN, 0, -1):
+    for k in range(scan, 0, -1):
         dark = low == 0.0
         low[dark] = np.where(passing(np.full(int(dark.sum()), k * step), dark), k * step, 0.0)
     high, lit = low + step, low > 0
