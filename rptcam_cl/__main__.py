@@ -1,7 +1,21 @@
-"""The command line as ``python -m rptcam_cl``."""
+"""The command line, as ``rptcam`` and as ``python -m rptcam_cl``."""
 
+import signal
 import sys
 
-from rptcam_cl.cli import main
 
-sys.exit(main())
+def run() -> int:
+    """Run the command of the process's words and return its exit code.
+
+    Until all is imported, an interrupt ends the process at once and in silence: nothing is begun that could be lost.
+    """
+    python_interrupt = signal.getsignal(signal.SIGINT)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    from rptcam_cl.cli import main
+
+    signal.signal(signal.SIGINT, python_interrupt)
+    return main()
+
+
+if __name__ == "__main__":
+    sys.exit(run())

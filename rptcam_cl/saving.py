@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import time
 import warnings
@@ -72,6 +73,7 @@ class Saver:
         for name, value in self._facts.items():
             if found.facts.get(name) != value:
                 raise self._misfit(name, found.facts.get(name), value)
+        check_facts(self.path, found.facts)
         self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
         self.metered_cd_m2 = found.facts.get("metered_cd_m2")
         self.focus = found.facts.get("focus")
@@ -121,3 +123,28 @@ class Saver:
             with contextlib.suppress(OSError):
                 self.path.unlink()
         return None
+
+
+def check_facts(path: Path, facts: dict[str, Any]) -> None:
+    """Refuse a saved render whose facts are not of the kinds that one writes.
+
+    Raises
+    ------
+    StateError
+        It names the fact.
+    """
+    light, work = facts.get("metered_cd_m2"), facts.get("work", [])
+    known = {
+        "done": type(facts.get("done")) is int and 0 <= facts["done"] < 2**31,
+        "devices": _are(str, facts.get("devices")),
+        "metered_cd_m2": light is None or (type(light) in (int, float) and 0 < light < math.inf),
+        "focus": facts.get("focus") is None or isinstance(facts["focus"], dict),
+        "work": _are(dict, work),
+    }
+    for name, right in known.items():
+        if not right:
+            raise StateError(f"{path}: this saved render is damaged: {name} (remove it, or render without --resume)")
+
+
+def _are(kind: type, values: Any) -> bool:
+    return isinstance(values, list) and all(isinstance(value, kind) for value in values)

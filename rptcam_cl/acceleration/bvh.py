@@ -91,12 +91,31 @@ def is_sound(bvh: Bvh) -> bool:
     inner, leaf, used = children[(children >= 0) & (children != EMPTY)], ~children[children < 0], blocks[blocks >= 0]
     return (
         len(children) > 0
-        and not bool(np.isnan(bounds).any())
+        and _are_boxes(bounds, children)
         and _are_all(inner - 1, len(children) - 1)
         and _are_all(leaf, len(blocks))
         and _are_all(used, len(used))
-        and not bool((blocks < -1).any())
+        and not bool((blocks < -1).any() or ((blocks[:, :-1] < 0) & (blocks[:, 1:] >= 0)).any())
+        and _reached(children) == len(children)
     )
+
+
+def _are_boxes(bounds: NDArray[np.float32], children: NDArray[np.int32]) -> bool:
+    """Return whether children have boxes, and places without a child the one that no ray meets."""
+    lower, upper = bounds[:, :3], bounds[:, 3:]
+    used = (children != EMPTY)[:, None]
+    boxes = (lower <= upper) & np.isfinite(lower) & np.isfinite(upper)
+    return bool(np.where(used, boxes, (lower == np.inf) & (upper == -np.inf)).all())
+
+
+def _reached(children: NDArray[np.int32]) -> int:
+    """Return how many nodes hang below the root, it included, where each is the child of at most one."""
+    level, count = np.zeros(1, np.int64), 0
+    while len(level):
+        count += len(level)
+        row = children[level]
+        level = row[(row >= 0) & (row != EMPTY)].astype(np.int64)
+    return count
 
 
 def _are_all(indices: NDArray[np.int32], count: int) -> bool:

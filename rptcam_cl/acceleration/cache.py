@@ -26,7 +26,7 @@ STRAY_SECONDS = 3600  # after which a file that is still being written has been 
 ARRAYS = ("bounds", "children", "blocks")
 
 
-def load_or_build(key: str, build: Callable[[], Bvh]) -> Bvh:
+def load_or_build(key: str, build: Callable[[], Bvh], fits: Callable[[Bvh], bool] = lambda tree: True) -> Bvh:
     """Return the tree kept under a key, else the one that ``build`` returns, which is kept.
 
     Parameters
@@ -35,11 +35,13 @@ def load_or_build(key: str, build: Callable[[], Bvh]) -> Bvh:
         Names all that the tree depends on, but for this package's code: hash of the boxes, width, leaf size, device.
     build
         Called at most once.
+    fits
+        Says whether a sound tree is one over what it is wanted for.
     """
     folder = cache_folder()
     path = folder / f"{hashlib.sha256(f'{_builder_identity()} {key}'.encode()).hexdigest()}.npz"
     kept = _load(path)
-    if kept is not None:
+    if kept is not None and fits(kept):
         return kept
     built = build()
     with contextlib.suppress(OSError):  # no place, no permission: no cache

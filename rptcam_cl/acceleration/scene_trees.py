@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.acceleration.build import build_bvh
 from rptcam_cl.acceleration.bvh import EMPTY, Bvh, quality, stack_size
 from rptcam_cl.acceleration.cache import load_or_build
+from rptcam_cl.acceleration.wide_tree import MAX_STACK
 from rptcam_cl.device import Session
 from rptcam_cl.geometry.movement import Movements
 from rptcam_cl.geometry.packed import PackedMeshes, TriangleGroup, shifted
@@ -101,8 +102,13 @@ def _group_tree(meshes: PackedMeshes, group: TriangleGroup, width: int, leaf: in
             np.maximum(upper, points, out=upper)
         return build_bvh(lower, upper, width=width, leaf_size=leaf, session=session)
 
+    def fits(tree: Bvh) -> bool:
+        """Return whether a tree has these many triangles and the shape that kernels are compiled for."""
+        shape = (tree.children.shape[1], tree.blocks.shape[1], int(np.count_nonzero(tree.blocks >= 0)))
+        return shape == (width, leaf, group.triangles) and quality(tree).stack <= MAX_STACK
+
     way = session.kind if session.loop_limit is None else f"{session.kind} in short loops"
-    return load_or_build(f"{group.key} {width} {leaf} {way}", build)
+    return load_or_build(f"{group.key} {width} {leaf} {way}", build, fits)
 
 
 def _nodes(tree: Bvh, group: TriangleGroup, first_node: int, first_block: int) -> NDArray[np.float32]:

@@ -1,14 +1,17 @@
 """The command ``rptcam``: data goes to standard output, everything said along the way to standard error.
 
-Exit codes: 0 done, 2 wrong input, 3 no usable device, 4 a file could not be read or written, 5 numbers
-that cannot be trusted or autofocus that failed in a strict run, 130 interrupted.
+Exit codes: 0 done, 1 a fault of rptcam itself, 2 wrong input, 3 no usable device, 4 a file could not be read or
+written, 5 numbers that cannot be trusted or autofocus that failed in a strict run, 130 interrupted.
 """
 
+import contextlib
 import os
 import sys
+import tempfile
+import traceback
 import warnings
-from collections.abc import Sequence
-from typing import TextIO
+from collections.abc import Iterator, Sequence
+from typing import Any, TextIO
 
 from rptcam_cl._version import __version__
 from rptcam_cl.cli import convert, demo, develop, devices, doctor, focus, lens, render, schema, tradeoff
@@ -16,11 +19,16 @@ from rptcam_cl.cli.interrupt import INTERRUPTED
 from rptcam_cl.cli.parser import Parser, nearest
 from rptcam_cl.errors import InputError, RptcamError, StateError
 
+DEBUG = "--debug"
+STANDARD_OUTPUT = "standard output"
+FAULT = 1  # exit code of what nobody foresaw
+
 
 def build_parser() -> Parser:
     """The parser of the whole command line."""
     parser = Parser(prog="rptcam", description="Render scenes through real photographic lenses, on OpenCL devices.")
     parser.add_argument("--version", action="version", version=f"rptcam {__version__}")
+    parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
     for command in (demo, render, focus, tradeoff, develop, convert, lens, devices, doctor, schema):
         command.add_to(commands)
@@ -50,6 +58,60 @@ def _run(arguments: Sequence[str]) -> int:
     return code
 
 
+def _unexpected(error: Exception) -> int:
+    """Say what nobody foresaw, keep its traceback in a file for a report, and return the exit code."""
+    told = f"{type(error).__name__}: {error}".splitlines()[0][:500]
+    print(f"error: unexpected {told}", file=sys.stderr)
+    try:
+        descriptor, path = tempfile.mkstemp(prefix="rptcam-", suffix=".log")
+        with os.fdopen(descriptor, "w", encoding="utf-8", errors="replace") as file:
+            file.write(f"rptcam {__version__}, Python {sys.version}\n{sys.argv}\n\n")
+            traceback.print_exception(error, file=file)
+    except OSError:
+        print(f"this is a fault of rptcam: please report it, with what {DEBUG} shows", file=sys.stderr)
+    else:
+        print(f"this is a fault of rptcam: please report it, with the file {path}", file=sys.stderr)
+    return FAULT
+
+
+def _file_trouble(error: OSError) -> int:
+    """Say which file could not be read or written, and return the exit code."""
+    name = error.filename or "a file could not be read or written"
+    if name == STANDARD_OUTPUT:
+        _abandon_output()
+    print(f"error: {name}: {error.strerror or error}", file=sys.stderr)
+    return StateError.exit_code
+
+
+class _StandardOutput:
+    """Standard output whose errors say that they are its own."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        """Write text."""
+        with _named():
+            return self._stream.write(text)
+
+    def flush(self) -> None:
+        """Send on what is held back."""
+        with _named():
+            self._stream.flush()
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)
+
+
+@contextlib.contextmanager
+def _named() -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        error.filename = STANDARD_OUTPUT
+        raise
+
+
 def _abandon_output() -> None:
     """Send what standard output still holds nowhere, lest the interpreter complain about it at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -63,11 +125,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     arguments
         Words after the command's name; those of the process when absent.
     """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = DEBUG in words
     with warnings.catch_warnings():
         warnings.simplefilter("default", UserWarning)
         warnings.showwarning = _warn
         try:
-            return _run(sys.argv[1:] if arguments is None else arguments)
+            with contextlib.redirect_stdout(_StandardOutput(sys.stdout)):  # type: ignore[type-var]
+                return _run([word for word in words if word != DEBUG])
         except RptcamError as error:
             print(f"error: {error}", file=sys.stderr)
             return error.exit_code
@@ -78,7 +143,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
             _abandon_output()
             return 0
         except OSError as error:
-            if error.filename is None:
-                _abandon_output()
-            print(f"error: {error.filename or 'standard output'}: {error.strerror}", file=sys.stderr)
+            if debug:
+                raise
+            return _file_trouble(error)
+        except MemoryError as error:
+            if debug:
+                raise
+            print(f"error: not enough memory ({str(error) or 'it is used up'})", file=sys.stderr)
             return StateError.exit_code
+        except Exception as error:
+            if debug:
+                raise
+            return _unexpected(error)

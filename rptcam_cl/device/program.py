@@ -6,10 +6,10 @@ Includes are expanded here with ``#line``, so that one text has one identity and
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 import tempfile
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from rptcam_cl.device.built_programs import build_program
@@ -91,6 +91,11 @@ class Program:
 
 
 def _build_failure(source: str, log: str, identity: str) -> str:
-    path = Path(tempfile.gettempdir()) / f"rptcam_cl-{identity[:12]}.cl.log"
-    path.write_text(f"{log}\n\n/* source */\n{source}", encoding="utf-8")
-    return f"an OpenCL program did not compile: {first_error(log)} (source and full log: {path})"
+    told = f"an OpenCL program did not compile: {first_error(log)}"
+    try:  # a name that nobody can foresee, as the folder is everybody's
+        descriptor, path = tempfile.mkstemp(prefix=f"rptcam_cl-{identity[:12]}-", suffix=".cl.log")
+        with os.fdopen(descriptor, "w", encoding="utf-8", errors="replace") as file:
+            file.write(f"{log}\n\n/* source */\n{source}")
+    except OSError as problem:
+        return f"{told} (its log could not be written: {problem.strerror})"
+    return f"{told} (source and full log: {path})"

@@ -1,20 +1,36 @@
 """Files that are either the old one or the whole new one, whatever happens while they are written."""
 
 import contextlib
+import hashlib
 import os
-import re
 import secrets
-import socket
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from rptcam_cl.errors import InputError, StateError
 
-_HOST = re.sub(r"[^A-Za-z0-9]", "", socket.gethostname())[:32] or "host"
+STRAY_SECONDS = 7 * 24 * 3600  # after which a file that is still being written has been left behind
+
+
+def _process_space() -> str:
+    """Return what tells where process numbers count: one start of one system, one container; nothing if unknown.
+
+    Host names do not: two containers with one name have processes of the same numbers.
+    """
+    try:
+        start = Path("/proc/sys/kernel/random/boot_id").read_text("ascii").strip()
+        space = os.stat("/proc/self/ns/pid").st_ino  # noqa: PTH116 -- the link's own target cannot be opened
+    except (OSError, ValueError):
+        return ""
+    return hashlib.sha256(f"{start} {space}".encode()).hexdigest()[:16]
+
+
+_SPACE = _process_space()
 
 
 def _temporary_name() -> str:
-    return f".rptcam-{_HOST}-{os.getpid()}-{secrets.token_hex(4)}.tmp"
+    return f".rptcam-{_SPACE or 'unknown'}-{os.getpid()}-{secrets.token_hex(4)}.tmp"
 
 
 def _is_alive(pid: int) -> bool:
@@ -30,11 +46,12 @@ def _is_alive(pid: int) -> bool:
 
 
 def remove_strays(folder: Path) -> None:
-    """Remove temporary files that killed runs on this host left in a folder."""
-    for stray in folder.glob(f".rptcam-{_HOST}-*.tmp"):
-        pid = stray.name.split("-")[2]
-        if pid.isdigit() and not _is_alive(int(pid)):
-            with contextlib.suppress(OSError):
+    """Remove temporary files that killed runs left in a folder: those of this system and container, or a week old."""
+    for stray in folder.glob(".rptcam-*-*.tmp"):
+        space, pid = stray.name.split("-")[1:3]
+        with contextlib.suppress(OSError):
+            dead = _SPACE and space == _SPACE and pid.isdecimal() and not _is_alive(int(pid))
+            if dead or stray.lstat().st_mtime < time.time() - STRAY_SECONDS:
                 stray.unlink()
 
 
@@ -97,6 +114,8 @@ def check_writable(path: str | os.PathLike[str], inputs: Iterable[str | os.PathL
     target = Path(os.path.realpath(path))
     if any(target == Path(os.path.realpath(source)) for source in inputs):
         raise InputError(f"{path}: is an input; choose another name")
+    if target.is_symlink():
+        raise StateError(f"{path}: is a symbolic link that leads back to itself; remove it or choose another name")
     if target.is_dir():
         raise StateError(f"{path}: is a folder; name a file in it")
     if target.exists() and not target.is_file():

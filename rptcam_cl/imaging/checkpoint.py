@@ -85,13 +85,14 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
                 data = stream.read(math.prod(shape) * np.dtype(kind).itemsize)
                 digest.update(data)
                 arrays[name] = np.frombuffer(data, kind).reshape(shape) if len(data) else np.zeros(shape, kind)
-            if stream.read() != digest.digest():
+            facts = json.loads(header)["facts"]
+            if not isinstance(facts, dict) or stream.read() != digest.digest():
                 raise _damaged(path)
     except OSError as error:
         raise StateError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError, MemoryError) as error:
         raise _damaged(path) from error
-    return Checkpoint(json.loads(header)["facts"], arrays)
+    return Checkpoint(facts, arrays)
 
 
 def _damaged(path: str | os.PathLike[str]) -> StateError:

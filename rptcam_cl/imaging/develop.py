@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -16,6 +17,7 @@ Pixels = NDArray[np.float32]
 Tone = Literal["srgb", "linear", "reinhard", "filmic", "agx"]
 Gamut = Literal["clip", "desaturate"]
 
+BAND_PIXELS = 1 << 18  # developed at a time
 _LARGEST = np.float32(1e30)  # leaves room for products; far beyond the white of any curve
 
 
@@ -66,13 +68,34 @@ def develop(pixels: NDArray[np.floating], picture: Development = PLAIN, part: Pa
     part
         Which part of the film the pixels are: x0, x1, y0, y1 in fractions from its left and top.
     """
-    exposed = _exposed(np.asarray(pixels, np.float32), picture.ev)
+    bands = [band for _, band in _bands(np.asarray(pixels), picture, part)]
+    return np.concatenate(bands) if len(bands) > 1 else bands[0]
+
+
+def developed_codes(
+    pixels: NDArray[np.floating], picture: Development, part: Part, bits: int
+) -> NDArray[np.uint8] | NDArray[np.uint16]:
+    """Return the developed picture in codes of 8 or 16 bits; in memory there is never more of it than some rows."""
+    codes = np.empty(pixels.shape, np.uint8 if bits == 8 else np.uint16)
+    for rows, band in _bands(pixels, picture, part):
+        codes[rows] = quantised(band, bits)
+    return codes
+
+
+def _bands(pixels: NDArray[np.floating], picture: Development, part: Part) -> Iterator[tuple[slice, Pixels]]:
+    """Yield runs of rows, developed; the white balance is that of the whole."""
+    matrix = None
     if picture.white_balance is not None:
-        matrix = balance_matrix(picture.white_balance, exposed, part, picture.adaptation)
-        exposed = exposed @ matrix.T.astype(np.float32)
-    toned = _toned(_without_negatives(exposed, picture.gamut), picture)
-    shown = _below_one(_without_negatives(toned, picture.gamut), picture.gamut)
-    return shown if picture.tone == "linear" else srgb_from_linear(shown)
+        whole = _exposed(np.asarray(pixels, np.float32), picture.ev)
+        matrix = balance_matrix(picture.white_balance, whole, part, picture.adaptation).T.astype(np.float32)
+        del whole
+    step = max(1, BAND_PIXELS // max(1, pixels.shape[1]))
+    for start in range(0, len(pixels), step):
+        rows = slice(start, start + step)
+        exposed = _exposed(np.asarray(pixels[rows], np.float32), picture.ev)
+        toned = _toned(_without_negatives(exposed if matrix is None else exposed @ matrix, picture.gamut), picture)
+        shown = _below_one(_without_negatives(toned, picture.gamut), picture.gamut)
+        yield rows, shown if picture.tone == "linear" else srgb_from_linear(shown)
 
 
 def quantised(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.errors import InputError
 from rptcam_cl.imaging.atomic import check_writable, replacing
 from rptcam_cl.imaging.colour import SRGB_PRIMARIES, SRGB_WHITE
-from rptcam_cl.imaging.develop import Development, develop, quantised
+from rptcam_cl.imaging.develop import Development, developed_codes
 from rptcam_cl.imaging.layers import Layer, exr_channels
 from rptcam_cl.imaging.marks import MARKED, with_rectangles
 from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes
@@ -33,6 +33,7 @@ _EXR_RESERVED = {
 }  # fmt: skip
 # The same colours by the name of the Color Interop Forum, which OpenEXR 3.4 recommends.
 _COLOUR_SPACE = "lin_rec709_scene"
+MOST_MARKS = 1000
 PNG_BITS, TIFF_BITS = 8, 16  # unless the picture says otherwise
 
 
@@ -74,6 +75,16 @@ def _are_counts(value: Any, length: int) -> TypeGuard[Sequence[int]]:
     )
 
 
+def _rectangles(value: Any) -> list[Sequence[float]]:
+    """Return the rectangles of a piece of metadata, which may come from a file of another program."""
+    rows = value if isinstance(value, (list, tuple)) else []
+    return [row for row in rows[:MOST_MARKS] if isinstance(row, (list, tuple)) and len(row) == 4 and _are_shares(row)]
+
+
+def _are_shares(values: Sequence[Any]) -> bool:
+    return all(isinstance(value, (int, float)) and abs(value) < 1e3 for value in values)
+
+
 def film_part(metadata: Metadata, pixels: Pixels) -> Part:
     """Return the part of the film that the pixels are: x0, x1, y0, y1 in fractions from its left and top."""
     if (place := _place(metadata, pixels)) is None:
@@ -86,9 +97,9 @@ def film_part(metadata: Metadata, pixels: Pixels) -> Part:
 def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, picture: Development, bits: int) -> None:
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
     part = film_part(metadata, pixels)
-    codes = quantised(develop(pixels, picture, part), bits)
-    if MARKED in metadata:
-        codes = with_rectangles(codes, metadata[MARKED], part)
+    codes = developed_codes(pixels, picture, part, bits)
+    if zones := _rectangles(metadata.get(MARKED)):
+        codes = with_rectangles(codes, zones, part)
     texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
     encoded = picture.tone != "linear"
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
@@ -100,7 +111,7 @@ def _write_png(path: Path, pixels: Pixels, metadata: Metadata, picture: Developm
 
 
 def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
-    codes = quantised(develop(pixels, picture, film_part(metadata, pixels)), picture.bits or TIFF_BITS)
+    codes = developed_codes(pixels, picture, film_part(metadata, pixels), picture.bits or TIFF_BITS)
     with path.open("xb") as stream:
         write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.tone != "linear")
 

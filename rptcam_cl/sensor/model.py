@@ -11,6 +11,10 @@ from numpy.typing import NDArray
 
 from rptcam_cl.errors import InputError
 
+PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG", "none", "monochrome")
+DEMOSAICS = ("malvar", "bilinear")
+_AMOUNTS = ("full_well_e", "read_noise_e", "system_gain_dn_per_e", "black_level_dn", "dark_e", "prnu", "dsnu_e")
+
 
 @dataclass(frozen=True, eq=False)
 class Sensor:
@@ -92,6 +96,30 @@ class Sensor:
         values = {item.name: getattr(self, item.name) for item in fields(self)}
         return {key: value.tolist() if isinstance(value, np.ndarray) else value for key, value in values.items()}
 
+    def _check(self) -> None:
+        """Raise ValueError where a value is not of its kind, or none that a sensor has."""
+        whole = {"bit_depth": (1, 16), "seed": (0, 2**64 - 1), "pattern_seed": (0, 2**64 - 1)}
+        for name, (least, most) in whole.items():
+            value = getattr(self, name)
+            if type(value) is not int or not least <= value <= most:
+                raise ValueError(f"{name} is {value!r}")
+        for name in (
+            "full_well_e",
+            "read_noise_e",
+            "system_gain_dn_per_e",
+            "black_level_dn",
+            "dark_e",
+            "prnu",
+            "dsnu_e",
+        ):
+            value = getattr(self, name)
+            if type(value) not in (int, float) or not 0 <= value < 1e30:
+                raise ValueError(f"{name} is {value!r}")
+        if not (self.full_well_e and self.system_gain_dn_per_e and np.isfinite(self.electrons).all()):
+            raise ValueError("a sensor without a well, gain or response")
+        if self.bayer not in PATTERNS or self.demosaic not in DEMOSAICS or min(self.origin) < 0:
+            raise ValueError(f"bayer is {self.bayer!r}, demosaic {self.demosaic!r}, origin {self.origin!r}")
+
     @classmethod
     def from_description(cls, description: Mapping[str, Any]) -> Sensor:
         """Return the sensor of a mapping that `described` made, maybe in another version or edited since.
@@ -105,6 +133,8 @@ class Sensor:
             values: dict[str, Any] = dict(description)
             values["electrons"] = np.array(values["electrons"], np.float64).reshape(3, 3)
             values["origin"] = (int(values["origin"][0]), int(values["origin"][1]))
-            return cls(**values)
-        except (KeyError, TypeError, ValueError, IndexError) as error:
+            sensor = cls(**values)
+            sensor._check()
+            return sensor
+        except (KeyError, TypeError, ValueError, IndexError, OverflowError) as error:
             raise InputError(f"the metadata describe no sensor ({error!r}; render the scene anew)") from None

@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 from rptcam_cl.device import Session
 from rptcam_cl.errors import InputError
+from rptcam_cl.host_memory import free_host_bytes
 from rptcam_cl.plan import Plan
 
 SHARE = 0.8  # of the memory that a render may plan to use
@@ -86,18 +86,9 @@ def check_memory(needs: MemoryNeeds, session: Session) -> None:
 def memory_budget(session: Session) -> int:
     """Return how much memory a render may plan with [bytes]; on a CPU also not more than the host has free."""
     offered = session.info.memory_bytes
-    if session.info.type == "cpu" and (free := _free_host_bytes()) is not None:
+    if session.info.type == "cpu" and (free := free_host_bytes()) is not None:
         offered = min(offered, free)
     return int(SHARE * offered)
-
-
-def _free_host_bytes() -> int | None:
-    try:
-        lines = Path("/proc/meminfo").read_text(encoding="ascii", errors="replace").splitlines()
-    except OSError:
-        return None
-    kilobytes = [int(line.split()[1]) for line in lines if line.startswith("MemAvailable:")]
-    return 1024 * kilobytes[0] if kilobytes else None
 
 
 def amount(count: int) -> str:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.wavefront.achieved import AchievedNoise
 from rptcam_cl.wavefront.film import TILE_PIXELS
 from rptcam_cl.wavefront.noise import NoiseEstimate, NoiseReport
+from rptcam_cl.wavefront.saved_arrays import check_fits
 from rptcam_cl.wavefront.several import AnyWavefront
 from rptcam_cl.wavefront.watch import NoiseWatch
 
@@ -137,6 +138,7 @@ def render_plan(
     done = start = 0
     if saved is not None:
         done = start = saved.done
+        check_fits(saved.arrays, wavefront.state() | watch.arrays())
         wavefront.restore(saved.arrays)
         watch.resume(done, saved.arrays)
     clock = _Clock(wavefront, watch.estimate, spp, done, has_lens, on_progress)

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.acceleration import Bvh, build_bvh, cache, load_or_build
+from rptcam_cl.acceleration.bvh import EMPTY, is_sound, quality
 from tests.acceleration.meshes import boxes_of, soup
 
 
@@ -113,12 +114,29 @@ def wrong_trees(tree: Bvh) -> dict[str, dict[str, np.ndarray]]:
         array[place] = value
         return whole | {name: array}
 
+    empty = tuple(np.argwhere(tree.children == EMPTY)[0])
+    boxed = changed("bounds", (empty[0], slice(None), empty[1]), [0, 0, 0, 1, 1, 1])
+    short = np.flatnonzero((tree.blocks < 0).any(axis=1))[0]
+    gapped = changed("blocks", short, tree.blocks[short][::-1])
+    # Two nodes that are each other's child, which no ray comes to.
+    width = tree.children.shape[1]
+    pair = np.full((2, width), EMPTY, np.int32)
+    pair[:, 0] = len(tree.children) + 1, len(tree.children)
+    boxes = np.repeat(np.repeat([[[np.inf]] * 3 + [[-np.inf]] * 3], 2, axis=0), width, axis=2).astype(np.float32)
+    boxes[:, :, 0] = [0, 0, 0, 1, 1, 1]
+    apart = whole | {
+        "children": np.concatenate([tree.children, pair]), "bounds": np.concatenate([tree.bounds, boxes])
+    }  # fmt: skip
     return {
         "circle": changed("children", (0, 0), 0),
         "node out of range": changed("children", (0, 0), len(tree.children)),
         "block out of range": changed("children", (-1, 0), ~len(tree.blocks)),
         "primitive out of range": changed("blocks", (0, 0), 300),
         "primitive twice": changed("blocks", (0, 0), tree.blocks[0, 1]),
+        "reversed box": changed("bounds", (0, slice(None), 0), np.roll(tree.bounds[0, :, 0], 3)),
+        "box where there is no child": boxed,
+        "primitive behind a place without one": gapped,
+        "nodes apart from the root": apart,
         "not a number": changed("bounds", (0, 0, 0), np.nan),
         "other type": whole | {"bounds": tree.bounds.astype(np.float64)},
         "other shape": whole | {"bounds": tree.bounds[:-1]},
@@ -127,13 +145,37 @@ def wrong_trees(tree: Bvh) -> dict[str, dict[str, np.ndarray]]:
     }
 
 
-@pytest.mark.parametrize("wrong", range(10))
+@pytest.mark.parametrize("wrong", range(14))
 def test_unsound_tree_in_a_whole_file_is_not_believed(folder, tree, wrong):
     load_or_build("a", Build(tree))
     np.savez(only_file(folder), **list(wrong_trees(tree).values())[wrong])
     build = Build(tree)
     assert same(load_or_build("a", build), tree)
     assert build.calls == 1
+
+
+def test_tree_over_something_else_is_not_taken(folder, tree):
+    load_or_build("a", Build(tree))
+    build = Build(tree)
+    assert same(load_or_build("a", build, lambda kept: kept.blocks.size < 0), tree)
+    assert build.calls == 1
+
+
+@pytest.mark.parametrize("changes", range(150))
+def test_changed_numbers_give_a_sound_tree_or_none(tree, changes):
+    """What may be traversed has boxes, and every child, block and primitive is there once."""
+    random = np.random.default_rng(changes)
+    arrays = {name: getattr(tree, name).copy() for name in cache.ARRAYS}
+    for _ in range(random.integers(1, 4)):
+        array = arrays[str(random.choice(cache.ARRAYS))]
+        place = tuple(int(random.integers(size)) for size in array.shape)
+        array[place] = random.choice([0, -1, 1, 2, 299, 300, len(tree.children), EMPTY, -(2**31)])
+    changed = Bvh(**arrays)
+    if is_sound(changed):
+        used = changed.children != EMPTY
+        assert (changed.bounds[:, :3] <= changed.bounds[:, 3:]).transpose(0, 2, 1)[used].all()
+        assert set(changed.blocks[changed.blocks >= 0].tolist()) == set(range(300))
+        assert quality(changed).depth < 100
 
 
 def write_many(folder: str, tree: Bvh) -> None:

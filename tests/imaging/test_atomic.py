@@ -3,6 +3,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -71,11 +72,44 @@ def test_strays_of_dead_runs_go_and_those_of_living_ones_stay(tmp_path: Path) ->
     target = tmp_path / "file.json"
     subprocess.run([sys.executable, "-c", killed, str(target)], check=False)
     assert len(names(tmp_path)) == 1  # the stray
-    living = tmp_path / f".rptcam-{atomic._HOST}-{os.getppid()}-0.tmp"
+    living = tmp_path / f".rptcam-{atomic._SPACE}-{os.getppid()}-0.tmp"
     living.touch()
     with replacing(target) as temporary:
         temporary.write_text("whole")
     assert names(tmp_path) == [living.name, "file.json"]
+
+
+def test_files_of_another_container_stay_for_a_week(tmp_path: Path) -> None:
+    free = 4_194_303  # the highest number of a process, which hardly any has
+    other = tmp_path / f".rptcam-{'0' * 16}-{free}-0.tmp"
+    unknown = tmp_path / f".rptcam-unknown-{free}-0.tmp"
+    old = tmp_path / f".rptcam-{'0' * 16}-1-1.tmp"
+    for path in (other, unknown, old):
+        path.touch()
+    os.utime(old, (0, 0))
+    with replacing(tmp_path / "file.json") as temporary:
+        temporary.write_text("whole")
+    assert names(tmp_path) == sorted([other.name, unknown.name, "file.json"])
+
+
+@pytest.mark.skipif(not Path("/proc/self/ns/pid").exists(), reason="a system without spaces of process numbers")
+def test_name_of_the_host_does_not_tell_whose_a_file_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    space = atomic._process_space()
+    monkeypatch.setattr("socket.gethostname", lambda: "other")
+    assert atomic._process_space() == space != ""
+    stat = os.stat
+
+    def elsewhere(path: object) -> object:
+        return SimpleNamespace(st_ino=1) if path == "/proc/self/ns/pid" else stat(str(path))
+
+    monkeypatch.setattr(atomic.os, "stat", elsewhere)
+    assert atomic._process_space() != space
+
+
+def test_link_that_leads_to_itself_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "loop.png").symlink_to("loop.png")
+    with pytest.raises(StateError, match="leads back to itself"):
+        check_writable(tmp_path / "loop.png")
 
 
 def test_read_only_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,7 @@
 """Checkpoint files: what is written comes back, and anything else is refused."""
 
+import contextlib
+import hashlib
 import pickle
 import struct
 
@@ -8,6 +10,8 @@ import pytest
 
 from rptcam_cl.errors import StateError
 from rptcam_cl.imaging.checkpoint import MAGIC, VERSION, read_checkpoint, write_checkpoint
+from rptcam_cl.saving import check_facts
+from rptcam_cl.wavefront.saved_arrays import check_fits
 
 FACTS = {"done": 7, "scene": "ab", "crop": [0.5, 1.0]}
 ARRAYS = {
@@ -73,7 +77,9 @@ def test_header_that_promises_a_terabyte_costs_nothing(path):
 
 @pytest.mark.parametrize(
     "header", [b"{}", b"[]", b"\xff", b'{"arrays": [{"name": "a", "shape": [-1], "type": "<f4"}], "facts": {}}',
-               b'{"arrays": [{"name": "a", "shape": [1], "type": "|O"}], "facts": {}}', b'{"arrays": 3}']
+               b'{"arrays": [{"name": "a", "shape": [1], "type": "|O"}], "facts": {}}', b'{"arrays": 3}',
+               b'{"facts": {}, "arrays": [' + b"[" * 60_000,
+               b'{"arrays": [{"name": "a", "shape": [1e999], "type": "<f4"}], "facts": {}}']
 )  # fmt: skip
 def test_nonsense_in_the_header_is_refused(path, header):
     path.write_bytes(struct.pack("<8sII", MAGIC, VERSION, len(header)) + header + bytes(64))
@@ -99,3 +105,42 @@ def test_file_that_cannot_be_read_or_written_is_named(tmp_path):
         read_checkpoint(tmp_path)
     with pytest.raises(StateError, match="cannot be written"):
         write_checkpoint(tmp_path / "missing" / "a.rpck", FACTS, ARRAYS)
+
+
+def test_changed_header_is_refused_however_it_is_signed(path):
+    """The digest guards against accidents only: whoever crafts a file signs it too."""
+    whole = path.read_bytes()
+    length = struct.unpack("<8sII", whole[:16])[2]
+    random = np.random.default_rng(6)
+    for _ in range(300):
+        header = bytearray(whole[16 : 16 + length])
+        for _ in range(random.integers(1, 4)):
+            header[random.integers(length)] = random.choice(list(b'0123456789[]{}:,"ef-. \xff'))
+        signed = struct.pack("<8sII", MAGIC, VERSION, length) + bytes(header) + whole[16 + length : -32]
+        path.write_bytes(signed + hashlib.sha256(signed).digest())
+        with contextlib.suppress(StateError):
+            found = read_checkpoint(path)
+            assert isinstance(found.facts, dict)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("done", None), ("done", -1), ("done", True), ("done", 2**40), ("devices", "a"),
+                        ("devices", [1]), ("metered_cd_m2", "x"), ("metered_cd_m2", -1.0), ("focus", []), ("work", [1])]
+)  # fmt: skip
+def test_facts_of_another_kind_are_refused(path, name, value):
+    right = {"done": 1, "devices": ["a"], "metered_cd_m2": None, "focus": None}
+    check_facts(path, right)
+    with pytest.raises(StateError, match=f"damaged: {name}"):
+        check_facts(path, right | {name: value})
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    fresh = {"film": np.zeros((4, 8), np.float32), "noise_tiles": np.arange(2, dtype=np.uint32)}
+    check_fits(fresh, fresh)
+    check_fits(fresh | {"noise_tiles": np.array([1], np.uint32)}, fresh)
+    for wrong in ({"film": np.zeros((4, 7), np.float32)}, {"film": np.zeros(32, np.float32)},
+                  {"film": np.zeros((4, 8), np.uint32)}, {"noise_tiles": np.array([2], np.uint32)}):  # fmt: skip
+        with pytest.raises(StateError, match="does not fit"):
+            check_fits(fresh | wrong, fresh)
+    with pytest.raises(StateError, match="does not fit"):
+        check_fits({}, fresh)

@@ -14,6 +14,7 @@ ALLOWED: dict[str, set[str]] = {
     "errors": set(),
     "_version": set(),
     "curves": set(),
+    "host_memory": set(),
     "kinds": set(),
     "records": {"kinds"},
     "resources": GROUND,
@@ -24,7 +25,7 @@ ALLOWED: dict[str, set[str]] = {
     "pictures": GROUND | {"references"},
     "spectra": GROUND | {"resources"},
     "sensor": GROUND | {"resources", "spectra"},
-    "imaging": GROUND | {"sensor"},
+    "imaging": GROUND | {"host_memory", "sensor"},
     "optics": FILES,
     "scene": FILES | {"mesh_files", "spectra", "optics"},  # optics: a solid's glass is that of lens files
     "geometry": GROUND | {"mesh_files", "records", "scene"},
@@ -37,7 +38,7 @@ ALLOWED: dict[str, set[str]] = {
     "lensview": FILES | {"optics"},
     "pbrt": FILES | {"imaging", "optics", "mesh_files", "pictures", "spectra"},
     "lens_tracing": GROUND | {"records", "optics", "device", "cameras", "lensview"},
-    "wavefront": GROUND | {"records", "scene", "plan", "cameras", "device", "acceleration"},
+    "wavefront": GROUND | {"host_memory", "records", "scene", "plan", "cameras", "device", "acceleration"},
     "accuracy": GROUND | {"mesh_files", "scene", "optics", "cameras"},
     "autofocus": GROUND
     | {"records", "imaging", "scene", "optics", "cameras", "plan", "device", "wavefront", "lensview"},

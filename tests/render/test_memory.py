@@ -49,7 +49,7 @@ def test_scene_too_large_for_the_device_names_what_it_needs(session, monkeypatch
 
 
 def test_host_memory_bounds_what_a_cpu_may_plan_with(session, monkeypatch):
-    monkeypatch.setattr(memory, "_free_host_bytes", lambda: 2_000_000)
+    monkeypatch.setattr(memory, "free_host_bytes", lambda: 2_000_000)
     scene = load_scene(scene_of([], VIEW, resolution=(640, 360)))
     allocate = Session.allocate
     monkeypatch.setattr(Session, "allocate", lambda *_, **__: pytest.fail("allocated before it was refused"))

@@ -1,0 +1,110 @@
+"""What nobody foresaw ends in two lines and a file; interrupts and full disks end in one."""
+
+import os
+import re
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rptcam_cl import cli
+from rptcam_cl.device.program import _build_failure
+
+
+def broken(arguments: object) -> int:
+    raise ZeroDivisionError("never thought of")
+
+
+def test_unexpected_error_names_a_file_and_asks_to_report(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setattr(cli, "_run", broken)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    assert cli.main(["devices"]) == cli.FAULT
+    said = capsys.readouterr().err.splitlines()
+    assert said[0] == "error: unexpected ZeroDivisionError: never thought of"
+    log = Path(re.fullmatch(r"this is a fault of rptcam: please report it, with the file (.*)", said[1])[1])  # type: ignore[index]
+    assert "Traceback" in log.read_text()
+    assert log.stat().st_mode & 0o077 == 0
+    with pytest.raises(ZeroDivisionError):
+        cli.main(["--debug", "devices"])
+
+
+def test_memory_that_is_used_up_is_said(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    def hungry(arguments: object) -> int:
+        raise MemoryError
+
+    monkeypatch.setattr(cli, "_run", hungry)
+    assert cli.main([]) == 4
+    assert capsys.readouterr().err == "error: not enough memory (it is used up)\n"
+
+
+@pytest.mark.parametrize("module", ["rptcam_cl", "rptcam_cl.cli"])
+def test_command_runs_as_a_module(module: str) -> None:
+    done = subprocess.run([sys.executable, "-m", module, "--version"], capture_output=True, text=True, check=False)
+    assert done.stdout.startswith("rptcam ")
+    assert done.returncode == 0
+
+
+def test_interrupt_at_any_moment_of_the_start_shows_no_traceback() -> None:
+    for delay in (0.02, 0.05, 0.1, 0.2, 0.3, 0.5):
+        process = subprocess.Popen(
+            [sys.executable, "-m", "rptcam_cl", "lens", "list"], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            text=True,
+        )  # fmt: skip
+        time.sleep(delay)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+        # Until the package itself is found, the interpreter speaks.
+        assert "Traceback" not in said or "rptcam_cl/cli" not in said, said
+        assert process.returncode in (0, 1, 130, -signal.SIGINT)
+
+
+def test_file_that_may_not_grow_is_not_called_standard_output(tmp_path: Path) -> None:
+    def small() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (100, 100))
+
+    words = ["lens", "draw", "dgauss-50mm", "--device", "none", "-o", str(tmp_path / "a.svg")]
+    done = subprocess.run(
+        [sys.executable, "-m", "rptcam_cl", *words], capture_output=True, text=True, check=False, preexec_fn=small
+    )
+    assert done.returncode == 4, done.stderr
+    assert "File too large" in done.stderr
+    assert "standard output" not in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_error_without_a_file_is_blamed_on_standard_output_only_where_it_is_full(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(arguments: object) -> int:
+        raise OSError(27, os.strerror(27))
+
+    monkeypatch.setattr(cli, "_run", full)
+    assert cli.main([]) == 4
+    assert capsys.readouterr().err == "error: a file could not be read or written: File too large\n"
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
+def test_full_standard_output_is_named() -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "rptcam_cl", "schema"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert done.returncode == 4
+    assert done.stderr == "error: standard output: No space left on device\n"
+
+
+def test_log_of_a_compiler_has_a_name_of_its_own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    for _ in range(2):
+        assert "error: x" in _build_failure("source", "error: x", "0" * 64)
+    logs = list(tmp_path.iterdir())
+    assert len(logs) == 2
+    assert all("error: x" in log.read_text() and log.stat().st_mode & 0o077 == 0 for log in logs)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "none"))
+    assert "its log could not be written" in _build_failure("source", "error: x", "0" * 64)
