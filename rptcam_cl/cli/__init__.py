@@ -131,7 +131,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         warnings.simplefilter("default", UserWarning)
         warnings.showwarning = _warn
         try:
-            with contextlib.redirect_stdout(_StandardOutput(sys.stdout)):  # type: ignore[type-var]
+            with contextlib.redirect_stdout(_StandardOutput(sys.stdout)):
                 return _run([word for word in words if word != DEBUG])
         except RptcamError as error:
             print(f"error: {error}", file=sys.stderr)
