@@ -17,11 +17,11 @@ Command = Callable[..., Any]
 DEVICES = [
     {
         "id": "0:0", "name": "Quick", "platform": "Some", "type": "gpu", "compute_units": 132,
-        "memory_bytes": 150 * 2**30, "fp64": True, "default": True,
+        "memory_bytes": 150 * 2**30, "fp64": True, "problem": None, "default": True,
     },
     {
         "id": "1:0", "name": "Slow", "platform": "Other", "type": "cpu", "compute_units": 2,
-        "memory_bytes": 3 * 2**29, "fp64": False, "default": False,
+        "memory_bytes": 3 * 2**29, "fp64": False, "problem": None, "default": False,
     },
 ]  # fmt: skip
 
