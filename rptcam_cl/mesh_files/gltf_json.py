@@ -64,8 +64,10 @@ class Part:
         return self._value.get(key, False) is True
 
     def number(self, key: str, default: float, low: float = -math.inf, high: float = math.inf) -> float:
-        """Return the number of a key, inside its span."""
-        value = self._value.get(key, default)
+        """Return the finite number of a key, inside its span; without the key the default, which may be infinite."""
+        if key not in self._value:
+            return default
+        value = self._value[key]
         if not _is_number(value) or not low <= value <= high:
             raise self.wrong(key, "must be a number in its range", f"{low:g} to {high:g}")
         return float(value)

@@ -14,7 +14,7 @@ from rptcam_cl.pbrt.pictures import is_readable, picture_name
 from rptcam_cl.pbrt.roughness import alpha_keys, alphas
 from rptcam_cl.pbrt.state import Entity, MaterialName
 from rptcam_cl.pbrt.surfaces import Keys, conductor, dielectric, has_effect, matte
-from rptcam_cl.pbrt.textures import number_shade, shade, value
+from rptcam_cl.pbrt.textures import Array, shade, single, value
 
 # Mixed deeper than materials are on purpose.
 DEEPEST = 8
@@ -151,9 +151,9 @@ def _mix(context: Context, material: Entity, depth: int) -> Keys | None:
         raise material.place.error(
             f"{material.what} needs the names of two materials (got {len([*filter(None, names)])})"
         )
-    amount = number_shade(context, material, "amount", 0.5)
+    amount = v3.number_or_colour(context, material, "amount", 0.5)
     if not parameters.has("materials"):
-        names.reverse()
+        names.reverse()  # the share of the first material becomes that of the second
         if amount.texture is not None:
             context.report.approximated(material.place, f"{material.what}: the textured amount is inverted")
     parts = [
@@ -166,8 +166,22 @@ def _mix(context: Context, material: Entity, depth: int) -> Keys | None:
             material.place, f"{material.what}: the one of its materials that is a plain surface"
         )
         return next((part for part in parts if part is not None and part["kind"] != "mix"), first or second)
-    parts = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
-    if parts != [first, second]:
+    mixed = [{key: value for key, value in part.items() if key != "opacity"} for part in (first, second)]
+    if mixed != [first, second]:
         context.report.ignored(material.place, f"{material.what}: the opacity of its materials")
-    factor: Any = amount.texture if amount.texture is not None else float(np.clip(amount.colour.mean(), 0, 1))
-    return {"kind": "mix", "materials": parts, "factor": factor}
+    if amount.texture is None and np.ptp(amount.colour) > 0 and (blend := _blended(mixed, amount.colour)) is not None:
+        return blend
+    factor: Any = amount.texture
+    if factor is None:
+        factor = float(np.clip(single(context, material, "amount", amount), 0, 1))
+    return {"kind": "mix", "materials": mixed, "factor": factor}
+
+
+def _blended(parts: list[Keys], amount: Array) -> Keys | None:
+    """Return two matte colours mixed channel by channel, which is exact; None for other materials."""
+    if any(part.keys() != {"kind", "reflectance"} or part["kind"] != "matte" for part in parts):
+        return None
+    first, second = (part["reflectance"] for part in parts)
+    if isinstance(first, dict) or isinstance(second, dict):
+        return None
+    return matte((1 - amount) * np.array(first) + amount * np.array(second))

@@ -12,7 +12,7 @@ from rptcam_cl.pbrt.media import index_of, metal_keys
 from rptcam_cl.pbrt.roughness import alpha_keys, alphas
 from rptcam_cl.pbrt.state import Entity
 from rptcam_cl.pbrt.surfaces import NOTHING, Keys, conductor, dielectric, has_effect, luminance, matte
-from rptcam_cl.pbrt.textures import Shade, number_shade, shade, value
+from rptcam_cl.pbrt.textures import Shade, number_shade, shade, single, value
 
 
 def note_sigma(context: Context, material: Entity) -> None:
@@ -56,7 +56,10 @@ def _covered(
 
 
 def _mirror(context: Context, material: Entity) -> Keys:
-    return {"kind": "mirror", "reflectance": shade(context, material, "Kr", 0.9).colour.tolist()}
+    tint = shade(context, material, "Kr", 0.9)
+    if tint.texture is not None:
+        context.report.approximated(material.place, f'{material.what}: "Kr" is its mean, not a texture')
+    return {"kind": "mirror", "reflectance": tint.colour.tolist()}
 
 
 def _glass(context: Context, material: Entity) -> Keys:
@@ -90,7 +93,7 @@ def _uber(context: Context, material: Entity) -> Keys:
     index = index_of(context, material)
     if has_effect(rough) and has_effect(smooth):
         context.report.approximated(material.place, f"{material.what}: the stronger gloss of Ks and Kr")
-    holes = opacity_keys(number_or_colour(context, material, "opacity"))
+    holes = opacity_keys(context, material, "opacity", number_or_colour(context, material, "opacity"))
     passing = min(luminance(through.colour), 1.0)
     glass: Keys = {"kind": "dielectric", "index": index}
     if passing > NOTHING and not has_effect(diffuse):
@@ -111,23 +114,23 @@ def _uber(context: Context, material: Entity) -> Keys:
     return {"kind": "mix", "materials": [base, glass], "factor": passing} | holes
 
 
-def number_or_colour(context: Context, material: Entity, name: str) -> Shade:
-    """Return an opacity, which pbrt-v3 takes as a colour."""
+def number_or_colour(context: Context, material: Entity, name: str, default: float = 1.0) -> Shade:
+    """Return an opacity or the share of a mixture, which pbrt-v3 takes as a colour."""
     item = material.parameters.items.get(name)
     if item is not None and (item.kind == "float" or (item.kind == "texture" and _is_float(material, name))):
-        return number_shade(context, material, name, 1.0)
-    return shade(context, material, name, 1.0)
+        return number_shade(context, material, name, default)
+    return shade(context, material, name, default)
 
 
 def _is_float(material: Entity, name: str) -> bool:
     return ("spectrum", str(material.parameters.items[name].values[0])) not in material.textures
 
 
-def opacity_keys(opacity: Shade) -> Keys:
+def opacity_keys(context: Context, entity: Entity, name: str, opacity: Shade) -> Keys:
     """Return the key of a surface with holes, nothing where it is whole."""
     if opacity.texture is not None:
         return {"opacity": opacity.texture}
-    share = float(opacity.colour.mean())
+    share = single(context, entity, name, opacity)
     return {} if share >= 1 else {"opacity": max(share, 0.0)}
 
 
@@ -157,8 +160,8 @@ def _disney(context: Context, material: Entity) -> Keys:
     found: Keys = {
         "kind": "principled",
         "base_color": shade(context, material, "color", 0.5).keys(),
-        "metallic": _share(number_shade(context, material, "metallic", 0.0)),
-        "roughness": _share(number_shade(context, material, "roughness", 0.5)),
+        "metallic": _share(context, material, "metallic", 0.0),
+        "roughness": _share(context, material, "roughness", 0.5),
         "anisotropy": _cut(value(context, material, "anisotropic", 0.0)),
         "index": max(index_of(context, material), 1.0),
         "transmission": _cut(value(context, material, "spectrans", 0.0)),
@@ -176,8 +179,9 @@ def _disney(context: Context, material: Entity) -> Keys:
     return found
 
 
-def _share(shade_: Shade) -> object:
-    return shade_.texture if shade_.texture is not None else _cut(float(shade_.colour.mean()))
+def _share(context: Context, material: Entity, name: str, default: float) -> object:
+    found = number_shade(context, material, name, default)
+    return found.texture if found.texture is not None else _cut(single(context, material, name, found))
 
 
 def _cut(number: float) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 from rptcam_cl.pbrt.colours import samples_of
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.state import Entity
-from rptcam_cl.pbrt.textures import shade
+from rptcam_cl.pbrt.textures import shade, value
 
 # Metals of pbrt that ours have by name.
 METALS = {"Au": "gold", "Ag": "silver", "Al": "aluminium", "Cu": "copper"}
@@ -36,7 +36,7 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
     """Return the refractive index of a transparent material: one number, as ours have no dispersion."""
     parameters = entity.parameters
     for key in (name, "index") if name == "eta" else (name,):
-        item = parameters.get(key, "float", "spectrum", "rgb", "texture")
+        item = parameters.get(key, "float", "spectrum", "rgb", "color", "texture")
         if item is None:
             continue
         if item.kind == "float":
@@ -44,12 +44,18 @@ def index_of(context: Context, entity: Entity, name: str = "eta", default: float
         elif item.kind == "spectrum":
             index = _spectral_index(context, entity, key)
         else:
-            index = float(shade(context, entity, key, default).colour.mean())
+            index = _mean_index(context, entity, key)
             context.report.approximated(item.place, f'{entity.what}: "{key}" as the number {index:g}')
         if not 0.2 <= index <= 5:
             raise item.place.error(f'{entity.what}: "{key}" must lie between 0.2 and 5 (got {index:g})')
         return index
     return default
+
+
+def _mean_index(context: Context, entity: Entity, key: str) -> float:
+    """Return the mean of an index that is a colour, or a texture (of numbers, or of colours that are cut at 1)."""
+    values = entity.parameters.items[key].values
+    return float(np.mean(values)) if isinstance(values, np.ndarray) else value(context, entity, key, 1.5)
 
 
 def _spectral_index(context: Context, entity: Entity, key: str) -> float:

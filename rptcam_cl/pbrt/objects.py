@@ -106,7 +106,9 @@ class Objects:
         """Return the holes of a shape, which pbrt gives as ``alpha``."""
         parameters = use.shape.parameters
         parameters.skip("shadowalpha")
-        return opacity_keys(number_shade(self.context, use.shape, "alpha", 1.0)) if parameters.has("alpha") else {}
+        if not parameters.has("alpha"):
+            return {}
+        return opacity_keys(self.context, use.shape, "alpha", number_shade(self.context, use.shape, "alpha", 1.0))
 
     def _lamp(self, lamp: Entity, piece: Piece, use: ShapeUse, opacity: Keys) -> Keys:
         radiance, two_sided = lamp_radiance(self.context, lamp, piece.area)

@@ -52,12 +52,19 @@ class Parameters:
         The directive, for messages.
     place : Place
         Where the directive stands.
+    items : dict of str to Parameter
+        By name; of a name that is given more than once the last.
+    used : set of str
+        Names that were looked up.
+    repeated : list of Parameter
+        Those in whose place a later one of the same name came.
     """
 
     what: str
     place: Place
     items: dict[str, Parameter] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
+    repeated: list[Parameter] = field(default_factory=list)
 
     def get(self, name: str, *kinds: str) -> Parameter | None:
         """Return a parameter of one of some types, None when there is none of the name."""
@@ -148,7 +155,7 @@ def read_parameters(tokens: Tokens, what: str, place: Place) -> Parameters:
         tokens.take()
         kind, name = _declaration(token, what)
         if name in found.items:
-            raise token.place.error(f'{what}: "{name}" is given twice')
+            found.repeated.append(found.items.pop(name))
         found.items[name] = Parameter(kind, name, _values(tokens, token, kind), token.place)
     return found
 

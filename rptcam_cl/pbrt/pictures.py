@@ -45,16 +45,28 @@ def picture_name(context: Context, path: Path, place: Place) -> str:
 
 def linear_pixels(path: Path, place: Place) -> Pixels:
     """Return the linear colours of a picture, (height, width, 3), the top row first."""
+    texels = _texels(path, place)
+    return np.asarray(texels, np.float32) if texels.dtype != np.uint8 else _decoded(texels)
+
+
+def mean_colour(path: Path, place: Place, *, linear: bool) -> NDArray[np.float64]:
+    """Return the mean of a picture's linear colours; bytes are sRGB unless they are linear."""
+    texels = _texels(path, place)
+    if texels.dtype != np.uint8:
+        return np.asarray(texels.mean(axis=(0, 1), dtype=np.float64))
+    return np.asarray((texels / 255 if linear else _decoded(texels)).mean(axis=(0, 1), dtype=np.float64))
+
+
+def _texels(path: Path, place: Place) -> NDArray[Any]:
+    """Return the colours of a picture as it stores them, (height, width, 3)."""
     if path.suffix.lower() == ".pfm":
         return _pfm(path, place)
     if path.suffix.lower() == ".tga":
-        return _decoded(_tga(path, place)[..., :3])
+        return _tga(path, place)[..., :3]
     try:
-        picture = read_picture(path)
+        return read_picture(path).texels[..., :3]
     except InputError as problem:
         raise place.error(f"{path.name}: {problem}") from None
-    texels: NDArray[Any] = picture.texels[..., :3]
-    return np.asarray(texels, np.float32) if texels.dtype != np.uint8 else _decoded(texels)
 
 
 def _decoded(texels: NDArray[Any]) -> Pixels:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.pbrt.colours import COLOURS, reflectance
 from rptcam_cl.pbrt.context import Context
 from rptcam_cl.pbrt.parameters import Parameter
-from rptcam_cl.pbrt.pictures import OTHERS, is_readable, picture_name
+from rptcam_cl.pbrt.pictures import OTHERS, is_readable, mean_colour, picture_name, write_exr
 from rptcam_cl.pbrt.state import Entity
 from rptcam_cl.pictures import SUFFIXES
 
@@ -22,24 +25,31 @@ WRAPS = {"repeat": "repeat", "clamp": "clamp", "octahedralsphere": "clamp"}
 # Parameters of filtering, which is ours to choose.
 FILTERING = ("maxanisotropy", "trilinear", "filter")
 GREY = 0.5
+# Along each side of the picture of u and v.
+UV_TEXELS = 256
 # Nested deeper than textures are on purpose; a name that refers to itself never gets here.
 DEEPEST = 32
 
 
 @dataclass(frozen=True, eq=False)
 class Shade:
-    """What a parameter of a material is: one colour, or a texture of ours with its mean where that is known.
+    """What a parameter of a material is: one colour, or a texture of ours with its mean.
 
     Attributes
     ----------
-    colour : (3,) array
-        The colour, or what stands for the texture where ours takes no texture.
+    mean : (3,) array, or a function that returns it
+        The colour, or the mean of the texture, for where ours takes no texture.
     texture : dict or None
         Keys of a texture.
     """
 
-    colour: Array
+    mean: Array | Callable[[], Array]
     texture: Keys | None = None
+
+    @cached_property
+    def colour(self) -> Array:
+        """The mean; that of a picture is found when it is asked for, as the whole picture must be read."""
+        return self.mean() if callable(self.mean) else self.mean
 
     def keys(self) -> Any:
         """Return what a key of ours that takes colours and textures is set to."""
@@ -54,8 +64,13 @@ class Shade:
                 if name in texture:
                     texture[name] = np.clip(np.array(texture[name]) * factor, 0, 1).tolist()
             if texture["kind"] == "image":
-                texture["gain"] = max(texture.get("gain", 1.0) * float(factor.mean()), 0.0)
-        return Shade(np.clip(self.colour * factor, 0, 1), texture)
+                texture["gain"] = _plainest(np.maximum(np.multiply(texture.get("gain", 1.0), factor), 0))
+        return Shade(lambda: np.clip(self.colour * factor, 0, 1), texture)
+
+
+def _plainest(gain: Array) -> float | list[float]:
+    """Return a gain as a number where its channels are equal."""
+    return float(gain[0]) if np.ptp(gain) == 0 else list(gain.tolist())
 
 
 def shade(context: Context, entity: Entity, name: str, default: float | Array, depth: int = 0) -> Shade:
@@ -67,25 +82,30 @@ def shade(context: Context, entity: Entity, name: str, default: float | Array, d
 
 
 def value(context: Context, entity: Entity, name: str, default: float) -> float:
-    """Return a number parameter; a texture is replaced by its mean where that is known."""
-    item = entity.parameters.get(name, "texture", "float", "spectrum", "rgb")
-    if item is None:
-        return default
-    if item.kind != "texture":
-        return float(reflectance(context, entity, name, default).mean()) if item.kind != "float" else (
-            entity.parameters.number(name, default))  # fmt: skip
-    found = _named(context, entity, item, "float", 0)
+    """Return a number parameter; a texture or colour is replaced by its mean."""
+    found = number_shade(context, entity, name, default)
     if found.texture is not None:
-        context.report.approximated(item.place, f'{entity.what}: "{name}" is its mean, not a texture')
-    return float(found.colour.mean())
+        place = entity.parameters.items[name].place
+        context.report.approximated(place, f'{entity.what}: "{name}" is its mean, not a texture')
+    return single(context, entity, name, found)
 
 
 def number_shade(context: Context, entity: Entity, name: str, default: float) -> Shade:
-    """Return a number parameter that may vary over the surface."""
-    item = entity.parameters.get(name, "texture", "float")
+    """Return a number parameter that may vary over the surface; one given as a colour stays a colour."""
+    item = entity.parameters.get(name, "texture", *COLOURS)
     if item is None or item.kind == "float":
         return Shade(np.full(3, default if item is None else entity.parameters.number(name, default)))
-    return _named(context, entity, item, "float", 0)
+    if item.kind == "texture":
+        return _named(context, entity, item, "float", 0)
+    return Shade(reflectance(context, entity, name, default))
+
+
+def single(context: Context, entity: Entity, name: str, found: Shade) -> float:
+    """Return the mean over the channels of a parameter where ours takes one number; that of a colour is told."""
+    if np.ptp(found.colour) > 1e-6:
+        place = entity.parameters.items[name].place
+        context.report.approximated(place, f'{entity.what}: the colour "{name}" as its mean over the channels')
+    return float(found.colour.mean())
 
 
 def _named(context: Context, entity: Entity, item: Parameter, kind: str, depth: int) -> Shade:
@@ -117,12 +137,18 @@ def _converted(context: Context, texture: Entity, depth: int) -> Shade:
         case "mix":
             return _mix(context, texture, depth)
         case "bilerp":
-            corners = [shade(context, texture, name, 0.5, depth).colour for name in ("v00", "v01", "v10", "v11")]
+            corners = {"v00": 0.0, "v01": 1.0, "v10": 0.0, "v11": 1.0}
+            found = [shade(context, texture, name, default, depth).colour for name, default in corners.items()]
             context.report.approximated(texture.place, f"{texture.what}: the mean of its corners")
-            return Shade(np.mean(corners, axis=0))
-    known = ("dots", "fbm", "wrinkled", "windy", "marble", "ptex", "directionmix")
+            return Shade(np.mean(found, axis=0))
+        case "dots":
+            return _dots(context, texture, depth)
+        case "uv":
+            return _coordinates(context, texture)
+    known = ("fbm", "wrinkled", "windy", "marble", "ptex", "directionmix")
     if texture.kind not in known:
-        allowed = ", ".join(("constant", "imagemap", "checkerboard", "scale", "mix", "bilerp", *known))
+        drawn = ("constant", "imagemap", "checkerboard", "scale", "mix", "bilerp", "dots", "uv")
+        allowed = ", ".join((*drawn, *known))
         raise texture.place.error(f'unknown texture "{texture.kind}" (allowed: {allowed})')
     texture.parameters.used.update(texture.parameters.items)
     context.report.approximated(texture.place, f"{texture.what}: grey {GREY:g}")
@@ -176,7 +202,10 @@ def _image(context: Context, texture: Entity) -> Shade:
     found |= _encoding(context, texture)
     if (gain := max(parameters.number("scale", 1.0), 0.0)) != 1:
         found["gain"] = gain
-    return Shade(np.full(3, GREY * gain), found | _mapping(context, texture))
+    linear = found.get("color_space") == "linear"
+    return Shade(
+        lambda: np.clip(gain * mean_colour(path, place, linear=linear), 0, 1), found | _mapping(context, texture)
+    )
 
 
 def _encoding(context: Context, texture: Entity) -> Keys:
@@ -211,8 +240,6 @@ def _scale(context: Context, texture: Entity, depth: int) -> Shade:
         context.report.approximated(texture.place, f"{texture.what}: the second texture as one colour")
     if first.texture is None:
         first, second = second, first
-    if first.texture is not None and first.texture["kind"] == "image" and np.ptp(second.colour) > 1e-6:
-        context.report.approximated(texture.place, f"{texture.what}: the tint of a picture as its mean grey")
     return first.scaled(second.colour)
 
 
@@ -224,8 +251,35 @@ def _factor(context: Context, texture: Entity, name: str, depth: int) -> Shade:
 
 
 def _mix(context: Context, texture: Entity, depth: int) -> Shade:
+    """Return a mixture; an amount that is a colour mixes each channel by its own share."""
     first, second = (shade(context, texture, name, default, depth) for name, default in (("tex1", 0.0), ("tex2", 1.0)))
-    amount = value(context, texture, "amount", 0.5)
-    if first.texture is not None or second.texture is not None:
+    amount = number_shade(context, texture, "amount", 0.5)
+    for part, other in ((first, 1 - amount.colour), (second, amount.colour)):
+        if amount.texture is None and np.all(other == 1):
+            return part
+    if any(part.texture is not None for part in (first, second, amount)):
         context.report.approximated(texture.place, f"{texture.what}: its textures as one colour each")
-    return Shade((1 - amount) * first.colour + amount * second.colour)
+    return Shade((1 - amount.colour) * first.colour + amount.colour * second.colour)
+
+
+def _dots(context: Context, texture: Entity, depth: int) -> Shade:
+    """Return the mean of spots and ground: every other cell of u and v has a spot of radius 0.35."""
+    inside, outside = (
+        shade(context, texture, name, default, depth).colour for name, default in (("inside", 1.0), ("outside", 0.0))
+    )
+    _mapping(context, texture)
+    context.report.approximated(texture.place, f"{texture.what}: the mean of its spots and their ground")
+    spots = 0.5 * math.pi * 0.35**2
+    return Shade(spots * inside + (1 - spots) * outside)
+
+
+def _coordinates(context: Context, texture: Entity) -> Shade:
+    """Return u as red and v as green: a picture, whose texels hold what their centres have."""
+    if "uv" not in context.pictures:
+        steps = (np.arange(UV_TEXELS) + 0.5) / UV_TEXELS
+        red, green = np.meshgrid(steps, steps[::-1])  # the top row is that of the largest v
+        pixels = np.stack([red, green, np.zeros_like(red)], axis=-1).astype(np.float32)
+        context.pictures["uv"] = context.files.add("files", "uv.exr", partial(write_exr, pixels))
+        context.report.noted(texture.place, f"{texture.what}: written as a picture, to {context.pictures['uv']}")
+    keys = {"kind": "image", "file": context.pictures["uv"]}
+    return Shade(np.array([0.5, 0.5, 0.0]), keys | _mapping(context, texture))

@@ -54,6 +54,10 @@ class World:
     def take(self, statement: Statement) -> None:
         """Carry out one statement."""
         name = statement.directive
+        if statement.parameters is not None:
+            for item in statement.parameters.repeated:
+                what = f'{statement.described()}: "{item.name}" is given twice; the last one counts'
+                self.report.noted(item.place, what)
         if name in IGNORED:
             self.report.ignored(statement.place, f"{statement.described()}: {IGNORED[name]}")
             return

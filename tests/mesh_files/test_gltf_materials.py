@@ -65,6 +65,24 @@ def test_numbers_carry_over(read: Read) -> None:
     )  # fmt: skip
 
 
+EXTENSIONS = (
+    "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular", "KHR_materials_transmission",
+    "KHR_materials_volume", "KHR_materials_clearcoat",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("name", EXTENSIONS)
+def test_every_extension_has_its_defaults(read: Read, name: str) -> None:
+    """Strength 1, index 1.5, specular 1, no transmission, no volume of an infinite attenuation distance, no coat."""
+    assert look_of(read, {"extensions": {name: {}}}) == look_of(read, {})
+
+
+def test_a_volume_without_a_distance_absorbs_nothing(read: Read) -> None:
+    volume = {"thicknessFactor": 1, "attenuationColor": [1, 0.5, 0]}
+    look = look_of(read, {"extensions": {"KHR_materials_volume": volume}})
+    assert (look.solid, look.attenuation) == (True, None)
+
+
 def test_alpha_counts_only_where_the_mode_says_so(read: Read) -> None:
     surface = {"baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": 0}}
     opaque = look_of(read, {"pbrMetallicRoughness": surface})

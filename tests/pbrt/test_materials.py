@@ -229,6 +229,16 @@ TEXTURES: dict[str, tuple[Any, str]] = {
     'Texture "t" "spectrum" "scale" "rgb tex1" [.4 .4 .4] "rgb tex2" [.5 .25 1]': ([0.2, 0.1, 0.4], ""),
     'Texture "t" "spectrum" "mix" "rgb tex1" [0 0 0] "rgb tex2" [1 .5 .25] "float amount" .25': (
         [0.25, 0.125, 0.0625], ""),
+    'Texture "t" "spectrum" "mix" "rgb tex1" [0 0 0] "rgb tex2" [1 1 1] "rgb amount" [.25 .5 .75]': (
+        [0.25, 0.5, 0.75], ""),
+    'Texture "t" "color" "mix" "color tex1" [.2 .2 .2] "color tex2" [1 1 1] "color amount" [1 0 .5]': (
+        [1, 0.2, 0.6], ""),
+    CHECKS.replace('"t"', '"c"') + 'Texture "t" "spectrum" "mix" "texture tex1" "c" "float amount" 0': (
+        {"kind": "checker", "even": [0.1, 0.2, 0.3], "odd": [0.4, 0.5, 0.6], "scale": [4, 1]}, ""),
+    'Texture "t" "spectrum" "dots" "rgb inside" [1 0 0] "rgb outside" [0 0 1]': (
+        [0.125 * math.pi * 0.49, 0.0, 1 - 0.125 * math.pi * 0.49], "the mean of its spots"),
+    'Texture "t" "spectrum" "bilerp" "rgb v00" [1 0 0] "rgb v01" [1 0 0] "rgb v10" [0 0 0] "rgb v11" [0 1 0]': (
+        [0.5, 0.25, 0.0], "the mean of its corners"),
     'Texture "t" "spectrum" "fbm"': ([0.5] * 3, "grey 0.5"),
     'Texture "t" "spectrum" "marble" "float scale" 2': ([0.5] * 3, "grey 0.5"),
 }  # fmt: skip
@@ -241,6 +251,81 @@ def test_textures(convert: Convert, text: str) -> None:
     assert done.material()["reflectance"] == near(keys)
     assert bool(done.report) == bool(words)
     assert not words or done.says(words)
+
+
+TINTED = (
+    'Texture "p" "color" "imagemap" "string filename" "a.png" {} '
+    'Texture "t" "color" "scale" "texture tex1" "p" "{} tex2" [.5 .4 .4] Material "matte" "texture Kd" "t"'
+)
+
+
+@pytest.mark.parametrize("kind", ["rgb", "color"])
+def test_tints_of_pictures_keep_their_colour(convert: Convert, kind: str) -> None:
+    done = convert(TINTED.format("", kind) + BALL, HEAD, **{"a.png": png()})
+    assert done.material()["reflectance"] == {"kind": "image", "file": "a.png", "gain": [0.5, 0.4, 0.4]}
+    assert done.report == []
+    scaled = convert(TINTED.format('"float scale" 2', kind) + BALL, HEAD, **{"a.png": png()})
+    assert scaled.material()["reflectance"]["gain"] == near([1.0, 0.8, 0.8])
+    assert done.scene.materials["matte"].reflectance.gain == (0.5, 0.4, 0.4)
+
+
+def test_a_picture_stands_for_its_own_mean_where_no_texture_can_be(convert: Convert) -> None:
+    picture = 'Texture "p" "spectrum" "imagemap" "string filename" "a.png" Material "mirror" "texture Kr" "p"'
+    done = convert(picture + BALL, HEAD, **{"a.png": png()})
+    encoded = np.array([200, 100, 50]) / 255
+    np.testing.assert_allclose(done.material()["reflectance"], ((encoded + 0.055) / 1.055) ** 2.4, rtol=1e-5)
+    assert done.says('Material "mirror": "Kr" is its mean, not a texture')
+
+
+def test_texture_coordinates_as_colours(convert: Convert, tmp_path: Any) -> None:
+    text = 'Texture "t" "spectrum" "uv" "float uscale" 2 Material "diffuse" "texture reflectance" "t"'
+    done = convert(text + BALL, HEAD)
+    assert done.material()["reflectance"] == {"kind": "image", "file": "out_files/uv.exr", "scale": [2, 1]}
+    texels = read_picture(tmp_path / "out_files" / "uv.exr").texels
+    height, width = texels.shape[:2]
+    u, v = 3.5 / width, 1 - 10.5 / height  # the centre of the texel in column 3 and row 10 from the top
+    np.testing.assert_allclose(texels[10, 3, :3], [u, v, 0], atol=1e-7)
+
+
+def test_colours_where_numbers_are_expected(convert: Convert) -> None:
+    """Equal channels are a number; others are told to be their mean."""
+    done = convert('Material "plastic" "rgb roughness" [.1 .1 .1] "rgb Ks" [1 1 1]' + BALL, HEAD)
+    assert done.material()["alpha"] == near(alpha_of(0.1, version=3))
+    assert not done.says("mean")
+    done = convert('Material "glass" "color index" [1.4 1.5 1.6]' + BALL, HEAD)
+    assert done.material() == near({"kind": "dielectric", "index": 1.5})
+    assert done.says('"index" as the number 1.5')
+    done = convert('Material "disney" "rgb metallic" [.1 .2 .3] "color roughness" [.4 .4 .4]' + BALL, HEAD)
+    assert [done.material()[key] for key in ("metallic", "roughness")] == near([0.2, 0.4])
+    assert done.says('the colour "metallic" as its mean')
+    done = convert('Material "uber" "rgb Ks" [0 0 0] "rgb opacity" [.1 .2 .3]' + BALL, HEAD)
+    assert done.material()["opacity"] == near(0.2)
+    assert done.says('the colour "opacity" as its mean')
+
+
+GREYS = 'MakeNamedMaterial "a" "string type" "matte" "rgb Kd" [1 0 .5] MakeNamedMaterial "b" "string type" "{}" '
+
+
+def test_materials_mixed_by_a_colour(convert: Convert) -> None:
+    mix = 'Material "mix" "string namedmaterial1" "a" "string namedmaterial2" "b" "rgb amount" [.25 .5 .75]'
+    done = convert(GREYS.format("matte") + mix + BALL, HEAD)
+    share = np.array([0.25, 0.5, 0.75])  # of the first
+    assert done.material() == near({"kind": "matte", "reflectance": (share * [1, 0, 0.5] + (1 - share) / 2).tolist()})
+    assert done.report == []
+    done = convert(GREYS.format("mirror") + mix + BALL, HEAD)
+    assert done.material()["factor"] == near(0.5)
+    assert done.says('Material "mix": the colour "amount" as its mean')
+
+
+def test_a_parameter_that_is_given_twice_counts_as_its_last(convert: Convert) -> None:
+    done = convert('Material "matte" "rgb Kd" [1 0 0]\n  "color Kd" [0 1 0]' + BALL, HEAD)
+    assert done.material()["reflectance"] == [0, 1, 0]
+    assert len(done.report) == 1
+    assert done.says('in.pbrt:2: note: Material "matte": "Kd" is given twice; the last one counts')
+    ball = 'Shape "sphere" "float radius" 3 "float radius" 2 "float radius" 4'
+    done = convert(ball, HEAD)
+    assert done.objects[0]["radius"] == 4
+    assert len(done.report) == 1
 
 
 def test_a_texture_is_the_one_that_had_the_name_then(convert: Convert) -> None:

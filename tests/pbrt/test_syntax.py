@@ -97,7 +97,6 @@ BAD = {
     'Shape "sphere" "float radius" 1e999': "beyond the range of numbers",
     'Shape "sphere" "float" 1': 'expected a parameter such as "float fov"',
     'Shape "sphere" "double r" 1': "unknown type double of parameter r (allowed: float",
-    'Shape "sphere" "float r" 1 "float r" 2': "is given twice",
     'Shape "sphere" "string r" 1': "must hold text in quotes",
     'Shape "sphere" "point3 P" [1 2]': "holds 2 numbers, not a multiple of 3",
     'Shape "sphere" "float r" [1 [2]]': "a second [",

@@ -128,3 +128,25 @@ def test_front_sides_are_those_of_pbrt(convert: Convert, head: str, text: str, f
     done = convert(f'{text} AreaLightSource "diffuse" {shape}', head)
     expected = -1 if flips != (" -1" in normals) else 1
     np.testing.assert_allclose(np.sign(front(done)[2]), expected)
+
+
+def test_normals_are_turned_and_stretched_as_those_of_an_ellipsoid(convert: Convert) -> None:
+    """A facet of an octahedron whose normals are those of the unit sphere, rotated between two uneven stretches.
+
+    The matrix M is not symmetric, so that its inverse and its inverse transposed differ. A point p of the sphere goes
+    to q = M p on the ellipsoid q.Q q = 1 with Q = (M M^T)^-1, whose normal is the gradient Q q.
+    """
+    matrix = pbrt.scale(1, 3, 1) @ pbrt.rotate_z(40) @ pbrt.rotate_x(-25) @ pbrt.scale(2, 0.5, 1)
+    points = np.array([[1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
+    numbers = " ".join(map(str, points.reshape(-1)))
+    mesh = f'Shape "trianglemesh" "point3 P" [{numbers}] "normal N" [{numbers}] "integer indices" [0 1 2]'
+    done = convert(f"Scale 1 3 1 Rotate 40 0 0 1 Rotate -25 1 0 0 Scale 2 .5 1 {mesh}", HEAD)
+    (item,) = done.objects
+    linear = matrix[:3, :3]
+    moved = points @ linear.T
+    np.testing.assert_allclose(item["vertices"], moved, atol=1e-12)
+    gradient = moved @ np.linalg.inv(linear @ linear.T)
+    np.testing.assert_allclose(item["normals"], gradient / np.linalg.norm(gradient, axis=1, keepdims=True), atol=1e-12)
+    wrong = points @ np.linalg.inv(linear).T  # what a forgotten transpose would give: another direction
+    cosines = (wrong * gradient).sum(axis=1) / np.linalg.norm(wrong, axis=1) / np.linalg.norm(gradient, axis=1)
+    assert cosines.min() < 0.9
