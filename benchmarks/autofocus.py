@@ -19,10 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.autofocus import METHODS, NoContrast, Policy, ProbeRenderer, Zone
-from rptcam_cl.autofocus.task import Task
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.errors import InputError
+from rptcam_cl.focusing import METHODS, NoContrast, Policy, ProbeRenderer, Zone
+from rptcam_cl.focusing.looks import Task
 from rptcam_cl.scene import Scene, load_scene
 
 SEEKING = ("contrast", "laplacian", "phase", "hybrid", "depth")

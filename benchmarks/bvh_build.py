@@ -21,13 +21,12 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.stopwatch import Times, fastest, timed
-from rptcam_cl.acceleration.binary_tree import binary_tree
-from rptcam_cl.acceleration.build import build_bvh, sort_into_leaves
-from rptcam_cl.acceleration.bvh import quality
-from rptcam_cl.acceleration.reinsertion import reinserted
-from rptcam_cl.acceleration.scene_trees import WIDTH
-from rptcam_cl.acceleration.wide_tree import max_binary_depth, widen
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.rendering.trees.binary_tree import binary_tree
+from rptcam_cl.rendering.trees.build import build_bvh, sort_into_leaves
+from rptcam_cl.rendering.trees.reinsertion import reinserted
+from rptcam_cl.rendering.trees.scene_trees import WIDTH
+from rptcam_cl.rendering.trees.wide_tree import max_binary_depth, quality, widen
 from tests.support.mesh_scene import bumpy_ball, torus_knot
 
 Triangles = tuple[NDArray[np.float32], NDArray[np.int32]]

@@ -22,8 +22,8 @@ from benchmarks.scenes import MEANING, reference_scene, wavefront_of
 from benchmarks.stopwatch import Times, timed
 from rptcam_cl.device import DeviceInfo, Session, choose_device, list_devices
 from rptcam_cl.device.trial import is_pocl
-from rptcam_cl.numerics.suite import outcomes
-from rptcam_cl.wavefront import Wavefront, render_plan
+from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.selfcheck.suite import outcomes
 
 SCENES = ("A", "A_lens", "B", "C")
 SAMPLES = 16  # per pixel

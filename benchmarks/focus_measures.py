@@ -18,11 +18,10 @@ import numpy as np
 
 import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.autofocus import ProbeRenderer, Zone
-from rptcam_cl.autofocus.looks import Look
-from rptcam_cl.autofocus.measures import MEASURES, Measured
-from rptcam_cl.autofocus.peak import peak_of
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.focusing import ProbeRenderer, Zone
+from rptcam_cl.focusing.looks import Probe, peak_of
+from rptcam_cl.focusing.measures import MEASURES, Measured
 
 ZONE = Zone(0.47, 0.53, 0.46, 0.54)
 DISTANCE_M = 2.0
@@ -56,16 +55,16 @@ def scene_of(texture: dict[str, Any]) -> rptcam_cl.Scene:
     )
 
 
-def looks(probe: ProbeRenderer, steps: list[float], samples: int, seed: int) -> dict[str, list[Look]]:
+def looks(probe: ProbeRenderer, steps: list[float], samples: int, seed: int) -> dict[str, list[Probe]]:
     """Return looks at places around the focus, in depths of focus, by every measure."""
     best, depth = probe.state_for(DISTANCE_M, ZONE), probe.depth_of_focus
-    found: dict[str, list[Look]] = {name: [] for name in MEASURES}
+    found: dict[str, list[Probe]] = {name: [] for name in MEASURES}
     for step in sorted(steps):
         state = best + step * depth
         [image] = probe.measure(state, [ZONE], samples, seed, reference=best)
         for name, measure in MEASURES.items():
             scale = probe.image_scale(state, best)
-            found[name].append(Look(state, 1.0, best, scale, [measure.of(image)], 0, 0.0))
+            found[name].append(Probe(state, 1.0, best, scale, [measure.of(image)], 0, 0.0))
     return found
 
 

@@ -18,8 +18,8 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.scenes import reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import cores, fastest, timed
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.rendering import Wavefront
 from rptcam_cl.scene import Scene, change_scene, load_scene
-from rptcam_cl.wavefront import Wavefront
 
 Points = Iterator[tuple[str, Wavefront]]
 SMALL = 4  # divides width and height where a sample is dear

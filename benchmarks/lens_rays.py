@@ -21,11 +21,11 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.stopwatch import Times, cores, fastest
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.api import load_lens
-from rptcam_cl.cameras.lens_records import lens_records
+from rptcam_cl.cameras.records import lens_records
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.lens_tracing import PACKETS, TraceableLens
-from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.records import device_declarations
+from rptcam_cl.lenstools.device_tracing import PACKETS, TraceableLens
 
 LENS = "dgauss-50mm"
 FILM_DISTANCE_MM = 36.3972  # focused at 8.8 m
@@ -61,7 +61,7 @@ def kernel_times(
     sense = np.array([1.0, 1.0, -1.0])
     rays = np.zeros((8, count), np.float32)
     rays[:3], rays[3:6] = ((origins - (0, 0, lens.length)) * sense).T, (directions * sense).T
-    records = lens_records(lens, WAVELENGTH_D, "film", 0.0)
+    records = lens_records(lens, LINE_D_NM, "film", 0.0)
     facts = records.facts | {"VW": lanes, "DOUBLE": 0, "LENS_KEEP_FAILED": 0}
     program = session.program(["pass/trace_rays.cl"], facts, device_declarations())
     memory, surfaces, stop = (
@@ -92,7 +92,7 @@ def passing_rays(lens: TraceableLens, count: int) -> tuple[NDArray[np.float64], 
     points[:, :2] = random.uniform(-1, 1, (8 * count, 2)) * lens.surfaces[0].semi_diameter
     directions = np.column_stack([random.uniform(-0.2, 0.2, (8 * count, 2)), np.ones(8 * count)])
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    good = np.flatnonzero(lens.trace(points, directions, WAVELENGTH_D, "scene").passed)[:count]
+    good = np.flatnonzero(lens.trace(points, directions, LINE_D_NM, "scene").passed)[:count]
     return points[good], directions[good]
 
 
@@ -105,7 +105,7 @@ def other_times(python: str, program: str, lens: TraceableLens, count: int, copi
         When the program is not there, or finds other points than the reference.
     """
     points, directions = passing_rays(lens, count)
-    indices = lens.indices(WAVELENGTH_D)[1:]
+    indices = lens.indices(LINE_D_NM)[1:]
     rows = [
         {"radius": s.radius if s.curvature else None, "thickness": s.thickness, "index": float(n), "stop": s.is_stop}
         for s, n in zip(lens.surfaces, indices, strict=True)
@@ -117,7 +117,7 @@ def other_times(python: str, program: str, lens: TraceableLens, count: int, copi
         answers = [worker.ask(do="trace", **rays) for _ in range(runs + 1)][1:]  # the first one compiles
     finally:
         worker.close()
-    there = lens.trace(points, directions, WAVELENGTH_D, "scene").origins[:, :2]
+    there = lens.trace(points, directions, LINE_D_NM, "scene").origins[:, :2]
     if np.abs(np.array(answers[0]["at"]) - there).max() > SAME_MM:
         raise WorkerError("finds other points than the reference")
     return {clock: min(answer[clock] for answer in answers) for clock in ("wall", "cpu")}

@@ -15,27 +15,28 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.surface_costs import Row
-from rptcam_cl.cameras.lens_records import LensRecords, lens_records
+from rptcam_cl.cameras.records import LensRecords, lens_records
+from rptcam_cl.colour.constants import LINE_D_NM
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.optics import Lens, load_lens
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, MeasuredReflectance
 from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.optics.glass import AIR, WAVELENGTH_D, AbbeCauchy
+from rptcam_cl.optics.glass import AIR, AbbeCauchy
 from rptcam_cl.optics.glass_table import GLASSES
-from rptcam_cl.optics.transmission import COATED, IDEAL, UNCOATED, Transmission, with_coating
+from rptcam_cl.optics.transmission import COATED, IDEAL, UNCOATED, LensTransmission, with_coating
 
 ROUNDS = 15
 WITHIN = 0.9  # of the exit pupil
 MEASURED = MeasuredReflectance((380.0, 450.0, 550.0, 650.0, 780.0), (0.02, 0.004, 0.003, 0.005, 0.02))
-SURFACES_ALONE = Transmission(absorption=False)
+SURFACES_ALONE = LensTransmission(absorption=False)
 COLUMNS = ("losses", "one wavelength: CPU ns per ray", "more than without", "wavelength per ray: CPU ns", "more")
 
 
-def lenses() -> dict[str, tuple[Lens, Transmission]]:
+def lenses() -> dict[str, tuple[Lens, LensTransmission]]:
     """Return the lens and what counts, by what the table calls it."""
     plain = load_lens("dgauss-50mm")
     glass = [
-        surface.glass if surface.glass == AIR else AbbeCauchy(float(surface.glass.index(WAVELENGTH_D)), 50.0,
+        surface.glass if surface.glass == AIR else AbbeCauchy(float(surface.glass.index(LINE_D_NM)), 50.0,
                                                               absorption=GLASSES["N-SK16"].absorption)
         for surface in plain.surfaces
     ]  # fmt: skip
@@ -44,8 +45,8 @@ def lenses() -> dict[str, tuple[Lens, Transmission]]:
     layers, measured = with_coating(lens, MAGNESIUM_FLUORIDE), with_coating(lens, MEASURED)
     return {
         "none": (lens, IDEAL),
-        "absorption": (lens, Transmission(fresnel=False, coatings=False)),
-        "bare surfaces": (lens, Transmission(coatings=False, absorption=False)),
+        "absorption": (lens, LensTransmission(fresnel=False, coatings=False)),
+        "bare surfaces": (lens, LensTransmission(coatings=False, absorption=False)),
         "measured coatings": (measured, SURFACES_ALONE),
         "single layers": (layers, SURFACES_ALONE),
         "bare surfaces, absorption": (lens, UNCOATED),
@@ -70,9 +71,9 @@ def rays(lens: Lens, count: int) -> NDArray[np.float32]:
     return beam
 
 
-def records_of(lens: Lens, transmission: Transmission, *, dispersive: bool) -> LensRecords:
+def records_of(lens: Lens, transmission: LensTransmission, *, dispersive: bool) -> LensRecords:
     """Return the records of a lens for rays from the film."""
-    return lens_records(lens, WAVELENGTH_D, "film", 0.0, dispersive=dispersive, transmission=transmission)
+    return lens_records(lens, LINE_D_NM, "film", 0.0, dispersive=dispersive, transmission=transmission)
 
 
 def measure(session: Session, count: int, rounds: int) -> dict[str, tuple[float, float]]:

@@ -27,11 +27,11 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.scenes import reference_scene
 from benchmarks.stopwatch import cores, timed
 from benchmarks.worker import Worker, WorkerError
-from rptcam_cl.acceleration.scene_trees import scene_trees
+from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.plan import make_plan
-from rptcam_cl.records import device_declarations
-from rptcam_cl.wavefront.buffers import SceneBuffers
+from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.rendering.trees.scene_trees import scene_trees
 from tests.support.mesh_scene import write_ply
 
 KERNEL = Path(__file__).with_name("ray_queries.cl")

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.geometry import mesh_parts
+from rptcam_cl.plan.meshes import mesh_parts
 from rptcam_cl.scene import Scene
 from tests.support.mesh_scene import write_ply
 

@@ -17,7 +17,7 @@ from benchmarks.stopwatch import timed
 from benchmarks.worker import serve
 from rptcam_cl._version import __version__
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.wavefront import Wavefront, render_plan
+from rptcam_cl.rendering import Wavefront, render_plan
 
 
 def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:

@@ -14,15 +14,15 @@ from numpy.typing import NDArray
 
 import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
-from rptcam_cl.autofocus import ProbeRenderer, Zone
-from rptcam_cl.autofocus.controller import wanted
-from rptcam_cl.autofocus.measures import BEST, MEASURES
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.focusing import ProbeRenderer, Zone
+from rptcam_cl.focusing.controller import wanted
+from rptcam_cl.focusing.measures import BEST, MEASURES
 from rptcam_cl.imaging import srgb_from_linear
-from rptcam_cl.lensview.chart import Key, chart, padded
-from rptcam_cl.lensview.output import encoded
-from rptcam_cl.lensview.picture import SERIES
-from rptcam_cl.lensview.picture import Path as Line
+from rptcam_cl.lenstools.chart import Legend, chart, padded
+from rptcam_cl.lenstools.output import encoded
+from rptcam_cl.lenstools.picture import SERIES
+from rptcam_cl.lenstools.picture import Path as Line
 from rptcam_cl.scene import change_scene
 
 SCENE = Path(__file__).parents[1] / "examples" / "paper" / "autofocus.yaml"
@@ -62,7 +62,7 @@ def plotted(distances: list[float], curves: dict[str, Curve], path: Path) -> Non
     """Draw curves as shares of their greatest, with bars of two standard errors."""
     shares = {name: curve / curve.mean(axis=1).max() for name, curve in curves.items()}
     every = np.concatenate([share.ravel() for share in shares.values()])
-    keys = [Key(name, SERIES[k]) for k, name in enumerate(shares)]
+    keys = [Legend(name, SERIES[k]) for k, name in enumerate(shares)]
     labels = ("focus distance [units of the paper]", "share of the greatest")
     axes = chart("The scene of figures 5 and 8", labels, padded(distances), padded(every, 0.0), keys)
     for (_, share), key in zip(shares.items(), keys, strict=True):

@@ -15,8 +15,8 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from benchmarks.scenes import MEANING, reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import cores, timed
 from rptcam_cl.device import Session, choose_device
+from rptcam_cl.rendering import Wavefront
 from rptcam_cl.scene import change_scene
-from rptcam_cl.wavefront import Wavefront
 
 SCENES = ("A", "A_lens", "B", "C")
 PUPILS = ("rear", "thick", "bounds", "tight")

@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import PupilKind
 from rptcam_cl.device import choose_device
-from rptcam_cl.errors import InputError
 from rptcam_cl.optics import Lens, list_lenses, load_lens
 from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.probe import FilmProbe
 from rptcam_cl.optics.pupil_shape import DIRECTIONS
 from rptcam_cl.optics.summary import image_circle
-from rptcam_cl.records import PupilKind
 
 Array = NDArray[np.float64]
 TIERS = ("rear", "thick", "bounds", "tight")
@@ -51,7 +51,7 @@ def share_that_passes(lens: Lens, back_mm: float, radius_mm: float, sampling: Pu
     turn, out = 2 * np.pi * random.random(RAYS), radius_mm * np.sqrt(random.random(RAYS))
     film = np.stack([out * np.cos(turn), out * np.sin(turn)], axis=1)
     points, aimed = _aims(sampling, film, radius_mm, random)
-    return float(FilmProbe(lens, back_mm, WAVELENGTH_D).passes(film[aimed], points[aimed]).mean())
+    return float(FilmProbe(lens, back_mm, LINE_D_NM).passes(film[aimed], points[aimed]).mean())
 
 
 def _aims(
@@ -107,7 +107,7 @@ def _outline_aims(sampling: PupilSampling, film: Array, u: Array, ring: Array) -
 def measure(name: str) -> dict[str, float | None]:
     """Return the times of the tight table [s] and the share of rays that pass of every tier; None where it has none."""
     lens, back, radius = film_of(name)
-    given = (lens, back, (radius, radius), WAVELENGTH_D)
+    given = (lens, back, (radius, radius), LINE_D_NM)
     found: dict[str, float | None] = {"surfaces": len(lens.surfaces), "seconds": np.inf}
     for _ in range(2):
         forget_tables()

@@ -18,9 +18,9 @@ from benchmarks.scenes import reference_scene, wavefront_of
 from benchmarks.stopwatch import fastest
 from rptcam_cl.cameras import camera_model
 from rptcam_cl.cameras.dispersion import disperses
-from rptcam_cl.cameras.lens_rays import forget_maps
+from rptcam_cl.cameras.rays import forget_maps
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.scene import Scene, change_scene, load_scene, with_camera
 

@@ -13,10 +13,10 @@ import argparse
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging.atomic import replacing
-from rptcam_cl.resources import spectra_dir
-from rptcam_cl.spectra.grid import WAVELENGTHS_NM
-from rptcam_cl.spectra.observer import cie_1931, daylight_65, srgb_from_xyz
+from rptcam_cl.colour.observer import cie_1931, daylight_65, srgb_from_xyz
+from rptcam_cl.colour.spectrum import WAVELENGTHS_NM
+from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.resources import spectra_dir
 
 Array = NDArray[np.float64]
 HEAD = """\

@@ -7,12 +7,12 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene import Scene, change_scene, load_scene
-from rptcam_cl.strict_yaml import read_yaml
-from rptcam_cl.wavefront import Wavefront
-from rptcam_cl.wavefront.film import FilmLayout
 from tests.support.mesh_scene import write_meshes
 
 REFERENCE = Path(__file__).resolve().parents[1] / "tests" / "data" / "reference"

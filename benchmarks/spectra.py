@@ -18,11 +18,11 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import REFERENCE, reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import timed
+from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront
 from rptcam_cl.scene import Scene, change_scene, load_scene
-from rptcam_cl.strict_yaml import read_yaml
-from rptcam_cl.wavefront import Wavefront
 
 MODES = ("rgb", "dispersive", "spectral")
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])

@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.stopwatch import fastest
-from rptcam_cl.cameras.lens_records import LensRecords, lens_records
+from rptcam_cl.cameras.records import LensRecords, lens_records
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.lens_tracing import PACKETS
+from rptcam_cl.lenstools.device_tracing import PACKETS
 from rptcam_cl.optics import Lens, Surface
-from rptcam_cl.optics.glass import AIR, WAVELENGTH_D, ConstantIndex
-from rptcam_cl.records import device_declarations
+from rptcam_cl.optics.glass import AIR, ConstantIndex
 
 COUNT = 16
 GROUP = 16
@@ -54,7 +55,7 @@ def row(kind: Surface, count: int) -> Lens:
 
 def records_of(lens: Lens) -> LensRecords:
     """Return the records of a row for rays that start before its first vertex."""
-    return lens_records(lens, WAVELENGTH_D, "scene", 0.0)
+    return lens_records(lens, LINE_D_NM, "scene", 0.0)
 
 
 def rays(count: int) -> NDArray[np.float32]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl._version import __version__
-from rptcam_cl.errors import DeviceError, InputError, NumericError, RptcamError, StateError
+from rptcam_cl.core.errors import DeviceError, InputError, NumericError, RptcamError, StateError
 
 if TYPE_CHECKING:
     from rptcam_cl.api import (

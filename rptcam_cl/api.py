@@ -11,27 +11,35 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl import optics
-from rptcam_cl.account import GEOMETRY, described, statistics, window
-from rptcam_cl.accuracy import decided
-from rptcam_cl.autofocus import FocusReport, focused_scene, in_focus
-from rptcam_cl.autofocus.interface import autofocus
-from rptcam_cl.developing import develop, developed_as
-from rptcam_cl.device import Session, Split, Wanted, choose_device, list_devices, means_all, open_sessions
-from rptcam_cl.device.choose import problem_of
-from rptcam_cl.errors import InputError, NumericError
-from rptcam_cl.imaging import GUIDES, Image, check_denoiser
-from rptcam_cl.lens_tracing import TraceableLens, traceable
-from rptcam_cl.metering import settled
-from rptcam_cl.numerics import anomalies, lens_margin
+from rptcam_cl.core.errors import InputError, NumericError
+from rptcam_cl.device import Session, Split, Wanted, choose_device, list_devices, means_all, open_sessions, problem_of
+from rptcam_cl.focusing import FocusReport, autofocus, focused_scene, in_focus
+from rptcam_cl.imaging import GUIDES, Image, check_denoiser, check_sensor, develop, developed_as, sensor_of
+from rptcam_cl.lenstools import TraceableLens, traceable
 from rptcam_cl.plan import Plan, make_plan
-from rptcam_cl.saving import Saver
-from rptcam_cl.scene import Scene, change_scene, load_scene
-from rptcam_cl.scene.sampling import ADAPTIVE_SPP
-from rptcam_cl.sensing import check_sensor, sensor_of
-from rptcam_cl.tradeoff import measure_tradeoff
-from rptcam_cl.wavefront import AnyWavefront, Progress, SavedState, SharedWavefront, Wavefront, render_plan
-from rptcam_cl.wavefront.film import FilmLayout
-from rptcam_cl.wavefront.parts import Part, joined, split_of, split_text
+from rptcam_cl.rendering import (
+    GEOMETRY,
+    AnyWavefront,
+    FilmLayout,
+    Part,
+    Progress,
+    SavedState,
+    Saver,
+    SharedWavefront,
+    Wavefront,
+    anomalies,
+    described,
+    joined,
+    lens_margin,
+    render_plan,
+    resolve_exposure,
+    split_of,
+    split_text,
+    statistics,
+    window,
+)
+from rptcam_cl.scene import ADAPTIVE_SPP, Scene, change_scene, load_scene
+from rptcam_cl.tradeoff import choose_camera, measure_tradeoff
 
 __all__ = [
     "FocusReport",
@@ -245,8 +253,8 @@ def _taken(scene: Scene, session: Session, saver: Saver | None) -> tuple[Scene, 
     What was found for an earlier part of the render is kept.
     """
     sharp, focus = in_focus(scene, session, None if saver is None else saver.focus)
-    chosen = decided(sharp)
-    shot = settled(chosen.scene, session, None if saver is None else saver.metered_cd_m2)
+    chosen = choose_camera(sharp)
+    shot = resolve_exposure(chosen.scene, session, None if saver is None else saver.metered_cd_m2)
     if saver is not None:
         saver.metered_cd_m2, saver.focus = shot.metered_cd_m2, focus
     return shot.scene, shot.metadata | chosen.metadata | ({} if focus is None else focus["metadata"])

@@ -9,7 +9,7 @@ import numpy as np
 from examples.figures.numbers import Numbers, Ours, Row
 from examples.figures.paper_lens_numbers import blur_on_film, paper_doublet
 from rptcam_cl import load_lens, render
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.focus import object_distance
 from rptcam_cl.optics.glass import AbbeLinear
 

@@ -6,7 +6,7 @@ import math
 
 from examples.figures.numbers import Numbers, Ours, Row
 from rptcam_cl import load_lens
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.summary import image_circle, stop_diameter_by_sine
 

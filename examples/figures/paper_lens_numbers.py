@@ -8,10 +8,10 @@ import numpy as np
 
 from examples.figures.numbers import Numbers, Row
 from rptcam_cl import load_lens
-from rptcam_cl.lens_tracing import TraceableLens
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.lenstools.device_tracing import TraceableLens
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
 from rptcam_cl.optics.focus import film_distance, object_distance
-from rptcam_cl.optics.glass import WAVELENGTH_D
 
 NEAR_AXIS = 0.01  # share of the clear radius
 THICKNESS = 0.01
@@ -58,7 +58,7 @@ def paper_doublet(diameter: float = 0.2) -> dict[str, Any]:
 
 
 def blur_on_film(
-    lens: TraceableLens, film_mm: float, object_to_film_mm: float, wavelength_nm: float = WAVELENGTH_D
+    lens: TraceableLens, film_mm: float, object_to_film_mm: float, wavelength_nm: float = LINE_D_NM
 ) -> float:
     """Return the diameter [mm] of the blur of a point on the axis, to first order: by a traced ray near the axis."""
     front = object_to_film_mm - lens.length - film_mm
@@ -191,7 +191,7 @@ def snell() -> Numbers:
     return Numbers(("in focus, from the film", "by the paper's law"), ("by Snell's law",), rows, below=False)
 
 
-def crossing(lens: TraceableLens, film_mm: float, height_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+def crossing(lens: TraceableLens, film_mm: float, height_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
     """Return where a ray of the film's centre crosses the axis in the scene [mm from the film].
 
     It is sent through the middle of the lens at a height.

@@ -20,9 +20,9 @@ from examples.figures.assignments import ASSIGNMENT_2003, ASSIGNMENT_2015
 from examples.figures.figure import ROOT, Figure, Group, Section
 from examples.figures.paper import PAPER
 from examples.figures.report import REPORT
-from rptcam_cl.developing import SETTINGS
-from rptcam_cl.errors import InputError, RptcamError
-from rptcam_cl.imaging.atomic import replacing
+from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.imaging.picture_settings import SETTINGS
 from rptcam_cl.scene import change_scene
 
 SECTIONS = (PAPER, REPORT, ASSIGNMENT_2015, ASSIGNMENT_2003)

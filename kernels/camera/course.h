@@ -1,7 +1,7 @@
 // When the light of a path falls on its pixel, and where a moving camera is then. Times are seconds since the shutter opens.
 // The course: time that the shutter is open, start of pixel (0, 0), how much later each column and row start; number of
 // legs; then six rows for each leg of the camera's way: eye [m] (w: when the leg begins), its change (w: 1 / duration), view
-// and its change, up and its change (rptcam_cl/cameras/course.py).
+// and its change, up and its change (rptcam_cl/cameras/trajectory.py).
 // Fact: CAMERA_LEGS, 0 for a camera that stands still, 1 for one leg, 2 for more.
 #ifndef COURSE_H
 #define COURSE_H

@@ -1,5 +1,5 @@
 // Records shared with the host; the typedefs (Primitive, Material, Camera …) and the indices of the path state
-// (PATH_OX …) are derived from rptcam_cl/records.py and stand in front of this program.
+// (PATH_OX …) are derived from rptcam_cl/core/records.py and stand in front of this program.
 #ifndef RECORDS_H
 #define RECORDS_H
 #include "common/math.h"

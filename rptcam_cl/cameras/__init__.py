@@ -5,13 +5,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_lens
-from rptcam_cl.cameras.exposure import exposed
+from rptcam_cl.cameras.aperture import stop_shape
+from rptcam_cl.cameras.dispersion import EXTREMES_NM, colour_error_px, disperses, fewest_terms, fit_nodes, usable_nm
+from rptcam_cl.cameras.exposure import exposed, on_axis_irradiance, values_per_irradiance
+from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.cameras.geometry import camera_geometry
+from rptcam_cl.cameras.half_pupil import PupilLine, Split, halved, pupil_line
 from rptcam_cl.cameras.model import CameraModel
-from rptcam_cl.scene.camera import RealisticCamera
-from rptcam_cl.scene.opening import at_opening
-from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.spectrum_mode import LensColour
+from rptcam_cl.cameras.pupil_rays import PupilRays, lens_rays, thin_lens_rays
+from rptcam_cl.cameras.ray_map import RayMap
+from rptcam_cl.cameras.rays import allowed_px, fitted_map
+from rptcam_cl.cameras.realistic import lens_tint, shows_losses
+from rptcam_cl.cameras.records import lens_records
+from rptcam_cl.cameras.setting import LensSetting, film_point, lens_setting, lens_to_focus
+from rptcam_cl.cameras.thick_lens import ThickLens, thick_lens_of
+from rptcam_cl.cameras.trajectory import camera_trajectory
+from rptcam_cl.scene import LensColour, RealisticCamera, Scene, at_opening
 
 _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
     "pinhole": pinhole.build,
@@ -35,4 +44,40 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
     return exposed(_MODELS[scene.camera.kind](scene), scene)
 
 
-__all__ = ["CameraModel", "camera_geometry", "camera_model"]
+__all__ = [
+    "EXTREMES_NM",
+    "CameraModel",
+    "FilterTable",
+    "LensSetting",
+    "PupilLine",
+    "PupilRays",
+    "RayMap",
+    "Split",
+    "ThickLens",
+    "allowed_px",
+    "camera_geometry",
+    "camera_model",
+    "camera_trajectory",
+    "colour_error_px",
+    "disperses",
+    "exposed",
+    "fewest_terms",
+    "film_point",
+    "filter_table",
+    "fit_nodes",
+    "fitted_map",
+    "halved",
+    "lens_rays",
+    "lens_records",
+    "lens_setting",
+    "lens_tint",
+    "lens_to_focus",
+    "on_axis_irradiance",
+    "pupil_line",
+    "shows_losses",
+    "stop_shape",
+    "thick_lens_of",
+    "thin_lens_rays",
+    "usable_nm",
+    "values_per_irradiance",
+]

@@ -10,12 +10,12 @@ import zlib
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.curves import curves
-from rptcam_cl.errors import InputError, StateError
-from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
-from rptcam_cl.references import read_whole
-from rptcam_cl.scene import aperture as scene_shapes
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.core.curves import curves
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.references import read_whole
+from rptcam_cl.optics import StopMask, StopShape, blades, fitted, heart, polygon, star
+from rptcam_cl.scene import Scene
+from rptcam_cl.scene import lens_settings as scene_shapes
 
 LARGEST_MASK = 512  # pixels along a side
 LARGEST_FILE = 16_000_000  # bytes

@@ -13,8 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.blur import blur_variances
+from rptcam_cl.optics import Lens, blur_variances
 
 Array = NDArray[np.float64]
 

@@ -6,10 +6,9 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.transmission import IDEAL, Transmission, known_nm
-from rptcam_cl.records import DISPERSION_NM, DISPERSION_SCALE, DISPERSION_SHIFT, DISPERSION_TERMS
-from rptcam_cl.scene.film import Film
+from rptcam_cl.core.records import DISPERSION_NM, DISPERSION_SCALE, DISPERSION_SHIFT, DISPERSION_TERMS
+from rptcam_cl.optics import IDEAL, Lens, LensTransmission, known_nm
+from rptcam_cl.scene import Film
 
 Array = NDArray[np.float64]
 
@@ -30,7 +29,7 @@ def disperses(lens: Lens) -> bool:
     return bool(np.any(np.ptp(ratios, axis=1) > 0))
 
 
-def usable_nm(lens: Lens, transmission: Transmission = IDEAL) -> tuple[float, float]:
+def usable_nm(lens: Lens, transmission: LensTransmission = IDEAL) -> tuple[float, float]:
     """Return the wavelengths of `DISPERSION_NM` that every glass of a lens, and what it loses, is known for [nm]."""
     ranges = (lens.known_nm, known_nm(lens, transmission), DISPERSION_NM)
     return max(low for low, _ in ranges), min(high for _, high in ranges)

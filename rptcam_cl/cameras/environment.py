@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from rptcam_cl.cameras.model import CameraModel, camera_record
-from rptcam_cl.scene.camera import EnvironmentCamera
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene import EnvironmentCamera, Scene
 
 
 def build(scene: Scene) -> CameraModel:

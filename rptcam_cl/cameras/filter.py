@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.scene.film_filter import FilmFilter
+from rptcam_cl.scene import FilmFilter
 
 CELLS = 1024  # of the table: places between its entries are off by less than 1e-3 of the filter's integral
 STEPS = 1 << 16  # of the quadrature over the radius

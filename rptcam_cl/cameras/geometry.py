@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from rptcam_cl.scene.camera import pose_matrix
-from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene import Film, Scene, pose_matrix
 
 
 def intrinsics(

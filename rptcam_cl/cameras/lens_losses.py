@@ -1,4 +1,4 @@
-"""What surfaces and glass take from the light, as the device needs it: numbers in the records of a lens, and tables."""
+"""What surfaces and glass take from the light, as the scene asks for it and as the device needs it."""
 
 from __future__ import annotations
 
@@ -9,11 +9,64 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.coating import BARE, Coating, Interface, QuarterWave
-from rptcam_cl.optics.glass import Medium, attenuation
-from rptcam_cl.optics.transmission import Transmission
-from rptcam_cl.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
+from rptcam_cl.optics import (
+    BARE,
+    WORDS,
+    Coating,
+    Interface,
+    Lens,
+    LensTransmission,
+    Medium,
+    QuarterWave,
+    attenuation,
+    constant_reflectance,
+    has_coatings,
+    known_nm,
+    with_coating,
+)
+from rptcam_cl.scene import LensCamera
+
+
+def transmission_of(camera: LensCamera) -> LensTransmission:
+    """Return the losses that count."""
+    asked = camera.transmission
+    return LensTransmission(
+        fresnel=asked.fresnel, coatings=asked.fresnel and asked.coatings is not False, absorption=asked.absorption
+    )
+
+
+def as_coated(lens: Lens, camera: LensCamera) -> Lens:
+    """Return the lens with the coating that the camera puts on it, if any.
+
+    Raises
+    ------
+    InputError
+        When coatings must count and the lens does not say how it is coated, or when losses that count are not known at
+        the camera's wavelength.
+    """
+    lens = _coated(lens, camera)
+    low, high = known_nm(lens, transmission_of(camera))
+    if not low <= camera.wavelength_nm <= high:
+        raise InputError(
+            f"camera.transmission: what {lens.name} absorbs or reflects is known from {low:g} to {high:g} nm"
+            f" (camera.wavelength_nm is {camera.wavelength_nm:g})"
+        )
+    return lens
+
+
+def _coated(lens: Lens, camera: LensCamera) -> Lens:
+    coating = camera.transmission.coating
+    if coating is not None:
+        return with_coating(lens, WORDS[coating] if isinstance(coating, str) else constant_reflectance(coating))
+    if camera.transmission.coatings and not has_coatings(lens):
+        raise InputError(
+            f"camera.transmission: {lens.name} does not say how it is coated"
+            " (allowed: ideal, bare, or a coating for it such as {coating: mgf2})"
+        )
+    return lens
+
 
 Array = NDArray[np.float64]
 Values = Callable[[Array], Array]  # of wavelengths [nm]
@@ -55,14 +108,14 @@ class LossFiller:
 
     Attributes
     ----------
-    transmission : Transmission
+    transmission : LensTransmission
     wavelength_nm : float
         Of all rays; where there are tables, of those values that do not depend on it.
     tables : LossTables or None
         None when all rays have one wavelength.
     """
 
-    transmission: Transmission
+    transmission: LensTransmission
     wavelength_nm: float
     tables: LossTables | None
 

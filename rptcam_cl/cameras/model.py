@@ -11,10 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.blur import Blur
+from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
 from rptcam_cl.optics import FirstOrder
-from rptcam_cl.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
-from rptcam_cl.scene.camera import Pose
-from rptcam_cl.scene.film import Film
+from rptcam_cl.scene import Film, Pose
 
 SURFACE_BY_SURFACE = "camera/realistic.h"
 

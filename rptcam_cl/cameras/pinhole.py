@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
-from rptcam_cl.scene.camera import PinholeCamera
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene import PinholeCamera, Scene
 
 
 def build(scene: Scene) -> CameraModel:

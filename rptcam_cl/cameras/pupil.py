@@ -11,11 +11,21 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil_check import loses_light
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid
-from rptcam_cl.optics.pupil_shape import PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
-from rptcam_cl.records import PupilKind
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import PupilKind
+from rptcam_cl.optics import (
+    BULGE,
+    PATCH_RADII,
+    FilmProbe,
+    Lens,
+    PupilShapes,
+    Wavelengths,
+    cells,
+    grid,
+    narrowing_probes,
+    pupil_boxes,
+    pupil_shapes,
+)
 
 Array = NDArray[np.float64]
 Tier = Literal["auto", "rear", "thick", "bounds", "tight"]

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
-from rptcam_cl.optics.probe import FilmProbe, spread_points
-from rptcam_cl.optics.pupil_shape import DIRECTIONS
-from rptcam_cl.records import PupilKind
+from rptcam_cl.core.records import PupilKind
+from rptcam_cl.optics import DIRECTIONS, FilmProbe, spread_points
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -8,16 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.aperture import stop_shape
-from rptcam_cl.cameras.lens_rays import allowed_px, fitted_map
-from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
-from rptcam_cl.cameras.thick_lens import thick_lens
+from rptcam_cl.cameras.rays import allowed_px, fitted_map
+from rptcam_cl.cameras.setting import LensSetting, lens_setting
+from rptcam_cl.cameras.thick_lens import thick_lens_of
 from rptcam_cl.cameras.thin_lens import optics_of, radius_of
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.probe import cells, grid
-from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
-from rptcam_cl.scene.camera import LensCamera, RealisticCamera, ThinLensCamera
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import Lens, cells, grid, narrowing_probes, pupil_boxes
+from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, ThinLensCamera
 
 Array = NDArray[np.float64]
 
@@ -109,7 +106,7 @@ def lens_rays(scene: Scene, setting: LensSetting, places: Array) -> PupilRays:
 
 
 def _thick(setting: LensSetting, film_mm: Array) -> PupilRays:
-    thick = thick_lens(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
+    thick = thick_lens_of(setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm)
     points = _unit_grid()
     points = points[np.hypot(*points.T) <= 1.0]
     many = (len(film_mm), len(points), 2)

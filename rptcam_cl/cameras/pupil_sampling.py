@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.optics.pupil_shape import DIRECTIONS
-from rptcam_cl.records import PupilKind
+from rptcam_cl.core.records import PupilKind
+from rptcam_cl.optics import DIRECTIONS
 
 
 @dataclass(frozen=True)

@@ -9,11 +9,9 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil import CELLS, EDGE_SPREAD, PROBES, SPREAD, without_shape
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
-from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance
-from rptcam_cl.records import PupilKind
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import PupilKind
+from rptcam_cl.optics import IDEAL, Lens, LensTransmission, axial_transmittance, narrowing_probes, pupil_boxes
 
 Window = tuple[float, float, float, float]
 """Part of the film: x from, x to, y from, y to [mm], in the frame of the lens."""
@@ -65,7 +63,7 @@ def _around(boxes: NDArray[np.float64], found: NDArray[np.bool_]) -> NDArray[np.
 
 
 def paraxial_irradiance(
-    lens: Lens, film_distance_mm: float, wavelength_nm: float, transmission: Transmission = IDEAL
+    lens: Lens, film_distance_mm: float, wavelength_nm: float, transmission: LensTransmission = IDEAL
 ) -> float:
     """Return the irradiance of the centre of the film for unit radiance by first-order optics."""
     passed = float(axial_transmittance(lens, wavelength_nm, transmission))

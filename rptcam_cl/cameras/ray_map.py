@@ -17,11 +17,9 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.crossings import Crossings, crossings
-from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
-from rptcam_cl.records import DISPERSION_SCALE, DISPERSION_SHIFT
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
+from rptcam_cl.optics import Crossings, Lens, crossings, narrowing_probes, pupil_boxes
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

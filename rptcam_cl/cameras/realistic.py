@@ -13,20 +13,16 @@ from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.blur import traced_blur
 from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
-from rptcam_cl.cameras.lens_rays import allowed_px, fitted_rays, traced_rays
-from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
-from rptcam_cl.cameras.thick_lens import thick_lens
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.irradiance import on_axis_irradiance
-from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance, is_tinted
-from rptcam_cl.scene.camera import RealisticCamera
-from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.spectrum_mode import LensColour
+from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
+from rptcam_cl.cameras.setting import LensSetting, lens_setting
+from rptcam_cl.cameras.thick_lens import thick_lens_of
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import IDEAL, Lens, LensTransmission, axial_transmittance, is_tinted, on_axis_irradiance
+from rptcam_cl.scene import LensColour, RealisticCamera, Scene
 
 SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
 SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
@@ -112,7 +108,7 @@ class _Colour:
 
 
 def _irradiance(
-    lens: Lens, back_mm: float, wavelength_nm: float, losses: Transmission, *, by_first_order: bool
+    lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission, *, by_first_order: bool
 ) -> tuple[float, float]:
     """Return the irradiance in the centre of the film under unit radiance, without losses in the lens and with them."""
     irradiance = paraxial_irradiance if by_first_order else on_axis_irradiance
@@ -164,7 +160,7 @@ def lens_tint(scene: Scene, setting: LensSetting) -> float:
 
 
 def _axial_colour(
-    lens: Lens, back_mm: float, losses: Transmission, on_axis: float, range_nm: tuple[float, float]
+    lens: Lens, back_mm: float, losses: LensTransmission, on_axis: float, range_nm: tuple[float, float]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return wavelengths and the irradiance of each on the axis, over that of the camera's wavelength.
 
@@ -200,7 +196,7 @@ def _view(scene: Scene, setting: LensSetting) -> CameraView:
 def _projection(scene: Scene, camera: RealisticCamera, setting: LensSetting) -> dict[str, Any]:
     """Return the intrinsics of the lens to first order, nothing where a thick lens cannot stand for it."""
     try:
-        thick = thick_lens(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
+        thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
     except InputError:
         return {}
     per_tangent = thick.film_per_tangent(*scene.film.size_m())

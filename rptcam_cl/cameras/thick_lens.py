@@ -9,15 +9,11 @@ import numpy as np
 
 from rptcam_cl.cameras.blur import Blur, perfect_blur
 from rptcam_cl.cameras.geometry import intrinsics
-from rptcam_cl.cameras.lens_setting import LensSetting, lens_setting
 from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics import Lens
-from rptcam_cl.optics.first_order import limiting_surface, system_matrix
-from rptcam_cl.optics.transmission import axial_transmittance
-from rptcam_cl.scene.camera import ThickLensCamera
-from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.cameras.setting import LensSetting, lens_setting
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import Lens, axial_transmittance, limiting_surface, system_matrix
+from rptcam_cl.scene import Film, Scene, ThickLensCamera
 
 AT_THE_PUPIL = 1e-9  # distance from film to exit pupil, as a share of the film distance, that counts as none
 
@@ -61,7 +57,7 @@ class ThickLens:
         return math.pi * square / (1.0 + square)
 
 
-def thick_lens(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> ThickLens:
+def thick_lens_of(lens: Lens, film_distance_mm: float, wavelength_nm: float) -> ThickLens:
     """Return the thick lens of a lens and a film at a distance from its last vertex [mm].
 
     With matrices on (height, index * slope), front from the first vertex to the stop and rear from the stop to the
@@ -120,7 +116,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     """Return the camera of a scene with its lens set in some other way than the scene says."""
     camera = scene.camera
     assert isinstance(camera, ThickLensCamera)
-    thick = thick_lens(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
+    thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
     passed = float(axial_transmittance(setting.lens, camera.wavelength_nm, setting.transmission))
     on_axis = setting.gain * passed * thick.axial_cone
     scale = setting.gain * passed * thick.pupil_solid_angle

@@ -6,12 +6,10 @@ import math
 
 from rptcam_cl.cameras.aperture import aperture_tables, stop_shape
 from rptcam_cl.cameras.blur import perfect_blur
+from rptcam_cl.cameras.exposure import opening_irradiance
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
-from rptcam_cl.cameras.opening import opening_irradiance
-from rptcam_cl.scene.camera import ThinLensCamera
-from rptcam_cl.scene.film import Film
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene import Film, Scene, ThinLensCamera
 
 
 def optics_of(camera: ThinLensCamera, film: Film) -> tuple[float, float, float]:

@@ -17,7 +17,7 @@ from rptcam_cl._version import __version__
 from rptcam_cl.cli import convert, demo, develop, devices, doctor, focus, lens, render, schema, tradeoff
 from rptcam_cl.cli.interrupt import INTERRUPTED
 from rptcam_cl.cli.parser import Parser, nearest
-from rptcam_cl.errors import InputError, RptcamError, StateError
+from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
 DEBUG = "--debug"
 STANDARD_OUTPUT = "standard output"

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 SOURCES = (".pbrt", ".pbrt.gz")
 TARGETS = (".yaml", ".yml")
@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _check_names(source: Path, target: Path) -> None:
-    from rptcam_cl.imaging.atomic import check_writable
+    from rptcam_cl.core.atomic import check_writable
 
     if not source.name.lower().endswith(SOURCES):
         hint = " (a mesh belongs into a scene as an object of shape mesh)" if source.suffix.lower() in _MESHES else ""
@@ -44,7 +44,7 @@ _MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.pbrt import convert_scene
+    from rptcam_cl.importers.pbrt import convert_scene
     from rptcam_cl.scene import load_scene
 
     _check_names(arguments.source, arguments.target)

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from rptcam_cl.cli.parser import Commands, add_device
-from rptcam_cl.resources import EXAMPLES, example_scenes
+from rptcam_cl.core.resources import EXAMPLES, example_scenes
 
 
 def add_to(commands: Commands) -> None:

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 
 def add_to(commands: Commands) -> None:
@@ -33,8 +33,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.developing import develop
-    from rptcam_cl.imaging import DEVELOPED_SUFFIXES, check_output, check_raw_output
+    from rptcam_cl.imaging import DEVELOPED_SUFFIXES, check_output, check_raw_output, develop
 
     for output in arguments.outputs:
         if output.suffix.lower() not in DEVELOPED_SUFFIXES:

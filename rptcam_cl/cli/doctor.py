@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import DeviceError, NumericError
+from rptcam_cl.core.errors import DeviceError, NumericError
 
 if TYPE_CHECKING:
-    from rptcam_cl.numerics.check import Check
+    from rptcam_cl.selfcheck import Check
 
 
 def add_to(commands: Commands) -> None:
@@ -42,7 +42,7 @@ def _line(check: "Check") -> str:
 def _checked(device: str, show: bool) -> Iterator[dict[str, Any]]:
     """Yield the checks of a device as plain data, and print each as soon as it is made."""
     from rptcam_cl.device import open_session
-    from rptcam_cl.numerics.suite import outcomes
+    from rptcam_cl.selfcheck import outcomes
 
     session = open_session(device)
     for outcome in outcomes(session):
@@ -68,7 +68,7 @@ def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.numerics.environment import as_lines, environment
+    from rptcam_cl.selfcheck import as_lines, environment
 
     found = environment(arguments.device)
     if not arguments.json:

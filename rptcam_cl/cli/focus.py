@@ -7,13 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import check_file, check_picture, write_picture
-from rptcam_cl.cli.lens_table import print_table
-from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
-    from rptcam_cl.autofocus import FocusReport
+    from rptcam_cl.focusing import FocusReport
 
 _ZONES = ("zones", "zones_file", "point", "object")
 
@@ -59,7 +58,7 @@ def _run(arguments: argparse.Namespace) -> int:
         check_picture(arguments.plot, str(arguments.scene))
         check_file(arguments.plot, str(arguments.scene))
     from rptcam_cl.api import autofocus, load_scene
-    from rptcam_cl.autofocus.plot import focus_plot
+    from rptcam_cl.focusing import focus_plot
 
     scene = load_scene(arguments.scene, arguments.overrides)
     for warning in scene.warnings:
@@ -88,7 +87,7 @@ def _run(arguments: argparse.Namespace) -> int:
 def _zones(arguments: argparse.Namespace) -> Any:
     if arguments.zones_file is None:
         return arguments.zones
-    from rptcam_cl.scene.zones_file import read_zones
+    from rptcam_cl.scene import read_zones
 
     return read_zones(arguments.zones_file, str(arguments.zones_file))
 

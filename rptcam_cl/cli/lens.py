@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import lens_convert, lens_design, lens_draw, lens_field, lens_losses, lens_spots, lens_trace
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import D_LINE, add_coating, add_lens, coated_lens, zoomed_lens
+from rptcam_cl.cli.lens_options import add_coating, add_lens, coated_lens, zoomed_lens
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
-    from rptcam_cl.optics import Lens
-    from rptcam_cl.optics.transmission import Transmission
+    from rptcam_cl.optics import Lens, LensTransmission
 
 
 def add_to(commands: Commands) -> None:
@@ -29,7 +29,7 @@ def add_to(commands: Commands) -> None:
     info = inner.add_parser("info", help="print the first-order data of a lens")
     add_lens(info)
     info.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=D_LINE,
+        "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
         help="wavelength in nanometres (default: %(default)s)",
     )  # fmt: skip
     info.add_argument(
@@ -98,9 +98,9 @@ def _lines(facts: dict[str, Any], indent: str = "") -> list[str]:
     return lines
 
 
-def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "Transmission":
+def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmission":
     """The losses that the options ask for."""
-    from rptcam_cl.optics.transmission import BY_NAME, has_coatings
+    from rptcam_cl.optics import BY_NAME, has_coatings
 
     name = arguments.transmission or ("ideal" if arguments.coating is None else "coated")
     if name != "coated" and arguments.coating is not None:
@@ -111,7 +111,7 @@ def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "Transmission"
 
 
 def _info(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics.summary import lens_info
+    from rptcam_cl.optics import lens_info
 
     lens = coated_lens(arguments, zoomed_lens(arguments, arguments.wavelength_nm))
     distance = math.inf if arguments.focus_distance_m is None else 1000 * arguments.focus_distance_m

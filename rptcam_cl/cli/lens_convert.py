@@ -6,9 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import D_LINE, add_catalogue, check_file, load, write
+from rptcam_cl.cli.lens_options import add_catalogue, check_file, load, write
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 
 _SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")
 
@@ -25,20 +26,15 @@ def add_to(commands: Commands) -> None:
         "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens and write it as it then is"
     )
     parser.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=D_LINE,
+        "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
         help="whose indices a .dat table gets (default: %(default)s)",
     )  # fmt: skip
     parser.set_defaults(run=_run, parser=parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lensview.codev_text import codev_text
-    from rptcam_cl.lensview.foreign import left_out
-    from rptcam_cl.lensview.pbrt_table import loses_dispersion, pbrt_text
-    from rptcam_cl.lensview.prescription import lens_text
-    from rptcam_cl.lensview.zemax_text import zemax_text
-    from rptcam_cl.optics.transmission import has_coatings
-    from rptcam_cl.optics.variable import zoomed
+    from rptcam_cl.lenstools import codev_text, left_out, lens_text, loses_dispersion, pbrt_text, zemax_text
+    from rptcam_cl.optics import has_coatings, zoomed
 
     suffix = arguments.output.suffix.lower()
     if suffix not in _SUFFIXES:

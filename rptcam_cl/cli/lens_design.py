@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import FDC, check_file, number, write
 from rptcam_cl.cli.parser import Commands, Parser
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
-    from rptcam_cl.optics import Lens
-    from rptcam_cl.optics.design import GlassChoice
+    from rptcam_cl.optics import GlassChoice, Lens
 
 _CONSTRAINTS = ("r1=r2", "r2=r3", "flat-r3")
 
@@ -60,10 +60,7 @@ def _add_common(parser: Parser) -> None:
 
 def _glass(text: str) -> "GlassChoice":
     """The glass that a word names."""
-    from rptcam_cl.optics.design import GlassChoice
-    from rptcam_cl.optics.files.glasses import read_glass
-    from rptcam_cl.optics.files.native import document_of
-    from rptcam_cl.optics.glass import WAVELENGTH_D, abbe_number
+    from rptcam_cl.optics import GlassChoice, abbe_number, document_of, read_glass
 
     entry: Any = text
     parts = text.split("/")
@@ -73,7 +70,7 @@ def _glass(text: str) -> "GlassChoice":
     except ValueError:
         pass
     medium = read_glass(document_of({"name": "design", "glass": entry}), ("glass",))
-    return GlassChoice(float(medium.index(WAVELENGTH_D)), abbe_number(medium), entry)
+    return GlassChoice(float(medium.index(LINE_D_NM)), abbe_number(medium), entry)
 
 
 def _focal_lengths(lens: "Lens") -> list[str]:
@@ -86,7 +83,7 @@ def _focal_lengths(lens: "Lens") -> list[str]:
 
 
 def _finish(arguments: argparse.Namespace, lens: "Lens", comments: list[str]) -> int:
-    from rptcam_cl.lensview.prescription import lens_text
+    from rptcam_cl.lenstools import lens_text
 
     text = lens_text(lens, [*comments, *_focal_lengths(lens)])
     if arguments.output is None:
@@ -97,9 +94,7 @@ def _finish(arguments: argparse.Namespace, lens: "Lens", comments: list[str]) ->
 
 
 def _singlet(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics import load_lens
-    from rptcam_cl.optics.design import image_distances, singlet
-    from rptcam_cl.optics.focus import film_distance
+    from rptcam_cl.optics import film_distance, image_distances, load_lens, singlet
 
     check_file(arguments.output, "")
     glass = _glass(arguments.glass)
@@ -116,8 +111,7 @@ def _singlet(arguments: argparse.Namespace) -> int:
 
 
 def _doublet(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.optics import load_lens
-    from rptcam_cl.optics.design import doublet, doublet_radii
+    from rptcam_cl.optics import doublet, doublet_radii, load_lens
 
     check_file(arguments.output, "")
     crown, flint = _glass(arguments.crown), _glass(arguments.flint)

@@ -5,7 +5,6 @@ import sys
 from pathlib import Path
 
 from rptcam_cl.cli.lens_options import (
-    D_LINE,
     add_fields,
     add_lens,
     add_wavelengths,
@@ -16,6 +15,7 @@ from rptcam_cl.cli.lens_options import (
     write_picture,
 )
 from rptcam_cl.cli.parser import Commands
+from rptcam_cl.colour import LINE_D_NM
 
 
 def add_to(commands: Commands) -> None:
@@ -32,7 +32,7 @@ def add_to(commands: Commands) -> None:
         "--section", choices=("y", "x"), default="y", help="the y-z plane or the x-z plane (default: %(default)s)"
     )
     add_fields(parser)
-    add_wavelengths(parser, (D_LINE,))
+    add_wavelengths(parser, (LINE_D_NM,))
     parser.add_argument(
         "--rays", type=count, metavar="N", default=7,
         help="rays that pass, for each field and wavelength (default: %(default)s)",
@@ -47,8 +47,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lensview import View, draw_lens
-    from rptcam_cl.lensview.svg import svg_text
+    from rptcam_cl.lenstools import View, draw_lens, svg_text
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments, arguments.wavelengths[len(arguments.wavelengths) // 2])

@@ -4,7 +4,6 @@ import argparse
 
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import (
-    D_LINE,
     FDC,
     add_fields,
     add_lens,
@@ -15,9 +14,9 @@ from rptcam_cl.cli.lens_options import (
     lens_in_use,
     write_picture,
 )
-from rptcam_cl.cli.lens_table import print_table
-from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands
+from rptcam_cl.colour import LINE_D_NM
 
 _SHARES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)
 
@@ -30,7 +29,7 @@ def add_to(commands: Commands) -> None:
     vignette.add_argument("--film-radius-mm", type=values.positive, metavar="R", help="how far (default: image circle)")
     vignette.add_argument("--steps", type=count, metavar="N", default=16, help="radii (default: %(default)s)")
     vignette.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=D_LINE,
+        "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
         help="wavelength in nanometres (default: %(default)s)",
     )  # fmt: skip
     add_plot(vignette)
@@ -50,7 +49,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _vignette(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lensview.vignetting import film_radii, vignetting_picture, vignetting_table
+    from rptcam_cl.lenstools import film_radii, vignetting_picture, vignetting_table
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments, arguments.wavelength_nm)
@@ -66,8 +65,13 @@ def _vignette(arguments: argparse.Namespace) -> int:
 
 
 def _distortion(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lensview.distortion import PROJECTIONS, distortion_picture, distortion_table, followed_projection
-    from rptcam_cl.lensview.fields import default_fields
+    from rptcam_cl.lenstools import (
+        PROJECTIONS,
+        default_fields,
+        distortion_picture,
+        distortion_table,
+        followed_projection,
+    )
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments)

@@ -13,14 +13,14 @@ from rptcam_cl.cli.lens_options import (
     lens_in_use,
     write_picture,
 )
-from rptcam_cl.cli.lens_table import print_table
-from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands
+from rptcam_cl.colour import LINE_D_NM
 
 if TYPE_CHECKING:
-    from rptcam_cl.lensview.transmittance import Row
+    from rptcam_cl.lenstools import Row
 
-WAVELENGTHS = (400.0, 450.0, 500.0, 550.0, 587.5618, 600.0, 650.0, 700.0)
+WAVELENGTHS = (400.0, 450.0, 500.0, 550.0, LINE_D_NM, 600.0, 650.0, 700.0)
 
 
 def add_to(commands: Commands) -> None:
@@ -37,7 +37,7 @@ def add_to(commands: Commands) -> None:
 def _transmittance(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
-    from rptcam_cl.lensview.transmittance import transmittance_picture, transmittance_table
+    from rptcam_cl.lenstools import transmittance_picture, transmittance_table
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments)

@@ -8,19 +8,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.errors import DeviceError
+from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.core.errors import DeviceError
 
 if TYPE_CHECKING:
-    from rptcam_cl.lens_tracing import Precision
-    from rptcam_cl.lensview.picture import Picture
-    from rptcam_cl.lensview.ray_paths import Tracer
-    from rptcam_cl.lensview.setting import Setting
-    from rptcam_cl.optics import Lens
-    from rptcam_cl.optics.coating import Coating
+    from rptcam_cl.lenstools import Drawing, Precision, Setting, Tracer
+    from rptcam_cl.optics import Coating, Lens
 
 STEEPEST = 130.0  # degrees; fisheyes see up to 110
-D_LINE = 587.5618  # [nm], of helium, where n_d is measured
-FDC = (486.1327, 587.5618, 656.2725)  # [nm], the F, d and C lines
+FDC = (LINE_F_NM, LINE_D_NM, LINE_C_NM)  # [nm], the F, d and C lines
 
 
 def numbers(text: str) -> list[float]:
@@ -103,8 +99,7 @@ def add_catalogue(parser: argparse.ArgumentParser) -> None:
 
 def coating(text: str) -> "Coating":
     """The coating of a word, or of a reflectance such as 0.005."""
-    from rptcam_cl.optics.coating import constant_reflectance
-    from rptcam_cl.optics.files.coatings import WORDS
+    from rptcam_cl.optics import WORDS, constant_reflectance
 
     if text in WORDS:
         return WORDS[text]
@@ -127,7 +122,7 @@ def add_coating(parser: argparse.ArgumentParser) -> None:
 
 def coated_lens(arguments: argparse.Namespace, lens: "Lens") -> "Lens":
     """The lens with the coating that the options ask for."""
-    from rptcam_cl.optics.transmission import with_coating
+    from rptcam_cl.optics import with_coating
 
     return lens if arguments.coating is None else with_coating(lens, arguments.coating)
 
@@ -155,9 +150,9 @@ def add_plot(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the plot, .svg or .png")
 
 
-def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = D_LINE) -> "Setting":
+def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM) -> "Setting":
     """The lens as the options set it; doubts about it go to standard error."""
-    from rptcam_cl.lensview.setting import setting
+    from rptcam_cl.lenstools import setting
 
     lens = zoomed_lens(arguments, wavelength_nm)
     return setting(lens, arguments.f_number, arguments.focus_distance_m, wavelength_nm)
@@ -165,7 +160,7 @@ def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = D_LINE) ->
 
 def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
     """The lens at the focal length that the options ask for; doubts about it go to standard error."""
-    from rptcam_cl.optics.variable import configured, zoomed
+    from rptcam_cl.optics import configured, zoomed
 
     lens = load(arguments.lens, arguments.catalogue)
     if arguments.zoom is not None:
@@ -196,8 +191,7 @@ def tracer_of(spec: str | None, precision: "Precision" = "single") -> "tuple[Tra
         Of a device: ``single`` or ``double``.
     """
     from rptcam_cl.device import open_session
-    from rptcam_cl.lens_tracing import device_tracer
-    from rptcam_cl.lensview.ray_paths import reference
+    from rptcam_cl.lenstools import device_tracer, reference
 
     if spec == "none":
         return reference, "in float64 on the host"
@@ -212,7 +206,7 @@ def tracer_of(spec: str | None, precision: "Precision" = "single") -> "tuple[Tra
 
 def check_file(output: Path | None, lens: str) -> None:
     """Refuse, before anything is traced, a file that could not be written."""
-    from rptcam_cl.imaging.atomic import check_writable
+    from rptcam_cl.core.atomic import check_writable
 
     if output is not None:
         check_writable(output, [lens])
@@ -220,7 +214,7 @@ def check_file(output: Path | None, lens: str) -> None:
 
 def check_picture(output: Path | None, lens: str) -> None:
     """Refuse, before anything is traced, a picture that could not be written."""
-    from rptcam_cl.lensview.output import check_suffix
+    from rptcam_cl.lenstools import check_suffix
 
     if output is not None:
         check_suffix(output)
@@ -229,16 +223,16 @@ def check_picture(output: Path | None, lens: str) -> None:
 
 def write(data: bytes, output: Path) -> None:
     """Write a file, whole or not at all, and say so."""
-    from rptcam_cl.imaging.atomic import replacing
+    from rptcam_cl.core.atomic import replacing
 
     with replacing(output) as temporary:
         temporary.write_bytes(data)
     print(f"wrote {output}", file=sys.stderr)
 
 
-def write_picture(picture: "Picture", output: Path | None) -> None:
+def write_picture(picture: "Drawing", output: Path | None) -> None:
     """Write a picture, if a file was asked for."""
-    from rptcam_cl.lensview.output import encoded
+    from rptcam_cl.lenstools import encoded
 
     if output is not None:
         write(encoded(picture, output), output)

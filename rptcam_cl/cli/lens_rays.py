@@ -7,7 +7,7 @@ import sys
 from dataclasses import dataclass
 from typing import Any
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 COLUMNS = ("x", "y", "z", "dx", "dy", "dz")
 

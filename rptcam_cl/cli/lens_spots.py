@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import (
-    D_LINE,
     FDC,
     STEEPEST,
     add_fields,
@@ -22,13 +21,13 @@ from rptcam_cl.cli.lens_options import (
     write,
     write_picture,
 )
-from rptcam_cl.cli.lens_table import print_table
-from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands, Parser
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
-    from rptcam_cl.lensview.setting import Setting
+    from rptcam_cl.lenstools import Setting
 
 
 def add_to(commands: Commands) -> None:
@@ -45,7 +44,7 @@ def add_to(commands: Commands) -> None:
         help="in cycles per mm on the film; the plot ends at the last (default: 10,20,30,40,50)",
     )  # fmt: skip
     mtf.set_defaults(run=_mtf, parser=mtf)
-    psf = _command(commands, "psf", "image of one point by geometrical optics", (D_LINE,))
+    psf = _command(commands, "psf", "image of one point by geometrical optics", (LINE_D_NM,))
     psf.add_argument(
         "--field", type=number, metavar="A", default=0.0, help="angle from the axis in degrees (default: 0)"
     )
@@ -80,7 +79,7 @@ def _command(commands: Commands, name: str, text: str, waves: tuple[float, ...])
 
 
 def _state(arguments: argparse.Namespace) -> "Setting":
-    from rptcam_cl.lensview.spots import at_best_focus
+    from rptcam_cl.lenstools import at_best_focus
 
     state, degrees = lens_in_use(arguments), arguments.best_focus_field
     if degrees is not None and not abs(degrees) < 89:
@@ -95,7 +94,7 @@ def _document(state: "Setting", **parts: Any) -> str:
 
 
 def _spot(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lensview.spots import film_spots, spot_picture, spot_table
+    from rptcam_cl.lenstools import film_spots, spot_picture, spot_table
 
     check_picture(arguments.output, arguments.lens)
     state = _state(arguments)
@@ -114,8 +113,7 @@ def _spot(arguments: argparse.Namespace) -> int:
 
 
 def _mtf(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lensview.mtf import mtf_picture, mtf_table
-    from rptcam_cl.lensview.spots import film_spots
+    from rptcam_cl.lenstools import film_spots, mtf_picture, mtf_table
 
     check_picture(arguments.output, arguments.lens)
     if min(arguments.frequencies) < 0 or max(arguments.frequencies) <= 0:
@@ -134,8 +132,7 @@ def _mtf(arguments: argparse.Namespace) -> int:
 
 
 def _psf(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lensview.psf import npy_bytes, picture_bytes, point_image
-    from rptcam_cl.lensview.spots import film_spots
+    from rptcam_cl.lenstools import film_spots, npy_bytes, picture_bytes, point_image
 
     output = arguments.output
     if output is not None and output.suffix.lower() not in (".npy", ".png"):

@@ -5,16 +5,15 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import D_LINE, add_lens, lens_in_use, number
+from rptcam_cl.cli.lens_options import add_lens, lens_in_use, number
 from rptcam_cl.cli.lens_rays import RayList, read_rays
-from rptcam_cl.cli.lens_table import print_table
-from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
-    from rptcam_cl.lens_tracing import Precision
-    from rptcam_cl.lensview.setting import Setting
+    from rptcam_cl.lenstools import Precision, Setting
     from rptcam_cl.optics import Rays
 
 
@@ -39,7 +38,7 @@ def add_to(commands: Commands) -> None:
         "--start", choices=("film", "scene"), default="film", help="side where rays begin (default: %(default)s)"
     )
     parser.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=D_LINE,
+        "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
         help="of rays that have none of their own (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(
@@ -64,7 +63,7 @@ def _rays(arguments: argparse.Namespace, state: "Setting") -> RayList:
 
 def _trace(arguments: argparse.Namespace, state: "Setting", rays: RayList) -> "tuple[Rays, str]":
     """The rays behind the lens, and what traced them."""
-    from rptcam_cl.optics.trace import trace
+    from rptcam_cl.optics import trace
 
     parts = (rays.origins, rays.directions, rays.wavelengths, arguments.start)
     if arguments.device in (None, "none"):
@@ -72,7 +71,7 @@ def _trace(arguments: argparse.Namespace, state: "Setting", rays: RayList) -> "t
             raise InputError("--precision: belongs to a device; name one with --device")
         return trace(state.lens, *parts), "in float64 on the host"
     from rptcam_cl.device import open_session
-    from rptcam_cl.lens_tracing import trace_on_device
+    from rptcam_cl.lenstools import trace_on_device
 
     session = open_session(arguments.device)
     precision: Precision = arguments.precision or "single"

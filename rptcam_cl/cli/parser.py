@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn, Protocol, TypeVar
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 Number = TypeVar("Number", int, float)
 
@@ -122,20 +122,20 @@ def point(text: str) -> tuple[float, float]:
 
 def focus_method(text: str) -> str:
     """Name of a method of autofocus."""
-    from rptcam_cl.scene.autofocus import METHODS
+    from rptcam_cl.scene import METHODS
 
     return _one_of(METHODS, text)
 
 
 def focus_policy(text: str) -> str:
     """Which of several zones decides."""
-    from rptcam_cl.scene.autofocus import POLICIES
+    from rptcam_cl.scene import POLICIES
 
     return _one_of(POLICIES, text)
 
 
 def _one_of(names: Sequence[str], text: str) -> str:
-    from rptcam_cl.scene.refusal import near_name
+    from rptcam_cl.scene import near_name
 
     if text not in names:
         raise argparse.ArgumentTypeError(f"got {text}{near_name(text, names)}; allowed {', '.join(names)}")
@@ -173,7 +173,7 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
 
 def layers(text: str) -> tuple[str, ...]:
     """Names of auxiliary layers in ``a,b,c``; ``all`` stands for every one."""
-    from rptcam_cl.scene.layers import LAYER_NAMES
+    from rptcam_cl.scene import LAYER_NAMES
 
     names = tuple(name.strip() for name in text.split(","))
     if names == ("all",):

@@ -10,8 +10,8 @@ from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError, NumericError, RptcamError
-from rptcam_cl.progress import as_duration, progress_on_stderr
+from rptcam_cl.cli.progress import as_duration, progress_on_stderr
+from rptcam_cl.core.errors import InputError, NumericError, RptcamError
 
 if TYPE_CHECKING:
     from rptcam_cl.imaging import Image
@@ -81,8 +81,8 @@ def _inputs(path: Path, scene: "Scene") -> list[Path]:
 
 def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
     """Refuse, before anything is compiled, what could not be written at the end."""
+    from rptcam_cl.core.atomic import check_writable
     from rptcam_cl.imaging import check_output, check_raw_output, holds_layers
-    from rptcam_cl.imaging.atomic import check_writable
 
     taken = _inputs(arguments.scene, scene)
     for output in arguments.outputs:
@@ -105,7 +105,7 @@ def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
 
 def _checkpoint(arguments: argparse.Namespace) -> Path:
     """Where the state of the render is kept: beside the first output."""
-    from rptcam_cl.imaging.checkpoint import SUFFIX
+    from rptcam_cl.rendering import SUFFIX
 
     first: Path = arguments.outputs[0]
     return first.with_suffix(SUFFIX)
@@ -122,7 +122,7 @@ def _layers(arguments: argparse.Namespace) -> list[str] | None:
 
 def _save(image: "Image", arguments: argparse.Namespace) -> None:
     """Write every output that can be written, then report the first that could not."""
-    from rptcam_cl.imaging.atomic import replacing
+    from rptcam_cl.core.atomic import replacing
 
     failures: list[RptcamError] = []
     for output in arguments.outputs:

@@ -18,11 +18,11 @@ def add_to(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     if arguments.lens:
-        from rptcam_cl.optics.files.schema import lens_json_schema_text
+        from rptcam_cl.optics import lens_json_schema_text
 
         print(lens_json_schema_text(), end="")
         return 0
-    from rptcam_cl.scene.schema import scene_json_schema_text
+    from rptcam_cl.scene import scene_json_schema_text
 
     print(scene_json_schema_text(), end="")
     return 0

@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import check_picture, write, write_picture
-from rptcam_cl.cli.lens_table import print_table
-from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
     from rptcam_cl.tradeoff import TradeoffReport
@@ -90,7 +89,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _check_outputs(arguments: argparse.Namespace) -> None:
     """Refuse, before anything is measured, what could not be written at the end."""
-    from rptcam_cl.imaging.atomic import check_writable
+    from rptcam_cl.core.atomic import check_writable
 
     for path, suffix in ((arguments.json, ".json"), (arguments.markdown, ".md")):
         if path is None or (path == PRINTED and suffix == ".json"):
@@ -104,8 +103,7 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
 
 def _print(report: "TradeoffReport") -> None:
     """Print advice, tables and how they were found."""
-    from rptcam_cl.tradeoff.table import tables
-    from rptcam_cl.tradeoff.text import caveats, recommendation
+    from rptcam_cl.tradeoff import caveats, recommendation, tables
 
     print("\n".join(recommendation(report)), end="\n\n")
     for table in tables(report):
@@ -115,8 +113,7 @@ def _print(report: "TradeoffReport") -> None:
 
 
 def _write(report: "TradeoffReport", arguments: argparse.Namespace) -> None:
-    from rptcam_cl.tradeoff.plot import tradeoff_plot
-    from rptcam_cl.tradeoff.table import markdown
+    from rptcam_cl.tradeoff import markdown, tradeoff_plot
 
     title = f"{arguments.scene.stem}: accuracy and time"
     if arguments.json not in (None, PRINTED):

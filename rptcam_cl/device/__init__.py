@@ -1,11 +1,28 @@
 """OpenCL devices, programs and buffers: the only package that imports pyopencl, and it knows no scene and no lens."""
 
-from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
+from rptcam_cl.device.choose import DeviceInfo, choose_device, default_device, fitting_devices, list_devices, problem_of
+from rptcam_cl.device.details import device_details, opencl_version
+from rptcam_cl.device.pocl_cache import pocl_cache_folder
 from rptcam_cl.device.program import Program
-from rptcam_cl.device.session import Session, open_session
+from rptcam_cl.device.session import Launch, Session, open_session
 from rptcam_cl.device.several import Split, Wanted, means_all, open_sessions
 
 __all__ = [
-    "DeviceInfo", "Program", "Session", "Split", "Wanted", "choose_device", "list_devices", "means_all",
-    "open_session", "open_sessions",
-]  # fmt: skip
+    "DeviceInfo",
+    "Launch",
+    "Program",
+    "Session",
+    "Split",
+    "Wanted",
+    "choose_device",
+    "default_device",
+    "device_details",
+    "fitting_devices",
+    "list_devices",
+    "means_all",
+    "open_session",
+    "open_sessions",
+    "opencl_version",
+    "pocl_cache_folder",
+    "problem_of",
+]

@@ -8,11 +8,11 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.listing import first_listed
 from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.remedies import instead, to_install
 from rptcam_cl.device.trial import first_error, try_device
-from rptcam_cl.errors import DeviceError
 
 KINDS = ("cpu", "gpu")
 

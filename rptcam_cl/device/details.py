@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.choose import DeviceInfo, problem_of
 from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.trial import Trial, try_device
-from rptcam_cl.errors import DeviceError
 
 
 def device_details(info: DeviceInfo) -> dict[str, Any]:

@@ -10,7 +10,7 @@ import os
 import secrets
 from pathlib import Path
 
-from rptcam_cl.resources import cache_dir
+from rptcam_cl.core.resources import cache_dir
 
 MOST_BYTES = 256 << 20  # of each kind
 

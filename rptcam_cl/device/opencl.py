@@ -7,10 +7,10 @@ import sys
 from functools import lru_cache
 from typing import Any
 
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.intel_runtime import show_intel_runtime
 from rptcam_cl.device.pocl_cache import make_pocl_cache_usable
 from rptcam_cl.device.remedies import to_install
-from rptcam_cl.errors import DeviceError
 
 
 @lru_cache(maxsize=1)

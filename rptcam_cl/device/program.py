@@ -12,10 +12,10 @@ import tempfile
 from collections.abc import Mapping
 from typing import Any
 
+from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.core.resources import kernels_dir
 from rptcam_cl.device.built_programs import build_program
 from rptcam_cl.device.trial import AVX512_ARCH, first_error, target_pragma
-from rptcam_cl.errors import DeviceError
-from rptcam_cl.resources import kernels_dir
 
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
 _GUARD = re.compile(r"^#ifndef (\w+)\n#define \1$", re.MULTILINE)

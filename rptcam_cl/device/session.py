@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.choose import DeviceInfo, choose_device, problem_of
 from rptcam_cl.device.llvmpipe import LLVMPIPE_LOOP_LIMIT, is_llvmpipe
 from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.program import Program, assemble
 from rptcam_cl.device.remedies import instead
 from rptcam_cl.device.trial import AVX512_ARCH, try_device
-from rptcam_cl.errors import DeviceError
 
 
 def open_session(spec: str | None = None) -> Session:

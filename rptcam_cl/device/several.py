@@ -7,11 +7,11 @@ import re
 import warnings
 from collections.abc import Mapping, Sequence
 
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices, problem_of
 from rptcam_cl.device.listing import ALL, listed, several_of_environment
 from rptcam_cl.device.remedies import instead
 from rptcam_cl.device.session import Session, open_session
-from rptcam_cl.errors import DeviceError
 
 Split = str | Mapping[str, float]
 Wanted = str | Session | Sequence[str | Session] | None

@@ -1,10 +1,13 @@
 """Pictures: the linear film as an array, what is developed from it, and the files both are kept in."""
 
 from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
-from rptcam_cl.imaging.develop import Development, develop, quantised
+from rptcam_cl.imaging.developing import Development, developed_values, quantised
+from rptcam_cl.imaging.film_files import read_film
 from rptcam_cl.imaging.image import Image
+from rptcam_cl.imaging.layers import MARKED
+from rptcam_cl.imaging.picture_settings import develop, developed_as
 from rptcam_cl.imaging.raw import RawImage, check_raw_output
-from rptcam_cl.imaging.read_film import read_film
+from rptcam_cl.imaging.scene_sensor import check_sensor, sensor_of
 from rptcam_cl.imaging.tone import srgb_from_linear
 from rptcam_cl.imaging.white_balance import Gains, Grey, GreyWorld, KnownLight
 from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, SUFFIXES, check_output, holds_layers
@@ -13,6 +16,7 @@ __all__ = [
     "DEVELOPED_SUFFIXES",
     "GUIDES",
     "LAYER_SUFFIXES",
+    "MARKED",
     "SUFFIXES",
     "Development",
     "Gains",
@@ -24,9 +28,13 @@ __all__ = [
     "check_denoiser",
     "check_output",
     "check_raw_output",
+    "check_sensor",
     "develop",
+    "developed_as",
+    "developed_values",
     "holds_layers",
     "quantised",
     "read_film",
+    "sensor_of",
     "srgb_from_linear",
 ]

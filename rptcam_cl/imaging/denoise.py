@@ -12,7 +12,7 @@ from importlib.metadata import version
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 GUIDES = ("albedo", "normal")
 

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.sensor import CHANNELS, Frame, Sensor, camera_from_xyz
+from rptcam_cl.imaging.mosaic import CHANNELS
+from rptcam_cl.imaging.sensor import RawFrame, SensorModel, camera_from_xyz
 
 # Types of TIFF fields, as tifffile numbers them.
 _BYTE, _ASCII, _SHORT, _LONG, _RATIONAL, _SRATIONAL = 1, 2, 3, 4, 5, 10
@@ -22,12 +23,12 @@ _LARGEST = 2**31 - 1
 Tag = tuple[int, int, int, Any, bool]
 
 
-def photometric_of(frame: Frame) -> int:
+def photometric_of(frame: RawFrame) -> int:
     """Return what the numbers stand for: a mosaic, or linear values of whole pixels."""
     return LINEAR_RAW if frame.numbers.ndim == 3 or frame.sensor.pattern == "monochrome" else CFA
 
 
-def dng_tags(frame: Frame, metadata: Mapping[str, Any]) -> list[Tag]:
+def dng_tags(frame: RawFrame, metadata: Mapping[str, Any]) -> list[Tag]:
     """Return the tags beside those of plain TIFF: number, type, count, value, and that they belong to each page."""
     sensor = frame.sensor
     planes = 3 if frame.numbers.ndim == 3 else 1
@@ -54,7 +55,7 @@ def dng_tags(frame: Frame, metadata: Mapping[str, Any]) -> list[Tag]:
     return tags
 
 
-def _colour_tags(sensor: Sensor) -> list[Tag]:
+def _colour_tags(sensor: SensorModel) -> list[Tag]:
     """Return the tags with which a converter finds colours: the sensor's under D65, and its white."""
     neutral = sensor.white_electrons / sensor.white_electrons.max()
     return [

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging.colour import SRGB_WHITE, XYZ_FROM_RGB, adaptation, xyz_of
+from rptcam_cl.colour import SRGB_WHITE, XYZ_FROM_RGB, adaptation, xyz_of
 
 _D50 = np.array([0.9642, 1.0, 0.8249])  # what the profile connection space calls white
 _HEADER = 128

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import writers
 from rptcam_cl.imaging.denoise import GUIDES, denoised
-from rptcam_cl.imaging.develop import PLAIN, Development, develop
+from rptcam_cl.imaging.developing import PLAIN, Development, developed_values
 from rptcam_cl.imaging.layers import Layer, checked_layers
 from rptcam_cl.imaging.raw import RawImage
-from rptcam_cl.sensor import Sensor, exposed
+from rptcam_cl.imaging.sensor import SensorModel, exposed
 
 SENSOR = "sensor"  # where metadata keep the sensor behind the film
 
@@ -73,7 +73,7 @@ class Image:
         """
         if SENSOR not in self.metadata:
             raise InputError("the image has no raw numbers (allowed: with a sensor in the scene, as `sensor: {}`)")
-        return RawImage(exposed(self.pixels, Sensor.from_description(self.metadata[SENSOR])), self.metadata)
+        return RawImage(exposed(self.pixels, SensorModel.from_description(self.metadata[SENSOR])), self.metadata)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.
@@ -96,7 +96,7 @@ class Image:
 
     def developed(self) -> NDArray[np.float32]:
         """Return the picture as a screen shows it, (height, width, 3) from 0 to 1; see docs/picture.md."""
-        return develop(self.seen, self.picture, writers.film_part(self.metadata, self.seen))
+        return developed_values(self.seen, self.picture, writers.film_part(self.metadata, self.seen))
 
     def denoised(self) -> Image:
         """Return the image with its noise removed, guided by its layers ``albedo`` and ``normal``; see docs/layers.md.

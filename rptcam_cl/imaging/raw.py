@@ -12,17 +12,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.imaging.atomic import check_writable, replacing
+from rptcam_cl.core.atomic import check_writable, replacing
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.dng import LINEAR_RAW, Tag, dng_tags, photometric_of
-from rptcam_cl.sensor import Frame, Sensor, linear_picture
+from rptcam_cl.imaging.sensor import RawFrame, SensorModel, linear_picture
 
 
 @dataclass(frozen=True, eq=False)
 class RawImage:
     """What the sensor put out. ``numpy.asarray(raw)`` is `numbers`."""
 
-    frame: Frame
+    frame: RawFrame
     metadata: dict[str, Any] = field(default_factory=dict)
     """Those of the picture."""
 
@@ -32,7 +32,7 @@ class RawImage:
         return self.frame.numbers
 
     @property
-    def sensor(self) -> Sensor:
+    def sensor(self) -> SensorModel:
         """The sensor, its gain and levels."""
         return self.frame.sensor
 

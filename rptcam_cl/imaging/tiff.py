@@ -14,8 +14,8 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import StateError
-from rptcam_cl.imaging import ifd
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.imaging import photographic as ifd
 from rptcam_cl.imaging.icc import profile
 from rptcam_cl.imaging.photographic import exif_fields
 
@@ -42,7 +42,7 @@ def write_tiff_to(
     rows = max(1, _STRIP // (3 * width * codes.itemsize))
     strips = list(_strips(codes, rows))
     sizes = [len(strip) for strip in strips]
-    fields: dict[int, ifd.Field | ifd.Directory] = {
+    fields: dict[int, ifd.TagField | ifd.Directory] = {
         _WIDTH: ifd.long([width]),
         _LENGTH: ifd.long([height]),
         _BITS: ifd.short(*[8 * codes.itemsize] * 3),

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging.colour import luminance
+from rptcam_cl.colour import pixel_luminance
 
 Pixels = NDArray[np.float32]
 
@@ -44,7 +44,7 @@ def reinhard(linear: Pixels, white: float) -> Pixels:
     white
         Luminance that becomes 1.
     """
-    brightness = luminance(linear)
+    brightness = pixel_luminance(linear)
     shown: Pixels = linear * ((1 + brightness / np.float32(white**2)) / (1 + brightness))
     return shown
 

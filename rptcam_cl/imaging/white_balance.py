@@ -9,15 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.imaging.colour import (
-    BRADFORD,
-    RGB_FROM_XYZ,
-    SRGB_WHITE,
-    XYZ_FROM_RGB,
-    Matrix,
-    adaptation,
-    xyz_of,
-)
+from rptcam_cl.colour import BRADFORD, RGB_FROM_XYZ, SRGB_WHITE, XYZ_FROM_RGB, Matrix, adaptation, xyz_of
 
 Pixels = NDArray[np.float32]
 Colour = NDArray[np.float64]

@@ -4,20 +4,176 @@ Lengths are millimetres and wavelengths nanometres. The frame of a lens has its 
 towards the film; surfaces are listed scene side first.
 """
 
-from rptcam_cl.optics.first_order import FirstOrder, Planes, Pupil
+from rptcam_cl.optics.absorption import Absorption
+from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
+from rptcam_cl.optics.blur import blur_variances
+from rptcam_cl.optics.coating import (
+    BARE,
+    MAGNESIUM_FLUORIDE,
+    Coating,
+    Interface,
+    MeasuredReflectance,
+    QuarterWave,
+    constant_reflectance,
+)
+from rptcam_cl.optics.design import GlassChoice, doublet, doublet_radii, image_distances, singlet
+from rptcam_cl.optics.files.coatings import WORDS
+from rptcam_cl.optics.files.fields import FieldError
+from rptcam_cl.optics.files.glass_names import glass_named, named_glass
+from rptcam_cl.optics.files.glasses import read_glass
+from rptcam_cl.optics.files.keys import GLASS
+from rptcam_cl.optics.files.makers import glasses_of, plain_glass_name
+from rptcam_cl.optics.files.native import document_of
+from rptcam_cl.optics.files.schema import glass_json_schema, lens_json_schema_text
+from rptcam_cl.optics.film_crossings import Crossings, crossings
+from rptcam_cl.optics.first_order import FirstOrder, Planes, Pupil, limiting_surface, system_matrix
+from rptcam_cl.optics.focus import film_distance, object_distance
+from rptcam_cl.optics.glass import (
+    AIR,
+    AbbeCauchy,
+    AbbeLinear,
+    ConstantIndex,
+    Law,
+    Medium,
+    PowerSeries,
+    Sellmeier,
+    TabulatedIndex,
+    abbe_number,
+    attenuation,
+    held_index,
+    known_range,
+)
+from rptcam_cl.optics.irradiance import film_irradiance, on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.library import list_lenses, load_lens
+from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
+from rptcam_cl.optics.placement import SurfacePose
+from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid, narrowed, spread_points
+from rptcam_cl.optics.pupil_shape import DIRECTIONS, FINE, PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
+from rptcam_cl.optics.ray_trace import Rays, Status, trace
+from rptcam_cl.optics.region import Region
+from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
+from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
+from rptcam_cl.optics.summary import image_circle, lens_info
 from rptcam_cl.optics.surface import Surface
-from rptcam_cl.optics.trace import Rays, Status
+from rptcam_cl.optics.transmission import (
+    BY_NAME,
+    COATED,
+    IDEAL,
+    UNCOATED,
+    LensTransmission,
+    axial_transmittance,
+    has_coatings,
+    is_tinted,
+    known_nm,
+    with_coating,
+)
+from rptcam_cl.optics.variable import configured, film_behind, floated, focused_by_group, moved, shift_of, zoomed
 
 __all__ = [
+    "AIR",
+    "BARE",
+    "BULGE",
+    "BY_NAME",
+    "COATED",
+    "DIRECTIONS",
+    "FINE",
+    "GLASS",
+    "IDEAL",
+    "MAGNESIUM_FLUORIDE",
+    "PATCH_RADII",
+    "UNCOATED",
+    "WORDS",
+    "AbbeCauchy",
+    "AbbeLinear",
+    "Absorption",
+    "Beam",
+    "Coating",
+    "ConstantIndex",
+    "Crossings",
+    "FieldError",
+    "FilmProbe",
     "FirstOrder",
+    "GlassChoice",
+    "Interface",
+    "Law",
     "Lens",
+    "LensTransmission",
+    "MeasuredReflectance",
+    "Medium",
     "Planes",
+    "PowerSeries",
     "Pupil",
+    "PupilShapes",
+    "QuarterWave",
     "Rays",
+    "Region",
+    "Sellmeier",
     "Status",
+    "StopMask",
+    "StopShape",
     "Surface",
+    "SurfacePose",
+    "TabulatedIndex",
+    "Wavelengths",
+    "abbe_number",
+    "attenuation",
+    "axial_transmittance",
+    "best_film_distance",
+    "best_film_distance_at",
+    "blades",
+    "blur_variances",
+    "cells",
+    "chief_ray",
+    "configured",
+    "constant_reflectance",
+    "crossings",
+    "digests_of_lens",
+    "document_of",
+    "doublet",
+    "doublet_radii",
+    "film_behind",
+    "film_distance",
+    "film_irradiance",
+    "fitted",
+    "floated",
+    "focused_by_group",
+    "glass_json_schema",
+    "glass_named",
+    "glasses_of",
+    "grid",
+    "has_coatings",
+    "heart",
+    "held_index",
+    "image_circle",
+    "image_distances",
+    "is_tinted",
+    "known_nm",
+    "known_range",
+    "lens_info",
+    "lens_json_schema_text",
+    "limiting_surface",
     "list_lenses",
     "load_lens",
+    "moved",
+    "named_glass",
+    "named_lens",
+    "names_a_file",
+    "narrowed",
+    "narrowing_probes",
+    "object_distance",
+    "on_axis_irradiance",
+    "passing_beam",
+    "plain_glass_name",
+    "polygon",
+    "pupil_boxes",
+    "pupil_shapes",
+    "read_glass",
+    "shift_of",
+    "singlet",
+    "spread_points",
+    "star",
+    "system_matrix",
+    "trace",
+    "with_coating",
+    "zoomed",
 ]

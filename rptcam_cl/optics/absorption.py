@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 Array = NDArray[np.float64]
 

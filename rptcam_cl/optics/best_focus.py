@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.focus import MEASURED_FROM, film_distance
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
 from rptcam_cl.optics.spot import Beam, spot
 
@@ -35,7 +35,7 @@ def best_film_distance(
     lens: Lens,
     object_distance_mm: float,
     measured_from: str = "film",
-    wavelengths_nm: Sequence[float] = (WAVELENGTH_D,),
+    wavelengths_nm: Sequence[float] = (LINE_D_NM,),
     field_degrees: float = 0.0,
 ) -> float:
     """Return the distance from the last vertex to the film with the least rms spot [mm].
@@ -71,7 +71,7 @@ def best_film_distance_at(
     film_point_mm: tuple[float, float],
     object_distance_mm: float,
     measured_from: str = "film",
-    wavelength_nm: float = WAVELENGTH_D,
+    wavelength_nm: float = LINE_D_NM,
 ) -> float:
     """Return the distance from the last vertex to the film with the least rms spot at a point of the film [mm].
 

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 CONSTRAINTS = ("r1", "r1=r2", "flat r3", "r2=r3")
 

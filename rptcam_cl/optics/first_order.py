@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -89,7 +89,7 @@ class FirstOrder:
         return asdict(self)
 
 
-def first_order(lens: Lens, wavelength_nm: float = WAVELENGTH_D, section: str = "y") -> FirstOrder:
+def first_order(lens: Lens, wavelength_nm: float = LINE_D_NM, section: str = "y") -> FirstOrder:
     """Return the first-order data of a lens at a wavelength [nm], in its y-z or x-z section."""
     if section not in ("x", "y"):
         raise InputError(f'section must be "x" or "y" (got {section!r})')
@@ -149,7 +149,7 @@ def system_matrix(
     return matrix
 
 
-def limiting_surface(lens: Lens, wavelength_nm: float = WAVELENGTH_D, section: str = "y") -> int:
+def limiting_surface(lens: Lens, wavelength_nm: float = LINE_D_NM, section: str = "y") -> int:
     """Return the index of the stop, or of the rim that limits an axial beam from infinity when there is none."""
     if lens.stop_index is not None:
         return lens.stop_index

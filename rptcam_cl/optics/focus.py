@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.first_order import FirstOrder
@@ -22,7 +22,7 @@ MEASURED_FROM = ("film", "front")
 
 
 def film_distance(
-    lens: Lens, object_distance_mm: float, measured_from: str = "film", wavelength_nm: float = WAVELENGTH_D
+    lens: Lens, object_distance_mm: float, measured_from: str = "film", wavelength_nm: float = LINE_D_NM
 ) -> float:
     """Return the distance from the last vertex to the film that images an object plane sharply [mm].
 
@@ -53,7 +53,7 @@ def film_distance(
     return _behind_lens(lens, data.back_focal_distance_mm + extension)
 
 
-def object_distance(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+def object_distance(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
     """Return the distance from the film to the object plane that it images sharply [mm]; infinite at the focal point.
 
     Raises
@@ -75,7 +75,7 @@ def object_distance(lens: Lens, film_distance_mm: float, wavelength_nm: float = 
     return float(from_front + data.length_mm + lens.sense * film_distance_mm)
 
 
-def nearest_object_distance(lens: Lens, measured_from: str = "film", wavelength_nm: float = WAVELENGTH_D) -> float:
+def nearest_object_distance(lens: Lens, measured_from: str = "film", wavelength_nm: float = LINE_D_NM) -> float:
     """Return the least object distance that has a real image behind the lens [mm]."""
     data = _imaging(lens, wavelength_nm)
     product = data.focal_length_mm * data.front_focal_length_mm

@@ -11,15 +11,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.absorption import Absorption
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
-
-WAVELENGTH_D = 587.5618
-WAVELENGTH_F = 486.1327
-WAVELENGTH_C = 656.2725
 
 
 class Medium(Protocol):
@@ -69,7 +66,7 @@ class AbbeCauchy(Absorbing):
 
     def index(self, wavelength_nm: ArrayLike) -> Array:
         """Return the index at each wavelength [nm]."""
-        squares = (1e3 / np.array([WAVELENGTH_F, WAVELENGTH_C, WAVELENGTH_D])) ** 2
+        squares = (1e3 / np.array([LINE_F_NM, LINE_C_NM, LINE_D_NM])) ** 2
         b = (self.nd - 1) / self.vd / (squares[0] - squares[1])
         a = self.nd - b * squares[2]
         return np.asarray(a + b * _inverse_square(wavelength_nm), dtype=np.float64)
@@ -164,7 +161,7 @@ def known_range(medium: Medium) -> Range | None:
 
 def abbe_number(medium: Medium) -> float:
     """Return V_d = (n_d - 1) / (n_F - n_C), infinite without dispersion."""
-    d, f, c = medium.index([WAVELENGTH_D, WAVELENGTH_F, WAVELENGTH_C])
+    d, f, c = medium.index([LINE_D_NM, LINE_F_NM, LINE_C_NM])
     return float((d - 1) / (f - c)) if f != c else float("inf")
 
 

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.probe import FilmProbe, narrowed, spread_points
 from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
-from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance
+from rptcam_cl.optics.transmission import IDEAL, LensTransmission, axial_transmittance
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -38,9 +38,9 @@ def film_irradiance(
     lens: Lens,
     film_distance_mm: float,
     radii_mm: ArrayLike,
-    wavelength_nm: float = WAVELENGTH_D,
+    wavelength_nm: float = LINE_D_NM,
     azimuth_degrees: float = 0.0,
-    transmission: Transmission = IDEAL,
+    transmission: LensTransmission = IDEAL,
 ) -> Array:
     """Return the irradiance at film points for unit radiance [W/m2 per W/m2/sr], one for each radius.
 
@@ -54,7 +54,7 @@ def film_irradiance(
     wavelength_nm : float
     azimuth_degrees : float
         Direction of the film points from the axis, from +x towards +y; matters for lenses without rotational symmetry.
-    transmission : Transmission
+    transmission : LensTransmission
         Losses in the lens; none by default.
 
     Notes
@@ -78,7 +78,7 @@ def film_irradiance(
 
 
 def on_axis_irradiance(
-    lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D, transmission: Transmission = IDEAL
+    lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM, transmission: LensTransmission = IDEAL
 ) -> float:
     """Return the irradiance of the centre of the film for unit radiance, perhaps with losses in the lens.
 
@@ -187,7 +187,7 @@ def _integrate(probe: FilmProbe, film: Array, box: Array, *, parted: bool = Fals
     return float(np.sum(sign * inner) * 2 * np.pi / azimuths)
 
 
-def _mean_transmittance(probe: FilmProbe, film: Array, box: Array, transmission: Transmission) -> float:
+def _mean_transmittance(probe: FilmProbe, film: Array, box: Array, transmission: LensTransmission) -> float:
     """Return the share of the light that the lens leaves to a film point, by a spiral of rays through its pupil.
 
     Within 1e-4: each ray stands for an equal area, and their ends lie at all distances from the centre (Vogel 1979).

@@ -10,15 +10,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.glass import AIR, WAVELENGTH_D, Medium, known_range
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.glass import AIR, Medium, known_range
 from rptcam_cl.optics.surface import Surface
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.first_order import FirstOrder
+    from rptcam_cl.optics.ray_trace import Rays
     from rptcam_cl.optics.stop_shape import StopMask, StopShape
-    from rptcam_cl.optics.trace import Rays
-    from rptcam_cl.optics.transmission import Transmission
+    from rptcam_cl.optics.transmission import LensTransmission
     from rptcam_cl.optics.variable import Configuration, FocusingGroup, FocusState
 
 Array = NDArray[np.float64]
@@ -108,7 +109,7 @@ class Lens:
         """The medium before the first surface and after each one."""
         return (self.object_medium, *(surface.glass for surface in self.surfaces))
 
-    def indices(self, wavelength_nm: ArrayLike = WAVELENGTH_D) -> Array:
+    def indices(self, wavelength_nm: ArrayLike = LINE_D_NM) -> Array:
         """Return the index before the first surface and after each one, shape (n + 1, *wavelengths)."""
         return np.stack([medium.index(wavelength_nm) for medium in self.media])
 
@@ -119,7 +120,7 @@ class Lens:
         limits = [limit for medium in media if (limit := known_range(medium)) is not None]
         return max((low for low, _ in limits), default=0.0), min((high for _, high in limits), default=float("inf"))
 
-    def first_order(self, wavelength_nm: float = WAVELENGTH_D, section: str = "y") -> FirstOrder:
+    def first_order(self, wavelength_nm: float = LINE_D_NM, section: str = "y") -> FirstOrder:
         """Return focal length, cardinal points and pupils at a wavelength [nm], in the "y" or "x" section."""
         from rptcam_cl.optics.first_order import first_order
 
@@ -129,13 +130,13 @@ class Lens:
         self,
         origins: ArrayLike,
         directions: ArrayLike,
-        wavelength_nm: ArrayLike = WAVELENGTH_D,
+        wavelength_nm: ArrayLike = LINE_D_NM,
         start: str = "film",
         *,
-        transmission: Transmission | None = None,
+        transmission: LensTransmission | None = None,
     ) -> Rays:
         """Return rays traced through every surface in float64, from the film or from the scene. See `optics.trace`."""
-        from rptcam_cl.optics.trace import trace
+        from rptcam_cl.optics.ray_trace import trace
 
         return trace(self, origins, directions, wavelength_nm, start, transmission)
 
@@ -176,7 +177,7 @@ class Lens:
         surfaces[self.stop_index] = replace(stop, stop_shape=shape)
         return replace(self, surfaces=tuple(surfaces))
 
-    def stop_diameter_for(self, f_number: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+    def stop_diameter_for(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> float:
         """Return the stop diameter [mm] of an f-number = focal length / entrance pupil diameter (paraxial)."""
         stop = self._need_stop()
         if not f_number > 0 or not np.isfinite(f_number):

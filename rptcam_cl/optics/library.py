@@ -9,7 +9,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.references import Folders, References, digest, read_whole
+from rptcam_cl.core.resources import lenses_dir
+from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, read_yaml
 from rptcam_cl.optics.files.codev import read_codev
 from rptcam_cl.optics.files.deeplens import is_deeplens, read_deeplens
 from rptcam_cl.optics.files.glass_names import chosen_makers
@@ -19,9 +22,6 @@ from rptcam_cl.optics.files.optical_bench import is_optical_bench, read_optical_
 from rptcam_cl.optics.files.pbrt import read_pbrt
 from rptcam_cl.optics.files.zemax import read_zemax
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.references import Folders, References, digest, read_whole
-from rptcam_cl.resources import lenses_dir
-from rptcam_cl.strict_yaml import MAX_BYTES, Document, read_yaml
 
 NATIVE_SUFFIXES = (".yaml", ".yml", ".json")
 NAMING: dict[str, Callable[[str, str, tuple[str, ...]], Lens]] = {".zmx": read_zemax, ".seq": read_codev}

@@ -11,7 +11,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Pose:
+class SurfacePose:
     """Where a surface really stands: vertex moved by `offset` [mm], axes turned by `rotation` (rows of a matrix).
 
     A point p of the nominal vertex frame has the coordinates rotation^T (p - offset) in the frame of the surface.
@@ -21,25 +21,25 @@ class Pose:
     rotation: tuple[tuple[float, float, float], tuple[float, float, float], tuple[float, float, float]]
 
     @staticmethod
-    def of(decentre: tuple[float, float, float], tilt_degrees: tuple[float, float, float]) -> Pose:
+    def of(decentre: tuple[float, float, float], tilt_degrees: tuple[float, float, float]) -> SurfacePose:
         """Return the pose of a decentre [mm] and of tilts about the x, then y, then z axis [degrees]."""
-        return Pose._from(np.asarray(decentre, dtype=np.float64), rotation_matrix(tilt_degrees))
+        return SurfacePose._from(np.asarray(decentre, dtype=np.float64), rotation_matrix(tilt_degrees))
 
     @staticmethod
-    def _from(offset: Array, rotation: Array) -> Pose:
+    def _from(offset: Array, rotation: Array) -> SurfacePose:
         rows = [tuple(float(value) for value in row) for row in rotation]
-        return Pose(tuple(float(value) for value in offset), tuple(rows))  # type: ignore[arg-type]
+        return SurfacePose(tuple(float(value) for value in offset), tuple(rows))  # type: ignore[arg-type]
 
     def matrix(self) -> Array:
         """Return the rotation as an array (3, 3)."""
         return np.array(self.rotation)
 
-    def carried_by(self, group: Pose, from_pivot: float) -> Pose:
+    def carried_by(self, group: SurfacePose, from_pivot: float) -> SurfacePose:
         """Return this pose after a group turned and moved it, whose pivot lies `from_pivot` [mm] before this vertex."""
         turn = group.matrix()
         place = np.array([0.0, 0.0, from_pivot])
         offset = turn @ (place + np.array(self.offset)) - place + np.array(group.offset)
-        return Pose._from(offset, turn @ self.matrix())
+        return SurfacePose._from(offset, turn @ self.matrix())
 
     def inward(self, points: Array, directions: Array) -> tuple[Array, Array]:
         """Return points and directions (3, n) of the nominal frame in the frame of the surface."""
@@ -52,7 +52,7 @@ class Pose:
         return turn @ points + np.array(self.offset)[:, None], turn @ directions
 
 
-IN_PLACE = Pose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
+IN_PLACE = SurfacePose((0.0, 0.0, 0.0), ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)))
 
 
 def rotation_matrix(tilt_degrees: tuple[float, float, float]) -> Array:

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.probe import FilmProbe, Wavelengths, narrowed
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def pupil_shapes(
     lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
-    wavelength_nm: Wavelengths = WAVELENGTH_D,
+    wavelength_nm: Wavelengths = LINE_D_NM,
 ) -> PupilShapes:
     """Return the outlines of the pupil over the film.
 

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.first_order import limiting_surface
-from rptcam_cl.optics.glass import WAVELENGTH_D
-from rptcam_cl.optics.trace import Rays, Status
+from rptcam_cl.optics.ray_trace import Rays, Status
 from rptcam_cl.optics.wide_beam import grid_points, is_steep, passing_steep_beam, steep_chief_ray
 
 if TYPE_CHECKING:
@@ -84,7 +84,7 @@ def spot(
     lens: Lens,
     film_distance_mm: float,
     beam: Beam | None = None,
-    wavelength_nm: float = WAVELENGTH_D,
+    wavelength_nm: float = LINE_D_NM,
     across: int = 256,
 ) -> Spot:
     """Return the spot of a beam on the film; `across` rays span the beam each way.
@@ -148,7 +148,7 @@ def passing_beam(lens: Lens, beam: Beam, wavelength_nm: float, across: int) -> t
 
 
 def chief_ray(
-    lens: Lens, field_degrees: float, wavelength_nm: float = WAVELENGTH_D, object_distance_mm: float = np.inf
+    lens: Lens, field_degrees: float, wavelength_nm: float = LINE_D_NM, object_distance_mm: float = np.inf
 ) -> tuple[float, Rays]:
     """Return the ray through the centre of the stop: its height y in the plane of the first vertex [mm], and its trace.
 
@@ -197,7 +197,7 @@ def _check_steep(lens: Lens, beam: Beam) -> None:
         )
 
 
-def distortion(lens: Lens, film_distance_mm: float, field_degrees: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+def distortion(lens: Lens, film_distance_mm: float, field_degrees: float, wavelength_nm: float = LINE_D_NM) -> float:
     """Return the chief ray's film height over that of the ideal f tan(angle), less 1, for an object at infinity."""
     _, ray = chief_ray(lens, field_degrees, wavelength_nm)
     ideal = lens.first_order(wavelength_nm).focal_length_mm * np.tan(np.radians(field_degrees))

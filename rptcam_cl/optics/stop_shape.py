@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
-from rptcam_cl.optics.transmission import IDEAL, Transmission, axial_transmittance
+from rptcam_cl.optics.transmission import IDEAL, LensTransmission, axial_transmittance
 from rptcam_cl.optics.variable import floated
 
 if TYPE_CHECKING:
@@ -29,8 +29,8 @@ def lens_info(
     lens: Lens,
     f_number: float | None = None,
     object_distance_mm: float = np.inf,
-    wavelength_nm: float = WAVELENGTH_D,
-    transmission: Transmission = IDEAL,
+    wavelength_nm: float = LINE_D_NM,
+    transmission: LensTransmission = IDEAL,
 ) -> dict[str, Any]:
     """Return first-order data and working state as plain values, for JSON; None where there is no such number.
 
@@ -42,7 +42,7 @@ def lens_info(
     object_distance_mm : float
         From the film to the object plane.
     wavelength_nm : float
-    transmission : Transmission
+    transmission : LensTransmission
         Losses that the T-number counts.
     """
     if f_number is not None:
@@ -70,7 +70,7 @@ def lens_info(
     return {key: _plain(value) for key, value in result.items()}
 
 
-def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
     """Return 1 / (2 n' sin theta') of the axial beam at the film, by first order for the size of the exit pupil."""
     data = lens.first_order(wavelength_nm)
     away = film_distance_mm - data.exit_pupil.distance_mm
@@ -81,13 +81,13 @@ def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float =
 
 
 def t_number(
-    lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D, transmission: Transmission = IDEAL
+    lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM, transmission: LensTransmission = IDEAL
 ) -> float:
     """Return the f-number of an ideal lens that would give the centre of the film the same light: E = pi / (4 T^2)."""
     return float(np.sqrt(np.pi / (4.0 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm, transmission))))
 
 
-def image_circle(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+def image_circle(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
     """Return the film radius [mm] beyond which no ray arrives along +x, within 0.05 %.
 
     It is searched up to eight focal lengths from the axis; a lens that lights more has that radius.
@@ -117,7 +117,7 @@ def image_circle(lens: Lens, film_distance_mm: float, wavelength_nm: float = WAV
 
 
 def field_of_view(
-    lens: Lens, film_distance_mm: float, film_radius_mm: float, wavelength_nm: float = WAVELENGTH_D
+    lens: Lens, film_distance_mm: float, film_radius_mm: float, wavelength_nm: float = LINE_D_NM
 ) -> float | None:
     """Return the full angle [degrees] that a film radius sees: twice the mean angle of its rays in the scene."""
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
@@ -135,7 +135,7 @@ def field_of_view(
     return float(2 * np.degrees(np.arctan2(np.hypot(mean[0], mean[1]), -mean[2])))
 
 
-def stop_diameter_by_sine(lens: Lens, f_number: float, wavelength_nm: float = WAVELENGTH_D) -> float:
+def stop_diameter_by_sine(lens: Lens, f_number: float, wavelength_nm: float = LINE_D_NM) -> float:
     """Return the stop diameter [mm] at which the real axial ray of an object at infinity has sin theta' = 1 / (2 N).
 
     The ray leaves the rear focal point at that angle and is traced through the rear group to the stop (CS348b 2003).

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.optics.coating import Coating
 from rptcam_cl.optics.glass import AIR, Medium
-from rptcam_cl.optics.placement import Pose
+from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 
@@ -53,7 +53,7 @@ class Surface:
         Conic constant in the x-z section of a biconic.
     is_toroid : bool
         The y-z profile turned about an axis parallel to y at 1 / curvature_x, instead of a biconic.
-    pose : Pose or None
+    pose : SurfacePose or None
         Decentre and tilt against the nominal vertex frame.
     region : Region or None
         A further limit of the clear area, and what happens outside.
@@ -76,7 +76,7 @@ class Surface:
     curvature_x: float | None = None
     conic_x: float = 0.0
     is_toroid: bool = False
-    pose: Pose | None = None
+    pose: SurfacePose | None = None
     region: Region | None = None
     stop_shape: StopShape | StopMask | None = None
     coating: Coating | None = None

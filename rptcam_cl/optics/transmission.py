@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.optics.coating import BARE, Coating, Interface, MeasuredReflectance, QuarterWave
-from rptcam_cl.optics.glass import WAVELENGTH_D, Medium, attenuation
+from rptcam_cl.optics.glass import Medium, attenuation
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -25,7 +26,7 @@ AIR_LIKE = 1e-3  # a medium whose index is nearer to 1 takes a lens's own coatin
 
 
 @dataclass(frozen=True)
-class Transmission:
+class LensTransmission:
     """Which losses count.
 
     Attributes
@@ -58,15 +59,15 @@ class Transmission:
         return np.ones(np.shape(wavelength_nm))
 
 
-IDEAL = Transmission(fresnel=False, coatings=False, absorption=False)
-UNCOATED = Transmission(coatings=False)
-COATED = Transmission()
+IDEAL = LensTransmission(fresnel=False, coatings=False, absorption=False)
+UNCOATED = LensTransmission(coatings=False)
+COATED = LensTransmission()
 BY_NAME = {"ideal": IDEAL, "bare": UNCOATED, "coated": COATED}
 
 
 def meets_air(before: Medium, after: Medium) -> bool:
     """Return whether a surface between two media lies between glass and air: where a coating of a whole lens goes."""
-    close = [abs(float(medium.index(WAVELENGTH_D)) - 1.0) < AIR_LIKE for medium in (before, after)]
+    close = [abs(float(medium.index(LINE_D_NM)) - 1.0) < AIR_LIKE for medium in (before, after)]
     return any(close) and not all(close)
 
 
@@ -91,14 +92,14 @@ class Losses:
     Parameters
     ----------
     lens : Lens
-    transmission : Transmission
+    transmission : LensTransmission
     wavelengths : float or (n,) array
         Of the rays [nm].
     count : int
         Number of rays.
     """
 
-    def __init__(self, lens: Lens, transmission: Transmission, wavelengths: Array, count: int) -> None:
+    def __init__(self, lens: Lens, transmission: LensTransmission, wavelengths: Array, count: int) -> None:
         self.transmission = transmission
         self.wavelengths = np.broadcast_to(wavelengths, (count,))
         self.attenuations = [
@@ -130,7 +131,7 @@ class Losses:
 
 
 def axial_transmittance(
-    lens: Lens, wavelength_nm: ArrayLike = WAVELENGTH_D, transmission: Transmission = COATED
+    lens: Lens, wavelength_nm: ArrayLike = LINE_D_NM, transmission: LensTransmission = COATED
 ) -> Array:
     """Return the share of light that passes along the axis, from the first vertex to the last, at wavelengths [nm]."""
     wavelengths = np.asarray(wavelength_nm, dtype=np.float64)
@@ -147,13 +148,13 @@ def axial_transmittance(
     return passed
 
 
-def axial_t_number(lens: Lens, wavelength_nm: float = WAVELENGTH_D, transmission: Transmission = COATED) -> float:
+def axial_t_number(lens: Lens, wavelength_nm: float = LINE_D_NM, transmission: LensTransmission = COATED) -> float:
     """Return the f-number over the root of the axial transmittance (W. Smith, Modern Optical Engineering)."""
     passed = float(axial_transmittance(lens, wavelength_nm, transmission))
     return lens.first_order(wavelength_nm).f_number / float(np.sqrt(passed))
 
 
-def known_nm(lens: Lens, transmission: Transmission) -> tuple[float, float]:
+def known_nm(lens: Lens, transmission: LensTransmission) -> tuple[float, float]:
     """Return the wavelengths for which the losses are known [nm]; without limits, 0 and infinity."""
     limits = [(0.0, np.inf)]
     if transmission.absorption:
@@ -165,7 +166,7 @@ def known_nm(lens: Lens, transmission: Transmission) -> tuple[float, float]:
     return max(low for low, _ in limits), min(high for _, high in limits)
 
 
-def is_tinted(lens: Lens, transmission: Transmission) -> bool:
+def is_tinted(lens: Lens, transmission: LensTransmission) -> bool:
     """Return whether coatings or glass take more from one colour than from another."""
     low, high = known_nm(lens, transmission)
     if not low < high:

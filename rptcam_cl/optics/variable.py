@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.focus import film_distance, object_distance
-from rptcam_cl.optics.glass import WAVELENGTH_D
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -105,7 +105,7 @@ def configured(lens: Lens, name: str) -> Lens:
     raise InputError(f"{lens.name}: no configuration {name!r}; it has {names or 'none'}")
 
 
-def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = WAVELENGTH_D) -> Lens:
+def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
     """Return a zoom lens at a focal length, its gaps interpolated between neighbouring configurations.
 
     Raises
@@ -163,7 +163,7 @@ def shift_of(lens: Lens, state: Lens) -> float:
 
 
 def focused_by_group(
-    lens: Lens, object_distance_mm: float, film_distance_mm: float, wavelength_nm: float = WAVELENGTH_D
+    lens: Lens, object_distance_mm: float, film_distance_mm: float, wavelength_nm: float = LINE_D_NM
 ) -> tuple[Lens, float]:
     """Return the lens with its group moved so that an object is sharp on a film that stays, and the film distance.
 

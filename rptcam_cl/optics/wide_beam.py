@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.trace import Rays, Status, refract
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.ray_trace import Rays, Status, refract
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens

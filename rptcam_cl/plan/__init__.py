@@ -1,5 +1,17 @@
 """From a scene to what a device needs: records, and the facts that say which code the scene requires."""
 
+from rptcam_cl.plan.albedo import LargestAlbedo
+from rptcam_cl.plan.motion import Movements, Places
+from rptcam_cl.plan.packed_meshes import PackedMeshes, TriangleGroup, shifted
 from rptcam_cl.plan.plan import Plan, make_plan
 
-__all__ = ["Plan", "make_plan"]
+__all__ = [
+    "LargestAlbedo",
+    "Movements",
+    "PackedMeshes",
+    "Places",
+    "Plan",
+    "TriangleGroup",
+    "make_plan",
+    "shifted",
+]

@@ -5,11 +5,22 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from rptcam_cl.scene.colours import Colour
-from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix
-from rptcam_cl.scene.metal import Conductor
-from rptcam_cl.scene.spectrum import SpectralColour
-from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Texture
+from rptcam_cl.scene import (
+    Checker,
+    Colour,
+    Conductor,
+    Emissive,
+    Gradient,
+    Grid,
+    ImageTexture,
+    Material,
+    Matte,
+    Mirror,
+    Mix,
+    Noise,
+    SpectralColour,
+    Texture,
+)
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""What light sampling can choose: emissive rectangles, disks and spheres, lights, and a picture of the environment.
+"""What light sampling can choose: lamps of every shape, emissive meshes, lights, and a picture around the scene.
 
 Emissive boxes, cylinders, cones, ellipsoids and planes shine as well, but only BSDF sampling finds them.
 """
@@ -11,24 +11,52 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.curves import curves
-from rptcam_cl.kinds import EmitterKind, EnvironmentKind
-from rptcam_cl.plan.colour import luminance
+from rptcam_cl.colour import colour_luminance
+from rptcam_cl.core.curves import curves
+from rptcam_cl.core.kinds import EmitterKind, EnvironmentKind
+from rptcam_cl.core.records import EMITTER, Kind
 from rptcam_cl.plan.environment import Surroundings
-from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.lights import light_emitter, sun_emitter
-from rptcam_cl.plan.meshes import corners_of_box
+from rptcam_cl.plan.meshes import Mesh, corners_of_box
+from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.primitives import Primitive, sphere_of
 from rptcam_cl.plan.textures import TextureTable
-from rptcam_cl.plan.triangle_emitters import triangle_emitters
-from rptcam_cl.records import EMITTER, Kind
-from rptcam_cl.scene.colours import Colour
-from rptcam_cl.scene.coverage import has_holes
-from rptcam_cl.scene.material import Emissive, Material
-from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import LARGEST_RADIANCE
-from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.texture import Texture
+from rptcam_cl.scene import LARGEST_RADIANCE, Colour, Emissive, Material, Principled, Scene, Texture, has_holes
+
+
+def triangle_emitters(
+    mesh: Mesh, placement: NDArray[np.float64], eye: NDArray[np.float64]
+) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """Return emitter records of a mesh's triangles, without radiance and indices, and their areas [m²].
+
+    Parameters
+    ----------
+    mesh
+        The triangles.
+    placement
+        (4, 4), the scene in metres from the mesh's frame.
+    eye
+        What becomes the origin [m].
+    """
+    linear = placement[:3, :3]
+    points = (mesh.positions + mesh.origin) @ linear.T + (placement[:3, 3] - eye)
+    a, b, c = (points[mesh.faces[:, corner]] for corner in range(3))
+    u, v = b - a, c - a
+    normal = np.cross(u, v) * np.sign(np.linalg.det(linear))
+    if mesh.normals is not None:  # they say which side is out
+        shown = mesh.normals[mesh.faces].sum(axis=1) @ np.linalg.inv(linear)
+        normal *= np.where((normal * shown).sum(axis=1) < 0, -1.0, 1.0)[:, None]
+    double_area = np.linalg.norm(normal, axis=1)
+    records = EMITTER.zeros(len(mesh.faces))
+    records["kind"] = EmitterKind.TRIANGLE
+    records["a"][:, :3], records["a"][:, 3] = a, double_area / 2
+    records["u"][:, :3], records["v"][:, :3] = u, v
+    if mesh.uvs is not None:
+        corner, first, second = (mesh.uvs[mesh.faces[:, index]] for index in range(3))
+        records["uv"][:, :2], records["uv_x"][:, :2], records["uv_y"][:, :2] = corner, first - corner, second - corner
+    records["normal"][:, :3] = normal / np.maximum(double_area, np.finfo(np.float64).tiny)[:, None]
+    return records, double_area / 2
+
 
 Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
@@ -101,7 +129,7 @@ class _Glow:
     @property
     def strength(self) -> float:
         """Radiance times sides [W/(m² sr), luminance]."""
-        return luminance(self.radiance) * (2 if self.two_sided else 1)
+        return colour_luminance(self.radiance) * (2 if self.two_sided else 1)
 
     def fill(self, records: NDArray[np.void] | np.void) -> None:
         """Write it into records."""

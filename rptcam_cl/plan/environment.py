@@ -7,18 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.curves import curves
-from rptcam_cl.kinds import EnvironmentKind, TexelFormat
-from rptcam_cl.plan.colour import LUMINANCE
-from rptcam_cl.plan.known_spectra import KnownSpectra
-from rptcam_cl.plan.picture_table import Colours
-from rptcam_cl.plan.remembered import remembered
+from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.core.curves import curves
+from rptcam_cl.core.kinds import EnvironmentKind, TexelFormat
+from rptcam_cl.core.records import ENVIRONMENT
+from rptcam_cl.plan.optical_constants import KnownSpectra
+from rptcam_cl.plan.pictures import Colours, remembered
 from rptcam_cl.plan.sky import bake_sky
 from rptcam_cl.plan.texels import linear_codes, unpacked
 from rptcam_cl.plan.textures import TextureTable
-from rptcam_cl.records import ENVIRONMENT
-from rptcam_cl.scene.environment import ConstantEnvironment, GradientEnvironment, ImageEnvironment, SkyEnvironment
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene import ConstantEnvironment, GradientEnvironment, ImageEnvironment, Scene, SkyEnvironment
 
 Array = NDArray[np.float64]
 MOST_CELLS = (1024, 2048)  # rows and columns that light sampling tells apart: 24 MB of tables

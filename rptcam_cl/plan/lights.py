@@ -5,20 +5,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.kinds import EmitterKind, TexelFormat
-from rptcam_cl.photometry import Luminaire, read_luminaire
-from rptcam_cl.plan.colour import LUMINANCE, luminance
+from rptcam_cl.assets.luminaire import Luminaire, read_luminaire
+from rptcam_cl.colour import LUMINANCE, colour_luminance
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.kinds import EmitterKind, TexelFormat
+from rptcam_cl.core.records import EMITTER
 from rptcam_cl.plan.environment import DistantSun
-from rptcam_cl.plan.known_spectra import KnownSpectra
-from rptcam_cl.plan.picture_table import Colours
+from rptcam_cl.plan.optical_constants import KnownSpectra
+from rptcam_cl.plan.pictures import Colours
 from rptcam_cl.plan.primitives import turn_to, world_from_scene
 from rptcam_cl.plan.sky import SUN_RADIUS_DEGREES
 from rptcam_cl.plan.textures import TextureTable
-from rptcam_cl.records import EMITTER
-from rptcam_cl.scene.colours import Colour
-from rptcam_cl.scene.light import DirectionalLight, Light, PointLight, ProfileLight, SpotLight, SunLight
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene import Colour, DirectionalLight, Light, PointLight, ProfileLight, Scene, SpotLight, SunLight
 
 PROFILE_CELLS = (360, 720)  # directions of a luminaire, along and about its axis: half a degree
 
@@ -32,14 +30,14 @@ def light_emitter(
     match light:
         case PointLight():
             record["kind"], record["radiance"][:3] = EmitterKind.POINT, light.intensity
-            power = 4 * np.pi * luminance(light.intensity)
+            power = 4 * np.pi * colour_luminance(light.intensity)
         case SpotLight():
             power = _spot(record, light)
         case ProfileLight():
             power = _profile(record, light, scene, textures)
         case DirectionalLight():
             record["kind"], record["radiance"][:3] = EmitterKind.DIRECTIONAL, light.irradiance
-            power = np.pi * reach**2 * luminance(light.irradiance)
+            power = np.pi * reach**2 * colour_luminance(light.irradiance)
         case SunLight():
             power = fill_sun(record, light.irradiance, light.diameter_degrees / 2) * np.pi * reach**2
     record["radiance"][3] = _number(light, record, spectra)
@@ -70,7 +68,7 @@ def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_deg
     record["kind"] = EmitterKind.SUN
     record["a"][3] = sin2
     record["radiance"][:3] = np.asarray(irradiance) / (np.pi * sin2)
-    return luminance(irradiance)
+    return colour_luminance(irradiance)
 
 
 def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
@@ -92,7 +90,7 @@ def _spot(record: np.void, light: SpotLight) -> float:
     record["kind"], record["radiance"][:3] = EmitterKind.SPOT, light.intensity
     record["normal"][:3] = _unit(light.direction)
     record["u"][3], record["v"][3] = outer, 1 / (outer - inner)
-    return float(np.pi * (outer + inner) * luminance(light.intensity))
+    return float(np.pi * (outer + inner) * colour_luminance(light.intensity))
 
 
 def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: TextureTable) -> float:
@@ -105,7 +103,7 @@ def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: Textu
     texels = np.repeat(intensity.astype(np.float32)[::-1, :, None], 3, axis=2)
     record["texture"] = textures.add_sphere(Colours.of(texels, TexelFormat.HALF, f"luminaire {scene.digest_of(light)}"))
     record["kind"] = EmitterKind.PROFILE
-    colour = np.array(light.color) * (light.gain / max(luminance(light.color), 1e-30))
+    colour = np.array(light.color) * (light.gain / max(colour_luminance(light.color), 1e-30))
     record["radiance"][:3] = colour
     turn = turn_to(-_unit(light.direction))
     angle = np.deg2rad(light.rotation_degrees)

@@ -8,21 +8,31 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.records import MATERIAL, MaterialKind
 from rptcam_cl.plan.covers import cover_mean, internal_reflectance, rough_cover, smooth_mean
-from rptcam_cl.plan.known_spectra import KnownSpectra
-from rptcam_cl.plan.metals import metal_constants, metal_spectra
-from rptcam_cl.plan.refraction import fill_index
+from rptcam_cl.plan.optical_constants import KnownSpectra, fill_index, metal_constants, metal_spectra
 from rptcam_cl.plan.textures import TextureTable
-from rptcam_cl.records import MATERIAL, MaterialKind
-from rptcam_cl.scene.colours import Colour
-from rptcam_cl.scene.coverage import BumpyMaterial, CoveringMaterial
-from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
-from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
-from rptcam_cl.scene.metal import Conductor, MetalSpectrum, OpticalConstants
-from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import LARGEST_RADIANCE
-from rptcam_cl.scene.roughness import alpha_pair
-from rptcam_cl.scene.texture import Texture
+from rptcam_cl.scene import (
+    LARGEST_RADIANCE,
+    AbsorbingMaterial,
+    BumpyMaterial,
+    Colour,
+    Conductor,
+    CoveringMaterial,
+    Dielectric,
+    Emissive,
+    Material,
+    Matte,
+    MetalSpectrum,
+    Mirror,
+    Mix,
+    OpticalConstants,
+    Plastic,
+    Principled,
+    Texture,
+    ThinGlass,
+    alpha_pair,
+)
 
 _TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "opacity_texture", "factor_texture",
              "normal_texture")  # fmt: skip

@@ -1,4 +1,4 @@
-"""Meshes of the scene as pools of vertices and triangles, in metres.
+"""Meshes of the scene as pools of vertices and triangles, in metres, each with its material.
 
 A mesh that stands in the scene once is taken to the world, where all such meshes share one tree. One that several
 objects use is held once, in its own frame, with a tree that its instances share; small ones are copied all the same, as
@@ -15,9 +15,51 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.geometry import Mesh
-from rptcam_cl.geometry.packed import VERTEX_FLOATS, PackedMeshes, TriangleGroup
-from rptcam_cl.records import INSTANCE
+from rptcam_cl.assets.meshes import Mesh
+from rptcam_cl.core.records import INSTANCE
+from rptcam_cl.plan.packed_meshes import VERTEX_FLOATS, PackedMeshes, TriangleGroup
+from rptcam_cl.scene import Material, MeshObject, Scene
+
+__all__ = ["Mesh", "MeshPart", "mesh_parts"]
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPart:
+    """A mesh where an object has it.
+
+    Attributes
+    ----------
+    mesh : Mesh
+        The same object wherever the same triangles are used.
+    placement : (4, 4) float64
+        From the mesh's own coordinates (its origin added to its positions) to the world [scene units], when the shutter
+        opens. A reflection
+        carries the front side along: it stays where the corners run counter-clockwise in the mesh's own coordinates.
+    material : Material
+    name : str or None
+        Of the object, or of the part in its file.
+    """
+
+    mesh: Mesh
+    placement: NDArray[np.float64]
+    material: Material
+    name: str | None
+
+
+def mesh_parts(scene: Scene, item: MeshObject) -> tuple[MeshPart, ...]:
+    """Return the parts of one of a scene's mesh objects, in the order of the file.
+
+    Raises
+    ------
+    InputError
+        When the mesh cannot be used; a scene from `load_scene` has been checked.
+    """
+    loaded = scene.load_mesh(item)
+    return tuple(
+        MeshPart(part.mesh, item.placed_at(scene.shutter.open_s) @ part.placement, material, part.name or item.name)
+        for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
+    )
+
 
 MOST_COPIED = 1 << 14  # triangles that copies of one mesh may add to the common tree
 

@@ -1,18 +1,108 @@
-"""The way of everything that moves while the shutter is open, in metres about the eye."""
+"""Everything that moves while the shutter is open, in metres about the eye, as the device holds it."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.geometry.movement import Movements
+from rptcam_cl.core.records import LEG
 from rptcam_cl.plan.primitives import Primitive
-from rptcam_cl.records import LEG
-from rptcam_cl.scene.motion import Course, moments, quaternion_of
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene import Scene, Trajectory, moments, quaternion_of
+
+Array = NDArray[np.float64]
+
+STEPS_PER_TURN = 64
+MOST_STEPS = 1024  # of a leg
+ROUNDING = 4e-6  # of a place, relative to its distances from eye and pivot: beyond MOTION_ROUNDING of kernels/geometry
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Places that a body takes one after another.
+
+    Attributes
+    ----------
+    matrices : (n, 4, 4) array
+        To there from where the body is at rest.
+    pivots : (n, 3) array
+        About which it turns [m].
+    bends : (n,) array
+        How far at most a point gets off the straight line to the next place, per distance from the pivot.
+    """
+
+    matrices: Array
+    pivots: Array
+    bends: Array
+
+    def box(self, low: Array, high: Array, rest: tuple[Array, Array]) -> tuple[Array, Array]:
+        """Return the corners (3,) of a box round the whole way.
+
+        Parameters
+        ----------
+        low, high
+            Corners of boxes round the body at each place (n, 3).
+        rest
+            Corners (3,) of a box round the body at rest.
+        """
+        corners = np.stack(rest)
+        reach = np.linalg.norm(np.maximum(*np.abs(corners[:, None] - self.pivots)), axis=1)
+        margin = self.bends * reach + ROUNDING * (reach + np.linalg.norm(self.pivots, axis=1))
+        return (low - margin[:, None]).min(axis=0), (high + margin[:, None]).max(axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Movements:
+    """The legs of everything that moves.
+
+    Attributes
+    ----------
+    legs : array of ``Leg`` records
+        See ``kernels/geometry/movement.h``.
+    of_primitive : (n, 2) int32 array
+        First leg and number of legs of each primitive; none for what stands still.
+    """
+
+    legs: NDArray[np.void]
+    of_primitive: NDArray[np.int32]
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Facts for the compilation of the kernels."""
+        most = int(self.of_primitive[:, 1].max(initial=0))
+        turning = bool((self.legs["travel"][:, 3] != 0).any())
+        return {"HAS_MOTION": int(most > 0), "MOTION_LEGS": min(most, 2), "MOTION_TURNS": int(turning)}
+
+    def places(self, primitive: int) -> Places:
+        """Return places that a moving primitive takes, close enough to each other to bound the way between them."""
+        first, count = self.of_primitive[primitive]
+        parts = [_places(leg) for leg in self.legs[first : first + count]]
+        return Places(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+
+
+def _places(leg: np.void) -> tuple[Array, Array, Array]:
+    pivot, shift, travel = (leg[name].astype(np.float64)[:3] for name in ("pivot", "shift", "travel"))
+    turns = float(leg["travel"][3])
+    steps = int(np.clip(np.ceil(abs(turns) * STEPS_PER_TURN), 1, MOST_STEPS))
+    shares = np.linspace(0, 1, steps + 1)
+    half = np.pi * turns * shares[:, None]
+    axis = leg["axis"].astype(np.float64)[:3]
+    matrices = np.tile(np.eye(4), (len(shares), 1, 1))
+    matrices[:, :3, :3] = _rotations(np.hstack([np.sin(half) * axis, np.cos(half)])) @ _rotations(leg["turn"][None])
+    matrices[:, :3, 3] = pivot + shift + shares[:, None] * travel - matrices[:, :3, :3] @ pivot
+    bend = min((2 * np.pi * turns / steps) ** 2 / 8, 2.0)
+    return matrices, np.tile(pivot, (len(shares), 1)), np.full(len(shares), bend)
+
+
+def _rotations(quaternions: NDArray[np.floating]) -> Array:
+    """Return the matrices (n, 3, 3) of quaternions x, y, z, w."""
+    x, y, z, w = (quaternions / np.linalg.norm(quaternions, axis=1, keepdims=True)).astype(np.float64).T
+    zero = np.zeros_like(x)
+    cross = np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]).transpose(2, 0, 1)
+    return np.asarray(np.eye(3) + 2 * w[:, None, None] * cross + 2 * cross @ cross)
 
 
 def pack_movements(scene: Scene, primitives: Sequence[Primitive]) -> Movements:
@@ -32,7 +122,7 @@ def pack_movements(scene: Scene, primitives: Sequence[Primitive]) -> Movements:
     return Movements(np.concatenate(legs) if legs else LEG.zeros(1), of_primitive)
 
 
-def _legs(course: Course, scene: Scene) -> NDArray[np.void]:
+def _legs(course: Trajectory, scene: Scene) -> NDArray[np.void]:
     begin, end = scene.shutter.span_s
     times = moments(course.frames, begin, end)
     places = [course.at(time) for time in times]

@@ -7,24 +7,19 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import CameraModel
-from rptcam_cl.cameras.course import camera_course
-from rptcam_cl.cameras.filter import FilterTable, filter_table
-from rptcam_cl.geometry.movement import Movements
-from rptcam_cl.geometry.packed import PackedMeshes
+from rptcam_cl.cameras import CameraModel, FilterTable, camera_trajectory, filter_table
+from rptcam_cl.core.records import Kind
 from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
-from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.materials import pack_materials
-from rptcam_cl.plan.motion import pack_movements
-from rptcam_cl.plan.owners import Owners, owners_of
-from rptcam_cl.plan.primitives import Primitive, pack_primitives, scene_primitives, with_meshes
+from rptcam_cl.plan.motion import Movements, pack_movements
+from rptcam_cl.plan.optical_constants import KnownSpectra
+from rptcam_cl.plan.packed_meshes import PackedMeshes
+from rptcam_cl.plan.primitives import Owners, Primitive, owners_of, pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.spectrum import Spectrum, seen_by
 from rptcam_cl.plan.textures import Textures, TextureTable
-from rptcam_cl.records import Kind
-from rptcam_cl.scene.opening import at_opening
-from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene import Scene, at_opening
 
 
 @dataclass(frozen=True)
@@ -57,7 +52,7 @@ def _is_smooth(primitive: Primitive) -> bool:
 def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
     """Return the plan of a scene, with its own camera unless another one is given."""
     scene = at_opening(scene)
-    course, legs = camera_course(scene)
+    course, legs = camera_trajectory(scene)
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.geometry import Mesh, mesh_parts
-from rptcam_cl.plan.meshes import MeshPlan, PlacedMesh, pack_meshes
-from rptcam_cl.records import PRIMITIVE, Kind
+from rptcam_cl.core.records import PRIMITIVE, Kind
+from rptcam_cl.plan.meshes import Mesh, MeshPlan, PlacedMesh, mesh_parts, pack_meshes
+from rptcam_cl.scene import Material, MeshObject, PlacedObject, Scene, Trajectory
 from rptcam_cl.scene import shape as shapes
-from rptcam_cl.scene.material import Material
-from rptcam_cl.scene.mesh_shape import MeshObject
-from rptcam_cl.scene.motion import Course
-from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.scene_object import PlacedObject
 
 Matrix = NDArray[np.float64]
 
@@ -36,7 +31,7 @@ class Primitive:
     object : int
         Index of the object of the scene that it belongs to.
     mesh : Mesh or None
-    course : Course or None
+    course : Trajectory or None
         Its way while the shutter is open, None where it stands still; the placement is that at the opening.
     """
 
@@ -45,7 +40,7 @@ class Primitive:
     material: Material
     object: int
     mesh: Mesh | None = None
-    course: Course | None = None
+    course: Trajectory | None = None
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
@@ -136,7 +131,7 @@ def _mesh_primitives(scene: Scene, item: MeshObject, index: int) -> list[Primiti
     return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, course) for part in parts]
 
 
-def _course(scene: Scene, item: PlacedObject) -> Course | None:
+def _course(scene: Scene, item: PlacedObject) -> Trajectory | None:
     """Return the way of an object, None where it stands still while the shutter is open."""
     return item.course if item.course is not None and item.course.moves(*scene.shutter.span_s) else None
 
@@ -197,3 +192,38 @@ def pack_primitives(
         records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
     ends = [sum(primitive.kind <= kind for primitive in primitives) for kind in Kind]
     return records, np.array(ends, np.int32)
+
+
+@dataclass(frozen=True)
+class Owners:
+    """Identifiers by primitive, and names by identifier.
+
+    Attributes
+    ----------
+    of_primitive : (n, 2) array
+        Identifier of the object, its index in the scene's list, and of the material.
+    objects : tuple of str
+        Name of each object; its place in the scene where it has none.
+    materials : tuple of str
+        Name of each material: first the scene's named ones in their order, then those written out in an object, by
+        their place.
+    """
+
+    of_primitive: NDArray[np.int32]
+    objects: tuple[str, ...]
+    materials: tuple[str, ...]
+
+
+def owners_of(scene: Scene, primitives: Sequence[Primitive]) -> Owners:
+    """Return the owners of the primitives of a scene."""
+    objects = tuple(item.name or f"objects.{index}" for index, item in enumerate(scene.objects))
+    names = list(scene.materials)
+    identifiers = {id(material): index for index, material in enumerate(scene.materials.values())}
+    rows = np.zeros((max(len(primitives), 1), 2), np.int32)  # as OpenCL has no empty buffers
+    for primitive in sorted(primitives, key=lambda primitive: primitive.object):
+        if id(primitive.material) not in identifiers:
+            identifiers[id(primitive.material)] = len(names)
+            names.append(f"objects.{primitive.object}.material")
+    for row, primitive in zip(rows, primitives, strict=False):
+        row[:] = primitive.object, identifiers[id(primitive.material)]
+    return Owners(rows, objects, tuple(names))

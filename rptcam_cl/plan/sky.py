@@ -12,11 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.scene.environment import SkyEnvironment
-from rptcam_cl.spectra import WAVELENGTHS_NM, Spectrum, blackbody, srgb_from_spectrum, srgb_from_xyz
+from rptcam_cl.colour import LUMENS_PER_WATT, WAVELENGTHS_NM, Spectrum, blackbody, srgb_from_spectrum, srgb_from_xyz
+from rptcam_cl.scene import SkyEnvironment
 
 Array = NDArray[np.float64]
-LUMENS_PER_WATT = 683.0
 SUN_KELVIN = 5772.0
 SUN_RADIUS_DEGREES = 0.2666  # seen from the mean distance of the Earth
 ROWS, COLUMNS = 256, 512

@@ -9,14 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
-from rptcam_cl.errors import InputError
-from rptcam_cl.kinds import SpectrumKind
-from rptcam_cl.plan.colour import LUMINANCE
-from rptcam_cl.plan.known_spectra import KnownSpectra
+from rptcam_cl.colour import LUMINANCE, WAVELENGTHS_NM, cie_1931, daylight_65, response_curves, rgb_basis, srgb_from_xyz
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.kinds import SpectrumKind
 from rptcam_cl.plan.materials import Materials
-from rptcam_cl.scene.scene import Scene
-from rptcam_cl.sensor import response_curves
-from rptcam_cl.spectra import WAVELENGTHS_NM, cie_1931, daylight_65, rgb_basis, srgb_from_xyz
+from rptcam_cl.plan.optical_constants import KnownSpectra
+from rptcam_cl.scene import Scene
 
 Array = NDArray[np.float64]
 

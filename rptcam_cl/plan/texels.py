@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.kinds import TexelFormat
-from rptcam_cl.pictures import Picture
+from rptcam_cl.assets.pictures import Picture
+from rptcam_cl.core.kinds import TexelFormat
 
 Texels = NDArray[np.uint8] | NDArray[np.float32]
 _LARGEST_EXPONENT = 15  # halves reach 2^16

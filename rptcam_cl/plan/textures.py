@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.kinds import TextureKind, Wrap
-from rptcam_cl.plan.picture_table import Colours, PictureTable
-from rptcam_cl.records import TEXTURE
-from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Texture
+from rptcam_cl.core.kinds import TextureKind, Wrap
+from rptcam_cl.core.records import TEXTURE
+from rptcam_cl.plan.pictures import Colours, PictureTable
+from rptcam_cl.scene import Checker, Gradient, Grid, ImageTexture, Noise, Scene, Texture
 
 Colour = tuple[float, float, float]
 BLACK: Colour = (0.0, 0.0, 0.0)

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ConfigDict, GetJsonSchemaHandler, model_validato
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from rptcam_cl.scene.refusal import listed, near_name, refuse
+from rptcam_cl.scene.values import listed, near_name, refuse
 
 
 class Alternatives(NamedTuple):

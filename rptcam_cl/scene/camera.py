@@ -9,16 +9,23 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, model_validator
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.scene.accuracy import AUTO, Accuracy
-from rptcam_cl.scene.aperture import Aperture, CircularAperture
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.autofocus import AutoFocusOrMethod, OnlyAuto
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel
-from rptcam_cl.scene.lens_reference import LensReference
+from rptcam_cl.scene.lens_settings import (
+    AUTO,
+    EVERY_FORM,
+    IDEAL,
+    Accuracy,
+    Aperture,
+    CircularAperture,
+    LensReference,
+    Transmission,
+)
 from rptcam_cl.scene.motion import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Fraction, Position, list_of
-from rptcam_cl.scene.refusal import refuse
-from rptcam_cl.scene.transmission import EVERY_FORM, IDEAL, Transmission
+from rptcam_cl.scene.values import refuse
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
 SMALLEST_ROLL_SINE = 1e-6
@@ -309,7 +316,7 @@ class LensCamera(Pose):
     f_number: FNumber | None = None
     """F-number that the stop is set to; as in the lens file by default."""
 
-    wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = 587.5618
+    wavelength_nm: Annotated[float, Field(ge=200, le=3000), NUMBER] = LINE_D_NM
     """Wavelength of the indices of refraction [nm]; the helium d line by default."""
 
     transmission: Annotated[Transmission, AlsoAccepts(EVERY_FORM)] = IDEAL

@@ -12,11 +12,10 @@ from pydantic import GetCoreSchemaHandler, GetJsonSchemaHandler
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, core_schema
 
-from rptcam_cl.references import Folders
-from rptcam_cl.scene.numbers import number_at
-from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.core.references import Folders
 from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import TabulatedSpectrum
+from rptcam_cl.scene.values import number_at, refuse
 
 Colour = tuple[float, float, float]
 

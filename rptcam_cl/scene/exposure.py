@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from rptcam_cl.scene.base import AlsoAccepts, SceneModel
 from rptcam_cl.scene.camera import Camera, FNumber, LensCamera, ThinLensCamera
 from rptcam_cl.scene.quantities import NUMBER, Fraction, list_of
-from rptcam_cl.scene.refusal import listed, near_name, refuse
+from rptcam_cl.scene.values import listed, near_name, refuse
 
 Mode = Literal["relative", "irradiance", "physical", "auto"]
 MODES: tuple[Mode, ...] = get_args(Mode)

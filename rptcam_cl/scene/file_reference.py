@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr
 
-from rptcam_cl.references import Folders, digest
+from rptcam_cl.core.references import Folders, digest
 from rptcam_cl.scene.base import SceneModel
 
 LARGEST_FILE = 2 << 30  # bytes, of a picture, the largest kind of file that parts of a scene name

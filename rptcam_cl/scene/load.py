@@ -1,8 +1,9 @@
-"""From a scene file to a validated scene."""
+"""From a scene file to a validated scene, and the JSON schema of such files."""
 
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
@@ -11,15 +12,15 @@ from typing import Any
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.references import Folders
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.references import Folders
+from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.scene.checks import check_extent
 from rptcam_cl.scene.file_reference import file_references
-from rptcam_cl.scene.mesh_shape import MeshObject
+from rptcam_cl.scene.mesh import MeshObject
 from rptcam_cl.scene.overrides import apply_overrides
 from rptcam_cl.scene.problems import Where, input_error, refusal_text, shown
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.strict_yaml import Document, KeyPath, dotted, read_yaml
 
 
 def load_scene(
@@ -127,3 +128,13 @@ def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> Non
         raise InputError(f"{where((*path, key), False)}{dotted((*path, key))}: {problem}") from None
     except PydanticCustomError as problem:
         raise InputError(f"{where((*path, key), False)}{dotted(path)}: {refusal_text(problem)}") from None
+
+
+def scene_json_schema() -> dict[str, Any]:
+    """Return the JSON schema of a scene file (draft 2020-12)."""
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema"} | Scene.model_json_schema()
+
+
+def scene_json_schema_text() -> str:
+    """Return the JSON schema as the text of `docs/scene.schema.json`."""
+    return json.dumps(scene_json_schema(), indent=1, ensure_ascii=False) + "\n"

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from pydantic import PlainSerializer, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
-from rptcam_cl.mesh_files import NormalsMode, Polygons
-from rptcam_cl.scene.numbers import number_at
+from rptcam_cl.assets.meshes import NormalsMode, Polygons
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE
-from rptcam_cl.scene.refusal import listed, near_name, refuse
+from rptcam_cl.scene.values import listed, near_name, number_at, refuse
 
 NORMALS_MODES: tuple[NormalsMode, ...] = ("auto", "smooth", "flat")
 

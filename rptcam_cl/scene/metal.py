@@ -9,18 +9,17 @@ import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, GetCoreSchemaHandler, Tag, model_validator
 from pydantic_core import CoreSchema, core_schema
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.references import Folders
+from rptcam_cl.colour import Spectrum, on_grid
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.references import Folders
 from rptcam_cl.scene.base import Alternatives, SceneModel
-from rptcam_cl.scene.coverage import BumpyMaterial
 from rptcam_cl.scene.file_reference import FileName
+from rptcam_cl.scene.material_parts import BumpyMaterial, RoughMaterial
 from rptcam_cl.scene.quantities import NUMBER, list_of
-from rptcam_cl.scene.refusal import refuse
-from rptcam_cl.scene.roughness import RoughMaterial
 from rptcam_cl.scene.spectrum_forms import Numbers
 from rptcam_cl.scene.spectrum_table import fault_of, read_rows
 from rptcam_cl.scene.texture import Reflectance
-from rptcam_cl.spectra import Spectrum, on_grid
+from rptcam_cl.scene.values import refuse
 
 Metal = Literal["aluminium", "chromium", "copper", "gold", "iron", "nickel", "platinum", "silver", "tungsten"]
 
@@ -61,7 +60,7 @@ class MetalTable(SceneModel):
 
 @dataclass(frozen=True, eq=False)
 class MetalSpectrum:
-    """The refractive index n + i k of a metal at `rptcam_cl.spectra.WAVELENGTHS_NM`."""
+    """The refractive index n + i k of a metal at `rptcam_cl.colour.WAVELENGTHS_NM`."""
 
     n: Spectrum
     k: Spectrum

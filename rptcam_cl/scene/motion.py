@@ -14,9 +14,9 @@ from pydantic import AfterValidator, Field
 
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.quantities import Direction, Position
-from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.shutter import Moment
 from rptcam_cl.scene.transform import Matrix, Rotation, turn_about
+from rptcam_cl.scene.values import refuse
 
 Vector = NDArray[np.float64]
 
@@ -91,7 +91,7 @@ def moments(frames: Sequence[Keyframe], begin_s: float, end_s: float) -> list[fl
     return [begin_s, *(frame.time_s for frame in frames if begin_s < frame.time_s < end_s), end_s]
 
 
-class Course:
+class Trajectory:
     """The way of an object through its keyframes.
 
     Between two keyframes it goes straight and turns uniformly: about the axis where both have the same, by whole turns

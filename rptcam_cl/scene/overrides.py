@@ -6,13 +6,13 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import KeyPath, dotted, read_yaml
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Focus, LensCamera, ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.problems import shown
 from rptcam_cl.scene.white_balance import WhiteBalance
-from rptcam_cl.strict_yaml import KeyPath, dotted, read_yaml
 
 # Where keys that exclude each other live, and the models that say which they are.
 _EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {

@@ -7,12 +7,12 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.base import AlsoAccepts, SceneModel
 from rptcam_cl.scene.overrides import apply_overrides
 from rptcam_cl.scene.problems import input_error
 from rptcam_cl.scene.quantities import NUMBER
-from rptcam_cl.scene.refusal import listed, near_name, refuse
+from rptcam_cl.scene.values import listed, near_name, refuse
 from rptcam_cl.scene.white_balance import LIGHTS, WhiteBalance
 
 Tone = Literal["srgb", "linear", "reinhard", "filmic", "agx"]
@@ -59,7 +59,7 @@ class ToneCurve(SceneModel):
         return DEFAULT_TONE_WHITE if self.white is None else self.white
 
 
-class Picture(SceneModel):
+class PictureSettings(SceneModel):
     """How the film becomes the picture: white balance, exposure, tone curve, gamut and encoding, in this order."""
 
     ev: Annotated[float, Field(ge=-60, le=60), NUMBER] = 0.0
@@ -94,7 +94,7 @@ class Picture(SceneModel):
             )
 
 
-def load_picture(settings: Mapping[str, Any], overrides: Iterable[str] = ()) -> Picture:
+def load_picture(settings: Mapping[str, Any], overrides: Iterable[str] = ()) -> PictureSettings:
     """Return picture settings of a mapping, changed by overrides such as ``picture.tone=agx``.
 
     Raises
@@ -113,6 +113,6 @@ def load_picture(settings: Mapping[str, Any], overrides: Iterable[str] = ()) -> 
         return f"--set {told[-1]}: picture." if told else "picture."
 
     try:
-        return Picture.model_validate(data["picture"])
+        return PictureSettings.model_validate(data["picture"])
     except ValidationError as problem:
         raise input_error(problem, data["picture"], where) from None

@@ -7,11 +7,11 @@ from typing import Annotated, ClassVar, Literal, Self
 from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives
-from rptcam_cl.scene.coverage import BumpyMaterial
 from rptcam_cl.scene.dielectric import ABSORPTION, LEAST_BEND, AbsorbingMaterial
+from rptcam_cl.scene.material_parts import BumpyMaterial
 from rptcam_cl.scene.quantities import NUMBER, Fraction
-from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.texture import Emission, Reflectance, Share
+from rptcam_cl.scene.values import refuse
 
 
 class Principled(AbsorbingMaterial, BumpyMaterial):

@@ -10,12 +10,12 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import KeyPath, dotted
 from rptcam_cl.scene.colours import SPECTRUM
 from rptcam_cl.scene.metal import MEASURED, WRITTEN_OUT
-from rptcam_cl.scene.refusal import REFUSED, listed, near_name
 from rptcam_cl.scene.texture import CONSTANT
-from rptcam_cl.strict_yaml import KeyPath, dotted
+from rptcam_cl.scene.values import REFUSED, listed, near_name
 
 MAX_REPORTED = 5
 

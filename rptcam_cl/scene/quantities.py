@@ -11,9 +11,8 @@ import numpy as np
 from pydantic import AfterValidator, BeforeValidator, Field
 
 from rptcam_cl.scene.colours import Colour, ColourForms, SpectralForm
-from rptcam_cl.scene.numbers import read_number
-from rptcam_cl.scene.refusal import refuse
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum, albedo, coefficient, radiance, tint
+from rptcam_cl.scene.values import read_number, refuse
 
 # Bounds that keep squares (intersection) and reciprocals of areas (sampling densities) inside float32,
 # also after multiplication with metres_per_unit (1e-6 to 1e6).

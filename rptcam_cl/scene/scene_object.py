@@ -11,7 +11,7 @@ from pydantic import Field
 
 from rptcam_cl.scene.base import AlsoAccepts, SceneModel
 from rptcam_cl.scene.material import Material
-from rptcam_cl.scene.motion import Course, ObjectMotion
+from rptcam_cl.scene.motion import ObjectMotion, Trajectory
 from rptcam_cl.scene.transform import Transform, product
 
 Bounds = tuple[NDArray[np.float64], NDArray[np.float64]]
@@ -39,9 +39,9 @@ class PlacedObject(SceneModel):
         return matrix
 
     @property
-    def course(self) -> Course | None:
+    def course(self) -> Trajectory | None:
         """Return its way through the keyframes, None where it has none."""
-        return Course(self.motion) if self.motion else None
+        return Trajectory(self.motion) if self.motion else None
 
     def placed_at(self, time_s: float) -> NDArray[np.float64]:
         """Return the 4x4 matrix that places the object in the world at a moment: its transform, then its motion."""

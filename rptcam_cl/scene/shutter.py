@@ -8,8 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.numbers import read_number
-from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.scene.values import read_number, refuse
 
 SHORTEST_S = 1e-9
 LONGEST_S = 1e9

@@ -1,14 +1,16 @@
-"""A colour that is known at every wavelength."""
+"""A colour that is known at every wavelength, and how the colour of light is carried along paths."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
+from pydantic import model_validator
 
-from rptcam_cl.spectra import Spectrum, srgb_from_reflectance, srgb_from_spectrum, within_srgb
+from rptcam_cl.colour import Spectrum, srgb_from_reflectance, srgb_from_spectrum, within_srgb
+from rptcam_cl.scene.base import SceneModel
 
 Lines = tuple[tuple[float, float], ...]
 
@@ -19,7 +21,7 @@ class SpectralColour(tuple[float, float, float]):
     Attributes
     ----------
     samples : array (401,)
-        Values at `rptcam_cl.spectra.WAVELENGTHS_NM`, read-only: shares of light, coefficients, or densities of a light
+        Values at `rptcam_cl.colour.WAVELENGTHS_NM`, read-only: shares of light, coefficients, or densities of a light
         per nm.
     lines : tuple of (float, float)
         Lines of a light, wavelength [nm] and amount; `samples` has them too, shared by their neighbours on the grid.
@@ -81,3 +83,30 @@ class SpectralColour(tuple[float, float, float]):
         """Return it as plain data, with as many digits as tell two pictures apart."""
         samples = [float(f"{value:.9g}") for value in self.samples]
         return {"samples": samples, "lines": [list(line) for line in self.lines]}
+
+
+LensColour = Literal["off", "auto", "on"]
+
+
+class SpectrumSettings(SceneModel):
+    """How the colour of light is carried along paths; a word alone is the mode."""
+
+    mode: Literal["auto", "rgb", "dispersive", "spectral"] = "auto"
+    """Red, green and blue through a lens of one wavelength; the same with a wavelength per path, which lens and glass
+    disperse; spectra at three wavelengths per path. By default what the scene needs."""
+
+    lens: LensColour | None = None
+    """Whether the lens bends each wavelength by itself; `auto`: where that moves light by more than half a pixel, or
+    than `camera.accuracy` allows."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _word(cls, value: Any) -> Any:
+        return {"mode": value} if isinstance(value, str) else value
+
+    @property
+    def lens_colour(self) -> LensColour:
+        """Whether the lens bends each wavelength by itself."""
+        if self.mode == "rgb":
+            return "off"
+        return self.lens or ("on" if self.mode == "dispersive" else "auto")

@@ -7,15 +7,7 @@ from typing import Annotated, ClassVar, Literal, Self
 import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.references import Folders
-from rptcam_cl.scene.base import Alternatives, SceneModel
-from rptcam_cl.scene.file_reference import FileName
-from rptcam_cl.scene.numbers import read_number
-from rptcam_cl.scene.refusal import refuse
-from rptcam_cl.scene.spectrum import Lines, SpectralColour
-from rptcam_cl.scene.spectrum_table import LARGEST_VALUE, fault_of, numbers_of, read_lines, read_rows
-from rptcam_cl.spectra import (
+from rptcam_cl.colour import (
     COOLEST_DAYLIGHT,
     HOTTEST_DAYLIGHT,
     Spectrum,
@@ -25,7 +17,14 @@ from rptcam_cl.spectra import (
     lines_on_grid,
     on_grid,
 )
-from rptcam_cl.spectra import luminance as luminance_of
+from rptcam_cl.colour import luminance as luminance_of
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.references import Folders
+from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.file_reference import FileName
+from rptcam_cl.scene.spectrum import Lines, SpectralColour
+from rptcam_cl.scene.spectrum_table import LARGEST_VALUE, fault_of, numbers_of, read_lines, read_rows
+from rptcam_cl.scene.values import read_number, refuse
 
 _NUMBERS = {"type": "array", "items": {"type": "number"}, "minItems": 2}
 Numbers = Annotated[tuple[float, ...], BeforeValidator(numbers_of), WithJsonSchema(_NUMBERS)]

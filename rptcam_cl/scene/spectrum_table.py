@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError, StateError
-from rptcam_cl.references import Folders, read_whole
-from rptcam_cl.scene.numbers import FLOAT32_MIN_NORMAL, number_at, read_number
-from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.colour import WAVELENGTHS_NM, Spectrum
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.references import Folders, read_whole
 from rptcam_cl.scene.spectrum import Lines
-from rptcam_cl.spectra import WAVELENGTHS_NM, Spectrum
+from rptcam_cl.scene.values import FLOAT32_MIN_NORMAL, number_at, read_number, refuse
 
 SUFFIXES = (".csv", ".txt", ".tsv", ".spd")
 LARGEST_VALUE = 1e30
@@ -23,7 +22,7 @@ LARGEST_FILE = 4_000_000  # bytes
 _SHORTEST, _LONGEST = WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1]
 
 
-class Rows(NamedTuple):
+class SpectrumRows(NamedTuple):
     """A table that is checked: wavelengths [nm] that rise, and columns of values, shape (columns, rows)."""
 
     wavelengths: Spectrum
@@ -70,7 +69,7 @@ def is_table_file(name: object) -> bool:
     return isinstance(name, str) and name.lower().endswith(SUFFIXES)
 
 
-def read_rows(name: str, folders: Folders, meanings: Sequence[str] = ("a value",)) -> Rows:
+def read_rows(name: str, folders: Folders, meanings: Sequence[str] = ("a value",)) -> SpectrumRows:
     """Return the table of a file: a wavelength [nm] and values a line; comments begin with #, one heading may lead.
 
     Parameters
@@ -108,7 +107,7 @@ def read_rows(name: str, folders: Folders, meanings: Sequence[str] = ("a value",
     if fault is not None:
         index, problem = fault
         raise InputError(f"line {given[index][0]} {problem}")
-    return Rows(wavelengths, np.array(columns))
+    return SpectrumRows(wavelengths, np.array(columns))
 
 
 def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:

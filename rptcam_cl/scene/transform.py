@@ -11,7 +11,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, mod
 
 from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Position, list_of
-from rptcam_cl.scene.refusal import refuse
+from rptcam_cl.scene.values import refuse
 
 # Ratio of the smallest to the largest stretch that float32 inverts with some accuracy left.
 SMALLEST_STRETCH_RATIO = 1e-6

@@ -8,11 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
+from rptcam_cl.colour import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
 from rptcam_cl.scene.base import Alternatives, SceneModel
-from rptcam_cl.scene.numbers import number_at
 from rptcam_cl.scene.quantities import NUMBER, list_of
-from rptcam_cl.scene.refusal import refuse
-from rptcam_cl.spectra import blackbody, illuminant, srgb_from_spectrum, srgb_from_xyz, xyz_from_spectrum
+from rptcam_cl.scene.values import number_at, refuse
 
 Light = Literal[
     "auto", "A", "D50", "D55", "D65", "D75", "E", "F2", "F7", "F11", "LED-B1", "LED-B2", "LED-B3", "LED-B4", "LED-B5"

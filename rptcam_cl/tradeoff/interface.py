@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.autofocus import in_focus
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, open_session
-from rptcam_cl.errors import InputError
-from rptcam_cl.metering import settled
+from rptcam_cl.focusing import in_focus
+from rptcam_cl.rendering import resolve_exposure
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.tradeoff.advice import for_error, for_time
 from rptcam_cl.tradeoff.errors import pair_errors
@@ -72,7 +72,7 @@ def measure_tradeoff(
     session = device if isinstance(device, Session) else open_session(device)
     tell("focus and exposure", 0.0)
     sharp, _ = in_focus(scene, session, None)
-    shot = settled(most_accurate(sharp).scene, session)
+    shot = resolve_exposure(most_accurate(sharp).scene, session)
     fixed = change_scene(sharp, exposure=_given(shot.scene.exposure), shutter=_given(shot.scene.shutter))
     steps = ladder(fixed)
     count = len(steps.configurations)

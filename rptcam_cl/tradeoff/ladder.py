@@ -2,15 +2,41 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
-from rptcam_cl.accuracy import TIERS, Decision, Tier, decided, equivalent
-from rptcam_cl.errors import InputError
-from rptcam_cl.scene import Scene, change_scene, with_camera
-from rptcam_cl.scene.camera import RealisticCamera, ThinLensCamera
-from rptcam_cl.tradeoff.settings import settings
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene import RealisticCamera, Scene, ThinLensCamera, change_scene, with_camera
+from rptcam_cl.tradeoff.tiers.decide import Decision, choose_camera
+from rptcam_cl.tradeoff.tiers.tiers import TIERS, Tier, equivalent
+
+PARTS = ("film", "camera", "exposure", "shutter", "spectrum", "render")
+NOT_SAID = ("spp", "layers")  # of `render`: what a render is asked for besides
+
+
+def settings(scene: Scene, wanted: Scene) -> tuple[str, ...]:
+    """Return what ``rptcam render --set`` takes to turn one scene into another that differs by such keys only."""
+    return tuple(text for part in PARTS for text in _of_part(part, getattr(scene, part), getattr(wanted, part)))
+
+
+def _of_part(part: str, own: Any, wanted: Any) -> list[str]:
+    values = wanted.model_dump(mode="json", exclude_none=True)
+    if type(own) is type(wanted):
+        apart = [name for name in type(own).model_fields if getattr(own, name) != getattr(wanted, name)]
+        return [_said(f"{part}.{name}", values.get(name)) for name in apart if name not in NOT_SAID]
+    given = {name: values[name] for name in values if name in wanted.model_fields_set | {"kind"}}
+    gone = [f"{part}.{name}=null" for name in own.model_fields_set if name not in given]
+    apart = [name for name in given if getattr(own, name, None) != getattr(wanted, name)]
+    by_key = [*gone, *(_said(f"{part}.{name}", given[name]) for name in apart)]
+    return min(by_key, [_said(part, given)], key=lambda texts: len(" ".join(texts)))
+
+
+def _said(path: str, value: Any) -> str:
+    return f"{path}={value if isinstance(value, str) else json.dumps(value)}"
+
 
 REFERENCE = "full"
 AS_IT_IS = "as the scene says"
@@ -19,7 +45,7 @@ SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
 
 
 @dataclass(frozen=True)
-class Configuration:
+class Variant:
     """One way to render a scene.
 
     Attributes
@@ -46,7 +72,7 @@ class Configuration:
     settings: tuple[str, ...] = ()
     same_as: tuple[str, ...] = ()
 
-    def also(self, other: Configuration) -> Configuration:
+    def also(self, other: Variant) -> Variant:
         """Return it with the name of another that is the same way, asked for by what is shorter to say."""
         shorter = min(self.settings, other.settings, key=lambda texts: len(" ".join(texts)))
         return replace(self, settings=shorter, same_as=(*self.same_as, other.name))
@@ -65,7 +91,7 @@ class Ladder:
         What `camera.accuracy: auto` would choose; None for a camera without a lens of surfaces.
     """
 
-    configurations: tuple[Configuration, ...]
+    configurations: tuple[Variant, ...]
     skipped: dict[str, str]
     decision: Decision | None
 
@@ -74,17 +100,17 @@ def ladder(scene: Scene) -> Ladder:
     """Return the configurations of a scene; some may turn out to be the same once they are planned."""
     full = most_accurate(scene)
     is_lens = isinstance(full.scene.camera, RealisticCamera)
-    decision = decided(change_scene(full.scene, camera={"accuracy": "auto"})) if is_lens else None
+    decision = choose_camera(change_scene(full.scene, camera={"accuracy": "auto"})) if is_lens else None
     found, skipped = [replace(full, settings=settings(scene, full.scene))], {}
     for change in _changes(scene, full.scene, decision):
         try:
             asked = change.make()
-            made = decided(asked).scene
+            made = choose_camera(asked).scene
         except InputError as problem:
             skipped[change.name] = str(problem)
             continue
         tier, texts = change.tier or full.tier, settings(scene, asked)
-        found.append(Configuration(change.name, change.knob, made, tier, change.unbiased, texts))
+        found.append(Variant(change.name, change.knob, made, tier, change.unbiased, texts))
     return Ladder(tuple(found), skipped, decision)
 
 
@@ -93,7 +119,7 @@ def name_of(tier: Tier) -> str:
     return "fitted rays" if tier == "fitted" else tier.replace("_", " ")
 
 
-def most_accurate(scene: Scene) -> Configuration:
+def most_accurate(scene: Scene) -> Variant:
     """Return a scene with everything that makes its picture more accurate.
 
     Every ray goes through every surface, aimed at the pupil's outline; the lens bends each wavelength by itself unless
@@ -102,11 +128,11 @@ def most_accurate(scene: Scene) -> Configuration:
     """
     plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
     if not isinstance(scene.camera, RealisticCamera):
-        return Configuration(REFERENCE, "", plain)
+        return Variant(REFERENCE, "", plain)
     plain = change_scene(plain, camera={"accuracy": None, "pupil": "auto", "rays": "traced", "precision": "single"})
     if plain.spectrum.mode != "rgb":
         plain = change_scene(plain, spectrum={"lens": "on"})
-    return Configuration(REFERENCE, "", plain, "realistic")
+    return Variant(REFERENCE, "", plain, "realistic")
 
 
 @dataclass(frozen=True)

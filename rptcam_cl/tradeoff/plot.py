@@ -6,14 +6,53 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rptcam_cl.accuracy.errors import FIELDS
-from rptcam_cl.lensview.chart import Axes, Key, draw_key
-from rptcam_cl.lensview.picture import FAINT, GRID, INK, SERIES, Path, Picture, Text
+from rptcam_cl.lenstools import FAINT, GRID, INK, SERIES, Axes, Drawing, Legend, Path, Point, Text, draw_key
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import TradeoffReport
-from rptcam_cl.tradeoff.tile_map import draw_map, map_scale
+from rptcam_cl.tradeoff.tiers.errors import FIELDS
 from rptcam_cl.tradeoff.words import seconds
+
+LOW, HIGH = 0.003, 1.0  # relative differences between which the shade changes, by logarithm
+SHADES = ((247, 247, 250), (170, 195, 222), (60, 110, 165), (96, 40, 110), (40, 5, 40))
+
+
+def draw_map(picture: Drawing, corner: Point, size: Point, bias: NDArray[np.float64]) -> None:
+    """Draw squared differences (rows, columns) of tiles as a map with its upper left corner at a point."""
+    rows, columns = bias.shape
+    width, height = size[0] / columns, size[1] / rows
+    for (y, x), value in np.ndenumerate(bias):
+        left, top = corner[0] + x * width, corner[1] + y * height
+        picture.add(_box((left, top), (width, height), _shade(math.sqrt(max(value, 0.0)))))
+    picture.add(Path(_corners(corner, size), INK, 0.8, closed=True))
+
+
+def map_scale(picture: Drawing, corner: Point) -> None:
+    """Draw what the shades stand for."""
+    steps, width = 60, 4.0
+    for step in range(steps):
+        value = LOW * (HIGH / LOW) ** ((step + 0.5) / steps)
+        picture.add(_box((corner[0] + step * width, corner[1]), (width, 10.0), _shade(value)))
+    for value in (0.003, 0.01, 0.03, 0.1, 0.3, 1.0):
+        at = corner[0] + steps * width * math.log(value / LOW) / math.log(HIGH / LOW)
+        picture.add(Text((at, corner[1] + 22), f"{100 * value:g} %", 10, "middle"))
+
+
+def _shade(value: float) -> str:
+    share = math.log(max(value, LOW) / LOW) / math.log(HIGH / LOW)
+    at = np.linspace(0, 1, len(SHADES))
+    return "#" + "".join(f"{round(float(np.interp(share, at, channel))):02x}" for channel in zip(*SHADES, strict=True))
+
+
+def _box(corner: Point, size: Point, fill: str) -> Path:
+    return Path(_corners(corner, size), fill, 0.4, fill=fill, closed=True)
+
+
+def _corners(corner: Point, size: Point) -> list[Point]:
+    (left, top), (width, height) = corner, size
+    return [(left, top), (left + width, top), (left + width, top + height), (left, top + height)]
+
 
 WIDTH, HEIGHT = 1180.0, 800.0
 LEFT, RIGHT = (70.0, 66.0, 600.0, 400.0), (690.0, 66.0, 1150.0, 400.0)
@@ -24,7 +63,7 @@ FINEST, COARSEST = 0.005, 3.0  # errors that the chart reaches from the one to t
 DASHES: dict[str, tuple[float, ...]] = {"thick_lens": (7.0, 5.0)}  # which often lies on the thin lens's curve
 
 
-def tradeoff_plot(report: TradeoffReport, title: str) -> Picture:
+def tradeoff_plot(report: TradeoffReport, title: str) -> Drawing:
     """Return the three pictures.
 
     On the left root of relMSE over time, a line each; those that become level have reached their bias, and what falls
@@ -32,22 +71,22 @@ def tradeoff_plot(report: TradeoffReport, title: str) -> Picture:
     the right how far cheaper cameras put light beside its place. Below how much the pictures of the configurations that
     differ most do so, tile by tile; those that are advised come first.
     """
-    picture = Picture(WIDTH, HEIGHT, title)
+    picture = Drawing(WIDTH, HEIGHT, title)
     picture.add(Text((LEFT[0], 28), title, 15))
     colours = {found.name: SERIES[i % len(SERIES)] for i, found in enumerate(report.measurements)}
     dashes: dict[str, tuple[float, ...]] = {
         found.name: () if i < len(SERIES) else (6.0, 3.0) for i, found in enumerate(report.measurements)
     }
     _errors_over_time(picture, report.measurements, colours, dashes)
-    keys = [Key(found.name, colours[found.name], dashes[found.name]) for found in report.measurements]
-    draw_key(picture, [*keys, Key("slope of independent samples", FAINT, (2.0, 3.0))], 470)
+    keys = [Legend(found.name, colours[found.name], dashes[found.name]) for found in report.measurements]
+    draw_key(picture, [*keys, Legend("slope of independent samples", FAINT, (2.0, 3.0))], 470)
     _errors_over_field(picture, report, colours)
     _maps(picture, report)
     return picture
 
 
 def log_axes(
-    picture: Picture, box: tuple[float, float, float, float], x: tuple[float, float], y: tuple[float, float]
+    picture: Drawing, box: tuple[float, float, float, float], x: tuple[float, float], y: tuple[float, float]
 ) -> Axes:
     """Return axes of decimal logarithms over whole decades, with a grid and the values at the decades."""
     whole = [(math.floor(low), max(math.ceil(high), math.floor(low) + 1)) for low, high in (x, y)]
@@ -66,7 +105,7 @@ def log_axes(
 
 
 def _errors_over_time(
-    picture: Picture, found: Sequence[Measurement], colours: dict[str, str], dashes: dict[str, tuple[float, ...]]
+    picture: Drawing, found: Sequence[Measurement], colours: dict[str, str], dashes: dict[str, tuple[float, ...]]
 ) -> None:
     full = found[0].rate.value or found[0].sample_s.value  # an even picture has no noise
     x = (math.log10(full), math.log10(full / FINEST**2))  # from an error of 100 % of the most accurate one
@@ -92,7 +131,7 @@ def _errors_over_time(
             axes.dots(np.log10(at), np.clip(_log_error(each, at), low, high), colours[each.name], 4.0)
 
 
-def _beside_the_chart(picture: Picture, curves: dict[str, np.ndarray], y_range: tuple[float, float]) -> None:
+def _beside_the_chart(picture: Drawing, curves: dict[str, np.ndarray], y_range: tuple[float, float]) -> None:
     """Say which curves lie wholly above or below the chart."""
     _, top, right, bottom = LEFT
     for where, place, out in (
@@ -116,7 +155,7 @@ def _pale(colour: str) -> str:
     return "#" + "".join(f"{round(255 - 0.16 * (255 - value)):02x}" for value in channels)
 
 
-def _titles(picture: Picture, box: tuple[float, float, float, float], title: str, below: str, beside: str) -> None:
+def _titles(picture: Drawing, box: tuple[float, float, float, float], title: str, below: str, beside: str) -> None:
     left, top, right, bottom = box
     picture.add(Text((left, top - 10), title, 12.5))
     picture.add(Text(((left + right) / 2, bottom + 36), below, 12, "middle"))
@@ -124,7 +163,7 @@ def _titles(picture: Picture, box: tuple[float, float, float, float], title: str
         picture.add(Text((left - 48, (top + bottom) / 2), beside, 12, "middle", turned=True))
 
 
-def _errors_over_field(picture: Picture, report: TradeoffReport, colours: dict[str, str]) -> None:
+def _errors_over_field(picture: Drawing, report: TradeoffReport, colours: dict[str, str]) -> None:
     cameras = [each for each in report.cameras if each.tier != "realistic"]
     title = "error of cheaper cameras over the field [pixels]"
     if not cameras:
@@ -146,7 +185,7 @@ def _errors_over_field(picture: Picture, report: TradeoffReport, colours: dict[s
         axes.dots([field for field, _ in good], [value for _, value in good], colour, 3.0)
 
 
-def _maps(picture: Picture, report: TradeoffReport) -> None:
+def _maps(picture: Drawing, report: TradeoffReport) -> None:
     biased = [found for found in report.measurements if found.knob and not found.unbiased]
     chosen = {advice.chosen for advice in report.advice}
     shown = sorted(biased, key=lambda found: (found.name in chosen, found.bias.value), reverse=True)[:MOST_MAPS]

@@ -5,11 +5,10 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from rptcam_cl.accuracy import TierError
-from rptcam_cl.accuracy.errors import FIELDS
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.statistics import CONFIDENCE
+from rptcam_cl.tradeoff.tiers.errors import FIELDS, TierError
 
 TITLE = "Accuracy and time"
 
@@ -120,7 +119,7 @@ class TradeoffReport:
 
     def svg(self, title: str = TITLE) -> str:
         """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
-        from rptcam_cl.lensview.svg import svg_text
+        from rptcam_cl.lenstools import svg_text
         from rptcam_cl.tradeoff.plot import tradeoff_plot
 
         return svg_text(tradeoff_plot(self, title))

@@ -11,16 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device import Session
-from rptcam_cl.errors import DeviceError, InputError
-from rptcam_cl.numerics.knowledge import truncation
 from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.rendering import FilmLayout, Wavefront, check_precision, truncation
 from rptcam_cl.scene import RenderSettings
-from rptcam_cl.tradeoff.ladder import Configuration
+from rptcam_cl.tradeoff.ladder import Variant
 from rptcam_cl.tradeoff.tiles import SpreadTiles
-from rptcam_cl.wavefront import Wavefront
-from rptcam_cl.wavefront.film import FilmLayout
-from rptcam_cl.wavefront.precise_lens import check_precision
 
 Array = NDArray[np.float64]
 
@@ -31,7 +28,7 @@ class Ready:
 
     Attributes
     ----------
-    configuration : Configuration
+    configuration : Variant
     wavefront : Wavefront
     start_s : float
         Time from the scene to the first ray [s]; programs shared with an earlier configuration are there already.
@@ -41,7 +38,7 @@ class Ready:
         How much longer paths could bring, as `numerics.knowledge.truncation` tells it.
     """
 
-    configuration: Configuration
+    configuration: Variant
     wavefront: Wavefront
     start_s: float
     facts: dict[str, Any]
@@ -58,7 +55,7 @@ class Run:
 
 
 def prepare(
-    configurations: Sequence[Configuration], session: Session, on_step: Callable[[str, int], Any]
+    configurations: Sequence[Variant], session: Session, on_step: Callable[[str, int], Any]
 ) -> tuple[list[Ready], dict[str, str]]:
     """Return the configurations that differ, compiled, and why others of them cannot be rendered, by name.
 

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.rendering import TILE_PIXELS
 from rptcam_cl.tradeoff.errors import LongPictures
 from rptcam_cl.tradeoff.measurement import Timings
 from rptcam_cl.tradeoff.runs import Ready, cores, run
 from rptcam_cl.tradeoff.tiles import SpreadTiles, spread_tiles
-from rptcam_cl.wavefront.film import TILE_PIXELS
 
 SEEDS = 8
 GROWTH = 4  # times the samples of the first picture that the second has

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from rptcam_cl.accuracy.errors import FIELDS
 from rptcam_cl.tradeoff.ladder import REFERENCE
 from rptcam_cl.tradeoff.measurement import TARGETS, Measurement
 from rptcam_cl.tradeoff.report import TradeoffReport
 from rptcam_cl.tradeoff.text import caveats, recommendation
+from rptcam_cl.tradeoff.tiers.errors import FIELDS
 from rptcam_cl.tradeoff.words import bias, crossing, ends, per_cent, pixels, seconds
 
 SHOWN_FIELDS = (0.0, 0.5, 0.7, 1.0)

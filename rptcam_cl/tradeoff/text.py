@@ -6,11 +6,10 @@ import math
 
 import numpy as np
 
-from rptcam_cl.accuracy import TierError
-from rptcam_cl.accuracy.errors import FIELDS
 from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.report import Advice, TradeoffReport
+from rptcam_cl.tradeoff.tiers.errors import FIELDS, TierError
 from rptcam_cl.tradeoff.words import between, bias, per_cent, pixels, seconds
 
 FULL = "full accuracy"

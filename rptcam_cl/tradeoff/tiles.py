@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.wavefront.film import TILE, TILE_PIXELS, FilmLayout
+from rptcam_cl.rendering import TILE, TILE_PIXELS, FilmLayout
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.acceleration import Bvh, build_bvh, cache, load_or_build
-from rptcam_cl.acceleration.bvh import EMPTY, is_sound, quality
+from rptcam_cl.rendering.trees import Bvh, build_bvh, cache, load_or_build
+from rptcam_cl.rendering.trees.wide_tree import EMPTY, is_sound, quality
 from tests.acceleration.meshes import boxes_of, soup
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.acceleration import build_bvh
-from rptcam_cl.acceleration.bvh import EMPTY, quality
+from rptcam_cl.rendering.trees import build_bvh
+from rptcam_cl.rendering.trees.wide_tree import EMPTY, quality
 from tests.acceleration.trees import check
 
 

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.acceleration import build, build_bvh, wide_tree
-from rptcam_cl.acceleration.binary_tree import binary_tree
-from rptcam_cl.acceleration.bvh import quality
-from rptcam_cl.acceleration.reinsertion import reinserted
-from rptcam_cl.acceleration.wide_tree import MAX_STACK, widen
+from rptcam_cl.rendering.trees import build, build_bvh, wide_tree
+from rptcam_cl.rendering.trees.binary_tree import binary_tree
+from rptcam_cl.rendering.trees.reinsertion import reinserted
+from rptcam_cl.rendering.trees.wide_tree import MAX_STACK, quality, widen
 from tests.acceleration.meshes import boxes_of, hall, knot, soup
 
 WIDTH, LEAF = 8, 8

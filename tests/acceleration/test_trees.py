@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.acceleration import build_bvh
-from rptcam_cl.acceleration.bvh import STACK_STEP, quality, stack_size
+from rptcam_cl.rendering.trees import build_bvh
+from rptcam_cl.rendering.trees.wide_tree import STACK_STEP, quality, stack_size
 from tests.acceleration.meshes import boxes_of, hall, knot, nearest, rays_through, soup
 from tests.acceleration.trees import check, traverse
 

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from rptcam_cl.acceleration.bvh import EMPTY, quality
-from rptcam_cl.acceleration.wide_tree import MAX_STACK
+from rptcam_cl.rendering.trees.wide_tree import EMPTY, MAX_STACK, quality
 from tests.acceleration.meshes import hits
 
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from rptcam_cl.accuracy.errors import tier_errors
-from rptcam_cl.accuracy.tiers import TIERS, first_order_camera
-from rptcam_cl.accuracy.truth import Truth
 from rptcam_cl.scene import load_scene
+from rptcam_cl.tradeoff.tiers.errors import tier_errors
+from rptcam_cl.tradeoff.tiers.tiers import TIERS, first_order_camera
+from rptcam_cl.tradeoff.tiers.truth import Truth
 
 LENSES = ("dgauss-50mm", "telephoto-250mm", "wide-22mm", "tessar-100mm", "cooke-triplet-50mm", "heliar-105mm")
 BALL = {"shape": "sphere", "center": [0, 0, -5], "radius": 0.5, "material": {"kind": "matte", "reflectance": 0.5}}

@@ -1,7 +1,7 @@
 """How far camera models are from each other, measured afresh: by dense rays through every surface, at any film point.
 
-Nothing here comes from `rptcam_cl.accuracy`: rays are those of `cameras.pupil_rays`, as the kernels draw them, and a
-pinhole is its field of view.
+Nothing here comes from `rptcam_cl.tradeoff.tiers`: rays are those of `cameras.pupil_rays`, as the kernels draw them,
+and a pinhole is its field of view.
 """
 
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from rptcam_cl.cameras import pupil_rays
 from rptcam_cl.cameras.aperture import stop_shape
-from rptcam_cl.cameras.lens_setting import lens_setting
+from rptcam_cl.cameras.setting import lens_setting
 from rptcam_cl.optics.probe import FilmProbe
 from rptcam_cl.scene import change_scene
 

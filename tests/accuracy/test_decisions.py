@@ -5,11 +5,11 @@ import json
 import numpy as np
 import pytest
 
-from rptcam_cl.accuracy import decided
 from rptcam_cl.cameras import camera_model
-from rptcam_cl.cameras.lens_setting import lens_to_focus
+from rptcam_cl.cameras.setting import lens_to_focus
 from rptcam_cl.optics.stop_shape import star
 from rptcam_cl.scene import change_scene
+from rptcam_cl.tradeoff.tiers import choose_camera
 from tests.accuracy.cases import BALL, scene_of
 
 STAR = {"shape": "star", "points": 5}
@@ -25,7 +25,7 @@ def coloured(bound_px, *, spectrum="auto"):
     """A lens that disperses: a fifth of a pixel on this film, and its other errors are less than a tenth."""
     accuracy = {"max_error_px": bound_px, "max_illumination_error": 0.1}
     film = {"resolution": [300, 300], "width_mm": 3}
-    return decided(scene_of("tessar-100mm", accuracy=accuracy, film=film, f_number=16, spectrum=spectrum))
+    return choose_camera(scene_of("tessar-100mm", accuracy=accuracy, film=film, f_number=16, spectrum=spectrum))
 
 
 def test_colour_beyond_the_bound_keeps_the_traced_lens_that_disperses():
@@ -51,7 +51,7 @@ def test_bound_of_the_colour_is_that_of_the_scene_and_not_half_a_pixel():
     by_bound = {}
     for bound_px in (0.02, 0.3):
         accuracy = {"max_error_px": bound_px, "max_illumination_error": 1e-4}
-        found = decided(scene_of("tessar-100mm", accuracy=accuracy, film=film, f_number=11))
+        found = choose_camera(scene_of("tessar-100mm", accuracy=accuracy, film=film, f_number=11))
         assert found.tier == "realistic"
         by_bound[bound_px] = found.scene.spectrum.lens
     assert by_bound == {0.02: "on", 0.3: "off"}
@@ -72,10 +72,10 @@ def test_colour_that_the_scene_asks_for_stays_with_the_traced_lens():
 
 def test_aperture_whose_blur_is_below_the_bound_is_a_pinhole():
     accuracy = {"max_error_px": 0.5, "max_illumination_error": 0.02}
-    found = decided(scene_of("telephoto-250mm", accuracy=accuracy, film=SMALL, f_number=64, objects=[BALL]))
+    found = choose_camera(scene_of("telephoto-250mm", accuracy=accuracy, film=SMALL, f_number=64, objects=[BALL]))
     assert found.tier == "pinhole"
     assert "the aperture does not show" in said(found)
-    wide = decided(scene_of("telephoto-250mm", accuracy=accuracy, film=SMALL, f_number=32, objects=[NEAR, BALL]))
+    wide = choose_camera(scene_of("telephoto-250mm", accuracy=accuracy, film=SMALL, f_number=32, objects=[NEAR, BALL]))
     assert wide.tier == "thin_lens"
     assert "the aperture shows" in said(wide)
 
@@ -84,7 +84,7 @@ def starry(bound_px, **keys):
     film = {"resolution": [400, 400], "width_mm": 4}
     accuracy = {"max_error_px": bound_px, "max_illumination_error": 0.05}
     scene = {"accuracy": accuracy, "film": film, "aperture": STAR, "objects": [NEAR, BALL], "f_number": 16}
-    return decided(scene_of("telephoto-250mm", **(scene | keys)))
+    return choose_camera(scene_of("telephoto-250mm", **(scene | keys)))
 
 
 def test_shape_that_shows_goes_with_a_thin_lens():
@@ -112,7 +112,7 @@ def test_shape_that_shows_keeps_the_traced_lens_where_no_thin_lens_has_it():
 def test_lens_that_a_thin_lens_stands_for_costs_no_surfaces():
     accuracy = {"max_error_px": 1, "max_illumination_error": 0.05}
     film = {"resolution": [320, 240], "width_mm": 6}
-    found = decided(scene_of("dgauss-50mm", accuracy=accuracy, film=film, f_number=4, objects=[NEAR, BALL]))
+    found = choose_camera(scene_of("dgauss-50mm", accuracy=accuracy, film=film, f_number=4, objects=[NEAR, BALL]))
     assert found.tier == "thin_lens"
     model = camera_model(found.scene)
     assert not model.has_lens
@@ -123,19 +123,19 @@ def test_lens_that_a_thin_lens_stands_for_costs_no_surfaces():
 @pytest.mark.parametrize("film_mm", [6, 12, 24])
 def test_fisheye_is_never_a_pinhole(width, film_mm):
     film = {"resolution": [width, width], "width_mm": film_mm}
-    found = decided(scene_of("fisheye-10mm", accuracy="auto", film=film, focus=50.0, f_number=22))
+    found = choose_camera(scene_of("fisheye-10mm", accuracy="auto", film=film, focus=50.0, f_number=22))
     assert found.tier == "realistic"
 
 
 def test_dark_corners_are_named():
-    found = decided(scene_of("fisheye-10mm", accuracy="auto"))
+    found = choose_camera(scene_of("fisheye-10mm", accuracy="auto"))
     assert "part of the film sees nothing" in said(found)
     json.dumps(found.metadata, allow_nan=False)
 
 
 def test_lens_without_an_equivalent_still_decides_its_colour():
     accuracy = {"max_error_px": 1e-6}
-    found = decided(scene_of("anamorphic-100mm", accuracy=accuracy, focus=50.0))
+    found = choose_camera(scene_of("anamorphic-100mm", accuracy=accuracy, focus=50.0))
     assert "no cheaper camera model" in said(found)
     assert found.scene.spectrum.lens in ("on", "off")
 
@@ -143,7 +143,7 @@ def test_lens_without_an_equivalent_still_decides_its_colour():
 def test_polynomials_stand_for_many_surfaces_where_enough_rays_cross_them():
     film = {"resolution": [1280, 853]}
     many, few = (
-        decided(change_scene(scene_of("retrofocus-28mm", accuracy="auto", film=film), render={"spp": spp}))
+        choose_camera(change_scene(scene_of("retrofocus-28mm", accuracy="auto", film=film), render={"spp": spp}))
         for spp in (128, 16)
     )
     assert few.tier == "realistic" and few.scene.camera.rays == "traced"
@@ -156,19 +156,19 @@ def test_polynomials_stand_for_many_surfaces_where_enough_rays_cross_them():
 
 def test_lens_without_polynomials_keeps_its_surfaces():
     film = {"resolution": [1280, 853], "width_mm": 4}
-    found = decided(change_scene(scene_of("phone-5.6mm", accuracy="auto", film=film), render={"spp": 1024}))
+    found = choose_camera(change_scene(scene_of("phone-5.6mm", accuracy="auto", film=film), render={"spp": 1024}))
     assert found.tier == "realistic"
 
 
 def test_moving_camera_keeps_its_traced_lens_and_says_why():
     accuracy = {"max_error_px": 1000, "max_illumination_error": 1000}
     way = [{"time_s": 0, "eye": [0, 0, 0]}, {"time_s": 1, "eye": [0.1, 0, 0]}]
-    found = decided(scene_of("telephoto-250mm", accuracy=accuracy, film=SMALL, motion=way))
+    found = choose_camera(scene_of("telephoto-250mm", accuracy=accuracy, film=SMALL, motion=way))
     assert found.tier == "realistic"
     assert "no cheaper camera model: camera.motion" in said(found)
 
 
 def test_polynomials_that_the_scene_asks_for_are_told_as_such():
-    found = decided(scene_of("wide-22mm", accuracy="auto", film=SMALL, rays="fitted"))
+    found = choose_camera(scene_of("wide-22mm", accuracy="auto", film=SMALL, rays="fitted"))
     assert found.tier == "fitted"
     assert said(found).startswith("fitted: distortion")

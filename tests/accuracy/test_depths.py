@@ -3,14 +3,13 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.accuracy.depths import FAR_MM, depth_range_mm
-from rptcam_cl.accuracy.view import View
 from rptcam_cl.scene import load_scene
+from rptcam_cl.tradeoff.tiers.depths import FAR_MM, VisibleWorld, depth_range_mm
 from tests.accuracy.cases import BALL, scene_of, truth_of
 
 GREY = BALL["material"]
 CAMERA = {"kind": "pinhole", "eye": [0, 0, 0], "target": [0, 0, -1], "fov_degrees": 30}
-VIEW = View(10.0, np.zeros(2), np.array([0.3, 0.2]))
+VIEW = VisibleWorld(10.0, np.zeros(2), np.array([0.3, 0.2]))
 
 
 def depths_of(*objects, view=VIEW, **keys):
@@ -29,7 +28,7 @@ def test_what_lies_behind_or_beside_the_view_does_not_count():
 def test_depths_reach_far_under_a_sky_and_over_a_plane():
     plane = {"shape": "plane", "point": [0, -1, 0], "normal": [0, 1, 0], "material": GREY}
     assert depths_of(BALL, plane) == pytest.approx((4500, FAR_MM))
-    wide = View(10.0, np.zeros(2), np.array([0.3, 0.25]))
+    wide = VisibleWorld(10.0, np.zeros(2), np.array([0.3, 0.25]))
     assert depths_of(BALL, plane, view=wide) == pytest.approx((4010, FAR_MM))
     assert depths_of(BALL, environment={"kind": "constant", "radiance": 1}) == pytest.approx((4500, FAR_MM))
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.accuracy import decided
-from rptcam_cl.accuracy.bundles import Bundle
-from rptcam_cl.accuracy.errors import EFFECTS
-from rptcam_cl.accuracy.stops import round_stop
-from rptcam_cl.accuracy.truth import FIELDS
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.stop_shape import StopMask, blades, heart, star
+from rptcam_cl.tradeoff.tiers import choose_camera
+from rptcam_cl.tradeoff.tiers.bundles import RayBundle
+from rptcam_cl.tradeoff.tiers.errors import EFFECTS
+from rptcam_cl.tradeoff.tiers.stops import round_stop
+from rptcam_cl.tradeoff.tiers.truth import FIELDS
 from tests.accuracy.cases import errors_of, half_mm, scene_of, stop_mm, truth_of
 
 STAR = {"shape": "star", "points": 5}
@@ -97,7 +97,7 @@ def test_half_a_disk_differs_from_a_whole_one_by_its_missing_half():
     points = (radii[:, None, None] * ways).reshape(-1, 2)
     still = np.column_stack([np.zeros_like(points), np.ones(len(points))])
     whole, half = (
-        Bundle(np.column_stack([part, np.zeros(len(part))]), still[: len(part)], np.ones(len(part)))
+        RayBundle(np.column_stack([part, np.zeros(len(part))]), still[: len(part)], np.ones(len(part)))
         for part in (points, points[points[:, 0] > 0])
     )
     spots = [bundle.spot(1.0, np.array([1.0, 0.0])) for bundle in (whole, half)]
@@ -120,7 +120,7 @@ def test_light_that_the_exposure_shows_counts_on_the_axis_too():
     found = {}
     for exposure in ("relative", "irradiance"):
         scene = scene_of("tessar-100mm", film=small, spectrum="rgb", exposure=exposure, **keys)
-        found[exposure] = {error.tier: error.illumination[0] for error in decided(scene).errors}
+        found[exposure] = {error.tier: error.illumination[0] for error in choose_camera(scene).errors}
     assert "pinhole" not in found["irradiance"]  # which has no irradiance
     assert found["relative"]["thin_lens"] == pytest.approx(0, abs=1e-9)
     assert found["irradiance"]["thin_lens"] > 0.2

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.accuracy import TIERS, decided, equivalent
-from rptcam_cl.accuracy.tiers import first_order_camera
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.tradeoff.tiers import TIERS, choose_camera, equivalent
+from rptcam_cl.tradeoff.tiers.tiers import first_order_camera
 from tests.accuracy.cases import LENSES, errors_of, scene_of, stop_mm, truth_of
 
 
@@ -67,7 +67,7 @@ def test_equivalent_has_the_camera_of_its_tier_and_nothing_else_new(tier):
 )
 def test_cheapest_camera_within_the_bounds_is_taken(accuracy, tier):
     film = {"resolution": [320, 213]}
-    found = decided(scene_of("telephoto-250mm", accuracy=accuracy, film=film, focus=8.0, f_number=22))
+    found = choose_camera(scene_of("telephoto-250mm", accuracy=accuracy, film=film, focus=8.0, f_number=22))
     assert found.tier == tier
     assert found.scene.camera.kind == tier
     assert found.metadata["accuracy"]["camera_model"] == tier
@@ -80,11 +80,11 @@ def test_word_auto_stands_for_half_a_pixel_and_one_per_cent():
 
 def test_without_the_key_every_ray_is_traced():
     scene = scene_of("telephoto-250mm")
-    assert decided(scene).scene is scene
+    assert choose_camera(scene).scene is scene
 
 
 def test_lens_that_is_not_round_is_traced_and_says_why():
-    found = decided(scene_of("anamorphic-100mm", accuracy={"max_error_px": 1e6, "max_illumination_error": 1e6}))
+    found = choose_camera(scene_of("anamorphic-100mm", accuracy={"max_error_px": 1e6, "max_illumination_error": 1e6}))
     assert found.tier == "realistic"
     assert "not the same from every side" in found.metadata["accuracy"]["reason"]
 

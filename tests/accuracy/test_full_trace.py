@@ -9,12 +9,12 @@ from functools import cache
 import numpy as np
 import pytest
 
-from rptcam_cl.accuracy import decided, equivalent
-from rptcam_cl.accuracy.errors import EFFECTS
-from rptcam_cl.cameras.lens_setting import lens_setting
 from rptcam_cl.cameras.ray_map import LARGEST_ERROR_PX, LARGEST_LIGHT_ERROR
-from rptcam_cl.errors import InputError
+from rptcam_cl.cameras.setting import lens_setting
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import change_scene
+from rptcam_cl.tradeoff.tiers import choose_camera, equivalent
+from rptcam_cl.tradeoff.tiers.errors import EFFECTS
 from tests.accuracy import full_trace
 from tests.accuracy.cases import BALL, LENSES, scene_of, stop_mm
 
@@ -48,7 +48,7 @@ def random_case(seed):
     keys = stop | {"aperture": SHAPES[rng.integers(0, len(SHAPES))]}
     spectrum = str(rng.choice(["auto", "rgb"]))
     scene = scene_of(lens, accuracy="auto", film=film, focus=focus, objects=balls, spectrum=spectrum, **keys)
-    errors = [error for error in decided(scene).errors if np.isfinite(error.worst_px + error.worst_illumination)]
+    errors = [error for error in choose_camera(scene).errors if np.isfinite(error.worst_px + error.worst_illumination)]
     if not errors:
         return scene
     kept = errors[rng.integers(0, len(errors))]
@@ -59,7 +59,7 @@ def random_case(seed):
 
 @cache
 def decision(seed):
-    return decided(random_case(seed))
+    return choose_camera(random_case(seed))
 
 
 def places_of(scene, rng):
@@ -69,7 +69,7 @@ def places_of(scene, rng):
 
 def planes_of(scene, rng):
     """Distances ahead of the film of what is there, of random ones between, and of the focus [m]."""
-    near, far = decided(scene).metadata["accuracy"]["depths_m"]
+    near, far = choose_camera(scene).metadata["accuracy"]["depths_m"]
     between = 1 / rng.uniform(1 / far, 1 / near, 2)
     focus_mm = lens_setting(scene).focus_distance_mm
     return [near, far, *between, *([] if focus_mm is None else [focus_mm * 1e-3])]
@@ -185,9 +185,11 @@ def test_choice_that_ignores_an_effect_is_caught(effect):
     film = {"resolution": [400, 400], "width_mm": width_mm}
     zero = {"max_error_px": 0, "max_illumination_error": light}
     if pixels is None:
-        pixels = 0.8 * decided(scene_of(lens, accuracy=zero, film=film, **keys)).metadata["accuracy"]["stop_shape_px"]
+        pixels = (
+            0.8 * choose_camera(scene_of(lens, accuracy=zero, film=film, **keys)).metadata["accuracy"]["stop_shape_px"]
+        )
     scene = scene_of(lens, accuracy=zero | {"max_error_px": pixels}, film=film, **keys)
-    whole = decided(scene)
+    whole = choose_camera(scene)
     assert excess(scene, measured(scene, whole.scene)) == []
     ignored = {"blur", "outline"} if effect == "outline" else {effect}
     careless = chosen_without(scene, whole, ignored)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.accuracy import decided, equivalent
 from rptcam_cl.api import render
 from rptcam_cl.scene import change_scene
+from rptcam_cl.tradeoff.tiers import choose_camera, equivalent
 from tests.accuracy.cases import scene_of
 
 pytestmark = pytest.mark.slow
@@ -73,7 +73,7 @@ def differences(scene, other):
 def test_lamps_are_where_they_are_through_the_traced_lens(name):
     case = CASES[name]
     scene = lamps(bound_px=1.0, **case)
-    found = decided(scene)
+    found = choose_camera(scene)
     assert found.tier == case["tier"], found.metadata["accuracy"]["says"]
     traced = change_scene(scene, camera={"accuracy": None}, spectrum={"mode": "rgb"})
     apart, noise, light, light_noise = differences(traced, found.scene)
@@ -88,7 +88,7 @@ def test_lamps_are_where_they_are_through_the_traced_lens(name):
 def test_lamps_through_a_model_that_was_not_chosen_stand_elsewhere():
     """A pinhole in place of a lens that distorts by more than the bound, which the pictures show."""
     scene = lamps(lens="wide-22mm", width_mm=24, depth=5.0, bound_px=0.5, light=1.0, tier="", f_number=16)
-    found = decided(scene)
+    found = choose_camera(scene)
     assert found.tier == "realistic"
     traced = change_scene(scene, camera={"accuracy": None}, spectrum={"mode": "rgb"})
     apart, noise, *_ = differences(traced, equivalent(scene, "pinhole"))
@@ -102,7 +102,7 @@ def test_blur_of_a_thin_lens_has_the_shape_that_the_traced_stop_gives_it():
     film = {"resolution": [64, 64], "width_mm": 5}
     keys = {"f_number": 6, "aperture": {"shape": "heart"}, "objects": [ball], "film": film}
     scene = scene_of("telephoto-250mm", accuracy={"max_error_px": 6, "max_illumination_error": 0.05}, **keys)
-    found = decided(scene)
+    found = choose_camera(scene)
     assert found.tier == "thin_lens"
     turned = {"shape": "heart", "rotation_degrees": 180}
     cameras = (

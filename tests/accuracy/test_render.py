@@ -4,10 +4,10 @@ import json
 
 import numpy as np
 
-from rptcam_cl.accuracy import equivalent
 from rptcam_cl.api import render
 from rptcam_cl.cli import main
 from rptcam_cl.scene import change_scene
+from rptcam_cl.tradeoff.tiers import equivalent
 from tests.accuracy.cases import BALL, scene_of
 
 

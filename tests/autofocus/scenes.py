@@ -3,8 +3,8 @@
 from typing import Any
 
 import rptcam_cl
-from rptcam_cl.autofocus import ProbeRenderer, Zone
 from rptcam_cl.device import open_session
+from rptcam_cl.focusing import ProbeRenderer, Zone
 
 CENTRE = Zone(0.475, 0.525, 0.4625, 0.5375)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.autofocus import ProbeRenderer, Zone
 from rptcam_cl.device import open_session
+from rptcam_cl.focusing import ProbeRenderer, Zone
 from rptcam_cl.optics import load_lens
 from tests.autofocus.scenes import lens_camera, scene_of, target
 

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.autofocus import METHODS, FocusReport, OutOfReach, Zone, follow_focus
-from rptcam_cl.autofocus.doubts import judged
-from rptcam_cl.autofocus.policy import Policy
-from rptcam_cl.autofocus.task import Task
 from rptcam_cl.cli import main
+from rptcam_cl.core.errors import NumericError
 from rptcam_cl.device import open_session
-from rptcam_cl.errors import NumericError
+from rptcam_cl.focusing import METHODS, FocusReport, OutOfReach, Zone, follow_focus
+from rptcam_cl.focusing.doubts import judged
+from rptcam_cl.focusing.looks import Task
+from rptcam_cl.focusing.probe import Policy
 from rptcam_cl.scene import AutoFocus
 from tests.autofocus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.autofocus.test_probe import THIN, with_group

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.autofocus import NoContrast, OutOfReach, ProbeRenderer, Zone, find_focus, focused_scene, follow_focus
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import open_session
-from rptcam_cl.errors import InputError
+from rptcam_cl.focusing import NoContrast, OutOfReach, ProbeRenderer, Zone, find_focus, focused_scene, follow_focus
 from rptcam_cl.scene import AutoFocus
 from tests.autofocus.scenes import CENTRE, checker, lens_camera, noise, scene_of, target
 from tests.autofocus.test_probe import THIN, with_group

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.autofocus import ZoneImage
-from rptcam_cl.autofocus.measures import MEASURES, energy
+from rptcam_cl.focusing import ZoneImage
+from rptcam_cl.focusing.measures import MEASURES, energy
 from tests.render.pictures import seed_of
 
 QUADRATIC = ["normalised_variance", "tenengrad", "brenner", "energy_of_laplacian", "wavelet"]

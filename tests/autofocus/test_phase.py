@@ -5,13 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from rptcam_cl.autofocus import NoContrast, Policy, Zone
-from rptcam_cl.autofocus.half_looks import half_look, half_view, measure_halves
-from rptcam_cl.autofocus.half_view import HalfView, places_round
-from rptcam_cl.autofocus.phase import focus_by_phase
-from rptcam_cl.autofocus.phase_match import Halves, PhaseMatch
-from rptcam_cl.autofocus.task import Task
 from rptcam_cl.cameras.pupil_rays import pupil_rays
+from rptcam_cl.focusing import NoContrast, Policy, Zone
+from rptcam_cl.focusing.half_looks import half_probe, half_view, measure_halves
+from rptcam_cl.focusing.looks import Task
+from rptcam_cl.focusing.phase import focus_by_phase
+from rptcam_cl.focusing.phase_match import HalfView, Halves, PhaseMatch, places_round
 from tests.autofocus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.render.pictures import seed_of
 
@@ -135,7 +134,7 @@ def test_looks_of_halves_differ_in_noise():
     # With the same random numbers the halves' noise would be correlated, which shifts the match (measured: a pixel).
     probe = probe_of(scene_of([target(4.0, 4.0, {"kind": "matte", "reflectance": 0.5})], DGAUSS))
     view = half_view(probe, probe.state, CENTRE, "x")
-    look = half_look(probe, view, probe.state, CENTRE, 16, seed_of("noise"))
+    look = half_probe(probe, view, probe.state, CENTRE, 16, seed_of("noise"))
     one, other = (picture - picture.mean() for picture in look.halves.pictures)
     correlation = (one * other).mean() / np.sqrt((one**2).mean() * (other**2).mean())
     assert abs(correlation) < 3.89 / np.sqrt(one.size)

@@ -2,10 +2,9 @@
 
 import pytest
 
-from rptcam_cl.autofocus.plot import focus_plot
-from rptcam_cl.autofocus.report import FocusReport, ProbeRecord
-from rptcam_cl.errors import InputError
-from rptcam_cl.lensview.svg import svg_text
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.focusing.report import FocusReport, ProbeRecord, focus_plot
+from rptcam_cl.lenstools.svg_file import svg_text
 from tests.autofocus.scenes import CENTRE
 
 

@@ -5,9 +5,9 @@ import pytest
 import yaml
 
 import rptcam_cl
-from rptcam_cl.autofocus import Zone
-from rptcam_cl.errors import InputError
-from rptcam_cl.resources import lenses_dir
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.resources import lenses_dir
+from rptcam_cl.focusing import Zone
 from rptcam_cl.scene import change_scene
 from tests.autofocus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.render.pictures import seed_of
@@ -110,8 +110,8 @@ def test_state_out_of_range_is_refused():
 
 
 def test_package_is_the_function_that_interface_promises():
-    assert callable(rptcam_cl.autofocus)
-    assert rptcam_cl.autofocus.ProbeRenderer is type(probe_of(scene_of([], lens_camera("dgauss-50mm"))))
+    assert callable(rptcam_cl.focusing)
+    assert rptcam_cl.focusing.ProbeRenderer is type(probe_of(scene_of([], lens_camera("dgauss-50mm"))))
 
 
 @pytest.mark.parametrize(

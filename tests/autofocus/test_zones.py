@@ -3,11 +3,11 @@
 import pytest
 
 import rptcam_cl
-from rptcam_cl.autofocus import METHODS, Policy, Zone, zone_at
-from rptcam_cl.autofocus.policy import chosen
 from rptcam_cl.cli import main
-from rptcam_cl.errors import InputError, StateError
-from rptcam_cl.scene.zones_file import read_zones
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.focusing import METHODS, Policy, Zone, zone_at
+from rptcam_cl.focusing.probe import chosen
+from rptcam_cl.scene.autofocus import read_zones
 from tests.autofocus.scenes import lens_camera, scene_of
 
 GOOD = {
@@ -74,7 +74,7 @@ def test_command_line_suggests_the_policy_that_a_word_means(capsys):
 
 
 def test_api_names_every_method():
-    said = rptcam_cl.autofocus.interface.autofocus.__doc__
+    said = rptcam_cl.focusing.controller.autofocus.__doc__
     assert [name for name in METHODS if f"``{name}``" not in said] == []
 
 

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 import rptcam_cl
-from rptcam_cl.acceleration import builder, primitive_tree
 from rptcam_cl.device import Session, open_session, program, session
-from rptcam_cl.scene.layers import LAYER_NAMES
-from rptcam_cl.wavefront import tracer
+from rptcam_cl.rendering import tracer
+from rptcam_cl.rendering.trees import builder, primitive_tree
+from rptcam_cl.scene.render_settings import LAYER_NAMES
 from tests.acceleration.meshes import soup
 from tests.device.test_kernels import EVERY_MATERIAL
 from tests.render.test_determinism import LENS

@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel
+from rptcam_cl.core.records import WAVE, device_declarations
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.plan import make_plan
-from rptcam_cl.records import WAVE, device_declarations
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene import Scene, load_scene
-from rptcam_cl.wavefront.film import FilmLayout
 
 FOLDER = Path(__file__).parent / "kernels"
 GROUP = 16

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.device import Session
-from rptcam_cl.plan.known_spectra import KnownSpectra
 from rptcam_cl.plan.materials import pack_materials
+from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.scene import load_scene
 from tests.device.probes import run

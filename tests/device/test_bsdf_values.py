@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.plan.metals import metal_colour, metal_constants, reflectance
-from rptcam_cl.spectra import METALS
+from rptcam_cl.colour import METALS
+from rptcam_cl.plan.optical_constants import metal_colour, metal_constants, reflectance
 from tests.device import bsdfs
 from tests.device.scattering import direction, scatter
 

@@ -6,7 +6,7 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras.lens_setting import lens_setting
+from rptcam_cl.cameras.setting import lens_setting
 from rptcam_cl.scene import load_scene
 from rptcam_cl.scene.camera import RealisticCamera
 from tests.device.probes import camera_rays, camera_slots

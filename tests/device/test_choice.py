@@ -7,11 +7,11 @@ from types import SimpleNamespace
 import pytest
 
 from rptcam_cl.cli import main
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device import Session, choose
 from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
 from rptcam_cl.device.details import device_details
 from rptcam_cl.device.opencl import load_opencl
-from rptcam_cl.errors import DeviceError
 
 
 def device(identity, name, kind, units=4, platform="Some Platform"):

@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from rptcam_cl.numerics.number_checks import CORNERS, pcg4d
-from rptcam_cl.numerics.probe import random_numbers
-from rptcam_cl.resources import kernels_dir
+from rptcam_cl.core.resources import kernels_dir
+from rptcam_cl.selfcheck.check import random_numbers
+from rptcam_cl.selfcheck.number_checks import CORNERS, pcg4d
 from tests.support.statistics import ALPHA, Z, assert_equivalent, chi_squared, sidak
 
 MASK = (1 << 32) - 1

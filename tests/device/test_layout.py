@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.records import RECORDS, Record, device_declarations
+from rptcam_cl.core.records import RECORDS, Record, device_declarations
 from tests.device.probes import GROUP
 
 IN_ARRAYS = ("Primitive", "Material", "Emitter", "Environment", "Surface", "Camera", "View")

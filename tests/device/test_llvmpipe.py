@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.acceleration import build_bvh, reinsertion
 from rptcam_cl.device import Session, llvmpipe, session
-from rptcam_cl.numerics.picture_checks import cavity, picture
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.tracer import STEPS_OF_SAMPLE
+from rptcam_cl.rendering.trees import build_bvh, reinsertion
 from rptcam_cl.scene import load_scene
-from rptcam_cl.wavefront import Wavefront
-from rptcam_cl.wavefront.film import FilmLayout
-from rptcam_cl.wavefront.tracer import STEPS_OF_SAMPLE
+from rptcam_cl.selfcheck.picture_checks import cavity, picture
 from tests.acceleration.meshes import boxes_of, soup
 from tests.acceleration.trees import check
 from tests.device.probes import open_session

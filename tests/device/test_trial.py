@@ -6,9 +6,9 @@ import sys
 
 import pytest
 
+from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.device import trial
 from rptcam_cl.device.trial import Trial, first_error, try_device
-from rptcam_cl.resources import CACHE_VARIABLE
 from tests.device.probes import open_session
 
 

@@ -5,7 +5,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.device import Session
-from rptcam_cl.wavefront import tracer
+from rptcam_cl.rendering import tracer
 from tests.device.probes import open_session
 from tests.render.test_determinism import LENS
 from tests.render.test_world import still_life

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl import metering
 from rptcam_cl.cli import main
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.rendering import metering
 from rptcam_cl.scene import Exposure, Film
 from tests.render.pictures import WHITE, pixels, scene_of
 

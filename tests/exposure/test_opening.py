@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import dblquad
 
-from rptcam_cl.cameras.opening import opening_irradiance
+from rptcam_cl.cameras.exposure import opening_irradiance
 from rptcam_cl.optics.stop_shape import StopMask, blades, heart, star
 
 RADII = [1e-4, 0.05, 0.6]

@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 from PIL import Image
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.geometry import mesh_parts
-from rptcam_cl.mesh_files import Look, Painting
-from rptcam_cl.references import Folders
+from rptcam_cl.assets.meshes import FileMaterial, FileTexture
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.references import Folders
+from rptcam_cl.plan.meshes import mesh_parts
 from rptcam_cl.scene import Material, MeshObject, load_scene
-from rptcam_cl.scene.mesh_look import material_of
+from rptcam_cl.scene.mesh_materials import material_of
 from rptcam_cl.scene.texture import ImageTexture
 
 from .conftest import GREY, MeshScene
@@ -24,12 +24,12 @@ def png(mode: str = "RGB") -> bytes:
     return file.getvalue()
 
 
-DOTS = Painting(png(), "dots")
-SEEN = Painting(png("RGBA"), "seen")
+DOTS = FileTexture(png(), "dots")
+SEEN = FileTexture(png("RGBA"), "seen")
 
 
 def shown(**look: Any) -> Material:
-    return material_of(Look(name="m", **look), Folders())
+    return material_of(FileMaterial(name="m", **look), Folders())
 
 
 def keys_of(material: Material) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.geometry import mesh_parts
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.plan.meshes import mesh_parts
 from rptcam_cl.scene import MeshObject, Scene, change_scene, load_scene
 
 from .conftest import CAMERA, GREY, MeshScene

@@ -7,9 +7,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from rptcam_cl.errors import StateError
-from rptcam_cl.imaging import atomic
-from rptcam_cl.imaging.atomic import check_writable, replacing
+from rptcam_cl.core import atomic
+from rptcam_cl.core.atomic import check_writable, replacing
+from rptcam_cl.core.errors import StateError
 
 
 def names(folder: Path) -> list[str]:
@@ -65,7 +65,7 @@ def test_link_keeps_pointing_at_the_replaced_file(tmp_path: Path) -> None:
 
 def test_strays_of_dead_runs_go_and_those_of_living_ones_stay(tmp_path: Path) -> None:
     killed = (
-        "import os, signal, sys; from rptcam_cl.imaging.atomic import replacing\n"
+        "import os, signal, sys; from rptcam_cl.core.atomic import replacing\n"
         "with replacing(sys.argv[1]) as temporary:\n"
         "    temporary.write_text('half'); os.kill(os.getpid(), signal.SIGKILL)"
     )

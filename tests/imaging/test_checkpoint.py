@@ -8,10 +8,9 @@ import struct
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import StateError
-from rptcam_cl.imaging.checkpoint import MAGIC, VERSION, read_checkpoint, write_checkpoint
-from rptcam_cl.saving import check_facts
-from rptcam_cl.wavefront.saved_arrays import check_fits
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.rendering.checkpoint import MAGIC, VERSION, check_facts, read_checkpoint, write_checkpoint
+from rptcam_cl.rendering.saved_arrays import check_fits
 
 FACTS = {"done": 7, "scene": "ab", "crop": [0.5, 1.0]}
 ARRAYS = {

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import Image
 
 BALL = {"shape": "sphere", "center": [0, 1, 0], "radius": 1}

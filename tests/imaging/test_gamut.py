@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.imaging import Development, develop
+from rptcam_cl.imaging import Development, developed_values
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
@@ -14,7 +14,7 @@ def colours() -> np.ndarray:
 
 
 def linear(colours: np.ndarray, gamut: str) -> np.ndarray:
-    return develop(colours, Development(tone="linear", gamut=gamut))
+    return developed_values(colours, Development(tone="linear", gamut=gamut))
 
 
 def test_clipping_is_by_channel(colours: np.ndarray) -> None:

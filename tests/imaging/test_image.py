@@ -4,8 +4,8 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.imaging import Development, Image, develop, quantised
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.imaging import Development, Image, developed_values, quantised
 
 
 @pytest.fixture
@@ -43,4 +43,4 @@ def test_array_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
 def test_notebook_shows_the_developed_picture(pixels: np.ndarray) -> None:
     picture = Development(ev=1.0, tone="filmic")
     with PIL.Image.open(io.BytesIO(Image(pixels, picture=picture)._repr_png_())) as shown:
-        assert np.array_equal(np.asarray(shown), quantised(develop(pixels, picture), 8))
+        assert np.array_equal(np.asarray(shown), quantised(developed_values(pixels, picture), 8))

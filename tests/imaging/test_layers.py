@@ -5,10 +5,10 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import Image
 from rptcam_cl.imaging.layers import CHANNELS
-from rptcam_cl.scene.layers import LAYER_NAMES
+from rptcam_cl.scene.render_settings import LAYER_NAMES
 
 SHAPE = (5, 7)
 

@@ -18,7 +18,7 @@ from PIL.ExifTags import IFD, Base
 
 from rptcam_cl.imaging import Development, Image, quantised
 from rptcam_cl.imaging.icc import profile
-from rptcam_cl.imaging.ifd import rational
+from rptcam_cl.imaging.photographic import rational
 
 METADATA: dict[str, Any] = {
     "software": "rptcam_cl 1.2",

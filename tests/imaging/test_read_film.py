@@ -7,7 +7,7 @@ import numpy as np
 import OpenEXR
 import pytest
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging import Image, read_film
 
 METADATA = {

@@ -5,8 +5,8 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from rptcam_cl.imaging import Development, develop, quantised, srgb_from_linear
-from rptcam_cl.imaging.develop import Tone
+from rptcam_cl.imaging import Development, developed_values, quantised, srgb_from_linear
+from rptcam_cl.imaging.developing import Tone
 from rptcam_cl.imaging.tone import linear_from_srgb
 
 TONES = get_args(Tone)
@@ -20,7 +20,7 @@ def greys(values: np.ndarray) -> np.ndarray:
 
 def shown(values: np.ndarray, tone: Tone, **settings: float) -> np.ndarray:
     """The linear light of the display for greys."""
-    encoded = develop(greys(values), Development(tone=tone, **settings))
+    encoded = developed_values(greys(values), Development(tone=tone, **settings))
     assert np.all(np.ptp(encoded, axis=2) < 1e-6)  # a grey stays grey
     return encoded[0, :, 0] if tone == "linear" else linear_from_srgb(encoded[0, :, 0])
 
@@ -54,17 +54,17 @@ def test_plain_picture_has_the_very_codes_of_the_curve_alone() -> None:
         curve = np.float32(1.055) * x ** np.float32(1 / 2.4) - np.float32(0.055)
         encoded = np.where(x <= np.float32(0.0031308), x * np.float32(12.92), curve)
         codes = (encoded * np.float32(255.0) + np.float32(0.5)).astype(np.uint8)
-        assert np.array_equal(quantised(develop(pixels, Development(ev=ev)), 8), codes)
+        assert np.array_equal(quantised(developed_values(pixels, Development(ev=ev)), 8), codes)
 
 
 def test_every_code_of_eight_bits_survives_the_way_there_and_back() -> None:
     codes = np.arange(256) / 255.0
     linear = np.where(codes <= 0.04045, codes / 12.92, ((codes + 0.055) / 1.055) ** 2.4)
-    assert quantised(develop(greys(linear)), 8)[0, :, 0].tolist() == list(range(256))
+    assert quantised(developed_values(greys(linear)), 8)[0, :, 0].tolist() == list(range(256))
 
 
 def test_sixteen_bits_tell_values_apart_that_eight_do_not() -> None:
-    encoded = develop(greys(np.linspace(0.4, 0.41, 400)))
+    encoded = developed_values(greys(np.linspace(0.4, 0.41, 400)))
     assert np.unique(quantised(encoded, 16)).size == 400
     assert np.unique(quantised(encoded, 8)).size < 5
     assert quantised(np.ones((1, 1, 3), np.float32), 16).max() == 65535
@@ -87,7 +87,7 @@ def test_values_of_any_size_stay_in_range(tone: Tone, gamut: str) -> None:
     odd = [np.nan, np.inf, -np.inf, 1e38, -1e38, 1e-40, -1e-40, 0.0, 0.5, 3.0]
     pixels = np.array([[r, g, b] for r in odd for g in odd for b in odd], np.float32)[None]
     with np.errstate(all="raise", under="ignore"):
-        encoded = develop(pixels, Development(ev=3.0, tone=tone, gamut=gamut))
+        encoded = developed_values(pixels, Development(ev=3.0, tone=tone, gamut=gamut))
     assert encoded.dtype == np.float32
     assert np.isfinite(encoded).all()
     assert encoded.min() >= 0
@@ -98,12 +98,12 @@ def test_one_stop_doubles_the_light() -> None:
     pixels = np.linspace(0.0, 0.5, 60, dtype=np.float32).reshape(4, 5, 3)
     for tone in TONES:
         once, twice = Development(ev=1.0, tone=tone), Development(tone=tone)
-        assert np.array_equal(develop(pixels, once), develop(2 * pixels, twice))
+        assert np.array_equal(developed_values(pixels, once), developed_values(2 * pixels, twice))
 
 
 def test_linear_picture_is_the_light_itself() -> None:
     pixels = np.random.default_rng(2).random((3, 4, 3), dtype=np.float32)
-    assert np.array_equal(develop(pixels, Development(tone="linear")), pixels)
+    assert np.array_equal(developed_values(pixels, Development(tone="linear")), pixels)
 
 
 @pytest.mark.parametrize("white", [1.0, 4.0, 100.0])
@@ -113,7 +113,9 @@ def test_reinhard_maps_luminance_by_the_formula_and_keeps_ratios(white: float) -
     expected = light * (1 + light / white**2) / (1 + light)
     assert shown(light, "reinhard", tone_white=white) == pytest.approx(expected, rel=2e-6)
     colour = np.array([0.8, 0.4, 0.1], np.float32)
-    display = linear_from_srgb(develop(colour[None, None], Development(tone="reinhard", tone_white=white))[0, 0])
+    display = linear_from_srgb(
+        developed_values(colour[None, None], Development(tone="reinhard", tone_white=white))[0, 0]
+    )
     assert display / display[1] == pytest.approx(colour / colour[1], rel=1e-5)
 
 
@@ -125,22 +127,26 @@ def test_filmic_has_the_values_of_the_published_fit() -> None:
 def test_agx_keeps_grey_and_its_contrast() -> None:
     assert shown(np.array([0.18]), "agx")[0] == pytest.approx(0.18, rel=1e-5)
     near = 0.18 * 2.0 ** np.array([-0.01, 0.0, 0.01])
-    plain, below_and_above = (develop(greys(near), Development(tone=tone))[0, :, 0] for tone in ("srgb", "agx"))
+    plain, below_and_above = (
+        developed_values(greys(near), Development(tone=tone))[0, :, 0] for tone in ("srgb", "agx")
+    )
     assert np.diff(below_and_above) == pytest.approx(np.diff(plain), rel=0.01)
 
 
 def test_agx_keeps_the_saturation_of_mid_tones() -> None:
     near_grey = np.array([[[0.184, 0.18, 0.175]]], np.float32)
-    plain, shaped = (develop(near_grey, Development(tone=tone))[0, 0] for tone in ("srgb", "agx"))
+    plain, shaped = (developed_values(near_grey, Development(tone=tone))[0, 0] for tone in ("srgb", "agx"))
     assert shaped - shaped[1] == pytest.approx(plain - plain[1], rel=0.03)
 
 
 def test_agx_turns_bright_colours_white_and_leaves_dim_ones_coloured() -> None:
     lamp = np.array([[[1.0, 0.05, 0.02]]], np.float32)
-    spread = [float(np.ptp(develop(lamp, Development(ev=ev, tone="agx")))) for ev in (-2.0, 2.0, 4.0, 6.0, 9.0)]
+    spread = [
+        float(np.ptp(developed_values(lamp, Development(ev=ev, tone="agx")))) for ev in (-2.0, 2.0, 4.0, 6.0, 9.0)
+    ]
     assert spread == sorted(spread, reverse=True)
     assert spread[0] > 0.3
     assert spread[-1] < 0.02
-    clipped = develop(lamp, Development(ev=2.0))[0, 0]
+    clipped = developed_values(lamp, Development(ev=2.0))[0, 0]
     assert clipped[0] == pytest.approx(1, abs=1e-6)  # plain sRGB shows the lamp as pure red
     assert np.ptp(clipped) > 0.4

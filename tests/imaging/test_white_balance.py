@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.developing import development
-from rptcam_cl.imaging import Development, Grey, GreyWorld, Image, KnownLight, develop
+from rptcam_cl.colour import WAVELENGTHS_NM, blackbody, illuminant, srgb_from_reflectance, srgb_from_spectrum
+from rptcam_cl.imaging import Development, Grey, GreyWorld, Image, KnownLight, developed_values
+from rptcam_cl.imaging.picture_settings import development
 from rptcam_cl.scene import load_picture
 from rptcam_cl.scene.white_balance import LIGHTS
-from rptcam_cl.spectra import WAVELENGTHS_NM, blackbody, illuminant, srgb_from_reflectance, srgb_from_spectrum
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
@@ -17,7 +17,7 @@ def wall(colour: np.ndarray, shape: tuple[int, int] = (4, 5)) -> np.ndarray:
 
 
 def linear(pixels: np.ndarray, *, spectrum: str = "rgb", **settings: object) -> np.ndarray:
-    return develop(pixels, development(load_picture({"tone": "linear", **settings}), {"spectrum": spectrum}))
+    return developed_values(pixels, development(load_picture({"tone": "linear", **settings}), {"spectrum": spectrum}))
 
 
 @pytest.mark.parametrize("name", [name for name in LIGHTS if name != "auto"])
@@ -141,7 +141,7 @@ def test_mean_of_the_picture_becomes_grey_without_its_lamps() -> None:
 @pytest.mark.parametrize("colour", [[0, 0, 0], [0.1, 0.3, -0.1], [-0.1, -0.2, 0.3]])
 def test_what_cannot_be_grey_is_left_with_a_warning(balance: GreyWorld | Grey, colour: list[float]) -> None:
     with pytest.warns(UserWarning, match="black or of no colour that light has; left as it is"):
-        shown = develop(wall(colour), Development(tone="linear", white_balance=balance))
+        shown = developed_values(wall(colour), Development(tone="linear", white_balance=balance))
     assert np.array_equal(shown, np.clip(wall(colour), 0, 1))
 
 
@@ -149,6 +149,6 @@ def test_not_a_number_does_not_spread_to_other_channels_or_pixels() -> None:
     pixels = wall([0.4, 0.3, 0.2])
     pixels[0, 0] = [np.nan, 0.3, 0.2]
     pixels[1, 1] = np.inf
-    shown = develop(pixels, Development(tone="linear", white_balance=KnownLight((1.2, 1.0, 0.5))))
+    shown = developed_values(pixels, Development(tone="linear", white_balance=KnownLight((1.2, 1.0, 0.5))))
     assert np.isfinite(shown).all()
     assert shown[1, 1].tolist() == [1, 1, 1]

@@ -5,7 +5,7 @@ import OpenEXR
 import PIL.Image
 import pytest
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging import Development, Image, check_output, quantised
 
 METADATA = {

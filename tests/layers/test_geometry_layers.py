@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras.lens_setting import lens_setting
+from rptcam_cl.cameras.setting import lens_setting
 from rptcam_cl.scene import load_scene
 from tests.layers.scenes import (
     BALL,

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device import Session, choose_device, open_session
-from rptcam_cl.errors import InputError, StateError
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene import load_scene
-from rptcam_cl.scene.layers import LAYER_NAMES
-from rptcam_cl.wavefront import Wavefront, render_plan
-from rptcam_cl.wavefront.film import FilmLayout
+from rptcam_cl.scene.render_settings import LAYER_NAMES
 from tests.layers.scenes import CAMERAS, GREY, RED, world
 
 FACING = {"shape": "rectangle", "edge_u": [2, 0, 0], "edge_v": [0, 2, 0]}

@@ -8,12 +8,13 @@ from zlib import crc32
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session
-from rptcam_cl.errors import InputError
-from rptcam_cl.lens_tracing import Precision, trace_on_device
+from rptcam_cl.lenstools.device_tracing import Precision, trace_on_device
 from rptcam_cl.optics import Lens, Rays
 from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.optics.glass import WAVELENGTH_D, ConstantIndex
+from rptcam_cl.optics.glass import ConstantIndex
 from rptcam_cl.optics.probe import FilmProbe
 
 Array = NDArray[np.float64]
@@ -39,7 +40,7 @@ def on_device(
     directions: Any,
     precision: Precision = "single",
     start: str = "film",
-    wavelength_nm: float = WAVELENGTH_D,
+    wavelength_nm: float = LINE_D_NM,
 ) -> Rays:
     """Return rays traced by the device."""
     return trace_on_device(lens, session, origins, directions, wavelength_nm, start, precision)
@@ -61,7 +62,7 @@ def film_beam(
     back = back_distance(lens) if back_mm is None else back_mm
     half = 0.3 * abs(lens.first_order().focal_length_mm) if half_film_mm is None else half_film_mm
     film = rng.uniform(-half, half, (count // 2, 2))
-    boxes = FilmProbe(lens, back, WAVELENGTH_D).windows(film)
+    boxes = FilmProbe(lens, back, LINE_D_NM).windows(film)
     aims = boxes[:, ::2] + rng.random(film.shape) * (boxes[:, 1::2] - boxes[:, ::2])
     origins = np.column_stack([film, np.full(len(film), lens.length + back)])
     directions = np.column_stack([aims - film, np.full(len(film), -back)])
@@ -94,7 +95,7 @@ def scaled(lens: Lens, factor: float) -> Lens:
     return replace(lens, surfaces=surfaces)
 
 
-def neighbours(lens: Lens, wavelength_nm: float = WAVELENGTH_D) -> Iterator[Lens]:
+def neighbours(lens: Lens, wavelength_nm: float = LINE_D_NM) -> Iterator[Lens]:
     """Yield the lens with rims 1e-5 wider and narrower, and with every glass 1e-5 denser and thinner.
 
     Where they disagree about a ray, it passes so near to a rim or the critical angle that float32 may err.

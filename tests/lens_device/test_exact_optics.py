@@ -3,16 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.numerics.lens_checks import (
-    crossings,
-    ellipsoidal,
-    parallel,
-    plano_hyperbolic,
-    spot,
-    weierstrass_error,
-)
 from rptcam_cl.optics import Lens, Status, Surface
 from rptcam_cl.optics.glass import AIR, ConstantIndex
+from rptcam_cl.selfcheck.lens_checks import crossings, ellipsoidal, parallel, plano_hyperbolic, spot, weierstrass_error
 from tests.lens_device.beams import PRECISIONS, generator, on_device
 
 

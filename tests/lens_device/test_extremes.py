@@ -11,10 +11,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.numerics.lens_checks import surface_errors
 from rptcam_cl.optics import Lens, Status, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
-from rptcam_cl.optics.placement import Pose
+from rptcam_cl.optics.placement import SurfacePose
+from rptcam_cl.selfcheck.lens_checks import surface_errors
 from tests.lens_device.beams import PRECISIONS, film_beam, generator, on_device, scaled
 from tests.optics.truth import truth, truth_lens
 
@@ -81,7 +81,7 @@ def plane_between(case):
     normal = unit(case["normal"])
     side = unit(np.cross(normal, [1.0, 0, 0] if abs(normal[0]) < 0.9 else [0, 1.0, 0]))
     columns = np.column_stack([side, np.cross(normal, side), normal])
-    pose = None if normal[2] > 1 - 1e-12 else Pose._from(np.zeros(3), columns)
+    pose = None if normal[2] > 1 - 1e-12 else SurfacePose._from(np.zeros(3), columns)
     surface = Surface(glass=ConstantIndex(case["n2"]), pose=pose)
     return Lens(case["id"], (surface,), object_medium=ConstantIndex(case["n1"]))
 

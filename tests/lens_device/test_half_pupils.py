@@ -8,9 +8,9 @@ import pytest
 from rptcam_cl.cameras.half_pupil import halved, pupil_line
 from rptcam_cl.cameras.pupil_rays import pupil_rays
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene import load_scene
-from rptcam_cl.wavefront import Wavefront, render_plan
-from rptcam_cl.wavefront.film import FilmLayout
 from tests.device.probes import camera_rays, open_session
 from tests.render.pictures import MATTE, WHITE, scene_of
 from tests.support.statistics import Z

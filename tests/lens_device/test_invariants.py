@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rptcam_cl.colour.constants import LINE_D_NM
 from rptcam_cl.optics import Status, list_lenses, load_lens
-from rptcam_cl.optics.glass import AIR, WAVELENGTH_D
+from rptcam_cl.optics.glass import AIR
 from tests.device.probes import camera_rays
 from tests.lens_device.beams import ASSIGNMENT, PRECISIONS, back_distance, doubtful, film_beam, generator, on_device
 from tests.support.statistics import assert_equivalent
@@ -88,7 +89,7 @@ def test_the_printed_refraction_of_the_paper_is_not(monkeypatch):
         bent = perpendicular + (directions - perpendicular) * ratio
         return bent / np.linalg.norm(bent, axis=0), np.ones(bent.shape[1], dtype=bool)
 
-    module = __import__("sys").modules["rptcam_cl.optics.trace"]
+    module = __import__("sys").modules["rptcam_cl.optics.ray_trace"]
     monkeypatch.setattr(module, "refract", printed)
     lens, back, origins, directions = bundle("dgauss-50mm", 400)
     error, _ = symplectic_error(lens, back, origins, directions)
@@ -158,6 +159,6 @@ def test_stopped_down_lens_passes_the_rays_of_the_reference(session):
 def test_glass_without_glass_keeps_every_ray_where_it_was(session):
     lens, _, origins, directions = bundle("wide-22mm", 1000)
     bare = replace(lens, surfaces=tuple(replace(s, glass=AIR) for s in lens.surfaces))
-    out = on_device(session, bare, origins, directions, "double", wavelength_nm=WAVELENGTH_D)
+    out = on_device(session, bare, origins, directions, "double", wavelength_nm=LINE_D_NM)
     unit = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     np.testing.assert_allclose(out.directions[out.passed], unit[out.passed], atol=1e-15)

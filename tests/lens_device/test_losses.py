@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras.lens_records import lens_records
-from rptcam_cl.lens_tracing import _Tracer, trace_on_device
+from rptcam_cl.cameras.records import lens_records
+from rptcam_cl.lenstools.device_tracing import _Tracer, trace_on_device
 from rptcam_cl.optics import Rays, load_lens
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, MeasuredReflectance, QuarterWave
-from rptcam_cl.optics.transmission import COATED, IDEAL, UNCOATED, Transmission, with_coating
+from rptcam_cl.optics.transmission import COATED, IDEAL, UNCOATED, LensTransmission, with_coating
 from tests.lens_device.beams import PRECISIONS, film_beam
 
 # float32 loses about a rounding per surface; in float64 the cosine of a layer's phase is a polynomial good to 4e-7, and
 # so are indices over the wavelength.
 TOLERANCE = {"single": 5e-6, "double": 5e-7}
 MEASURED = MeasuredReflectance((385.0, 500.0, 770.0), (0.02, 0.004, 0.01))
-GLASS_ALONE = Transmission(fresnel=False, coatings=False)
+GLASS_ALONE = LensTransmission(fresnel=False, coatings=False)
 GREY = {"thickness_mm": 10, "wavelengths_nm": [390, 450, 760], "values": [0.7, 0.9, 0.8]}
 HALF = {"clear": {"half_plane_degrees": 90}, "outside": "pass", "diameter": 30}
 
@@ -130,7 +130,7 @@ def test_what_is_not_asked_for_is_not_compiled():
     assert facts(COATED, dispersive=True) == (1, 1, 1, 1)
     assert facts(UNCOATED) == (1, 0, 1, 0)
     assert facts(GLASS_ALONE) == (0, 0, 1, 0)
-    assert facts(Transmission(absorption=False)) == (1, 1, 0, 0)
+    assert facts(LensTransmission(absorption=False)) == (1, 1, 0, 0)
     clear = load_lens("dgauss-50mm")  # glass whose absorption is not known
     assert facts(UNCOATED, clear) == facts(UNCOATED, clear, dispersive=True) == (1, 0, 0, 0)
     assert facts(GLASS_ALONE, clear) == (0, 0, 0, 0)

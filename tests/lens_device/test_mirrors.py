@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.cameras.lens_records import lens_records
-from rptcam_cl.lens_tracing import trace_on_device
+from rptcam_cl.cameras.records import lens_records
+from rptcam_cl.lenstools.device_tracing import trace_on_device
 from rptcam_cl.optics import list_lenses, load_lens
 from rptcam_cl.optics.transmission import COATED
 from tests.device.probes import open_session

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from rptcam_cl import lens_tracing
 from rptcam_cl.cameras import realistic
-from rptcam_cl.cameras.lens_records import LensRecords, lens_records
 from rptcam_cl.cameras.pupil import pupil_sampling
+from rptcam_cl.cameras.records import LensRecords, lens_records
 from rptcam_cl.device import Session
+from rptcam_cl.lenstools import device_tracing as lens_tracing
 from tests.device.probes import open_session
 from tests.device.test_camera_rays import test_round_aperture_is_filled_evenly as aperture
 from tests.lens_device import test_exact_optics as exact

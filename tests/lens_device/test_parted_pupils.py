@@ -5,8 +5,8 @@ import pytest
 
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.cameras.pupil_check import left_out
+from rptcam_cl.colour.constants import LINE_D_NM
 from rptcam_cl.optics import list_lenses, load_lens
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.probe import FilmProbe, spread_points
 from tests.device.probes import camera_rays
@@ -24,7 +24,7 @@ def ball(index):
 
 def light(lens, back, film, count=1501):
     """Irradiance of a film point by brute force over the whole outline of the ball, and its passing points."""
-    probe = FilmProbe(lens, back, WAVELENGTH_D)
+    probe = FilmProbe(lens, back, LINE_D_NM)
     reach = 1.3 * back * np.tan(np.arcsin(RADIUS / (RADIUS + back))) + np.hypot(*film)
     side = np.linspace(-reach, reach, count)
     points = np.stack(np.meshgrid(side, side), axis=-1).reshape(-1, 2)
@@ -46,7 +46,7 @@ def test_irradiance_counts_every_part_of_the_pupil(index, back):
 @pytest.mark.parametrize(("index", "back"), BALLS)
 def test_no_ray_of_any_part_is_left_out(index, back, tier):
     lens = load_lens(ball(index))
-    sampling = pupil_sampling(lens, back, (0.7, 0.7), WAVELENGTH_D, tier)
+    sampling = pupil_sampling(lens, back, (0.7, 0.7), LINE_D_NM, tier)
     for x in (0.0, 0.3, 0.65):
         film = np.array([x, 0.0])
         _, points = light(lens, back, film, 501)
@@ -79,13 +79,13 @@ def test_all_tiers_see_the_light_of_the_ring(session):
 def test_pupils_of_one_part_keep_their_tables(name):
     lens = load_lens(name)
     half = 0.2 * abs(lens.first_order().focal_length_mm)
-    sampling = pupil_sampling(lens, back_distance(lens), (half, half), WAVELENGTH_D, "tight")
+    sampling = pupil_sampling(lens, back_distance(lens), (half, half), LINE_D_NM, "tight")
     assert sampling.tier == "tight"
 
 
 def test_the_window_holds_the_bulge_of_a_ball():
     # rays that just touch the ball behind its rim: the tangents from the film point
-    probe = FilmProbe(load_lens(ball(1.5)), 7.0, WAVELENGTH_D)
+    probe = FilmProbe(load_lens(ball(1.5)), 7.0, LINE_D_NM)
     tangent = 7.0 * np.tan(np.arcsin(RADIUS / (RADIUS + 7.0)))
     window = probe.windows(np.zeros((1, 2)))[0]
     assert tangent <= window[1] <= 1.001 * tangent

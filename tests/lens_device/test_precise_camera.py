@@ -7,15 +7,15 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.cameras.aperture import stop_shape
-from rptcam_cl.cameras.lens_setting import lens_setting
+from rptcam_cl.cameras.setting import lens_setting
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device import Session
-from rptcam_cl.errors import DeviceError
-from rptcam_cl.lens_tracing import trace_on_device
+from rptcam_cl.lenstools.device_tracing import trace_on_device
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering.buffers import camera_buffers
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.precise_lens import PreciseLens
 from rptcam_cl.scene import change_scene, load_scene
-from rptcam_cl.wavefront.buffers import camera_buffers
-from rptcam_cl.wavefront.film import FilmLayout
-from rptcam_cl.wavefront.precise_lens import PreciseLens
 from tests.device.probes import open_session, wave_record
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.records import PupilKind
 from rptcam_cl.optics import Status, list_lenses, load_lens
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.probe import FilmProbe
 from rptcam_cl.optics.pupil_shape import DIRECTIONS
 from rptcam_cl.optics.summary import image_circle
-from rptcam_cl.records import PupilKind
 from tests.device.probes import camera_rays
 from tests.lens_device.beams import ASSIGNMENT, back_distance, generator, scene_beam
 from tests.support.statistics import Z
@@ -100,7 +100,7 @@ def outside(sampling, half, film, points, x, y):
 def passing_rays(lens, back, half):
     """Film points and points on the plane of the last vertex of rays that pass: tried evenly, and from the scene."""
     rng = generator("pupil", lens.name)
-    probe = FilmProbe(lens, back, WAVELENGTH_D)
+    probe = FilmProbe(lens, back, LINE_D_NM)
     film = rng.uniform(-half, half, (COUNT, 2))
     boxes = probe.windows(film)
     points = boxes[:, ::2] + rng.random((COUNT, 2)) * (boxes[:, 1::2] - boxes[:, ::2])
@@ -117,7 +117,7 @@ def passing_rays(lens, back, half):
 
 
 def sampling_of(lens, back, half, tier):
-    sampling = pupil_sampling(lens, back, (half, half), WAVELENGTH_D, tier)
+    sampling = pupil_sampling(lens, back, (half, half), LINE_D_NM, tier)
     if sampling.kind != PupilKind.OUTLINES:
         return sampling, None, None
     per_mm, down, columns, rows = sampling.parameters
@@ -200,7 +200,7 @@ def test_nine_of_ten_rays_pass_and_the_table_is_made_in_a_second(name):
     points, aimed = drawn(nodes, x, y, film, rng, sampling.radial)
     if sampling.radial:
         aimed &= np.hypot(*film.T) <= x[-1]  # beyond the last node no ray is drawn
-    passes = FilmProbe(lens, back, WAVELENGTH_D).passes(film, points)
+    passes = FilmProbe(lens, back, LINE_D_NM).passes(film, points)
     assert not passes[~aimed].any()
     # Rays that aim at the middle of a ring are lost: of the mirror telephoto's pupil that obstructs a good third.
     assert passes[aimed].mean() >= (0.58 if lens.is_obstructed else 0.90)
@@ -208,17 +208,17 @@ def test_nine_of_ten_rays_pass_and_the_table_is_made_in_a_second(name):
 
 def test_a_lens_in_the_same_state_finds_its_table_again():
     lens, again = load_lens("dgauss-50mm"), load_lens("dgauss-50mm")
-    first = pupil_sampling(lens, 37.0, (18.0, 12.0), WAVELENGTH_D, "tight")
-    assert pupil_sampling(again, 37.0, (18.0, 12.0), WAVELENGTH_D, "tight") is first
+    first = pupil_sampling(lens, 37.0, (18.0, 12.0), LINE_D_NM, "tight")
+    assert pupil_sampling(again, 37.0, (18.0, 12.0), LINE_D_NM, "tight") is first
     assert not first.table.flags.writeable
 
 
 OTHER_STATES = {
-    "focus": lambda lens: pupil_sampling(lens, 38.0, (18.0, 12.0), WAVELENGTH_D, "tight"),
-    "film": lambda lens: pupil_sampling(lens, 37.0, (18.0, 15.0), WAVELENGTH_D, "tight"),
+    "focus": lambda lens: pupil_sampling(lens, 38.0, (18.0, 12.0), LINE_D_NM, "tight"),
+    "film": lambda lens: pupil_sampling(lens, 37.0, (18.0, 15.0), LINE_D_NM, "tight"),
     "wavelength": lambda lens: pupil_sampling(lens, 37.0, (18.0, 12.0), 450.0, "tight"),
-    "tier": lambda lens: pupil_sampling(lens, 37.0, (18.0, 12.0), WAVELENGTH_D, "bounds"),
-    "stop": lambda lens: pupil_sampling(lens.with_stop_diameter(9.0), 37.0, (18.0, 12.0), WAVELENGTH_D, "tight"),
+    "tier": lambda lens: pupil_sampling(lens, 37.0, (18.0, 12.0), LINE_D_NM, "bounds"),
+    "stop": lambda lens: pupil_sampling(lens.with_stop_diameter(9.0), 37.0, (18.0, 12.0), LINE_D_NM, "tight"),
 }
 
 
@@ -226,7 +226,7 @@ OTHER_STATES = {
 def test_another_state_of_a_lens_has_a_table_of_its_own(change):
     lens = load_lens("achromat-100mm" if change == "wavelength" else "dgauss-50mm")
     lens = replace(lens, stop_index=lens.stop_index or 0)
-    first = pupil_sampling(lens, 37.0, (18.0, 12.0), WAVELENGTH_D, "tight")
+    first = pupil_sampling(lens, 37.0, (18.0, 12.0), LINE_D_NM, "tight")
     other = OTHER_STATES[change](lens)
     assert other.table.shape != first.table.shape or np.any(other.table != first.table)
 
@@ -259,6 +259,6 @@ def test_the_device_draws_the_pupil_that_its_table_holds(session, name):
     rng = generator("drawn", name)
     film = rng.uniform(-radius, radius, (len(rays.status), 2))
     points, _ = drawn(nodes_of(sampling), x, y, film, rng, sampling.radial)
-    wanted = FilmProbe(lens, back, WAVELENGTH_D).passes(film, points).mean()
+    wanted = FilmProbe(lens, back, LINE_D_NM).passes(film, points).mean()
     got = (rays.status == Status.ok).mean()
     assert abs(got - wanted) <= Z * np.sqrt(2 * wanted * (1 - wanted) / len(film))

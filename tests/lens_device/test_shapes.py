@@ -6,10 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.lens_tracing import BLOCK, trace_on_device
+from rptcam_cl.lenstools.device_tracing import BLOCK, trace_on_device
 from rptcam_cl.optics import Lens, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
-from rptcam_cl.optics.placement import Pose
+from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopShape
 from tests.lens_device.beams import PRECISIONS, doubtful, film_beam, generator, on_device
@@ -57,10 +57,10 @@ def test_tilted_and_decentred_surfaces(session, start, precision):
         thickness=4.0,
         glass=GLASS,
         semi_diameter=6.0,
-        pose=Pose.of((0.5, -0.3, 0.1), (3.0, -5.0, 10.0)),
+        pose=SurfacePose.of((0.5, -0.3, 0.1), (3.0, -5.0, 10.0)),
     )
     assert_traced_alike(
-        session, Lens("tilted", (tilted, replace(END, pose=Pose.of((0, 0.2, 0), (0, 2.0, 0))))), start, precision
+        session, Lens("tilted", (tilted, replace(END, pose=SurfacePose.of((0, 0.2, 0), (0, 2.0, 0))))), start, precision
     )
 
 

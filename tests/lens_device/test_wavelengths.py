@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cameras.dispersion import ENOUGH, disperses, fewest_terms, fit_nodes, usable_nm
-from rptcam_cl.cameras.lens_records import lens_records
+from rptcam_cl.cameras.records import lens_records
+from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.optics import list_lenses, load_lens
-from rptcam_cl.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from tests.lens_device.beams import ASSIGNMENT, film_beam, generator, neighbours, on_device
 from tests.optics.truth import truth
 

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 
 from rptcam_cl import api
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import open_session
-from rptcam_cl.errors import InputError
-from rptcam_cl.lens_tracing import device_tracer
-from rptcam_cl.lensview import View, draw_lens, setting, svg
-from rptcam_cl.lensview.cross_section import glass, profile
-from rptcam_cl.lensview.fields import default_fields, section_rays, widest_field
-from rptcam_cl.lensview.picture import Path
-from rptcam_cl.lensview.ray_paths import ray_paths, reference
+from rptcam_cl.lenstools import View, draw_lens, setting, svg
+from rptcam_cl.lenstools.cross_section import glass, profile
+from rptcam_cl.lenstools.device_tracing import device_tracer
+from rptcam_cl.lenstools.fields import default_fields, section_rays, widest_field
+from rptcam_cl.lenstools.picture import Path
+from rptcam_cl.lenstools.ray_paths import ray_paths, reference
 from rptcam_cl.optics import Status, list_lenses, load_lens
 
 SPHERE = {

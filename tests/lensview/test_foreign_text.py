@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
-from rptcam_cl.errors import InputError
-from rptcam_cl.lensview.codev_text import codev_text
-from rptcam_cl.lensview.zemax_text import zemax_text
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools.codev_file import codev_text
+from rptcam_cl.lenstools.zemax_file import zemax_text
 from rptcam_cl.optics import Lens, load_lens
 
 WRITERS = {".zmx": zemax_text, ".seq": codev_text}

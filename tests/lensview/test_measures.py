@@ -5,13 +5,13 @@ import io
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.lensview import setting
-from rptcam_cl.lensview.distortion import distortion_table, film_height, followed_projection, ideal_height
-from rptcam_cl.lensview.mtf import diffraction_mtf, geometric_mtf, mtf_table
-from rptcam_cl.lensview.psf import npy_bytes, point_image
-from rptcam_cl.lensview.spots import FilmSpot, at_best_focus, film_spots, spot_facts, spot_table
-from rptcam_cl.lensview.vignetting import film_radii, pass_areas, vignetting_table
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools import setting
+from rptcam_cl.lenstools.distortion import distortion_table, film_height, followed_projection, ideal_height
+from rptcam_cl.lenstools.mtf import diffraction_mtf, geometric_mtf, mtf_table
+from rptcam_cl.lenstools.psf import npy_bytes, point_image
+from rptcam_cl.lenstools.spots import FilmSpot, at_best_focus, film_spots, spot_facts, spot_table
+from rptcam_cl.lenstools.vignetting import film_radii, pass_areas, vignetting_table
 from rptcam_cl.optics import load_lens
 
 RNG = np.random.default_rng(7)

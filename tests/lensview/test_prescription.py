@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.lensview.pbrt_table import loses_dispersion, pbrt_text
-from rptcam_cl.lensview.prescription import lens_text, short_radius
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools.pbrt_table import loses_dispersion, pbrt_text
+from rptcam_cl.lenstools.prescription import lens_text, short_radius
 from rptcam_cl.optics import Lens, Surface, list_lenses, load_lens
 from rptcam_cl.optics.glass import PowerSeries, TabulatedIndex
 

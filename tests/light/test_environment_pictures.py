@@ -8,9 +8,9 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene import load_scene
-from rptcam_cl.wavefront import Wavefront
-from rptcam_cl.wavefront.film import FilmLayout
 from tests.device.probes import open_session
 from tests.light.pictures import irradiance, rough_sky, save_exr
 from tests.render.pictures import MATTE, looking, scene_of, seed_of

@@ -7,8 +7,8 @@ import pytest
 
 from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.scene import load_scene
-from rptcam_cl.wavefront.buffers import SceneBuffers
 from tests.device.probes import open_session, run
 from tests.light.pictures import bilinear, direction_of, rough_sky, save_exr
 from tests.support.statistics import ALPHA, chi_squared

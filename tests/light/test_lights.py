@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.errors import InputError
-from rptcam_cl.photometry import LUMENS_PER_WATT, read_luminaire
+from rptcam_cl.assets.luminaire import LUMENS_PER_WATT, read_luminaire
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene
 from tests.render.pictures import MATTE, flat_mean, looking, pixels, scene_of, seed_of

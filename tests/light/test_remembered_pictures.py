@@ -7,8 +7,10 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.plan import make_plan, picture_table, remembered
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.plan import make_plan
+from rptcam_cl.plan import pictures as picture_table
+from rptcam_cl.plan import pictures as remembered
 from rptcam_cl.scene import load_scene
 
 CAMERA = {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40}

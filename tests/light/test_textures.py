@@ -6,11 +6,11 @@ import numpy as np
 import PIL.Image
 import pytest
 
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session
-from rptcam_cl.errors import InputError
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.scene import load_scene
-from rptcam_cl.wavefront.buffers import SceneBuffers
 from tests.device.probes import open_session, run
 from tests.light.pictures import save_exr
 

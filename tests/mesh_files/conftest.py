@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.mesh_files import MeshContents, read_mesh_file
+from rptcam_cl.assets.meshes import MeshContents, read_mesh_file
+from rptcam_cl.core.errors import InputError
 
 Read = Callable[..., MeshContents]
 

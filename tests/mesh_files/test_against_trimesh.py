@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from trimesh.visual.material import PBRMaterial
 
-from rptcam_cl.mesh_files import MeshContents, read_mesh_file
+from rptcam_cl.assets.meshes import MeshContents, read_mesh_file
 
 
 def knot() -> trimesh.Trimesh:

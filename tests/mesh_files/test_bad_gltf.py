@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 from .conftest import Read
 from .gltf_writer import GltfWriter, triangle

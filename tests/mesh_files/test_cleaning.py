@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rptcam_cl.mesh_files import Dropped, Polygons, as_triangles
-from rptcam_cl.mesh_files.clean import sound_faces
-from rptcam_cl.mesh_files.winding import winding_number
+from rptcam_cl.assets.meshes import Dropped, Polygons, as_triangles
+from rptcam_cl.assets.meshes.clean import sound_faces
+from rptcam_cl.assets.meshes.winding import winding_number
 
 from .conftest import Read
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.mesh_files import READERS, read_mesh_file
+from rptcam_cl.assets.meshes import READERS, read_mesh_file
+from rptcam_cl.core.errors import InputError
 
 from .gltf_writer import triangle
 from .test_bad_obj import SQUARE

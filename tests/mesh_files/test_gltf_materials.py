@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.mesh_files import Look, MeshContents, has_alpha
+from rptcam_cl.assets.meshes import FileMaterial, MeshContents, has_alpha
 
 from .conftest import Read
 from .gltf_writer import GltfWriter, triangle
@@ -29,18 +29,18 @@ def contents_of(read: Read, material: dict[str, Any], **parts: Any) -> MeshConte
     return read("a.glb", textured(material, **parts).glb())
 
 
-def look_of(read: Read, material: dict[str, Any], **parts: Any) -> Look:
+def look_of(read: Read, material: dict[str, Any], **parts: Any) -> FileMaterial:
     look = contents_of(read, material, **parts).parts[0].look
     assert look is not None
     return look
 
 
 def test_defaults_are_those_of_the_format(read: Read) -> None:
-    assert look_of(read, {}) == Look(base_color=(1, 1, 1), metallic=1, roughness=1)
+    assert look_of(read, {}) == FileMaterial(base_color=(1, 1, 1), metallic=1, roughness=1)
 
 
 def test_primitive_without_a_material_has_the_default_one(read: Read) -> None:
-    assert read("a.glb", triangle().glb()).parts[0].look == Look(base_color=(1, 1, 1), metallic=1, roughness=1)
+    assert read("a.glb", triangle().glb()).parts[0].look == FileMaterial(base_color=(1, 1, 1), metallic=1, roughness=1)
 
 
 def test_numbers_carry_over(read: Read) -> None:
@@ -58,7 +58,7 @@ def test_numbers_carry_over(read: Read) -> None:
             "KHR_materials_clearcoat": {"clearcoatFactor": 0.7, "clearcoatRoughnessFactor": 0.1},
         },
     })  # fmt: skip
-    assert look == Look(
+    assert look == FileMaterial(
         name="paint", base_color=(0.1, 0.2, 0.3), metallic=0.5, roughness=0.25, specular=0.6, opacity=0.4,
         opacity_cutoff=0.3, emission=(0, 4, 8), both_sides=True, index=1.33, transmission=0.9, solid=True,
         attenuation=((1, 0.5, 0), 2), clearcoat=0.7, clearcoat_roughness=0.1,

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.mesh_files import obj_blocks
+from rptcam_cl.assets.meshes import obj_lines as obj_blocks
+from rptcam_cl.core.errors import InputError
 
 from .conftest import Read
 

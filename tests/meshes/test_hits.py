@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-import rptcam_cl.acceleration.scene_trees
 import rptcam_cl.plan.meshes
-from rptcam_cl.numerics.geometry_checks import departures, leaks, mesh_rays_of
-from rptcam_cl.numerics.globe import directions, globe
-from rptcam_cl.numerics.mesh_rays import MATTE, MeshScene, mesh_object
+import rptcam_cl.rendering.trees.scene_trees
+from rptcam_cl.selfcheck.geometry_checks import departures, leaks, mesh_rays_of
+from rptcam_cl.selfcheck.rays import MATTE, MeshScene, mesh_object
+from rptcam_cl.selfcheck.scenes import directions, globe
 
 
 def rng_of(name: str) -> np.random.Generator:
@@ -23,7 +23,7 @@ def test_no_ray_leaks_through_edges_or_vertices(session, place):
 @pytest.mark.parametrize("kind", ["random", "axis", "denormal"])
 @pytest.mark.parametrize("shape", ["globe", "flat grid"])
 def test_tree_finds_what_every_triangle_finds(session, monkeypatch, shape, kind, width):
-    monkeypatch.setattr(rptcam_cl.acceleration.scene_trees, "WIDTH", {"cpu": width, "gpu": width})
+    monkeypatch.setattr(rptcam_cl.rendering.trees.scene_trees, "WIDTH", {"cpu": width, "gpu": width})
     rng = rng_of(f"{shape} {kind}")
     if shape == "globe":
         points, faces = globe(24, 32)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import at_opening, load_scene
 from tests.motion.pictures import PINHOLE, scene_with
 

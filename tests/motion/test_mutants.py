@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.geometry import movement
+from rptcam_cl.plan import motion as movement
 from tests.device.probes import open_session
 from tests.motion import test_camera_motion as camera
 from tests.motion import test_moments as moments

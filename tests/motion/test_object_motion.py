@@ -5,7 +5,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.device import Session
-from rptcam_cl.wavefront import tracer
+from rptcam_cl.rendering import tracer
 from tests.device.probes import open_session
 from tests.motion.pictures import BALL, FLOOR, GREY, PAIRS, PINHOLE, exposures, film, scene_with, still_mean
 from tests.primitives.trees import with_tree

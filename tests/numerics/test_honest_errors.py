@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.rendering.film import TILE, FilmLayout
+from rptcam_cl.rendering.noise import LUMINANCE
 from rptcam_cl.scene import change_scene, load_scene
-from rptcam_cl.wavefront import Wavefront, render_plan
-from rptcam_cl.wavefront.film import TILE, FilmLayout
-from rptcam_cl.wavefront.noise import LUMINANCE
 from tests.device.probes import open_session
 from tests.render.pictures import seed_of
 from tests.render.test_determinism import LENS

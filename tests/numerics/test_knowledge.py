@@ -8,10 +8,10 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.cli import main
+from rptcam_cl.core.errors import NumericError
+from rptcam_cl.core.resources import kernels_dir
 from rptcam_cl.device import program
-from rptcam_cl.errors import NumericError
 from rptcam_cl.plan.albedo import largest_albedo
-from rptcam_cl.resources import kernels_dir
 from rptcam_cl.scene import Checker, Conductor, Dielectric, Emissive, Matte, Mix, SpectralColour
 from tests.render.pictures import pixels
 from tests.render.test_determinism import LENS

@@ -9,14 +9,14 @@ import pytest
 
 from rptcam_cl import device
 from rptcam_cl.cli import main
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.errors import DeviceError
-from rptcam_cl.numerics import suite
-from rptcam_cl.numerics.check import Check
-from rptcam_cl.numerics.lens_margin import film_rays
-from rptcam_cl.numerics.number_checks import film_values
-from rptcam_cl.numerics.suite import SUITE, Part, outcomes
 from rptcam_cl.optics import load_lens
+from rptcam_cl.rendering.float32_margin import film_rays
+from rptcam_cl.selfcheck import suite
+from rptcam_cl.selfcheck.check import Check
+from rptcam_cl.selfcheck.number_checks import film_values
+from rptcam_cl.selfcheck.suite import SUITE, CheckGroup, outcomes
 from tests.support.mutants import Mutant, assert_found, each_mutant
 
 PARTS = {part.name: part for part in SUITE}
@@ -105,7 +105,7 @@ def test_device_that_throws_in_one_check_is_tried_in_the_next(session):
     def broken(_):
         raise DeviceError("out of\nresources")
 
-    first, second = outcomes(session, [Part("broken", broken), PARTS["random numbers"]])
+    first, second = outcomes(session, [CheckGroup("broken", broken), PARTS["random numbers"]])
     (check,) = first.checks
     assert (check.passed, check.name, check.note) == (False, "broken", "DeviceError: out of resources")
     assert all(check.passed for check in second.checks)
@@ -151,7 +151,7 @@ def test_doctor_checks_the_devices(short, capsys):
 
 
 def test_doctor_says_which_check_failed_and_exits_with_5(monkeypatch, capsys):
-    part = Part("x", lambda _: Check("points", 2e-3, 1e-4, "mm"))
+    part = CheckGroup("x", lambda _: Check("points", 2e-3, 1e-4, "mm"))
     monkeypatch.setattr(suite.outcomes, "__defaults__", ((part, PARTS["random numbers"]),))
     assert main(["doctor", "--numerics", "--device", "cpu"]) == 5
     streams = capsys.readouterr()
@@ -165,7 +165,7 @@ def test_doctor_says_which_check_failed_and_exits_with_5(monkeypatch, capsys):
 
 
 def test_doctor_without_a_device_reports_all_the_same(monkeypatch, capsys):
-    from rptcam_cl.numerics import environment
+    from rptcam_cl.selfcheck import machine as environment
 
     def none():
         raise DeviceError("no OpenCL platform was found")

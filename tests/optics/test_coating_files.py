@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 import yaml
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.lensview.prescription import lens_text
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.references import Folders, References
+from rptcam_cl.lenstools.prescription import lens_text
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
 from rptcam_cl.optics.glass import attenuation
-from rptcam_cl.references import Folders, References
 
 SPECTRUM = {"wavelengths_nm": [400, 550, 700], "values": [0.01, 0.002, 0.02]}
 INSIDE = {"thickness_mm": 10, "wavelengths_nm": [400, 700], "values": [0.9, 0.99]}

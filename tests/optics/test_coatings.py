@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Interface, MeasuredReflectance, QuarterWave, amplitudes
 
 BK7 = 1.5168

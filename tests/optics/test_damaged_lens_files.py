@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 
 from .test_foreign_features import DEEPLENS, FLOAT

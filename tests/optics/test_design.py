@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.design import (
     GlassChoice,

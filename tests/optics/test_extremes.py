@@ -7,8 +7,8 @@ import pytest
 
 from rptcam_cl.optics import Lens, Status, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
+from rptcam_cl.optics.ray_trace import refract
 from rptcam_cl.optics.shapes import meet
-from rptcam_cl.optics.trace import refract
 from tests.optics.truth import truth, truth_lens
 
 EXTREMES = truth("extremes_open")

@@ -2,8 +2,8 @@
 
 import pytest
 
+from rptcam_cl.colour.constants import LINE_D_NM
 from rptcam_cl.optics import list_lenses, load_lens
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 
 RELATIVE = 1e-10
@@ -63,7 +63,7 @@ def test_stop_diameter_of_each_f_number(name):
 @pytest.mark.parametrize("name", list_lenses())
 def test_bundled_lens_keeps_what_its_source_claims(name):
     lens = load_lens(name)
-    data = lens.first_order(lens.published.get("wavelength_nm", WAVELENGTH_D))
+    data = lens.first_order(lens.published.get("wavelength_nm", LINE_D_NM))
     assert lens.source and lens.published
     assert data.focal_length_mm == pytest.approx(lens.published["focal_length_mm"], rel=0.02)
     if "f_number" in lens.published:

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras.focusing import focused
+from rptcam_cl.cameras.setting import focused
 from rptcam_cl.cli import main
-from rptcam_cl.errors import InputError
-from rptcam_cl.lensview.prescription import lens_text
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools.prescription import lens_text
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.variable import floated

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.focus import film_distance, nearest_object_distance, object_distance
 from tests.optics.truth import NAMES, truth, truth_lens

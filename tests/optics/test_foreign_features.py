@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 
 

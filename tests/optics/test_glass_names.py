@@ -6,7 +6,8 @@ import sys
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.files.glass_names import (
     chosen_makers,
@@ -17,7 +18,7 @@ from rptcam_cl.optics.files.glass_names import (
     near_names,
 )
 from rptcam_cl.optics.files.makers import MAKERS, glasses_of
-from rptcam_cl.optics.glass import WAVELENGTH_D, abbe_number, attenuation, known_range
+from rptcam_cl.optics.glass import abbe_number, attenuation, known_range
 from rptcam_cl.optics.glass_table import GLASSES
 
 # n_d and V_d as the makers' data sheets print them
@@ -32,7 +33,7 @@ DATA_SHEETS = {
 def test_glasses_have_the_index_of_their_data_sheet(name):
     nd, vd = DATA_SHEETS[name]
     glass = glass_named(name)
-    assert float(glass.index(WAVELENGTH_D)) == pytest.approx(nd, abs=1e-5)
+    assert float(glass.index(LINE_D_NM)) == pytest.approx(nd, abs=1e-5)
     assert abbe_number(glass) == pytest.approx(vd, abs=0.02)
 
 
@@ -42,9 +43,9 @@ def test_every_glass_has_the_index_that_its_maker_prints():
         for glass in glasses_of(maker).values():
             law = glass_named(f"{glass.name}_{maker}")
             low, high = known_range(law) or (0, 0)
-            if glass.nd and low <= WAVELENGTH_D <= high:
+            if glass.nd and low <= LINE_D_NM <= high:
                 tolerance = 6e-4 if glass.name in ("BOROFLOAT33", "CaF2") else 5e-5  # three decimals; Malitson
-                assert float(law.index(WAVELENGTH_D)) == pytest.approx(glass.nd, abs=tolerance), glass
+                assert float(law.index(LINE_D_NM)) == pytest.approx(glass.nd, abs=tolerance), glass
                 checked += 1
     assert checked > 1600
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.irradiance import film_irradiance, on_axis_irradiance
 from tests.optics.truth import NAMES, truth, truth_lens

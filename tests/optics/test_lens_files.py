@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import list_lenses, load_lens
 from rptcam_cl.optics.files.checks import LONGEST_PLAUSIBLE_MM, crossed_surfaces
 from rptcam_cl.optics.glass import abbe_number

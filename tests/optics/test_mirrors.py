@@ -4,18 +4,18 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cameras.ray_map import ray_map
-from rptcam_cl.cameras.thick_lens import thick_lens
-from rptcam_cl.errors import InputError
-from rptcam_cl.lensview.codev_text import codev_text
-from rptcam_cl.lensview.prescription import lens_text
-from rptcam_cl.lensview.zemax_text import zemax_text
+from rptcam_cl.cameras.thick_lens import thick_lens_of
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools.codev_file import codev_text
+from rptcam_cl.lenstools.prescription import lens_text
+from rptcam_cl.lenstools.zemax_file import zemax_text
 from rptcam_cl.optics import Status, load_lens
 from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.optics.ray_trace import passing
 from rptcam_cl.optics.spot import Beam, spot
 from rptcam_cl.optics.summary import lens_info, t_number
-from rptcam_cl.optics.trace import passing
 from rptcam_cl.optics.transmission import COATED
 
 N_BK7 = 1.5168000345
@@ -339,7 +339,7 @@ def test_mirrors_read_back_from_other_programs_files(tmp_path, suffix, write):
 def test_models_of_a_full_pupil_refuse_a_ring():
     ring = cassegrain(400.0, 160.0, 140.0, 240.0, obstruction=42.0)
     with pytest.raises(InputError, match="its pupil is a ring"):
-        thick_lens(ring, 240.0, 587.56)
+        thick_lens_of(ring, 240.0, 587.56)
     with pytest.raises(InputError, match="has mirrors or a ring"):
         ray_map(ring, 240.0, (18.0, 12.0), 587.56, 100.0, (1e6,))
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.variable import configured
 

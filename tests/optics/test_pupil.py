@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.probe import FilmProbe
 from rptcam_cl.optics.pupil_shape import pupil_shapes
 
@@ -25,7 +25,7 @@ def test_outlines_of_a_pupil_much_smaller_than_the_rear_element_are_found():
     film = lens.first_order().back_focal_distance_mm
     shapes = pupil_shapes(lens, film, (2.8, 2.1))
     assert np.all(shapes.axes > 0.07) and np.all(shapes.axes < 0.1)
-    probe = FilmProbe(lens, film, WAVELENGTH_D)
+    probe = FilmProbe(lens, film, LINE_D_NM)
     points = np.stack([shapes.x[:-1], np.zeros(len(shapes.x) - 1)], axis=1)
     assert np.all(probe.passes(points, shapes.centres[0, :-1]))
     assert not np.any(probe.passes(points, shapes.centres[0, :-1] + [0.0, 0.15]))

@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import list_lenses, load_lens
 from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.summary import lens_info
 
@@ -26,7 +26,7 @@ def behind_glass(name, distance_mm=0.5, thickness_mm=2.0, diameter_mm=43.3):
         {
             "radius": float(np.inf) if surface.curvature == 0 else 1 / surface.curvature,
             "thickness": surface.thickness,
-            "glass": {"index": float(surface.glass.index(WAVELENGTH_D))},
+            "glass": {"index": float(surface.glass.index(LINE_D_NM))},
             "diameter": 2 * surface.semi_diameter,
             "stop": k == lens.stop_index,
         }

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.irradiance import film_irradiance

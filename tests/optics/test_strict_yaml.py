@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.strict_yaml import dotted, read_yaml
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import dotted, read_yaml
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import list_lenses, load_lens
 from rptcam_cl.optics.summary import image_circle, lens_info, stop_diameter_by_sine, t_number, working_f_number
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, Status, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
-from rptcam_cl.optics.placement import Pose
+from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.shapes import meet, sag_and_slopes
 
 RNG = np.random.default_rng(17)
@@ -153,7 +153,7 @@ def test_a_tilted_group_turns_about_its_first_vertex():
     ]
     plain = load_lens({"name": "x", "surfaces": rows})
     turned = load_lens({"name": "x", "surfaces": rows, "groups": [{"surfaces": [0, 1], "tilt_degrees": [7, -4, 11]}]})
-    turn = Pose.of((0, 0, 0), (7, -4, 11)).matrix()
+    turn = SurfacePose.of((0, 0, 0), (7, -4, 11)).matrix()
     start, direction = np.array([[1.0, 2.0, -30.0]]), np.array([[0.02, -0.03, 1.0]])
     expected = plain.trace(start, direction, start="scene")
     got = turned.trace(start @ turn.T, direction @ turn.T, start="scene")

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Status, load_lens
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Interface
 from rptcam_cl.optics.focus import film_distance
@@ -13,13 +13,13 @@ from rptcam_cl.optics.transmission import (
     COATED,
     IDEAL,
     UNCOATED,
-    Transmission,
+    LensTransmission,
     axial_t_number,
     axial_transmittance,
     with_coating,
 )
 
-GLASS_ALONE = Transmission(fresnel=False, coatings=False)
+GLASS_ALONE = LensTransmission(fresnel=False, coatings=False)
 GREY = {"thickness_mm": 10, "wavelengths_nm": [400, 700], "values": [0.8, 0.5]}
 
 
@@ -59,7 +59,7 @@ def test_bundled_glass_has_the_catalogues_internal_transmittance():
     assert axial_transmittance(lens, [400.0, 546.0], GLASS_ALONE) == pytest.approx([0.992, 0.996], abs=1e-12)
     with pytest.raises(InputError, match=r"absorption of N-BK7 is known from 300 to 1060 nm \(asked for 1500 nm\)"):
         axial_transmittance(lens, 1500.0, COATED)
-    assert axial_transmittance(lens, 1500.0, Transmission(absorption=False)) < 1
+    assert axial_transmittance(lens, 1500.0, LensTransmission(absorption=False)) < 1
 
 
 @pytest.mark.parametrize("losses", [UNCOATED, COATED, GLASS_ALONE])

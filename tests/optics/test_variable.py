@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.variable import configured, focused_by_group, moved, zoomed
@@ -51,7 +51,7 @@ def telephoto_with_group(travel=(-8.0, 10.0)):
     # The rear group of the 250 mm telephoto, behind its stop, moves.
     from pathlib import Path
 
-    from rptcam_cl.resources import lenses_dir
+    from rptcam_cl.core.resources import lenses_dir
 
     text = Path(lenses_dir() / "telephoto-250mm.yaml").read_text()
     return text + f"focusing: {{surfaces: [4, 6], travel: [{travel[0]}, {travel[1]}]}}\n"

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.pbrt import convert_scene
+from rptcam_cl.importers.pbrt import convert_scene
 from rptcam_cl.scene import Scene, load_scene
 
 HEAD = """\

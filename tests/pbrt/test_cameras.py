@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cameras.model import half_tangents
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.scene import Scene
 from tests.pbrt import reference as pbrt

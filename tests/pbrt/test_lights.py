@@ -10,9 +10,9 @@ import OpenEXR
 import pytest
 
 import rptcam_cl
-from rptcam_cl.errors import InputError
-from rptcam_cl.pbrt.equal_area import heights, in_longitude_and_latitude, square_of_angles
-from rptcam_cl.pbrt.spectra import black_body_srgb
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.importers.pbrt.equal_area import heights, in_longitude_and_latitude, square_of_angles
+from rptcam_cl.importers.pbrt.spectra import black_body_srgb
 from tests.pbrt import reference as pbrt
 
 Convert = Callable[..., Any]

@@ -9,10 +9,10 @@ import numpy as np
 import PIL.Image
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.pbrt.roughness import alpha_of
-from rptcam_cl.pbrt.spectra import black_body_srgb, reflectance_srgb
-from rptcam_cl.pictures import read_picture
+from rptcam_cl.assets.pictures import read_picture
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.importers.pbrt.spectra import black_body_srgb, reflectance_srgb
+from rptcam_cl.importers.pbrt.surfaces import alpha_of
 
 Convert = Callable[..., Any]
 HEAD = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" WorldBegin LightSource "infinite"\n'

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl.errors import InputError, RptcamError
-from rptcam_cl.pbrt import convert_scene
-from rptcam_cl.pbrt.report import Report
-from rptcam_cl.pbrt.source import Place, Source
+from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.importers.pbrt import convert_scene
+from rptcam_cl.importers.pbrt.report import Report
+from rptcam_cl.importers.pbrt.source import Place, Source
 from rptcam_cl.scene import load_scene
 from tests.pbrt.conftest import HEAD
 

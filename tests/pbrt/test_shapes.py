@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 Convert = Callable[..., Any]
 HEAD = 'Scale -1 1 1 LookAt 0 0 9  0 0 0  0 1 0 Camera "perspective" WorldBegin LightSource "infinite"\n'

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.pbrt.report import Report
-from rptcam_cl.pbrt.statements import Statement, read_statements
-from rptcam_cl.pbrt.world import read_world
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.importers.pbrt.report import Report
+from rptcam_cl.importers.pbrt.statements import Statement, read_statements
+from rptcam_cl.importers.pbrt.world import read_world
 from tests.pbrt.conftest import HEAD
 
 Reader = Callable[..., list[Statement]]
@@ -167,7 +167,7 @@ def test_a_million_nested_blocks_are_refused_at_once(tmp_path: Path) -> None:
 
 
 def test_files_that_include_each_other_without_end_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rptcam_cl.pbrt.statements.MOST_FILES", 500)
+    monkeypatch.setattr("rptcam_cl.importers.pbrt.statements.MOST_FILES", 500)
     for number in range(20):  # no circle, but two to the power of twenty files
         (tmp_path / f"{number}.pbrt").write_text(f'Include "{number + 1}.pbrt"\n' * 2)
     (tmp_path / "20.pbrt").write_text("")

@@ -12,8 +12,8 @@ import OpenEXR
 import PIL.Image
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.pictures import LARGEST_PIXELS, read_picture
+from rptcam_cl.assets.pictures import LARGEST_PIXELS, read_picture
+from rptcam_cl.core.errors import InputError
 
 RNG = np.random.default_rng(7)
 BYTES = RNG.integers(0, 256, (5, 7, 3)).astype(np.uint8)

@@ -5,12 +5,10 @@ from zlib import crc32
 import numpy as np
 import pytest
 
-from rptcam_cl.acceleration.primitive_tree import primitive_bounds, primitive_tree
-from rptcam_cl.numerics.crowd import axis_rays, crowd, directions, random_rays, slanting_rays
-from rptcam_cl.numerics.globe import globe
-from rptcam_cl.numerics.mesh_rays import mesh_object
-from rptcam_cl.numerics.primitive_rays import Objects
-from rptcam_cl.records import Kind
+from rptcam_cl.core.records import Kind
+from rptcam_cl.rendering.trees.primitive_tree import primitive_bounds, primitive_tree
+from rptcam_cl.selfcheck.rays import ObjectRays, mesh_object
+from rptcam_cl.selfcheck.scenes import axis_rays, crowd, directions, globe, random_rays, slanting_rays
 from tests.primitives.trees import with_tree
 
 RAYS = {"random": random_rays, "axis": axis_rays, "slanting": slanting_rays}
@@ -26,7 +24,7 @@ def both(session, monkeypatch, objects, **keys):
     pair = []
     for wanted in (True, False):
         with_tree(monkeypatch, wanted)
-        pair.append(Objects(session, objects, **keys))
+        pair.append(ObjectRays(session, objects, **keys))
         assert pair[-1].has_tree is wanted
     return pair
 
@@ -107,7 +105,7 @@ def test_few_primitives_make_a_sound_tree(session, monkeypatch, count):
 
 def test_scene_of_planes_alone_has_no_tree(session, monkeypatch):
     with_tree(monkeypatch, True)
-    assert not Objects(session, crowd(rng_of("plane"), 7)[-1:]).has_tree
+    assert not ObjectRays(session, crowd(rng_of("plane"), 7)[-1:]).has_tree
 
 
 def test_boxes_too_small_by_a_twentieth_lose_hits(session, monkeypatch):
@@ -124,7 +122,7 @@ def test_boxes_too_small_by_a_twentieth_lose_hits(session, monkeypatch):
 def test_bounds_hold_and_touch_the_points_of_every_kind(session, monkeypatch):
     rng = rng_of("bounds")
     with_tree(monkeypatch, False)
-    scene = Objects(session, crowd(rng, 21, holes=False)[:21])
+    scene = ObjectRays(session, crowd(rng, 21, holes=False)[:21])
     kinds = np.searchsorted(scene.plan.kind_end, np.arange(21), side="right")
     lower, upper = primitive_bounds(scene.plan.primitives[:21], kinds)
     o = 4 * directions(rng, 400_000)

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.acceleration import primitive_tree
-from rptcam_cl.numerics.crowd import LAMP, MATTE, NET
+from rptcam_cl.rendering.trees import primitive_tree
+from rptcam_cl.selfcheck.scenes import LAMP, MATTE, NET
 from tests.primitives.trees import with_tree
 from tests.render.pictures import looking, scene_of
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.acceleration import primitive_tree
+from rptcam_cl.rendering.trees import primitive_tree
 
 
 def with_tree(monkeypatch: pytest.MonkeyPatch, wanted: bool) -> None:

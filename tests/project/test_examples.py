@@ -14,9 +14,9 @@ from PIL import Image
 
 import rptcam_cl
 from rptcam_cl.cli import build_parser
-from rptcam_cl.geometry.mesh import MeshPart, mesh_parts
-from rptcam_cl.pbrt import convert_scene
+from rptcam_cl.importers.pbrt import convert_scene
 from rptcam_cl.plan import make_plan
+from rptcam_cl.plan.meshes import MeshPart, mesh_parts
 from rptcam_cl.scene import MeshObject
 
 ROOT = Path(__file__).resolve().parents[2]

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl import load_scene, render
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import change_scene
 from tests.device.probes import camera_rays, open_session

@@ -5,12 +5,12 @@ import pytest
 
 from rptcam_cl.cameras.dispersion import usable_nm
 from rptcam_cl.cameras.ray_map import LARGEST_ERROR_PX, LARGEST_ORDER, exponents, ray_map, terms
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.probe import grid
 from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
-from rptcam_cl.records import DISPERSION_SCALE, DISPERSION_SHIFT
 
 HALF_FILM_MM = (18.0, 12.0)
 PIXELS_PER_MM = 1920 / 36

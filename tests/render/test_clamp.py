@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from tests.render.pictures import lamp, looking, scene_of
 from tests.render.test_world import still_life
 

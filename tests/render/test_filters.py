@@ -6,8 +6,8 @@ from scipy.integrate import quad
 
 import rptcam_cl
 from rptcam_cl.cameras.filter import filter_table
-from rptcam_cl.errors import InputError
-from rptcam_cl.scene.film_filter import FilmFilter
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene.film import FilmFilter
 from tests.render.pictures import WHITE, lamp, pixels, scene_of, seed_of
 from tests.support.statistics import InconclusiveError, assert_equivalent
 

@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import rptcam_cl.wavefront.memory as memory
+import rptcam_cl.rendering.memory as memory
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.errors import InputError
-from rptcam_cl.numerics.globe import globe
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.memory import MemoryNeeds, check_memory, memory_needs
 from rptcam_cl.scene import load_scene
-from rptcam_cl.wavefront import Wavefront
-from rptcam_cl.wavefront.film import FilmLayout
-from rptcam_cl.wavefront.memory import MemoryNeeds, check_memory, memory_needs
+from rptcam_cl.selfcheck.scenes import globe
 from tests.render.pictures import MATTE, looking, scene_of
 
 VIEW = looking([0, -5, 0], [0, 0, 0])

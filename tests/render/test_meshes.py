@@ -5,14 +5,14 @@ import hashlib
 import numpy as np
 import pytest
 
-import rptcam_cl.acceleration.scene_trees as scene_trees
 import rptcam_cl.plan.meshes
+import rptcam_cl.rendering.trees.scene_trees as scene_trees
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.numerics.globe import globe
 from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.scene import load_scene
-from rptcam_cl.wavefront import Wavefront, render_plan
-from rptcam_cl.wavefront.film import FilmLayout
+from rptcam_cl.selfcheck.scenes import globe
 from tests.render.pictures import MATTE, batches, looking, scene_of
 from tests.support.statistics import assert_same_tiles
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl import saving
-from rptcam_cl.errors import StateError
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.rendering import checkpoint as saving
 from rptcam_cl.scene import load_scene
 from tests.render.pictures import seed_of
 from tests.render.test_determinism import LENS

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from tests.render.pictures import WHITE, scene_of
 
 HOLE = {"name": "a hole", "surfaces": [{"stop": True, "diameter": 0.3}]}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.cameras.thick_lens import thick_lens
-from rptcam_cl.errors import InputError
+from rptcam_cl.cameras.thick_lens import thick_lens_of
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.focus import film_distance
 from tests.device.probes import camera_rays, open_session
@@ -42,7 +42,7 @@ def test_rays_of_a_film_point_meet_in_its_conjugate_object_point(name, distance)
     before = data.focal_length_mm * data.front_focal_length_mm / behind  # Newton
     assert before - data.front_focal_distance_mm == pytest.approx(distance)
     for film in (0.0, 0.3, -7.0):
-        height, slope = outside(thick_lens(lens, back, WAVELENGTH), film, PUPIL)
+        height, slope = outside(thick_lens_of(lens, back, WAVELENGTH), film, PUPIL)
         expected = -film * data.focal_length_mm / behind
         np.testing.assert_allclose(height + slope * distance, expected, rtol=1e-11, atol=1e-11 * distance)
 
@@ -51,7 +51,7 @@ def test_rays_of_a_film_point_meet_in_its_conjugate_object_point(name, distance)
 def test_rays_are_parallel_where_infinity_is_sharp(name):
     lens = load_lens(name)
     data = lens.first_order()
-    _, slope = outside(thick_lens(lens, data.back_focal_distance_mm, WAVELENGTH), 2.0, PUPIL)
+    _, slope = outside(thick_lens_of(lens, data.back_focal_distance_mm, WAVELENGTH), 2.0, PUPIL)
     np.testing.assert_allclose(slope, -2.0 / data.front_focal_length_mm, rtol=1e-10)
 
 
@@ -59,7 +59,7 @@ def test_rays_are_parallel_where_infinity_is_sharp(name):
 def test_rays_go_through_the_same_point_of_both_pupils(name):
     lens = load_lens(name)
     back = film_distance(lens, 1000.0, "front")
-    data, thick = lens.first_order(), thick_lens(lens, back, WAVELENGTH)
+    data, thick = lens.first_order(), thick_lens_of(lens, back, WAVELENGTH)
     height, slope = outside(thick, 3.0, PUPIL)
     entrance = height - slope * data.entrance_pupil.distance_mm
     towards_film = thick.film_slope[0] * 3.0 + thick.film_slope[1] * PUPIL
@@ -72,7 +72,7 @@ def test_rays_go_through_the_same_point_of_both_pupils(name):
 def test_rays_near_the_axis_are_the_traced_ones(name):
     lens = load_lens(name)
     back = film_distance(lens, 5000.0)
-    thick = thick_lens(lens, back, WAVELENGTH)
+    thick = thick_lens_of(lens, back, WAVELENGTH)
     off = []
     for size in (1e-1, 1e-2):  # of aperture and field
         film = size * 0.05 * lens.first_order().focal_length_mm
@@ -207,7 +207,7 @@ def test_film_on_the_exit_pupil_is_refused():
 def test_lens_telecentric_at_the_film_has_its_closed_form():
     # the stop in the front focal plane: every film point sees the same cone
     lens = {"name": "telecentric", "surfaces": [{"stop": True, "thickness": 50, "diameter": 10}, *PLANO_CONVEX]}
-    thick = thick_lens(load_lens(lens), 48.0, WAVELENGTH)
+    thick = thick_lens_of(load_lens(lens), 48.0, WAVELENGTH)
     np.testing.assert_allclose(thick.film_slope, [0.0, -0.1], atol=1e-12)
     np.testing.assert_allclose(thick.slope, [-1 / 50, 0.0], atol=1e-12)
 
@@ -215,7 +215,7 @@ def test_lens_telecentric_at_the_film_has_its_closed_form():
 def test_stop_of_a_lens_without_one_is_the_rim_that_limits():
     lens = load_lens("biconvex")
     assert lens.stop_index is None
-    thick = thick_lens(lens, 60.0, WAVELENGTH)
+    thick = thick_lens_of(lens, 60.0, WAVELENGTH)
     away = 60.0 - lens.first_order().exit_pupil.distance_mm
     assert abs(thick.film_slope[1]) == pytest.approx(lens.first_order().exit_pupil.diameter_mm / 2 / away)
     with pytest.raises(InputError, match="has no stop to set"):

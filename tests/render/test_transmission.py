@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE
 from rptcam_cl.optics.focus import film_distance

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.errors import InputError, RptcamError
+from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.scene import load_scene
 
 from .conftest import EVERYTHING, SMALL, Load

@@ -2,7 +2,7 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import change_scene
 
 from .conftest import EVERYTHING, SMALL, Load

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.scene import Film, SceneObject, load_scene
 from rptcam_cl.scene.checks import world_corners
-from rptcam_cl.strict_yaml import read_yaml
 
 from .conftest import SMALL, Load
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.scene import (
     Checker,
     ConstantEnvironment,
@@ -22,7 +23,6 @@ from rptcam_cl.scene import (
     ThickLensCamera,
     load_scene,
 )
-from rptcam_cl.strict_yaml import read_yaml
 
 from .conftest import EVERYTHING, SMALL, Load
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import load_scene
 
 HEAD = """

@@ -8,9 +8,9 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.scene import Scene, load_scene
-from rptcam_cl.strict_yaml import read_yaml
 
 from .conftest import EVERYTHING, SMALL
 

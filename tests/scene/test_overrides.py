@@ -1,6 +1,6 @@
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import Matte, RealisticCamera, Sphere
 
 from .conftest import EVERYTHING, SMALL, Load

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 
 from .conftest import SMALL, Load
 

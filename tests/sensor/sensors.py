@@ -7,14 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.sensor import Sensor, electrons_per_joule
+from rptcam_cl.colour.response import electrons_per_joule
+from rptcam_cl.imaging.sensor import SensorModel
 
 STRIPS = 16
 Numbers = NDArray[np.uint16]
 Estimate = tuple[float, float]  # and its standard error
 
 
-def sensor(response: str | None = None, **changes: Any) -> Sensor:
+def sensor(response: str | None = None, **changes: Any) -> SensorModel:
     """Return a sensor of 30000 electrons, which the film's 1 of white fills, behind 14 bits."""
     per_joule = electrons_per_joule(response, (0.5, 0.5, 0.5))
     keys: dict[str, Any] = {
@@ -26,7 +27,7 @@ def sensor(response: str | None = None, **changes: Any) -> Sensor:
         "bit_depth": 14,
         "bayer": "RGGB",
     }
-    return Sensor(**keys | changes)
+    return SensorModel(**keys | changes)
 
 
 def flat(value: float | Sequence[float], size: int = 64) -> NDArray[np.float32]:

@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.sensor import Sensor, exposed
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.imaging.sensor import SensorModel, exposed
 from tests.sensor.sensors import Transfer, flat, photon_transfer, sensor
 from tests.support.statistics import assert_equivalent
 
@@ -17,7 +17,7 @@ MONO = sensor(
 )  # fmt: skip
 
 
-def transfer(chosen: Sensor, size: int = 512) -> Transfer:
+def transfer(chosen: SensorModel, size: int = 512) -> Transfer:
     def frame(level: float, seed: int) -> np.ndarray:
         return exposed(flat(level, size), replace(chosen, seed=seed)).numbers
 
@@ -27,7 +27,7 @@ def transfer(chosen: Sensor, size: int = 512) -> Transfer:
 @pytest.mark.parametrize(
     "chosen", [MONO, replace(MONO, prnu=0.03, dsnu_e=20.0)], ids=["uniform pixels", "pixels that differ"]
 )
-def test_photon_transfer_gives_back_gain_read_noise_and_full_well(chosen: Sensor) -> None:
+def test_photon_transfer_gives_back_gain_read_noise_and_full_well(chosen: SensorModel) -> None:
     found = transfer(chosen)
     for (value, error), put_in in (
         (found.gain, chosen.system_gain_dn_per_e),

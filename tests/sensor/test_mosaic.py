@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from rptcam_cl.sensor import demosaiced, exposed, linear_picture, mosaic
+from rptcam_cl.imaging.mosaic import demosaiced, mosaic
+from rptcam_cl.imaging.sensor import exposed, linear_picture
 from tests.sensor.sensors import flat, sensor
 
 ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")

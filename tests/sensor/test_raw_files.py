@@ -9,9 +9,10 @@ import pytest
 import rawpy
 import tifffile
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.colour.response import RESPONSES
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging.raw import RawImage, check_raw_output
-from rptcam_cl.sensor import RESPONSES, Sensor, exposed
+from rptcam_cl.imaging.sensor import SensorModel, exposed
 from tests.sensor.sensors import sensor
 from tests.sensor.test_mosaic import CHART
 
@@ -23,12 +24,12 @@ SENSORS = [("nikon_d5100", order) for order in ("RGGB", "BGGR", "GRBG", "GBRG", 
 SENSORS += [("canon_eos_5d_mark_ii", "RGGB"), ("sigma_sd_merrill", "none"), (None, "RGGB"), (None, "monochrome")]
 
 
-def raw_of(chosen: Sensor, size: int = 24) -> RawImage:
+def raw_of(chosen: SensorModel, size: int = 24) -> RawImage:
     film = CHART.repeat(size, axis=0).repeat(size, axis=1)
     return RawImage(exposed(film, chosen), METADATA)
 
 
-def quiet(response: str | None, bayer: str) -> Sensor:
+def quiet(response: str | None, bayer: str) -> SensorModel:
     """A sensor of so many electrons that noise does not show in the mean of a patch."""
     chosen = sensor(response, bayer=bayer, full_well_e=3e8, dark_e=1e5)
     gain = chosen.system_gain_dn_per_e * 1e-4

@@ -11,9 +11,9 @@ import rawpy
 
 import rptcam_cl
 from rptcam_cl.cli import main
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, open_session
-from rptcam_cl.errors import InputError
-from rptcam_cl.sensor import Sensor, exposed
+from rptcam_cl.imaging.sensor import SensorModel, exposed
 from tests.sensor.sensors import photon_transfer
 from tests.support.statistics import assert_equivalent
 
@@ -52,7 +52,7 @@ def test_photon_transfer_of_a_rendered_flat_field_gives_back_what_was_put_in(ses
         if level not in films:
             shot = {**WALL, "shutter": {"time_s": level * 1e-3}} if level else {**WALL, "environment": None}
             films[level] = rptcam_cl.render(shot, spp=1, device=session)
-        sensor = Sensor.from_description(films[level].metadata["sensor"])
+        sensor = SensorModel.from_description(films[level].metadata["sensor"])
         return exposed(films[level].pixels, replace(sensor, seed=seed)).numbers
 
     electrons_per_ms = exposed_electrons(1e-3)

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.resources import response_curves_dir
-from rptcam_cl.sensor import RESPONSES, electrons_per_joule, response_curves, system_gain, white_electrons_at_iso
-from rptcam_cl.sensor.linear import rgb_from_balanced
-from rptcam_cl.sensor.response import response
-from rptcam_cl.spectra import WAVELENGTHS_NM, daylight_65, luminance, rgb_basis, srgb_from_reflectance
+from rptcam_cl.colour import WAVELENGTHS_NM, daylight_65, luminance, rgb_basis, srgb_from_reflectance
+from rptcam_cl.colour.response import RESPONSES, electrons_per_joule, response, response_curves
+from rptcam_cl.core.resources import response_curves_dir
+from rptcam_cl.imaging.sensor import rgb_from_balanced, system_gain, white_electrons_at_iso
 from tests.sensor.sensors import sensor
 
 

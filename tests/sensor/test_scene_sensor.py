@@ -5,12 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour.response import RESPONSES
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.imaging.scene_sensor import sensor_of
+from rptcam_cl.imaging.sensor import SensorModel
 from rptcam_cl.scene import Scene, load_scene
-from rptcam_cl.scene.sensor import PresetName, ResponseName
-from rptcam_cl.scene.sensor_presets import PRESETS
-from rptcam_cl.sensing import sensor_of
-from rptcam_cl.sensor import RESPONSES, Sensor
+from rptcam_cl.scene.sensor import PRESETS, PresetName, ResponseName
 
 CAMERA = {
     "kind": "thin_lens", "eye": [0, 0, 5], "target": [0, 0, 0], "focal_length_mm": 50, "f_number": 4,
@@ -25,7 +25,7 @@ def scene(sensor: dict[str, Any] | None, **parts: Any) -> Scene:
     return load_scene({**SMALL, **({} if sensor is None else {"sensor": sensor}), **parts})
 
 
-def sensor_in(keys: dict[str, Any], metadata: dict[str, Any], **parts: Any) -> Sensor:
+def sensor_in(keys: dict[str, Any], metadata: dict[str, Any], **parts: Any) -> SensorModel:
     found = sensor_of(scene(keys, **parts), WINDOW | metadata)
     assert found is not None
     return found
@@ -144,8 +144,8 @@ def test_only_the_response_of_a_sensor_may_change_the_film() -> None:
 
 def test_description_gives_the_sensor_again() -> None:
     first = sensor_in({"response": "sigma_sd_merrill", "bayer": "none", "prnu": 0.1}, {})
-    again = Sensor.from_description(first.described())
+    again = SensorModel.from_description(first.described())
     assert again.described() == first.described()
     for broken in ({}, {"electrons": [1]}, first.described() | {"origin": []}, first.described() | {"new": 1}):
         with pytest.raises(InputError, match="the metadata describe no sensor"):
-            Sensor.from_description(broken)
+            SensorModel.from_description(broken)

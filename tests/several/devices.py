@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import Any
 
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device import DeviceInfo, Session, choose_device
 from rptcam_cl.device.session import Launch
 from rptcam_cl.device.trial import try_device
-from rptcam_cl.errors import DeviceError
 
 
 class Fragile(Session):

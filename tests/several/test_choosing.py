@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
+from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device import choose, choose_device, open_sessions
 from rptcam_cl.device.trial import Trial, try_device
-from rptcam_cl.errors import DeviceError
-from rptcam_cl.wavefront.parts import begun, ended, is_shared, joined, split_of, split_text
+from rptcam_cl.rendering.parts import begun, ended, is_shared, joined, split_of, split_text
 
 SCENE = """\
 film: {resolution: [24, 16]}

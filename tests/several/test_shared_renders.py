@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl import saving
-from rptcam_cl.errors import DeviceError
-from rptcam_cl.wavefront.shares import owners, shares_of
-from rptcam_cl.wavefront.worker import Worker
+from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.rendering import checkpoint as saving
+from rptcam_cl.rendering.shares import owners, shares_of
+from rptcam_cl.rendering.worker import Worker
 from tests.render.test_determinism import LENS
 from tests.render.test_resume import SIZE, bits, scene, until
 

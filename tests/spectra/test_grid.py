@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.spectra import METALS, WAVELENGTHS_NM, lines_on_grid, metal_optics, on_grid, within_srgb
-from rptcam_cl.spectra import luminance as luminance_of
+from rptcam_cl.colour import METALS, WAVELENGTHS_NM, lines_on_grid, metal_optics, on_grid, within_srgb
+from rptcam_cl.colour import luminance as luminance_of
 
 
 def test_grid_goes_from_380_to_780_nm():

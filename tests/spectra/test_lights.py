@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.spectra import (
+from rptcam_cl.colour import (
     ILLUMINANTS,
     WAVELENGTHS_NM,
     blackbody,
@@ -14,6 +13,7 @@ from rptcam_cl.spectra import (
     srgb_from_spectrum,
     xyz_from_spectrum,
 )
+from rptcam_cl.core.errors import InputError
 
 # x, y for the 2 degree observer: CIE 15:2018, and CIE 15:2004 table T.8 for fluorescent lamps.
 CHROMATICITIES = {

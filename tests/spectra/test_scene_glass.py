@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 import yaml
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.glass import WAVELENGTH_D
+from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.plan import make_plan
-from rptcam_cl.plan.refraction import dielectric_index, is_dispersive
+from rptcam_cl.plan.optical_constants import dielectric_index, is_dispersive
 from rptcam_cl.scene import scene_json_schema
 
 from .conftest import SCENE
@@ -34,7 +34,7 @@ def test_glass_has_its_index(scene, text):
     material = scene(f"{{kind: dielectric, glass: {text}}}").objects[0].material
     at_d, at_f = GLASSES[text]
     index = dielectric_index(material)
-    np.testing.assert_allclose(index([WAVELENGTH_D, 486.1327]), [at_d, at_f], atol=5e-5)
+    np.testing.assert_allclose(index([LINE_D_NM, 486.1327]), [at_d, at_f], atol=5e-5)
     assert material.n_d == pytest.approx(at_d, abs=5e-5)
     assert is_dispersive(material) == (text != "{index: 1.5}")
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import WAVELENGTHS_NM, metal_optics
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.plan import make_plan
-from rptcam_cl.plan.metals import metal_colour, metal_constants, metal_spectra
-from rptcam_cl.spectra import WAVELENGTHS_NM, metal_optics
+from rptcam_cl.plan.optical_constants import metal_colour, metal_constants, metal_spectra
 
 
 @pytest.fixture

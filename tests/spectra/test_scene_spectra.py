@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.scene import SpectralColour, change_scene, load_scene, scene_json_schema
-from rptcam_cl.spectra import (
+from rptcam_cl.colour import (
     WAVELENGTHS_NM,
     blackbody,
     daylight,
@@ -19,6 +17,8 @@ from rptcam_cl.spectra import (
     srgb_from_spectrum,
     xyz_from_spectrum,
 )
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene import SpectralColour, change_scene, load_scene, scene_json_schema
 
 from .conftest import SCENE
 

@@ -9,8 +9,8 @@ import pytest
 
 import rptcam_cl
 from benchmarks.upsampling import color_checker
-from rptcam_cl.plan.metals import reflectance
-from rptcam_cl.spectra import WAVELENGTHS_NM, illuminant, metal_optics, srgb_from_spectrum
+from rptcam_cl.colour import WAVELENGTHS_NM, illuminant, metal_optics, srgb_from_spectrum
+from rptcam_cl.plan.optical_constants import reflectance
 
 EVERY_5 = [float(x) for x in WAVELENGTHS_NM[::5]]
 LAMP = {"illuminant": "F11", "luminance": 1}

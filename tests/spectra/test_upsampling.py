@@ -6,7 +6,7 @@ from scipy.optimize import linprog
 
 from benchmarks import rgb_basis as solver
 from benchmarks import upsampling
-from rptcam_cl.spectra import daylight_65, reflectance_from_srgb, rgb_basis, srgb_from_reflectance, srgb_from_spectrum
+from rptcam_cl.colour import daylight_65, reflectance_from_srgb, rgb_basis, srgb_from_reflectance, srgb_from_spectrum
 
 CUBE = np.stack(np.meshgrid(*[np.linspace(0, 1, 9)] * 3), axis=-1).reshape(-1, 3)
 

@@ -7,15 +7,15 @@ import pytest
 from scipy import stats
 
 import rptcam_cl
+from rptcam_cl.colour import WAVELENGTHS_NM
+from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.plan import make_plan
 from rptcam_cl.plan.spectrum import HUE_CELLS, hue_table, least_noise, primary_spectra
-from rptcam_cl.records import device_declarations
+from rptcam_cl.rendering import tracer
 from rptcam_cl.scene import load_scene
-from rptcam_cl.spectra import WAVELENGTHS_NM
-from rptcam_cl.wavefront import tracer
 from tests.device.probes import open_session
 from tests.render.pictures import WHITE, batches, looking, pixels, scene_of, seed_of
 from tests.spectrum.scenes import SINGLET_BACK_MM, paper_camera, room, singlet, white_wall

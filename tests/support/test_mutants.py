@@ -2,8 +2,8 @@
 
 import pytest
 
+from rptcam_cl.core.resources import kernels_dir
 from rptcam_cl.device import program
-from rptcam_cl.resources import kernels_dir
 from tests.layers import test_mutants as layers
 from tests.lens_device import test_loss_mutants as losses
 from tests.lens_device import test_mutants as lenses

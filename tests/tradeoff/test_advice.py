@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.tradeoff import words
 from rptcam_cl.tradeoff.advice import for_error, for_time
 from rptcam_cl.tradeoff.measurement import TARGETS, Measurement
 from rptcam_cl.tradeoff.statistics import Interval
 from rptcam_cl.tradeoff.text import place
 from rptcam_cl.tradeoff.tiles import spread_tiles
-from rptcam_cl.wavefront.film import FilmLayout
 
 
 def measurement(name, rate, bias=0.0, knob="camera"):

@@ -10,8 +10,8 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.cli import parser as values
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.errors import InputError
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
 from rptcam_cl.tradeoff.ladder import ladder, most_accurate

@@ -8,14 +8,7 @@ from scipy import stats
 
 from rptcam_cl.tradeoff.errors import EDGE, LongPictures, pair_errors
 from rptcam_cl.tradeoff.measurement import Timings, measurements
-from rptcam_cl.tradeoff.statistics import (
-    draws,
-    interval,
-    median_over_seeds,
-    once,
-    over_pairs,
-    student_quantile,
-)
+from rptcam_cl.tradeoff.statistics import draws, interval, median_over_seeds, once, over_pairs, student_quantile
 from tests.tradeoff.synthetic import MANY, NOISE, PER_TILE, SAMPLES, SECONDS, SEEDS, measured, spread
 
 EVERY = 16  # tiles

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import pytest
 
-from rptcam_cl.accuracy import decided
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff.ladder import AS_IT_IS, ladder, most_accurate
 from rptcam_cl.tradeoff.runs import mark
+from rptcam_cl.tradeoff.tiers import choose_camera
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 SCENES = [
@@ -20,7 +20,7 @@ SCENES = [
 
 def picture(scene):
     """What two scenes of the same picture have in common."""
-    scene = decided(scene).scene
+    scene = choose_camera(scene).scene
     return mark(make_plan(scene), scene.render), scene.render.clamp, scene.render.sampler
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from rptcam_cl.optics.placement import rotation_matrix
 
 
-class Frame:
+class AxisFrame:
     """The local frame that decentres, tilts and thicknesses carry along.
 
     Parameters
@@ -50,7 +50,7 @@ class Frame:
 
     def unbend(self, decentre: tuple[float, float, float], tilt_degrees: tuple[float, float, float]) -> None:
         """Undo a tilt, and then a decentre, as REV of CODE V does behind a surface."""
-        bent = Frame(self.senses)
+        bent = AxisFrame(self.senses)
         bent.bend((0.0, 0.0, 0.0), tilt_degrees)
         self.turn = self.turn @ bent.turn.T
         self.place = self.place - self.turn @ np.array(decentre)

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.references import read_whole
+from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.glass import Law, PowerSeries, Sellmeier, TabulatedIndex
-from rptcam_cl.references import read_whole
-from rptcam_cl.strict_yaml import read_yaml
 
 Formula = Callable[[list[float], tuple[float, float], str], Law]
 

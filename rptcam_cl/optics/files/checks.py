@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.first_order import first_order
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.surface import Surface
 
@@ -87,7 +87,7 @@ def crossed_surfaces(lens: Lens) -> tuple[str, ...]:
     cut flare stand inside lenses. A plane stop has no body to cross.
     """
     doubts = []
-    indices = lens.indices(WAVELENGTH_D)
+    indices = lens.indices(LINE_D_NM)
     for index, (first, second) in enumerate(zip(lens.surfaces, lens.surfaces[1:], strict=False)):
         if first.is_stop or second.is_stop or first.pose or second.pose:
             continue
@@ -109,7 +109,7 @@ def crossed_surfaces(lens: Lens) -> tuple[str, ...]:
 
 def _doubts(lens: Lens) -> tuple[str, ...]:
     doubts = []
-    data = first_order(lens, WAVELENGTH_D)
+    data = first_order(lens, LINE_D_NM)
     length = abs(data.focal_length_mm)
     if LONGEST_PLAUSIBLE_MM < length < np.inf:
         doubts.append(f"focal length {data.focal_length_mm:.6g} mm: are the lengths in metres or micrometres?")
@@ -123,7 +123,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
         if surface.aspheric and not _monotone(surface):
             doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
     doubts += [*backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens)]
-    for place, value in enumerate(lens.indices(WAVELENGTH_D)):
+    for place, value in enumerate(lens.indices(LINE_D_NM)):
         if value < THINNEST:
             where = f"behind surface {place - 1}" if place else "in front of the lens"
             doubts.append(

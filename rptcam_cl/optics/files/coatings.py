@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from itertools import pairwise
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, KeyPath
 from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,
@@ -17,10 +19,9 @@ from rptcam_cl.optics.coating import (
 )
 from rptcam_cl.optics.files.fields import Fields, problem
 from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, QUARTER_WAVE, REFLECTANCE
-from rptcam_cl.optics.glass import WAVELENGTH_D, Medium
+from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.transmission import meets_air
-from rptcam_cl.strict_yaml import MAX_BYTES, Document, KeyPath
 
 WORDS: dict[str, Coating] = dict(zip(COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE), strict=True))
 FORMS = f"{', '.join(COATING_WORDS)}, {{quarter_wave: …}} or {{reflectance: …}}"
@@ -54,7 +55,7 @@ def _misfit(coating: Coating | None, before: Medium, surface: Surface) -> str:
         return "" if isinstance(coating, MeasuredReflectance) else "a mirror takes its reflectance alone"
     if before == after:
         return f"has {after.name or 'the same medium'} on both sides, so there is nothing to coat"
-    least = min(float(medium.index(WAVELENGTH_D)) for medium in (before, after))
+    least = min(float(medium.index(LINE_D_NM)) for medium in (before, after))
     if isinstance(coating, QuarterWave) and coating.index < least:
         return f"a layer of index {coating.index:g} is less dense than both media (from {least:.4g}); cement has none"
     return ""

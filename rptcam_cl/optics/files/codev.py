@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.files.breaks import Frame
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.files.breaks import AxisFrame
 from rptcam_cl.optics.files.codev_glass import is_private_end, private_glasses
-from rptcam_cl.optics.files.table import Table, numbers
+from rptcam_cl.optics.files.table import LensTable, numbers
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"M": "mm", "C": "cm", "I": "in"}
@@ -65,12 +65,12 @@ class _Surface:
 
 def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
-    table = Table(path, makers=makers)
+    table = LensTable(path, makers=makers)
     statements = _statements(text)
     surfaces = _parse(statements, table)
     _choose_radii(surfaces, table)
     private = private_glasses(statements, path)
-    frame = Frame(SENSES)
+    frame = AxisFrame(SENSES)
     for place, surface in enumerate(surfaces):
         before = frame.place, frame.turn
         decentre, tilt = _three(surface.bend, TILTS[:3]), _three(surface.bend, TILTS[3:])
@@ -108,7 +108,7 @@ def _statements(text: str) -> list[tuple[int, list[str]]]:
     return result
 
 
-def _parse(statements: list[tuple[int, list[str]]], table: Table) -> list[_Surface]:
+def _parse(statements: list[tuple[int, list[str]]], table: LensTable) -> list[_Surface]:
     surfaces: list[_Surface] = []
     radius_mode: bool | None = None
     inside, private = True, False
@@ -154,7 +154,7 @@ def _distance(value: float) -> float:
     return value if 0 < abs(value) < FAR else float("inf")
 
 
-def _choose_radii(surfaces: list[_Surface], table: Table) -> None:
+def _choose_radii(surfaces: list[_Surface], table: LensTable) -> None:
     """Where no RDM says so, take the numbers as curvatures, as CODE V does, unless no beam could cross them."""
     open_ones = [surface for surface in surfaces if surface.radius_mode is None]
     heights = [surface.diameter / 2 for surface in open_ones if surface.diameter]
@@ -170,7 +170,7 @@ def _choose_radii(surfaces: list[_Surface], table: Table) -> None:
         )
 
 
-def _header(key: str, rest: list[str], line: int, table: Table) -> None:
+def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key.startswith("TIT"):
         table.name = " ".join(rest).strip("'\"")
     elif key == "DIM" and rest:
@@ -200,7 +200,7 @@ def _header(key: str, rest: list[str], line: int, table: Table) -> None:
         table.note(line, f"{key} is ignored")
 
 
-def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table) -> None:
+def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key in ("THI", "RDY", "CUY") and rest and rest[0].isalpha():
         return  # a solve, whose value stands in the line of the surface
     if key in _NUMBERED:
@@ -248,7 +248,7 @@ def _set(surface: _Surface, key: str, value: float) -> None:
         surface.value, surface.radius_mode = value, key == "RDY"
 
 
-def _row(surface: _Surface, table: Table, private: Mapping[str, Any]) -> dict[str, Any]:
+def _row(surface: _Surface, table: LensTable, private: Mapping[str, Any]) -> dict[str, Any]:
     row: dict[str, Any] = {}
     if surface.curvature:
         row["radius"] = 1.0 / surface.curvature

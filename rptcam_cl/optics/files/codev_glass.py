@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.table import numbers
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.files.table import Table
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import Document
+from rptcam_cl.optics.files.table import LensTable
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.strict_yaml import Document
 
 STOPS = ("Aperture", "Stop")
 SHAPES = ("Spheric", "Aspheric", "Plane")
@@ -33,7 +33,7 @@ def read_deeplens(document: Document, makers: tuple[str, ...] = ()) -> Lens:
         if key in document.data:
             raise InputError(f"{document.where((key,))}: {key}: a diffractive element cannot be read")
     info = document.data.get("info")
-    table = Table(
+    table = LensTable(
         document.name, name=info if isinstance(info, str) and info != "None" else document.name, makers=makers
     )
     rows = document.data["surfaces"]
@@ -75,7 +75,7 @@ class _Values:
         return self.document.mark(("surfaces", self.index))[0]
 
 
-def _row(values: _Values, table: Table, last: bool) -> dict[str, Any]:
+def _row(values: _Values, table: LensTable, last: bool) -> dict[str, Any]:
     kind = values.text("type")
     if kind not in (*STOPS, *SHAPES):
         raise values.fail("type", f"a surface {kind} cannot be read; known: {', '.join((*STOPS, *SHAPES))}")

@@ -7,8 +7,8 @@ import math
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.strict_yaml import Document, KeyPath, dotted
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted
 
 
 class FieldError(InputError):

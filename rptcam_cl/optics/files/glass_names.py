@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.makers import MAKERS, MakersGlass, glasses_of, law_of, plain_glass_name
 from rptcam_cl.optics.glass import Law
 from rptcam_cl.optics.glass_table import GLASSES

@@ -7,7 +7,8 @@ from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
-from rptcam_cl.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, KeyPath
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.files.catalogue import LARGEST_FILE, glasses_of_agf, read_refractive_index
 from rptcam_cl.optics.files.coatings import read_spectrum
@@ -34,7 +35,6 @@ from rptcam_cl.optics.glass import (
     Sellmeier,
     TabulatedIndex,
 )
-from rptcam_cl.strict_yaml import MAX_BYTES, Document, KeyPath
 
 
 def read_glass(document: Document, path: KeyPath) -> Medium:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.files.table import Table
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import Document
+from rptcam_cl.optics.files.table import LensTable
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.strict_yaml import Document
 
 KNOWN = {"radius", "thickness", "ior", "semi_aperture", "conic_constant", "aspheric_coefficients"}
 
@@ -26,7 +26,7 @@ def is_ray_transfer(document: Document) -> bool:
 
 def read_iset(document: Document, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of an ISET document. Radius 0 with ior 0 is the stop, as in pbrt tables."""
-    table = Table(document.name, name=str(document.data.get("name") or document.name), makers=makers)
+    table = LensTable(document.name, name=str(document.data.get("name") or document.name), makers=makers)
     rows = document.data["surfaces"]
     for index, row in enumerate(rows):
         where = document.where(("surfaces", index))
@@ -50,7 +50,7 @@ def read_iset(document: Document, makers: tuple[str, ...] = ()) -> Lens:
     return table.lens()
 
 
-def _medium(row: dict[str, Any], where: str, index: int, table: Table) -> tuple[float, Any]:
+def _medium(row: dict[str, Any], where: str, index: int, table: LensTable) -> tuple[float, Any]:
     """Return the index of a row and its `glass` entry: a number, a name, or wavelengths [nm] and indices."""
     value = row.get("ior")
     if isinstance(value, str):

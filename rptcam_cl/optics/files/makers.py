@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.errors import StateError
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.resources import glass_catalogues_dir
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.files.catalogue import law_of_formula
 from rptcam_cl.optics.glass import Law, TabulatedIndex
-from rptcam_cl.resources import glass_catalogues_dir
 
 MAKERS = (
     "schott", "ohara", "hoya", "hikari", "cdgm", "sumita", "lzos", "plastic", "corning", "crystran", "ami", "lightpath",

@@ -9,6 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core.references import References
+from rptcam_cl.core.strict_yaml import Document, KeyPath
 from rptcam_cl.optics.files.checks import check_lens
 from rptcam_cl.optics.files.coatings import coated
 from rptcam_cl.optics.files.fields import Fields, problem
@@ -21,8 +23,6 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.variable import configured
-from rptcam_cl.references import References
-from rptcam_cl.strict_yaml import Document, KeyPath
 
 
 def document_of(mapping: Mapping[str, Any], files: References | None = None) -> Document:

@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from math import isinf
 from typing import Any
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.files.table import Table, numbers
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.files.table import LensTable, numbers
 from rptcam_cl.optics.lens import Lens
 
 SECTIONS = ("descriptive data", "constants", "variable distances", "lens data", "aspherical data")
@@ -21,7 +21,7 @@ def is_optical_bench(text: str) -> bool:
 def read_optical_bench(text: str, path: str) -> Lens:
     """Return the lens of an Optical Bench text, in its first state; its other states are configurations."""
     sections = _sections(text)
-    table = Table(path)
+    table = LensTable(path)
     for _, words in sections.get("descriptive data", []):
         if words[0].lower() == "title" and len(words) > 1:
             table.name = words[1]
@@ -52,7 +52,7 @@ def _sections(text: str) -> dict[str, list[tuple[int, list[str]]]]:
     return sections
 
 
-def _surfaces(table: Table, lines: list[tuple[int, list[str]]], distances: dict[str, list[str]]) -> dict[int, str]:
+def _surfaces(table: LensTable, lines: list[tuple[int, list[str]]], distances: dict[str, list[str]]) -> dict[int, str]:
     """Fill the rows of the table; return the names of the gaps that vary."""
     gaps: dict[int, str] = {}
     for place, (line, words) in enumerate(lines):
@@ -80,7 +80,7 @@ def _surfaces(table: Table, lines: list[tuple[int, list[str]]], distances: dict[
 
 
 def _aspheres(
-    table: Table,
+    table: LensTable,
     lines: list[tuple[int, list[str]]],
     constants: dict[str, list[str]],
     surfaces: list[tuple[int, list[str]]],
@@ -102,7 +102,7 @@ def _aspheres(
             row["aspheric"] = aspheric
 
 
-def _configurations(table: Table, gaps: dict[int, str], distances: dict[str, list[str]]) -> None:
+def _configurations(table: LensTable, gaps: dict[int, str], distances: dict[str, list[str]]) -> None:
     """Add the states whose gaps are all given: at infinity those of a zoom lens, nearer those of floating groups."""
     if not gaps:
         return
@@ -134,7 +134,7 @@ def _is_near(distances: dict[str, list[str]], column: int) -> bool:
 
 
 def _object_to_film(
-    table: Table, gaps: Mapping[int, float | None], distances: dict[str, list[str]], column: int
+    table: LensTable, gaps: Mapping[int, float | None], distances: dict[str, list[str]], column: int
 ) -> float | None:
     """Return the distance from object to film of a column, None where it does not say."""
     away, back = (_value(distances.get(name, []), column) for name in ("d0", "Bf"))

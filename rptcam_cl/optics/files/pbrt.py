@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.checks import check_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex, Medium
 from rptcam_cl.optics.lens import Lens

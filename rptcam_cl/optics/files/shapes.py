@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
 from rptcam_cl.optics.files.keys import CLEAR, HIGHEST_POWER, QCON, SHAPE
 from rptcam_cl.optics.files.qcon import FIRST_POWER, even_powers
-from rptcam_cl.optics.placement import Pose
+from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.stop_shape import StopShape, blades, heart, polygon, star
 
@@ -42,7 +42,7 @@ def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
     }
 
 
-def read_pose(fields: Fields, scale: float) -> Pose | None:
+def read_pose(fields: Fields, scale: float) -> SurfacePose | None:
     """Return the pose of `decentre` [lengths] and `tilt_degrees`, None when neither is given."""
     if "decentre" not in fields and "tilt_degrees" not in fields:
         return None
@@ -54,7 +54,7 @@ def read_pose(fields: Fields, scale: float) -> Pose | None:
         raise fields.fail("tilt_degrees", "expected turns about [x, y] or [x, y, z]")
     dx, dy, dz = (*(scale * d for d in decentre), 0.0)[:3]
     rx, ry, rz = (*tilt, 0.0)[:3]
-    return Pose.of((dx, dy, dz), (rx, ry, rz))
+    return SurfacePose.of((dx, dy, dz), (rx, ry, rz))
 
 
 def _stop_shape(fields: Fields) -> StopShape | None:

@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.errors import InputError
+from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_names import named_glass, near_glass_words, near_names
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.first_order import limiting_surface, system_matrix
-from rptcam_cl.optics.glass import WAVELENGTH_D
 from rptcam_cl.optics.lens import Lens
 
 Array = NDArray[np.float64]
@@ -26,7 +26,7 @@ RIM = 1.05  # clear diameters that a file does not give leave this margin around
 
 
 @dataclass
-class Table:
+class LensTable:
     """A lens file under construction.
 
     Attributes
@@ -133,7 +133,7 @@ class Table:
         tiny = [{k: v for k, v in row.items() if v is not None} for row in tiny]
         lens = read_native(document_of({"name": self.path, "surfaces": tiny}))
         stop = limiting_surface(lens)
-        to_stop = system_matrix(lens, WAVELENGTH_D, 0, stop, False)
+        to_stop = system_matrix(lens, LINE_D_NM, 0, stop, False)
         pupil_distance = float(np.divide(to_stop[0, 1], to_stop[0, 0])) if to_stop[0, 0] else 0.0
         marginal = self._marginal(lens, stop, pupil_distance)
         slope = self._slope(lens, pupil_distance)
@@ -141,7 +141,7 @@ class Table:
         missing = [k for k, row in enumerate(self.rows) if "diameter" not in row]
         for k in missing:
             row = self.rows[k]
-            heights = np.abs(system_matrix(lens, WAVELENGTH_D, 0, k, False)[0] @ np.stack([marginal, chief], axis=1))
+            heights = np.abs(system_matrix(lens, LINE_D_NM, 0, k, False)[0] @ np.stack([marginal, chief], axis=1))
             height = float(heights[0] if row.get("stop") else RIM * heights.sum())
             if row.get("radius") and not row.get("conic") and not row.get("aspheric"):
                 height = min(height, 0.95 * abs(row["radius"]))
@@ -192,7 +192,7 @@ class Table:
             return abs(lens.first_order().focal_length_mm) / self.f_number / 2
         known = [k for k, row in enumerate(self.rows) if "diameter" in row]
         rims = [stop] if stop in known and self.rows[stop].get("stop") else known
-        heights = {k: abs(float(system_matrix(lens, WAVELENGTH_D, 0, k, False)[0, 0])) for k in rims}
+        heights = {k: abs(float(system_matrix(lens, LINE_D_NM, 0, k, False)[0, 0])) for k in rims}
         limits = [self.rows[k]["diameter"] / 2 / height for k, height in heights.items() if height > 0]
         if not limits:
             raise InputError(f"{self.path}: gives no diameters, and no pupil or f-number to work them out from")

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from rptcam_cl.errors import InputError
-from rptcam_cl.optics.files.breaks import Frame
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.files.breaks import AxisFrame
 from rptcam_cl.optics.files.glass_names import makers_of
-from rptcam_cl.optics.files.table import Table, numbers
+from rptcam_cl.optics.files.table import LensTable, numbers
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
@@ -41,13 +41,13 @@ class _Surface:
 
 def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a sequential Zemax file; glasses of `makers` come first, then those of its own catalogues."""
-    table = Table(path, makers=makers)
+    table = LensTable(path, makers=makers)
     surfaces = _parse(text, table)
     if len(surfaces) < 3:
         raise InputError(f"{path}: a lens needs surfaces between object and image")
     distance = surfaces[0].values.get("DISZ", 0.0)
     table.object_distance = distance if 0 < abs(distance) < FAR else float("inf")
-    frame = Frame(SENSES)
+    frame = AxisFrame(SENSES)
     body = surfaces[1:-1]
     for place, surface in enumerate(body):
         last = place == len(body) - 1
@@ -68,7 +68,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     return table.lens()
 
 
-def _parse(text: str, table: Table) -> list[_Surface]:
+def _parse(text: str, table: LensTable) -> list[_Surface]:
     surfaces: list[_Surface] = []
     for line, raw in enumerate(text.lstrip("\ufeff").splitlines(), start=1):
         words = raw.split()
@@ -87,7 +87,7 @@ def _parse(text: str, table: Table) -> list[_Surface]:
 _HEADER = frozenset(("MNUM", "MODE", "UNIT"))
 
 
-def _header(key: str, rest: list[str], line: int, table: Table) -> None:
+def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key == "NAME":
         table.name = " ".join(rest)
     elif key == "UNIT" and rest:
@@ -112,7 +112,7 @@ def _header(key: str, rest: list[str], line: int, table: Table) -> None:
         table.note(line, f"only the first of {rest[0]} configurations is read")
 
 
-def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table) -> None:
+def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key == "TYPE":
         surface.kind = rest[0].upper() if rest else "STANDARD"
         if surface.kind not in TYPES:
@@ -145,7 +145,7 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: Table)
         table.note(line, f"{key} is ignored")
 
 
-def _row(surface: _Surface, table: Table) -> dict[str, Any]:
+def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
     row: dict[str, Any] = {}
     if curvature := surface.values.get("CURV"):
         row["radius"] = 1.0 / curvature
@@ -180,7 +180,7 @@ def _row(surface: _Surface, table: Table) -> dict[str, Any]:
     return {key: value for key, value in row.items() if value != {}}
 
 
-def _glass(surface: _Surface, table: Table) -> Any:
+def _glass(surface: _Surface, table: LensTable) -> Any:
     words = surface.glass or []
     name = words[0] if words else ""
     nd, vd = numbers(words[3:5], table.path, surface.line) if len(words) >= 5 else (0.0, 0.0)
@@ -193,7 +193,7 @@ def _glass(surface: _Surface, table: Table) -> Any:
     return table.glass(name, surface.line, nd, vd)
 
 
-def _extended(surface: _Surface, table: Table) -> dict[int, float]:
+def _extended(surface: _Surface, table: LensTable) -> dict[int, float]:
     """Return the powers of r of an extended asphere: extra data are their number, the norm radius, r^2, r^4, ..."""
     count, norm = surface.extra.get(1, 0.0), surface.extra.get(2, 1.0)
     if not norm > 0 or not 0 <= count <= MOST_TERMS:
@@ -205,13 +205,13 @@ def _extended(surface: _Surface, table: Table) -> dict[int, float]:
     return {power: value for power, value in terms.items() if value}
 
 
-def _break(frame: Frame, surface: _Surface) -> None:
+def _break(frame: AxisFrame, surface: _Surface) -> None:
     p = surface.parameters
     tilt_first = bool(p.get(6))
     frame.bend((p.get(1, 0.0), p.get(2, 0.0), 0.0), (p.get(3, 0.0), p.get(4, 0.0), p.get(5, 0.0)), tilt_first)
 
 
-def _trim(table: Table) -> None:
+def _trim(table: LensTable) -> None:
     """Drop the dummy planes in air before and after the lens, so that its first and last vertex are real ones."""
 
     def is_dummy(row: dict[str, Any], before: Any) -> bool:

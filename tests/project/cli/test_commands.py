@@ -10,7 +10,7 @@ import pytest
 
 from rptcam_cl import api
 from rptcam_cl._version import __version__
-from rptcam_cl.errors import DeviceError
+from rptcam_cl.core.errors import DeviceError
 
 Command = Callable[..., Any]
 

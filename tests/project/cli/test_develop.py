@@ -7,7 +7,7 @@ import PIL.Image
 import pytest
 
 import rptcam_cl
-from rptcam_cl.errors import InputError
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import Development, Image, KnownLight, quantised
 
 Command = Callable[..., Any]

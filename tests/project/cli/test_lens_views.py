@@ -43,7 +43,7 @@ def test_drawing_is_traced_by_a_device_unless_told_otherwise(rptcam: Command, tm
 
 def test_drawing_without_a_device_falls_back_and_says_so(rptcam: Command, monkeypatch: pytest.MonkeyPatch) -> None:
     from rptcam_cl import device
-    from rptcam_cl.errors import DeviceError
+    from rptcam_cl.core.errors import DeviceError
 
     def fail(spec: str | None) -> None:
         raise DeviceError("no OpenCL platform was found")

@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
-from rptcam_cl import progress as module
-from rptcam_cl.progress import as_duration, describe, fraction_done, progress_on_stderr
+from rptcam_cl.cli import progress as module
+from rptcam_cl.cli.progress import as_duration, describe, fraction_done, progress_on_stderr
 
 
 def report(**changes: Any) -> Any:

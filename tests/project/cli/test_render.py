@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.errors import DeviceError, StateError
+from rptcam_cl.core.errors import DeviceError, StateError
 from rptcam_cl.imaging import Image
 
 Command = Callable[..., Any]

@@ -1,0 +1,254 @@
+"""What a mesh file holds: surfaces, how they look, where each is placed, and the further files it names."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from itertools import product
+from pathlib import Path
+from typing import BinaryIO, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.assets.meshes.clean import NOTHING_DROPPED, Dropped
+from rptcam_cl.assets.meshes.mesh import Mesh, MeshSurface, NormalsMode, make_mesh
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.references import open_regular
+
+
+@dataclass(frozen=True, eq=False)
+class MeshPlacement:
+    """A mesh at its place in the file.
+
+    Attributes
+    ----------
+    mesh : Mesh
+    placement : (4, 4) float64
+        From the mesh's coordinates, its origin included, to the file's.
+    look : FileMaterial or None
+        What the surface looks like, None where the file does not say.
+    name : str or None
+    """
+
+    mesh: Mesh
+    placement: NDArray[np.float64]
+    look: FileMaterial | None = None
+    name: str | None = None
+
+    def corners(self) -> NDArray[np.float64]:
+        """Return the eight corners (8, 3) of the mesh's bounds, placed."""
+        corners = np.array(list(product(*zip(*self.mesh.bounds(), strict=True))))
+        return np.asarray(corners @ self.placement[:3, :3].T + self.placement[:3, 3])
+
+
+@dataclass(frozen=True, eq=False)
+class MeshContents:
+    """Everything that a mesh file holds.
+
+    Attributes
+    ----------
+    parts : tuple of PlacedMesh
+    dropped : Dropped
+        How many triangles could not be used.
+    notes : tuple of str
+        What of the file is left out, triangles included.
+    """
+
+    parts: tuple[MeshPlacement, ...]
+    dropped: Dropped = NOTHING_DROPPED
+    notes: tuple[str, ...] = ()
+
+    def with_normals(self, mode: NormalsMode) -> MeshContents:
+        """Return the contents with the normals that a mode asks for; parts that shared a mesh still do."""
+        if mode == "auto":
+            return self
+        return self._with_meshes({mesh: mesh.with_normals(mode) for mesh in {part.mesh for part in self.parts}})
+
+    def sharing(self, known: dict[str, Mesh]) -> MeshContents:
+        """Return the contents with meshes that are known by their hash in place of equal ones; others become known."""
+        meshes = {part.mesh for part in self.parts}
+        return self._with_meshes({mesh: known.setdefault(mesh.content_hash, mesh) for mesh in meshes})
+
+    def _with_meshes(self, changed: dict[Mesh, Mesh]) -> MeshContents:
+        return replace(self, parts=tuple(replace(part, mesh=changed[part.mesh]) for part in self.parts))
+
+
+class Node(NamedTuple):
+    """A surface at its place in the file."""
+
+    surface: int
+    placement: NDArray[np.float64]
+    name: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """What a reader finds in a file.
+
+    Attributes
+    ----------
+    surfaces : list of Surface
+    looks : list of Look
+        What `MeshSurface.material` counts.
+    nodes : list of Node
+        Where the surfaces are; each at its own coordinates when empty.
+    notes : list of str
+        What of the file is left out.
+    """
+
+    surfaces: list[MeshSurface]
+    looks: list[FileMaterial] = field(default_factory=list)
+    nodes: list[Node] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+
+
+def finished(draft: Draft, place: str) -> MeshContents:
+    """Return the contents of a file from what its reader found.
+
+    Raises
+    ------
+    InputError
+        When no triangle is left.
+    """
+    nodes = draft.nodes or [Node(index, np.eye(4), surface.name) for index, surface in enumerate(draft.surfaces)]
+    dropped = NOTHING_DROPPED
+    meshes: dict[int, Mesh | None] = {}
+    for index in dict.fromkeys(index for index, _, _ in nodes):
+        meshes[index], lost = make_mesh(draft.surfaces[index], place)
+        dropped = dropped.plus(lost)
+    parts = [
+        MeshPlacement(mesh, placement, _look(draft, index, mesh), name)
+        for index, placement, name in nodes
+        if (mesh := meshes[index]) is not None
+    ]
+    if not parts:
+        raise InputError(f"{place}: has no triangle that can be shown (dropped: {dropped})")
+    notes = [*draft.notes, f"{place}: triangles dropped: {dropped}"] if any(dropped) else draft.notes
+    return MeshContents(tuple(parts), dropped, tuple(notes))
+
+
+def _look(draft: Draft, surface: int, mesh: Mesh) -> FileMaterial | None:
+    material = draft.surfaces[surface].material
+    if material is None:
+        return None
+    return draft.looks[material] if mesh.uvs is not None else draft.looks[material].without_paintings()
+
+
+LARGEST_MESH = 16 << 30  # bytes
+
+# Returns the checked path of a file given relative to the mesh file.
+Find = Callable[[Path], Path]
+
+
+def open_mesh(path: Path) -> BinaryIO:
+    """Return a mesh file opened for reading.
+
+    Raises
+    ------
+    InputError
+        When it is not a regular file of bearable size.
+    StateError
+        When it cannot be opened.
+    """
+    try:
+        return open_regular(path, LARGEST_MESH)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{path}: {problem}") from None
+
+
+Colour = tuple[float, float, float]
+Wrap = Literal["repeat", "clamp", "mirror"]
+
+
+@dataclass(frozen=True)
+class FileTexture:
+    """A picture and how it lies on the surface: at scale * (u, v), turned, then shifted.
+
+    Attributes
+    ----------
+    source : Path or bytes
+        Path of the picture as the file has it, not checked, or its content.
+    name : str
+        For the reader.
+    scale, offset : (u, v)
+        v counts upwards from the lower edge.
+    rotation_degrees : float
+        From u towards v.
+    wrap : str
+        What continues the picture.
+    nearest : bool
+        Whether texels are shown as squares.
+    """
+
+    source: Path | bytes
+    name: str
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation_degrees: float = 0.0
+    wrap: Wrap = "repeat"
+    nearest: bool = False
+
+
+@dataclass(frozen=True)
+class FileMaterial:
+    """A material of a mesh file. Where a number or colour has a painting, it is a factor on that.
+
+    Attributes
+    ----------
+    base_color : (red, green, blue)
+        Linear, 0 to 1.
+    matte : bool
+        Whether it reflects evenly, without a gloss; metallic and roughness do not count then.
+    metallic, roughness : float
+        0 to 1; the paintings are read in the channels b and g.
+    opacity : float
+        0 to 1; the painting is read in its alpha channel, or in r when it has none.
+    opacity_cutoff : float or None
+        Opacity from which on the surface is there; None where it is there by that share.
+    normals : FileTexture or None
+        Normals in the tangent frame.
+    emission : (red, green, blue)
+        Radiance, linear.
+    both_sides : bool
+        Whether the back emits too.
+    index : float
+        Refractive index.
+    transmission : float
+        Share of the base that is transparent.
+    solid : bool
+        Whether what is transparent is a solid that refracts, and not a pane without thickness.
+    attenuation : (colour, distance) or None
+        What a transparent solid leaves of white light after a distance [m].
+    """
+
+    name: str = ""
+    base_color: Colour = (0.8, 0.8, 0.8)
+    base_painting: FileTexture | None = None
+    matte: bool = False
+    metallic: float = 0.0
+    metallic_painting: FileTexture | None = None
+    roughness: float = 0.5
+    roughness_painting: FileTexture | None = None
+    specular: float = 1.0
+    opacity: float = 1.0
+    opacity_painting: FileTexture | None = None
+    opacity_cutoff: float | None = None
+    normals: FileTexture | None = None
+    normals_strength: float = 1.0
+    emission: Colour = (0.0, 0.0, 0.0)
+    emission_painting: FileTexture | None = None
+    both_sides: bool = False
+    index: float = 1.5
+    transmission: float = 0.0
+    solid: bool = False
+    attenuation: tuple[Colour, float] | None = None
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+
+    def without_paintings(self) -> FileMaterial:
+        """Return the look on a surface that has no texture coordinates."""
+        return replace(
+            self, base_painting=None, metallic_painting=None, roughness_painting=None, opacity_painting=None,
+            normals=None, emission_painting=None,
+        )  # fmt: skip

@@ -1,0 +1,202 @@
+"""glTF 2.0 files, .gltf and .glb: meshes, their places in the tree of nodes, and materials."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.assets.meshes.contents import Draft, Find, Node
+from rptcam_cl.assets.meshes.faces import Polygons, check_corners
+from rptcam_cl.assets.meshes.gltf_data import Data, read_container
+from rptcam_cl.assets.meshes.gltf_json import JsonNode
+from rptcam_cl.assets.meshes.gltf_materials import FOLLOWED, GltfMaterials
+from rptcam_cl.assets.meshes.mesh import MeshSurface
+from rptcam_cl.core.errors import InputError
+
+TRIANGLES, STRIP, FAN = 4, 5, 6
+
+# Extensions that a file may require. What others do not require and are not listed here is left out.
+KNOWN_EXTENSIONS = (*FOLLOWED, "KHR_mesh_quantization", "KHR_texture_transform")
+
+
+def read_gltf(path: Path, find: Find) -> Draft:
+    """Return the surfaces of a glTF file, one for each triangle primitive, and a part for each node that shows one.
+
+    Raises
+    ------
+    InputError
+        When the file is not as glTF 2.0 says, needs an extension that is not read, or shows no triangles.
+    """
+    document, binary = read_container(path)
+    _check_version(document, path)
+    data = Data(document, binary, path.parent, find)
+    materials = GltfMaterials(document, data)
+    meshes = document.parts("meshes")
+    surfaces: list[MeshSurface] = []
+    places: dict[int, list[int]] = {}
+    nodes: list[Node] = []
+    for mesh, placement, name in placed_meshes(document):
+        if mesh not in places:
+            found = _surfaces(meshes[mesh], data, materials, path)
+            places[mesh] = list(range(len(surfaces), len(surfaces) + len(found)))
+            surfaces += found
+        nodes += [Node(index, placement, name or surfaces[index].name) for index in places[mesh]]
+    if not nodes:
+        raise InputError(f"{path}: its scene shows no triangles")
+    return Draft(surfaces, materials.looks, nodes, [*materials.notes, *_left_out(document)])
+
+
+def _check_version(document: JsonNode, path: Path) -> None:
+    version = document.part("asset").text("version")
+    if version.split(".")[0] != "2":
+        raise InputError(f"{path}: is not glTF 2.0 (got version {version or 'none'!s}; allowed: 2.0)")
+    if missing := [name for name in document.texts("extensionsRequired") if name not in KNOWN_EXTENSIONS]:
+        got, allowed = ", ".join(missing), ", ".join(KNOWN_EXTENSIONS)
+        raise InputError(f"{path}: needs extensions that are not read (got {got}; allowed: {allowed})")
+
+
+def _left_out(document: JsonNode) -> list[str]:
+    """Return what of a file is left out that changes its looks."""
+    primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
+    found = {
+        "skins": bool(document.parts("skins")),
+        "animations": bool(document.parts("animations")),
+        "morph targets": any(primitive.has("targets") for primitive in primitives),
+        "colours of vertices": any(primitive.part("attributes").has("COLOR_0") for primitive in primitives),
+        "instances of EXT_mesh_gpu_instancing": "EXT_mesh_gpu_instancing" in document.texts("extensionsUsed"),
+    }
+    return [f"{document.place}: {name} are left out" for name, there in found.items() if there]
+
+
+def _surfaces(mesh: JsonNode, data: Data, materials: GltfMaterials, path: Path) -> list[MeshSurface]:
+    name = mesh.text("name") or None
+    found = [_surface(primitive, data, materials, name) for primitive in mesh.parts("primitives")]
+    return [surface for surface in found if surface is not None]
+
+
+def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: str | None) -> MeshSurface | None:
+    """Return the triangles of a primitive, None when it has none."""
+    mode = primitive.whole("mode", TRIANGLES)
+    if mode not in (TRIANGLES, STRIP, FAN):
+        return None
+    attributes = primitive.part("attributes")
+    if not attributes.has("POSITION"):
+        return None
+    positions = _attribute(attributes, "POSITION", data, ("VEC3",), None)
+    assert positions is not None
+    material = materials.index(primitive)
+    uvs = _attribute(attributes, f"TEXCOORD_{materials.uv_sets[material]}", data, ("VEC2",), len(positions))
+    corners = _corners(primitive, data, len(positions), mode)
+    if not len(corners):
+        return None
+    check_corners(Polygons(np.arange(len(corners)), corners), len(positions), f"{primitive.place}: face")
+    return MeshSurface(
+        positions,
+        corners,
+        _attribute(attributes, "NORMAL", data, ("VEC3",), len(positions)),
+        None if uvs is None else np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]),
+        material,
+        name,
+    )
+
+
+def _attribute(
+    attributes: JsonNode, key: str, data: Data, types: tuple[str, ...], count: int | None
+) -> NDArray[Any] | None:
+    """Return the numbers of an attribute in float32, None when it is not there."""
+    if not attributes.has(key):
+        return None
+    rows = data.array(attributes.whole(key, below=data.count), types)
+    if count is not None and len(rows) != count:
+        raise attributes.wrong(key, f"has {len(rows)} entries", f"{count}, as POSITION has")
+    return rows.astype(np.float32, copy=False)
+
+
+def _corners(primitive: JsonNode, data: Data, vertices: int, mode: int) -> NDArray[np.int64]:
+    """Return the vertices of each triangle (m, 3)."""
+    if primitive.has("indices"):
+        order = data.array(primitive.whole("indices", below=data.count), ("SCALAR",))[:, 0]
+        if order.dtype.kind != "u":
+            raise primitive.wrong("indices", "are not whole numbers", "an accessor of unsigned numbers")
+    else:
+        order = np.arange(vertices)
+    if mode == TRIANGLES:
+        return order[: len(order) // 3 * 3].reshape(-1, 3)
+    count = max(0, len(order) - 2)
+    first = np.arange(count)
+    if mode == FAN:
+        return np.stack([order[first * 0], order[first + 1], order[first + 2]], axis=1)
+    odd = first % 2
+    return np.stack([order[first + odd], order[first + 1 - odd], order[first + 2]], axis=1)
+
+
+# Ratio of the smallest to the largest stretch of a transform that can be inverted in float32 (as for objects).
+SMALLEST_STRETCH_RATIO = 1e-6
+
+
+def placed_meshes(document: JsonNode) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:
+    """Yield the meshes of the default scene with their placement and name, parents before children."""
+    nodes = document.parts("nodes")
+    meshes = len(document.parts("meshes"))
+    waiting = [(index, np.eye(4)) for index in reversed(_roots(document, nodes))]
+    seen: set[int] = set()
+    while waiting:
+        index, parent = waiting.pop()
+        node = nodes[index]
+        if index in seen:
+            raise InputError(f"{node.place}: is reached twice (allowed: a tree of nodes)")
+        seen.add(index)
+        with np.errstate(over="ignore", invalid="ignore"):  # refused where a mesh is shown
+            placement = parent @ _matrix(node)
+        waiting += [(child, placement) for child in reversed(node.wholes("children", below=len(nodes)))]
+        if node.has("mesh") and _can_be_shown(placement, node):
+            yield node.whole("mesh", below=meshes), placement, node.text("name") or None
+
+
+def _roots(document: JsonNode, nodes: list[JsonNode]) -> list[int]:
+    scenes = document.parts("scenes")
+    if scenes:
+        return scenes[document.whole("scene", 0, below=len(scenes))].wholes("nodes", below=len(nodes))
+    children = {child for node in nodes for child in node.wholes("children", below=len(nodes))}
+    return [index for index in range(len(nodes)) if index not in children]
+
+
+def _matrix(node: JsonNode) -> NDArray[np.float64]:
+    """Return the transform of a node: its matrix (by columns), or scale, then rotation, then translation."""
+    if node.has("matrix"):
+        matrix = np.array(node.numbers("matrix", (0.0,) * 16)).reshape(4, 4).T
+        if not np.allclose(matrix[3], (0, 0, 0, 1), atol=1e-6):
+            raise node.wrong("matrix", "is not affine", "a last row of 0 0 0 1")
+        matrix[3] = (0, 0, 0, 1)
+        return np.asarray(matrix)
+    result = np.eye(4)
+    x, y, z, w = node.numbers("rotation", (0.0, 0.0, 0.0, 1.0))
+    length = np.sqrt(x * x + y * y + z * z + w * w)
+    if not length > 0:
+        raise node.wrong("rotation", "is the zero quaternion", "a unit quaternion")
+    x, y, z, w = x / length, y / length, z / length, w / length
+    turn = np.array([
+        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+    ])  # fmt: skip
+    result[:3, :3] = turn * node.numbers("scale", (1.0, 1.0, 1.0))
+    result[:3, 3] = node.numbers("translation", (0.0, 0.0, 0.0))
+    return result
+
+
+def _can_be_shown(placement: NDArray[np.float64], node: JsonNode) -> bool:
+    """Return whether a mesh has a size there; refuse a place that flattens space."""
+    if not np.isfinite(placement).all():
+        raise InputError(f"{node.place}: its transform is beyond floating point")
+    stretches = np.linalg.svd(placement[:3, :3], compute_uv=False)
+    if stretches[0] == 0:
+        return False
+    if stretches[-1] < SMALLEST_STRETCH_RATIO * stretches[0]:
+        allowed = f"stretches whose ratio is at least {SMALLEST_STRETCH_RATIO:g}"
+        raise InputError(f"{node.place}: its transform flattens space (allowed: {allowed})")
+    return True

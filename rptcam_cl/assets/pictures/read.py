@@ -1,0 +1,58 @@
+"""From a picture file to a `Picture`: the kind of file is told by its first bytes, never by its name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rptcam_cl.assets.pictures import bitmap, exr, radiance
+from rptcam_cl.assets.pictures.picture import Picture
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.references import open_regular, read_whole
+
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr")
+LARGEST_FILE = 2 << 30  # bytes; 64 million pixels of four floats are 1 GiB
+_HEAD = 16
+
+
+def read_picture(source: Path | bytes) -> Picture:
+    """Return the picture of a file, or of the content of one (which an OpenEXR file may not be).
+
+    Raises
+    ------
+    InputError
+        When it is not a picture that can be used; the message says why, not which file.
+    StateError
+        When it cannot be read.
+    """
+    head = source[:_HEAD] if isinstance(source, bytes) else _first_bytes(source)
+    if exr.is_exr(head):
+        if isinstance(source, bytes):
+            raise InputError("is OpenEXR inside another file (allowed: PNG or JPEG there)")
+        return exr.read(source)
+    content = read_whole(source, LARGEST_FILE)
+    return radiance.read(content) if radiance.is_radiance(head) else bitmap.read(content)
+
+
+def _first_bytes(path: Path) -> bytes:
+    with open_regular(path, LARGEST_FILE) as file:
+        return file.read(_HEAD)
+
+
+PNG = b"\x89PNG\r\n\x1a\n"
+WITH_ALPHA = (4, 6)  # colour types: grey and alpha; red, green, blue and alpha
+HEAD_BYTES = 1 << 16
+
+
+def has_alpha(source: Path | bytes) -> bool:
+    """Return whether a PNG says that it has alpha; pictures of other kinds count as opaque.
+
+    A PNG has it by its colour type, or by a tRNS chunk before its first data (PNG specification, 11.2 and 11.3).
+    """
+    if isinstance(source, Path):
+        with open_regular(source, LARGEST_FILE) as file:
+            head = file.read(HEAD_BYTES)
+    else:
+        head = source[:HEAD_BYTES]
+    if not head.startswith(PNG) or len(head) < 26:
+        return False
+    return head[25] in WITH_ALPHA or b"tRNS" in head.partition(b"IDAT")[0]

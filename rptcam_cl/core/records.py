@@ -1,0 +1,383 @@
+"""Records shared by host and device, declared once: the numpy dtypes and the OpenCL typedefs come from here.
+
+Members are ``float``, ``int``, ``uint``, ``float4``, ``uint2``, and ``real`` (float or double, with arrays of it) only;
+16-byte members stand on multiples of 16, and a record that stands in arrays is a multiple of 16 bytes long, so that no
+compiler pads it. A device test checks this.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.kinds import EmitterKind as EmitterKind
+from rptcam_cl.core.kinds import EnvironmentKind as EnvironmentKind
+from rptcam_cl.core.kinds import Kind as Kind
+from rptcam_cl.core.kinds import MaterialKind as MaterialKind
+from rptcam_cl.core.kinds import PupilKind as PupilKind
+from rptcam_cl.core.kinds import RayStatus as RayStatus
+from rptcam_cl.core.kinds import RegionKind as RegionKind
+from rptcam_cl.core.kinds import StopKind as StopKind
+from rptcam_cl.core.kinds import SurfaceKind as SurfaceKind
+from rptcam_cl.core.kinds import TexelFormat as TexelFormat
+from rptcam_cl.core.kinds import TextureKind as TextureKind
+from rptcam_cl.core.kinds import Wrap as Wrap
+from rptcam_cl.core.kinds import kind_constants
+
+_MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
+_NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
+    "float": ("<f4", ()),
+    "int": ("<i4", ()),
+    "uint": ("<u4", ()),
+    "float4": ("<f4", (4,)),
+    "uint2": ("<u4", (2,)),
+}
+
+
+@dataclass(frozen=True)
+class Record:
+    """A struct of the device: name and ``(type, member)`` pairs in order."""
+
+    name: str
+    members: tuple[tuple[str, str], ...]
+
+    def dtype_of(self, real: str) -> np.dtype[np.void]:
+        """Return the numpy structured type with the same layout; ``real`` is the numpy type of ``real`` members."""
+        fields = []
+        for kind, member in self.members:
+            name, length = _split(member)
+            scalar, shape = (real, ()) if kind == "real" else _NUMPY_TYPE[kind]
+            fields.append((name, scalar, shape + length))
+        return np.dtype(fields)
+
+    @property
+    def dtype(self) -> np.dtype[np.void]:
+        """The numpy structured type with the same layout, ``real`` being float32."""
+        return self.dtype_of("<f4")
+
+    @property
+    def typedef(self) -> str:
+        """The OpenCL C declaration."""
+        body = " ".join(f"{kind} {member};" for kind, member in self.members)
+        return f"typedef struct {{ {body} }} {self.name};"
+
+    def zeros(self, count: int, real: str = "<f4") -> NDArray[np.void]:
+        """An array of ``count`` (at least one, as OpenCL has no empty buffers) zeroed records."""
+        return np.zeros(max(count, 1), self.dtype_of(real))
+
+
+def _split(member: str) -> tuple[str, tuple[int, ...]]:
+    match = _MEMBER.fullmatch(member)
+    assert match is not None
+    return match[1], (int(match[2]),) if match[2] else ()
+
+
+DISPERSION_TERMS = 12
+DISPERSION_NM = (380.0, 780.0)  # wavelengths that the polynomials in x = scale / wavelength - shift, -1 to 1, are for
+DISPERSION_SCALE = 2.0 / (1.0 / DISPERSION_NM[0] - 1.0 / DISPERSION_NM[1])
+DISPERSION_SHIFT = (DISPERSION_NM[1] + DISPERSION_NM[0]) / (DISPERSION_NM[1] - DISPERSION_NM[0])
+
+PRIMITIVE = Record(
+    "Primitive",
+    (
+        ("float4", "row_x"),  # rows of object_from_world; of a sphere: centre and radius, x axis and handedness, z axis
+        ("float4", "row_y"),
+        ("float4", "row_z"),
+        ("int", "material"),
+        ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
+        ("int", "instance"),  # of a mesh
+        ("int", "first_triangle"),
+    ),
+)
+
+INSTANCE = Record(
+    "Instance",
+    (
+        ("float4", "row_x"),  # rows of mesh_from_world
+        ("float4", "row_y"),
+        ("float4", "row_z"),
+        ("float4", "world_x"),  # rows of world_from_mesh
+        ("float4", "world_y"),
+        ("float4", "world_z"),
+        ("int", "root"),  # of its tree
+        ("int", "first_primitive"),
+        ("int", "primitives"),
+        ("int", "reserved_0"),
+    ),
+)
+
+LEG = Record(
+    "Leg",  # of the way of an object that moves, see kernels/geometry/movement.h
+    (
+        ("float4", "pivot"),  # of its turns, at rest [m]; w: when the leg begins [s]
+        ("float4", "shift"),  # at the beginning [m]; w: 1 / duration [1/s]
+        ("float4", "travel"),  # during the leg [m]; w: turns
+        ("float4", "axis"),
+        ("float4", "turn"),  # at the beginning: quaternion x, y, z, w
+    ),
+)
+
+MATERIAL = Record(
+    "Material",
+    (
+        # w of a colour, here and elsewhere: its number among the spectra of the scene, from 1; 0 where it has none
+        ("float4", "color"),  # reflectance, base colour, or radiance of an emissive material
+        ("float4", "metal_n"),  # refractive index n + i k of a metal
+        ("float4", "metal_k"),
+        ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
+        ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
+        ("float4", "glow"),  # radiance emitted by a surface that also scatters
+        ("int", "kind"),
+        ("int", "textured"),  # whether texture coordinates are wanted
+        ("float", "parameter"),  # index of refraction; 1 if an emissive material shines on both sides
+        ("float", "alpha"),  # GGX alpha along u; with a roughness texture what it is multiplied by
+        ("float", "alpha_across"),
+        ("float", "internal"),  # of plastic: share of diffuse light that the cover sends back down
+        ("float", "cover_last"),
+        ("float", "metallic"),
+        ("float", "specular"),
+        ("float", "transmission"),
+        ("float", "coat"),
+        ("float", "coat_alpha"),
+        ("float", "opacity"),
+        ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
+        ("float", "factor"),  # of a mix: share of the second material
+        ("int", "first"),  # of a mix: the two materials
+        ("int", "second"),
+        ("int", "texture"),  # indices of the textures that replace values, or -1: of the colour
+        ("int", "glow_texture"),
+        ("int", "roughness_texture"),
+        ("int", "metallic_texture"),
+        ("int", "opacity_texture"),
+        ("int", "factor_texture"),
+        ("int", "normal_texture"),
+        ("float", "normal_strength"),
+        ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
+        ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
+        ("float", "dispersion_high"),
+        ("float", f"dispersion[{DISPERSION_TERMS}]"),
+    ),
+)
+
+TEXTURE = Record(
+    "Texture",
+    (
+        ("float4", "a"),  # first colour; of an image its gain
+        ("float4", "b"),  # second colour
+        ("float4", "row_u"),  # coordinates on the pattern: x u + y v + z
+        ("float4", "row_v"),
+        ("int", "kind"),
+        ("float", "parameter"),  # width of a grid's line; amplitude of an octave of noise relative to the last
+        ("float", "contrast"),  # of noise
+        ("int", "octaves"),
+        ("int", "seed"),
+        ("float", "limit"),  # largest value of an image
+        ("uint", "first"),  # word of the texels where an image starts
+        ("int", "width"),
+        ("int", "height"),
+        ("int", "format"),
+        ("int", "nearest"),
+        ("int", "wrap_u"),
+        ("int", "wrap_v"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+        ("int", "reserved_2"),
+    ),
+)
+
+EMITTER = Record(
+    "Emitter",
+    (
+        ("float4", "a"),  # corner, centre or position; w: area, radius of a sphere, squared sine of a sun's radius
+        ("float4", "u"),  # edge, or axis of a disk or profile; w: cone of a spot, see kernels/light/point.h
+        ("float4", "v"),
+        ("float4", "normal"),  # or the direction towards a light at infinity, or of the axis of a spot or profile
+        ("float4", "radiance"),  # radiance, intensity or irradiance
+        (
+            "float4",
+            "uv",
+        ),  # texture coordinates at the corner; z: handedness of a sphere, whose u and v are axes x and z
+        ("float4", "uv_x"),  # and how they change along u and v
+        ("float4", "uv_y"),
+        ("int", "kind"),
+        ("int", "primitive"),
+        ("int", "two_sided"),
+        ("float", "pick"),  # probability of being picked
+        ("int", "part"),  # triangle of the primitive, or -1
+        ("int", "texture"),  # index of the texture of the radiance or of a profile's intensities, or -1
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+    ),
+)
+
+ENVIRONMENT = Record(
+    "Environment",
+    (
+        ("float4", "bottom"),  # radiance from below or from everywhere
+        ("float4", "top"),
+        ("float4", "up"),
+        ("float4", "right"),  # of a picture's middle
+        ("float4", "forward"),
+        ("int", "texture"),  # index of the picture
+        ("int", "rows"),  # cells that light sampling tells apart
+        ("int", "columns"),
+        ("float", "pick"),  # probability that light sampling picks the environment
+        ("int", "first_sun"),  # suns are emitters first_sun to first_sun + suns - 1
+        ("int", "suns"),
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
+    ),
+)
+
+EVEN_TERMS = 12
+ODD_TERMS = 12
+LOSS_TABLE_NM, LOSS_TABLE_LENGTH = 380, 401  # one number per nm
+
+SURFACE = Record(
+    "Surface",
+    (
+        # All in the frame of travel: millimetres, z along the direction of travel.
+        ("real", "curvature"),  # positive when the centre lies ahead
+        ("real", "gap"),  # from the previous vertex
+        ("real", "semi_diameter2"),
+        ("real", "eta"),  # index before over index after
+        ("real", "conic"),
+        ("real", "curvature_x"),  # of a biconic or toroid in the x-z section
+        ("real", "conic_x"),
+        ("real", "weight_x"),  # 1, or 0 where a cylinder is straight
+        ("real", "weight_y"),
+        ("real", "half_width"),  # region
+        ("real", "half_height"),
+        ("real", "edge"),
+        ("real", "edge_x"),
+        ("real", "edge_y"),
+        ("real", "stop_radius"),  # half the side of a mask
+        ("real", "refracts"),  # 0 where the media before and after are the same, -1 where a mirror turns z round
+        ("real", f"even[{EVEN_TERMS}]"),  # coefficients of r^2, r^4, ...
+        ("real", f"odd[{ODD_TERMS}]"),  # coefficients of r, r^3, ...
+        ("real", "offset[4]"),  # pose
+        ("real", "rotation[12]"),  # rows of a 3x3 matrix
+        ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
+        ("real", "layer"),  # index of a quarter-wave layer, 0 without one; these are for kernels/lens/coating.h
+        ("real", "layer_turns"),  # turns of its phase at a right angle; with tables times the wavelength [nm]
+        ("real", "index"),  # before the surface
+        ("real", "gain"),  # of the transmittance over that of the bare surface
+        ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
+        ("real", "inner_semi_diameter2"),
+        ("real", "reserved_1"),
+        ("real", "reserved_2"),
+        ("int", "kind"),
+        ("int", "even_terms"),
+        ("int", "odd_terms"),
+        ("int", "posed"),
+        ("int", "region"),
+        ("int", "inverted"),
+        ("int", "stop_count"),  # edges of the outline, or cells along a side of the mask, that shape the stop
+        ("int", "stop_shape"),
+        ("int", "index_table"),  # where tables over the wavelength stand behind the shape of the stop, -1 without one
+        ("int", "gain_table"),
+        ("int", "attenuation_table"),
+        ("int", "reserved_3"),
+    ),
+)
+
+CAMERA = Record(
+    "Camera",
+    (
+        ("float4", "right"),
+        ("float4", "up"),
+        ("float4", "back"),
+        ("float4", "resolution"),  # width, height [pixels]; sign / width, sign / height
+        ("float4", "a"),  # of the camera model, see kernels/camera
+        ("float4", "b"),
+        ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
+        ("float4", "half_plane"),  # see kernels/lens/half_pupil.h
+        ("int", "count"),
+        ("float", "exposure"),  # factor of every ray's weight
+        ("int", "half_beyond"),  # whether the half beyond the line is meant
+        ("float", "wavelength"),  # of all rays, where they have one [nm]
+    ),
+)
+
+WAVE = Record(
+    "Wave",
+    (
+        ("uint2", "seed"),
+        ("uint", "first_pixel"),  # in the list of tiles
+        ("uint", "pixels"),  # of the wave, a multiple of 16
+        ("uint", "first_sample"),
+        ("uint", "samples"),  # per pixel in this wave
+        ("uint", "tiles_across"),
+        ("int", "width"),  # of the cropped film
+        ("int", "height"),
+        ("int", "full_width"),
+        ("int", "crop_x"),
+        ("int", "crop_y"),
+    ),
+)
+
+LIMITS = Record(
+    "Limits",
+    (
+        ("uint", "max_edges"),  # of a path, the camera's included
+        ("uint", "roulette_edge"),  # from which on Russian roulette may end a path; 0: never
+    ),
+)
+
+VIEW = Record(
+    "View",  # what the auxiliary layers need to know of the camera
+    (
+        ("float4", "blur"),  # focus [1/m], scale and shift of the denominator, z of the origin of distances [m]
+        ("float4", "pupil"),  # z of the entrance pupil [m] in the camera's frame, 1 / its radius [1/m] or 0
+        ("int", "columns"),  # of the table of the blur
+        ("int", "rows"),
+        ("int", "by_depth"),  # whether the blur's distances are depths
+        ("int", "from_eye"),  # whether rays start ahead of the eye, that distances count from
+    ),
+)
+
+RECORDS = (PRIMITIVE, INSTANCE, LEG, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
+
+
+CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot
+PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
+SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
+LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
+MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
+TIME_FIELDS = ("TIME",)
+COLOUR_FIELDS = ("HUE",)
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS
+
+
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool, colours: bool) -> int:
+    """Return how many 4-byte numbers a slot holds.
+
+    Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
+    triangles where it has meshes, with the time where something moves and with the hue where paths have a wavelength.
+    """
+    if stream:
+        return CAMERA_RAY_FLOATS
+    if colours:
+        return len(STATE_FIELDS)
+    if moves:
+        return len(STATE_FIELDS) - len(COLOUR_FIELDS)
+    if meshes:
+        return len(PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS)
+    return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
+
+
+def device_declarations() -> str:
+    """OpenCL C text with every record, kind and path field, for the head of a program."""
+    lines = ["#if DOUBLE", "#pragma OPENCL EXTENSION cl_khr_fp64 : enable", "typedef double real;", "#else"]
+    lines += ["typedef float real;", "#endif"]
+    lines += [record.typedef for record in RECORDS]
+    lines += kind_constants()
+    lines.append(f"#define RAY_STATUS_COUNT {len(RayStatus)}")
+    lines.append(f"#define DISPERSION_SCALE ((real){DISPERSION_SCALE!r})")
+    lines.append(f"#define DISPERSION_SHIFT ((real){DISPERSION_SHIFT!r})")
+    lines += [f"#define LOSS_TABLE_NM {LOSS_TABLE_NM}", f"#define LOSS_TABLE_LENGTH {LOSS_TABLE_LENGTH}"]
+    lines += [f"#define PATH_{name} {index}" for index, name in enumerate(STATE_FIELDS)]
+    return "\n".join(lines) + "\n"

@@ -1,0 +1,70 @@
+"""Where the package's data lie, inside an installed package or beside it in a checkout; and where caches are kept."""
+
+import os
+import sys
+from pathlib import Path
+
+from rptcam_cl.core.errors import StateError
+
+CACHE_VARIABLE = "RPTCAM_CACHE_DIR"
+EXAMPLES = ("first_light", "colour_chart", "sunny_sixteen")  # those that the README renders; each is one file
+_PACKAGE = Path(__file__).resolve().parents[1]
+
+
+def _folder(name: str) -> Path:
+    candidates = (_PACKAGE / "_data" / name, _PACKAGE.parent / name)
+    for folder in candidates:
+        if folder.is_dir():
+            return folder
+    places = " or ".join(str(folder) for folder in candidates)
+    raise StateError(f"the installation is incomplete: no folder {places}; reinstall rptcam_cl")
+
+
+def kernels_dir() -> Path:
+    """Folder of the OpenCL sources."""
+    return _folder("kernels")
+
+
+def lenses_dir() -> Path:
+    """Folder of the lens files that come with the package."""
+    return _folder("lenses")
+
+
+def example_scenes() -> dict[str, Path]:
+    """Return the scene files that come with the package, by name; the first is the one of the first picture."""
+    folder = _folder("examples")
+    return {name: folder / f"{name}.yaml" for name in EXAMPLES}
+
+
+def spectra_dir() -> Path:
+    """Folder of the tables of spectra."""
+    return _PACKAGE / "colour" / "tables"
+
+
+def response_curves_dir() -> Path:
+    """Folder of the response curves of cameras."""
+    return _PACKAGE / "colour" / "curves"
+
+
+def glass_catalogues_dir() -> Path:
+    """Folder of the glasses of the makers."""
+    return _PACKAGE / "optics" / "catalogues"
+
+
+def cache_dir(kind: str) -> Path:
+    """Return the folder of one kind of cache: in ``RPTCAM_CACHE_DIR``, else where the system keeps caches.
+
+    It need not exist, and it may be impossible to make it.
+    """
+    named = os.environ.get(CACHE_VARIABLE)
+    return (Path(named) if named else _system_cache() / "rptcam_cl") / kind
+
+
+def _system_cache() -> Path:
+    home = Path(os.path.expanduser("~"))  # noqa: PTH111 -- Path.home() raises where there is no home
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches"
+    named = os.environ.get("XDG_CACHE_HOME", "")
+    return Path(named) if os.path.isabs(named) else home / ".cache"  # noqa: PTH117 -- the standard ignores other paths

@@ -1,0 +1,308 @@
+"""YAML read strictly: scalars as YAML 1.2 (core schema) has them; no tags, anchors or duplicate keys; bounded size.
+
+PyYAML alone follows YAML 1.1: it reads ``1e-3`` as a string, ``010`` as eight, ``2:8`` as 128 and ``on`` as true.
+Every value keeps the line and column where it stood, so that later checks can point at it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.references import References, read_whole
+
+MAX_BYTES = 4_000_000
+MAX_DEPTH = 32
+MAX_NODES = 50_000
+MAX_DIGITS = 40
+
+KeyPath = tuple[str | int, ...]
+Position = tuple[int, int]
+
+_Loader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+_INTEGER = re.compile(r"[-+]?[0-9]+")
+_OCTAL = re.compile(r"0o[0-7]+")
+_HEXADECIMAL = re.compile(r"0x[0-9a-fA-F]+")
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_INFINITY = re.compile(r"[-+]?\.(inf|Inf|INF)")
+_WORDS: dict[str, Any] = {
+    **dict.fromkeys(("", "~", "null", "Null", "NULL")),
+    **dict.fromkeys(("true", "True", "TRUE"), True),
+    **dict.fromkeys(("false", "False", "FALSE"), False),
+    **dict.fromkeys((".nan", ".NaN", ".NAN"), float("nan")),
+}
+
+
+@dataclass(frozen=True)
+class Document:
+    """Plain data of one YAML document, and where each part of it stood.
+
+    Attributes
+    ----------
+    data : mapping, list or scalar
+        Dictionaries, lists, strings, numbers, booleans and None.
+    name : str
+        File name used in messages.
+    files : References
+        Reads the files that the document names; those of the working folder unless told otherwise.
+    """
+
+    data: Any
+    name: str
+    _values: dict[KeyPath, Position] = field(repr=False)
+    _keys: dict[KeyPath, Position] = field(repr=False)
+    files: References = field(default_factory=References, repr=False, compare=False)
+
+    def mark(self, path: KeyPath) -> Position:
+        """Return (line, column), from 1, of the value at a key path, or of its nearest enclosing value."""
+        return self._nearest(self._values, path)
+
+    def key_mark(self, path: KeyPath) -> Position:
+        """Return (line, column), from 1, of the key that ends a path, or of the nearest enclosing value."""
+        return self._keys.get(path) or self.mark(path)
+
+    def where(self, path: KeyPath) -> str:
+        """Return ``FILE:LINE:COL`` of the value at a key path; only the name for data that no file holds."""
+        if not self._values:
+            return self.name
+        line, column = self.mark(path)
+        return f"{self.name}:{line}:{column}"
+
+    @staticmethod
+    def _nearest(marks: dict[KeyPath, Position], path: KeyPath) -> Position:
+        for length in range(len(path), -1, -1):
+            if path[:length] in marks:
+                return marks[path[:length]]
+        return (1, 1)
+
+
+def dotted(path: KeyPath) -> str:
+    """Return a key path as text: ``surfaces[3].radius``."""
+    text = ""
+    for part in path:
+        text += f"[{part}]" if isinstance(part, int) else f".{part}"
+    return text.removeprefix(".")
+
+
+def read_yaml(source: str | bytes | Path, name: str | None = None) -> Document:
+    """Return the one document of a YAML text or file.
+
+    Parameters
+    ----------
+    source : str, bytes or Path
+        A `Path` is a file to read; a string or bytes are the text itself.
+    name : str, optional
+        File name for messages; the path's own by default.
+
+    Raises
+    ------
+    InputError
+        ``NAME:LINE:COL: problem`` for whatever is not strict YAML.
+    StateError
+        When the file cannot be read.
+    """
+    label = name or (str(source) if isinstance(source, Path) else "<text>")
+    raw = _read_file(source, label) if isinstance(source, Path) else source
+    text = _decode(raw if isinstance(raw, bytes) else raw.encode("utf-8", "surrogatepass"), label)
+    return _Builder(label).build(text)
+
+
+def parse_scalar(text: str) -> Any:
+    """Return the value of a plain (unquoted) scalar by the core schema of YAML 1.2."""
+    if text in _WORDS:
+        return _WORDS[text]
+    if _INTEGER.fullmatch(text):
+        if len(text) > MAX_DIGITS:
+            raise ValueError(f"a number of {len(text)} digits (at most {MAX_DIGITS})")
+        return int(text, 10)
+    if _OCTAL.fullmatch(text) or _HEXADECIMAL.fullmatch(text):
+        if len(text) > MAX_DIGITS:
+            raise ValueError(f"a number of {len(text)} digits (at most {MAX_DIGITS})")
+        return int(text, 0)
+    if _FLOAT.fullmatch(text):
+        return _finite(text)
+    if _INFINITY.fullmatch(text):
+        return float(text.replace(".", ""))
+    return text
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if value in (float("inf"), float("-inf")):
+        raise ValueError(f"{text[:MAX_DIGITS]} is beyond the range of numbers (about 1.8e308)")
+    return value
+
+
+def _read_file(path: Path, label: str) -> bytes:
+    try:
+        return read_whole(path, MAX_BYTES)
+    except (InputError, StateError) as problem:
+        raise type(problem)(f"{label}: {problem}") from None
+
+
+def _too_big(size: int) -> str:
+    return f"has {size} bytes (at most {MAX_BYTES}; put meshes and pictures in files of their own)"
+
+
+def _decode(raw: bytes, label: str) -> str:
+    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputError(f"{label}:1:1: is UTF-16 text; save it as UTF-8")
+    if len(raw) > MAX_BYTES:
+        raise InputError(f"{label}: {_too_big(len(raw))}")
+    try:
+        text = raw.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        line = raw.count(b"\n", 0, problem.start) + 1
+        column = problem.start - raw.rfind(b"\n", 0, problem.start)
+        raise InputError(f"{label}:{line}:{column}: invalid UTF-8 at byte {problem.start}") from None
+    if (index := text.find("\0")) >= 0:
+        line, column = text.count("\n", 0, index) + 1, index - text.rfind("\n", 0, index)
+        raise InputError(f"{label}:{line}:{column}: contains a NUL byte; this is not a text file")
+    return text
+
+
+def _position(mark: Any) -> Position:
+    return (mark.line + 1, mark.column + 1)
+
+
+@dataclass
+class _Open:
+    """A mapping or list that is being filled."""
+
+    path: KeyPath
+    value: dict[Any, Any] | list[Any]
+    key: Any = None
+    has_key: bool = False
+
+
+class _Builder:
+    """Turns the events of PyYAML's parser into plain data, without recursion that deep nesting could overflow."""
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.stack: list[_Open] = []
+        self.values: dict[KeyPath, Position] = {}
+        self.keys: dict[KeyPath, Position] = {}
+        self.nodes = 0
+        self.documents = 0
+        self.root: Any = None
+
+    def build(self, text: str) -> Document:
+        try:
+            for event in yaml.parse(text, Loader=_Loader):
+                self._take(event)
+        except yaml.MarkedYAMLError as problem:
+            raise self._syntax_error(problem, text) from None
+        except yaml.YAMLError as problem:
+            raise InputError(f"{self.name}:1:1: not valid YAML ({str(problem).splitlines()[0]})") from None
+        if self.documents == 0:
+            raise InputError(f"{self.name}:1:1: is empty")
+        return Document(self.root, self.name, self.values, self.keys)
+
+    def _fail(self, mark: Any, problem: str) -> InputError:
+        return self._fail_at(*_position(mark), problem)
+
+    def _fail_at(self, line: int, column: int, problem: str) -> InputError:
+        return InputError(f"{self.name}:{line}:{column}: {problem}")
+
+    def _syntax_error(self, problem: yaml.MarkedYAMLError, text: str) -> InputError:
+        mark = problem.problem_mark or problem.context_mark
+        if mark is None:
+            return InputError(f"{self.name}:1:1: not valid YAML ({problem.problem})")
+        lines = text.splitlines()
+        line = lines[mark.line] if mark.line < len(lines) else ""
+        if "\t" in line[: mark.column + 1]:
+            return self._fail_at(mark.line + 1, line.index("\t") + 1, "a tab where only spaces may indent")
+        return self._fail(mark, f"not valid YAML: {problem.problem or problem.context}")
+
+    def _take(self, event: Any) -> None:
+        handler: Callable[[Any], None] | None = {
+            "DocumentStartEvent": self._document,
+            "AliasEvent": self._alias,
+            "ScalarEvent": self._scalar,
+            "MappingStartEvent": self._mapping,
+            "SequenceStartEvent": self._sequence,
+            "MappingEndEvent": self._close,
+            "SequenceEndEvent": self._close,
+        }.get(type(event).__name__)
+        if handler is not None:
+            handler(event)
+
+    def _document(self, event: Any) -> None:
+        self.documents += 1
+        if self.documents > 1:
+            raise self._fail(event.start_mark, "a second document begins here; one file holds one document")
+
+    def _alias(self, event: Any) -> None:
+        raise self._fail(event.start_mark, f"aliases are not allowed (got *{event.anchor})")
+
+    def _check_node(self, event: Any) -> None:
+        self.nodes += 1
+        if self.nodes > MAX_NODES:
+            raise self._fail(event.start_mark, f"more than {MAX_NODES} values (put meshes in files of their own)")
+        if event.anchor:
+            raise self._fail(event.start_mark, f"anchors are not allowed (got &{event.anchor})")
+        if event.tag:
+            raise self._fail(event.start_mark, f"tags are not allowed (got {event.tag})")
+
+    def _scalar(self, event: Any) -> None:
+        self._check_node(event)
+        try:
+            value = parse_scalar(event.value) if event.implicit[0] else event.value
+        except ValueError as problem:
+            raise self._fail(event.start_mark, str(problem)) from None
+        top = self.stack[-1] if self.stack else None
+        if top is not None and isinstance(top.value, dict) and not top.has_key:
+            self._key(top, value, event)
+        else:
+            self._place(value, event)
+
+    def _key(self, top: _Open, key: Any, event: Any) -> None:
+        if key == "<<" and event.implicit[0]:
+            raise self._fail(event.start_mark, "merge keys (<<) are not allowed")
+        path = (*top.path, key)
+        if path in self.keys:
+            lines = f"first on line {self.keys[path][0]}, again on line {event.start_mark.line + 1}"
+            raise self._fail(event.start_mark, f"{dotted(path)}: duplicate key ({lines})")
+        self.keys[path] = _position(event.start_mark)
+        top.key, top.has_key = key, True
+
+    def _mapping(self, event: Any) -> None:
+        self._open(event, {})
+
+    def _sequence(self, event: Any) -> None:
+        self._open(event, [])
+
+    def _open(self, event: Any, value: dict[Any, Any] | list[Any]) -> None:
+        self._check_node(event)
+        if len(self.stack) >= MAX_DEPTH:
+            raise self._fail(event.start_mark, f"nested deeper than {MAX_DEPTH} levels")
+        if self.stack and isinstance(self.stack[-1].value, dict) and not self.stack[-1].has_key:
+            raise self._fail(event.start_mark, "a key must be a word or a number, not a list or mapping")
+        self.stack.append(_Open(self._place(value, event), value))
+
+    def _close(self, _: Any) -> None:
+        self.stack.pop()
+
+    def _place(self, value: Any, event: Any) -> KeyPath:
+        if not self.stack:
+            self.root = value
+            path: KeyPath = ()
+        else:
+            top = self.stack[-1]
+            if isinstance(top.value, list):
+                path = (*top.path, len(top.value))
+                top.value.append(value)
+            else:
+                path = (*top.path, top.key)
+                top.value[top.key] = value
+                top.has_key = False
+        self.values[path] = _position(event.start_mark)
+        return path

@@ -1,0 +1,142 @@
+"""What can be wrong with a focus that was found: too uncertain, one of two distances, or one of two line focuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.focusing.half_looks import half_view
+from rptcam_cl.focusing.looks import Task
+from rptcam_cl.focusing.probe import Zone
+from rptcam_cl.focusing.reach import check_reach
+from rptcam_cl.focusing.report import FocusReport
+
+SURE = 0.5  # confidence below which a focus counts as not found
+SHARP_SHARE = 0.05  # of what the zone shows, that depth wants within the depth of field
+AT_AN_END = 1.0  # depths of focus from the end of the reach, where the target may lie beyond
+APART = 4.0  # depths of focus between two distances, or two line focuses, that are worth a word
+LEAST_SHARE = 0.2  # of a zone that shows another distance
+
+
+def judged(task: Task, report: FocusReport) -> FocusReport:
+    """Return a report with what speaks against it.
+
+    Raises
+    ------
+    OutOfReach
+        When the zone shows what is nearer than the camera can focus, or farther.
+    """
+    failure = _failure(report)
+    if failure is not None or _is_at_an_end(task, report.state):
+        check_reach(task, report.state)
+    remarks = [remark for remark in (_other_distance(task, report), _astigmatism(task, report)) if remark]
+    return replace(report, failure=failure, remarks=tuple(remarks))
+
+
+def _failure(report: FocusReport) -> str | None:
+    if report.method == "variance":
+        return "variance tells nothing of its own error: the walk of the paper ends somewhere, in focus or not"
+    if report.method == "depth":
+        if report.confidence >= SHARP_SHARE:
+            return None
+        return f"the depth of field holds {report.confidence:.0%} of what the zone shows"
+    if report.confidence >= SURE:
+        return None
+    error = report.error / report.depth_of_focus_mm
+    return (
+        f"the focus is uncertain: confidence {report.confidence:.2f}, standard error {error:.2g} depths of focus"
+        f" (allowed: a confidence of {SURE:g})"
+    )
+
+
+def _is_at_an_end(task: Task, state: float) -> bool:
+    probe = task.probe
+    place = probe.coordinate(state)
+    return min(abs(place - probe.coordinate(end)) for end in probe.limits) <= AT_AN_END * probe.depth_of_focus
+
+
+def _vergence(task: Task, state: float) -> float | None:
+    """Return 1 over the distance that is sharp by first-order optics [1/m]."""
+    distance = task.probe.drive.first_order_distance(state)
+    return None if distance is None else 1 / distance
+
+
+def _sharp_vergence(task: Task, state: float) -> float | None:
+    """Return how many 1/m a depth of focus is worth."""
+    probe, (low, high) = task.probe, task.probe.limits
+    place = probe.coordinate(state)
+    ends = [min(max(probe.state_at(place + side * probe.depth_of_focus), low), high) for side in (-1, 1)]
+    seen = [_vergence(task, end) for end in ends]
+    span = abs(probe.coordinate(ends[1]) - probe.coordinate(ends[0]))
+    if seen[0] is None or seen[1] is None or span == 0:
+        return None
+    return abs(seen[1] - seen[0]) / span * probe.depth_of_focus
+
+
+def _other_distance(task: Task, report: FocusReport) -> str | None:
+    """Tell of another distance that the zone shows once the focus is there.
+
+    The picture grows as the film goes back, so that a zone may show one thing while the focus is far and another while
+    it is near, each sharp.
+    """
+    probe, zone = task.probe, report.zone
+    sharp = _sharp_vergence(task, report.state)
+    if report.focus_distance_m is None or sharp is None:
+        return None
+    expected = 1 / report.focus_distance_m
+    here = _shown(task, report.state, zone, APART * sharp)
+    if not here:
+        return None
+    # what the focus is on: by the distances of the zone, as astigmatism and curved fields move that of the lens
+    large = [vergence for vergence, share in here if share >= LEAST_SHARE] or [max(here, key=lambda group: group[1])[0]]
+    own = min(large, key=lambda vergence: abs(vergence - expected))
+    looks = [here]
+    if task.near is None and abs(probe.image_scale(*probe.limits) - 1) > 0.02:
+        looks += [_shown(task, state, zone, APART * sharp) for state in probe.limits]
+    tried = [own]
+    for look in looks:
+        for vergence, share in look:
+            if share < LEAST_SHARE or any(abs(vergence - other) < APART * sharp for other in tried):
+                continue
+            tried.append(vergence)
+            try:
+                there = probe.state_for(1 / vergence, zone)
+            except InputError:  # out of reach
+                continue
+            seen = [share for found, share in _shown(task, there, zone, APART * sharp)
+                    if abs(found - vergence) < APART / 2 * sharp]  # fmt: skip
+            if sum(seen) >= LEAST_SHARE:
+                return (
+                    f"the zone shows two distances: the focus is on what is {1 / own:.4g} m away, and what is"
+                    f" {1 / vergence:.4g} m away fills {sum(seen):.0%} of the zone when the focus is there"
+                )
+    return None
+
+
+def _shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float, float]]:
+    """Return the distances that a zone shows in a state, as vergences [1/m], and the share of the zone of each.
+
+    Two are told apart by a gap between them that nothing in the zone fills.
+    """
+    depth = task.probe.depths(state, [zone], task.seed)[0]
+    met: NDArray[np.float64] = np.sort(1 / depth[np.isfinite(depth) & (depth > 0)])
+    groups = np.split(met, np.flatnonzero(np.diff(met) > gap) + 1)
+    return [(float(np.median(group)), len(group) / depth.size) for group in groups if len(group)]
+
+
+def _astigmatism(task: Task, report: FocusReport) -> str | None:
+    """Tell where lines across and lines down have focuses of their own."""
+    sharp = _sharp_vergence(task, report.state)
+    try:
+        across, down = half_view(task.probe, report.state, report.zone, "x").sharpest_along()
+    except InputError:  # no light there
+        return None
+    if sharp is None or abs(across - down) < APART * sharp or min(across, down) <= 0:
+        return None
+    return (
+        f"the lens is astigmatic in the zone: upright lines are sharp at {1 / across:.4g} m, level ones at"
+        f" {1 / down:.4g} m, {abs(across - down) / sharp:.2g} depths of focus apart"
+    )

@@ -1,0 +1,354 @@
+"""What moves when a camera with a lens focuses: the film distance, or the shift of a group."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras import (
+    CameraModel,
+    LensSetting,
+    PupilRays,
+    film_point,
+    lens_rays,
+    lens_setting,
+    realistic,
+    thick_lens,
+)
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.focusing.probe import Zone
+from rptcam_cl.optics import (
+    Lens,
+    best_film_distance,
+    best_film_distance_at,
+    film_behind,
+    film_distance,
+    focused_by_group,
+    limiting_surface,
+    moved,
+    object_distance,
+    shift_of,
+)
+from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, ThickLensCamera
+
+CIRCLES_PER_DIAGONAL = 1500  # circle of confusion: 0.029 mm on 36 x 24 mm, the convention of depth-of-field scales
+
+
+def circle_of_confusion(scene: Scene) -> float:
+    """Return the diameter of a blur that counts as sharp [mm]."""
+    return scene.film.diagonal_m() * 1e3 / CIRCLES_PER_DIAGONAL
+
+
+class Drive(ABC):
+    """Focus states of one kind of camera; the words are those of `FocusProbe`."""
+
+    limits: tuple[float, float]
+    start: float
+    depth_of_focus: float
+    nearer: int
+
+    def coordinate(self, state: float) -> float:
+        """Return the coordinate of a state [mm]."""
+        return state
+
+    def state_at(self, coordinate: float) -> float:
+        """Return the state of a coordinate."""
+        return coordinate
+
+    @abstractmethod
+    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
+        """Return the camera in a state for the device; it need not see more than the zones."""
+
+    @abstractmethod
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in another one, against that one."""
+
+    @abstractmethod
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+        """Return the rays of places (m, 2) of the picture [pixels], in float64."""
+
+    @abstractmethod
+    def film_distance(self, state: float) -> float:
+        """Return the distance to the film [mm]."""
+
+    @abstractmethod
+    def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
+        """Return the distance of the plane that is sharpest in a zone, by default on the axis [m]."""
+
+    @abstractmethod
+    def first_order_distance(self, state: float) -> float | None:
+        """Return the distance of the plane in focus by first-order optics [m]; None where none is."""
+
+    @abstractmethod
+    def state_for(self, distance_m: float, zone: Zone) -> float:
+        """Return the state that makes a plane sharpest in a zone."""
+
+    @abstractmethod
+    def camera_keys(self, state: float) -> dict[str, object]:
+        """Return the keys of the scene's camera that set the state."""
+
+
+BEYOND_INFINITY = 0.06  # focal lengths that the film may go nearer than for infinity: curved fields focus there
+LEAST_DISTANCE = 0.02  # of the back focal distance, that the film keeps from the lens
+INVERSIONS = 12  # most rounds of the search for the object of a state
+FAR_FOCAL_LENGTHS = 100.0  # where it begins
+INVERTED = 1e-4  # of a distance, between two rounds
+
+
+def stopped(lens: Lens, share: float) -> Lens:
+    """Return a lens with its opening closed to a share of its diameter, by its stop or else by the narrowest rim."""
+    if share == 1.0:
+        return lens
+    index = lens.stop_index if lens.stop_index is not None else limiting_surface(lens)
+    surfaces = list(lens.surfaces)
+    surfaces[index] = replace(surfaces[index], semi_diameter=share * surfaces[index].semi_diameter)
+    return replace(lens, surfaces=tuple(surfaces), stop_index=index)
+
+
+@dataclass(frozen=True)
+class LensDrive(Drive):
+    """A lens of surfaces, at its working aperture.
+
+    Attributes
+    ----------
+    scene : Scene
+    lens : Lens
+        With its group, if it has one, where the table has it.
+    """
+
+    scene: Scene
+    lens: Lens
+
+    @property
+    def own_camera(self) -> LensCamera:
+        """The scene's camera."""
+        assert isinstance(self.scene.camera, LensCamera)
+        return self.scene.camera
+
+    @abstractmethod
+    def lens_at(self, state: float) -> tuple[Lens, float]:
+        """Return the lens in a state, and the distance from its last vertex to the film [mm]."""
+
+    @property
+    def sharp_mm(self) -> float:
+        """2 N c at the film [mm]."""
+        f_number = self.lens.first_order(self.own_camera.wavelength_nm).f_number
+        if not np.isfinite(f_number):
+            raise InputError(f"camera.lens: {self.lens.name}: is afocal, so it has no focus to find")
+        return 2 * f_number * circle_of_confusion(self.scene)
+
+    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
+        """Return the camera in a state for the device."""
+        lens, back_mm = self.lens_at(state)
+        setting = LensSetting(stopped(lens, stop), back_mm, None, self.own_camera)
+        if not isinstance(self.own_camera, RealisticCamera):
+            return thick_lens.model_of(scene, setting)
+        return realistic.model_of(scene, setting, [self._window(scene, zone) for zone in zones])
+
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+        """Return the rays of places of the picture."""
+        lens, back_mm = self.lens_at(state)
+        return lens_rays(scene, LensSetting(stopped(lens, stop), back_mm, None, self.own_camera), places)
+
+    def _window(self, scene: Scene, zone: Zone) -> tuple[float, float, float, float]:
+        """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""
+        across, down = ((1 + scene.film.filter.radius) / pixels for pixels in scene.film.resolution)
+        corners = (zone.left - across, zone.top - down), (zone.right + across, zone.bottom + down)
+        (x0, y0), (x1, y1) = (film_point(scene, self.own_camera, *corner) for corner in corners)
+        return min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
+
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in another one, against that one, by its chief rays."""
+        sharp = self._first_order_distance(*self.lens_at(reference))
+        scales = [self._chief_ray_scale(*self.lens_at(at), sharp) for at in (state, reference)]
+        scale = scales[0] / scales[1]
+        return scale if np.isfinite(scale) and scale > 0 else 1.0
+
+    def _chief_ray_scale(self, lens: Lens, back_mm: float, distance_mm: float | None) -> float:
+        """Return image size over object size, but for a factor where the object is infinitely far away.
+
+        A chief ray leaves the exit pupil as steeply as it enters the entrance pupil, times the ratio of their sizes.
+        """
+        first = lens.first_order(self.own_camera.wavelength_nm)
+        ratio = first.entrance_pupil.diameter_mm / first.exit_pupil.diameter_mm
+        image = ratio * (back_mm - first.exit_pupil.distance_mm)
+        if distance_mm is None or np.isinf(distance_mm):
+            return image
+        return image / (distance_mm - lens.length - lens.sense * back_mm + first.entrance_pupil.distance_mm)
+
+    def film_distance(self, state: float) -> float:
+        """Return the distance from the last vertex to the film [mm]."""
+        return self.lens_at(state)[1]
+
+    def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
+        """Return the distance from the plane that is sharpest in a zone, by default on the axis, to the film [m]."""
+        lens, back_mm = self.lens_at(state)
+        found = FAR_FOCAL_LENGTHS * lens.first_order(self.own_camera.wavelength_nm).focal_length_mm
+        for _ in range(INVERSIONS):
+            # by how much the sharpest place differs from that of first-order optics changes slowly with the distance
+            new = self._first_order_distance(lens, back_mm - self._beyond_first_order(lens, found, zone))
+            if new is None or np.isinf(new) or abs(new - found) < INVERTED * new:
+                return None if new is None else new * 1e-3
+            found = new
+        return found * 1e-3
+
+    def _beyond_first_order(self, lens: Lens, distance_mm: float, zone: Zone | None) -> float:
+        """Return by how much the sharpest film distance of a plane exceeds that of first-order optics [mm]."""
+        thick = film_distance(lens, distance_mm, wavelength_nm=self.own_camera.wavelength_nm)
+        try:
+            return self.sharpest_film(lens, distance_mm, zone) - thick
+        except InputError:  # no light there
+            return 0.0
+
+    def first_order_distance(self, state: float) -> float | None:
+        """Return the distance from the plane in focus to the film by first-order optics [m]; None where none is."""
+        found = self._first_order_distance(*self.lens_at(state))
+        return None if found is None else found * 1e-3
+
+    def _first_order_distance(self, lens: Lens, back_mm: float) -> float | None:
+        try:
+            return object_distance(lens, back_mm, self.own_camera.wavelength_nm)
+        except InputError:
+            return None
+
+    def sharpest_film(self, lens: Lens, distance_mm: float, zone: Zone | None) -> float:
+        """Return the film distance that makes a plane sharpest in a zone, or on the axis, while the lens stays [mm].
+
+        That of the least spot of exact rays; of a thick lens by first-order optics.
+
+        Parameters
+        ----------
+        distance_mm
+            From the plane to the film.
+        """
+        wavelength = self.own_camera.wavelength_nm
+        place = (0.0, 0.0) if zone is None else film_point(self.scene, self.own_camera, *zone.centre)
+        if isinstance(self.own_camera, ThickLensCamera):
+            return film_distance(lens, distance_mm, wavelength_nm=wavelength)
+        if not any(place) and lens.is_rotational:
+            return best_film_distance(lens, distance_mm, wavelengths_nm=(wavelength,))
+        return best_film_distance_at(lens, place, distance_mm, wavelength_nm=wavelength)
+
+
+class WholeLens(LensDrive):
+    """A lens that is focused as a whole: the state is the film distance [mm]."""
+
+    nearer = 1
+
+    def lens_at(self, state: float) -> tuple[Lens, float]:
+        """Return the lens and the distance from its last vertex to the film [mm]."""
+        return self.lens, state
+
+    def state_for(self, distance_m: float, zone: Zone) -> float:
+        """Return the film distance that makes a plane sharpest in a zone [mm]."""
+        return self.sharpest_film(self.lens, distance_m * 1e3, zone)
+
+    @cached_property
+    def depth_of_focus(self) -> float:  # type: ignore[override]
+        """2 N c [mm]."""
+        return self.sharp_mm
+
+    @cached_property
+    def limits(self) -> tuple[float, float]:  # type: ignore[override]
+        """From a little beyond infinity to natural size."""
+        wavelength = self.own_camera.wavelength_nm
+        infinity = film_distance(self.lens, np.inf, wavelength_nm=wavelength)
+        focal_length = self.lens.first_order(wavelength).focal_length_mm
+        least = min(infinity, best_film_distance(self.lens, np.inf, wavelengths_nm=(wavelength,)))
+        low = least - max(BEYOND_INFINITY * focal_length, 4 * self.depth_of_focus)
+        return max(low, LEAST_DISTANCE * infinity), infinity + focal_length
+
+    @cached_property
+    def start(self) -> float:  # type: ignore[override]
+        """Where the scene has it, or for infinity where autofocus is to find it."""
+        if self.own_camera.focus.auto is not None:
+            return film_distance(self.lens, np.inf, wavelength_nm=self.own_camera.wavelength_nm)
+        return lens_setting(self.scene).film_distance_mm
+
+    def camera_keys(self, state: float) -> dict[str, object]:
+        """Return the keys of the scene's camera that set the state."""
+        return {"focus": {"film_distance_mm": state}}
+
+
+ROUNDS = 12  # of the secant search, which needs three
+SETTLED = 1e-4  # of the depth of focus
+
+
+class GroupDrive(LensDrive):
+    """A lens with a group that focuses: the state is its shift towards the film [mm]."""
+
+    @cached_property
+    def _film_mm(self) -> float:
+        return film_distance(self.lens, np.inf, wavelength_nm=self.own_camera.wavelength_nm)
+
+    def lens_at(self, state: float) -> tuple[Lens, float]:
+        """Return the lens with its group shifted, and the distance from its last vertex to the film [mm]."""
+        return moved(self.lens, state), film_behind(self.lens, state, self._film_mm)
+
+    def state_for(self, distance_m: float, zone: Zone) -> float:
+        """Return the shift that makes a plane sharpest in a zone [mm]: a secant search from that of first-order optics.
+
+        Raises
+        ------
+        InputError
+            When the plane is out of the group's reach.
+        """
+        distance_mm, wavelength = distance_m * 1e3, self.own_camera.wavelength_nm
+        start = shift_of(self.lens, focused_by_group(self.lens, distance_mm, self._film_mm, wavelength)[0])
+
+        def miss(shift: float) -> float:
+            lens, back_mm = self.lens_at(shift)
+            return self.sharpest_film(lens, distance_mm, zone) - back_mm
+
+        before, shift = start, start + self.depth_of_focus
+        missed_before, missed = miss(before), miss(shift)
+        for _ in range(ROUNDS):
+            if missed == missed_before or abs(missed) < SETTLED * self.sharp_mm:
+                break
+            before, shift = shift, shift - missed * (shift - before) / (missed - missed_before)
+            missed_before, missed = missed, miss(shift)
+        within = float(np.clip(shift, *self.limits))
+        if abs(shift - within) > self.depth_of_focus:
+            end = self.object_distance(within, zone)
+            words = "" if end is None else f"; the end of its travel is sharp at {end * 1e3:.6g} mm"
+            raise InputError(f"{self.lens.name}: its group cannot focus at {distance_mm:.6g} mm from the film{words}")
+        return within
+
+    @cached_property
+    def limits(self) -> tuple[float, float]:  # type: ignore[override]
+        """The travel of the group."""
+        assert self.lens.focusing is not None
+        return self.lens.focusing.travel_mm
+
+    @cached_property
+    def depth_of_focus(self) -> float:  # type: ignore[override]
+        """2 N c over how far the image of infinity moves, per shift, against the film [mm]."""
+        low, high = self.limits
+        ends = [self._image_behind_film(state) for state in (low, high)]
+        return self.sharp_mm * (high - low) / abs(ends[1] - ends[0])
+
+    @cached_property
+    def nearer(self) -> int:  # type: ignore[override]
+        """The sense in which the image of infinity moves towards the lens."""
+        low, high = (self._image_behind_film(state) for state in self.limits)
+        return 1 if high < low else -1
+
+    def _image_behind_film(self, state: float) -> float:
+        lens, back = self.lens_at(state)
+        return lens.first_order(self.own_camera.wavelength_nm).back_focal_distance_mm - back
+
+    @cached_property
+    def start(self) -> float:  # type: ignore[override]
+        """Where the scene has it, or as in the lens file where autofocus is to find it."""
+        if self.own_camera.focus.auto is not None:
+            return 0.0
+        return shift_of(self.lens, lens_setting(self.scene).lens)
+
+    def camera_keys(self, state: float) -> dict[str, object]:
+        """Return the keys of the scene's camera that set the state."""
+        return {"focus": {"group_shift_mm": state}}

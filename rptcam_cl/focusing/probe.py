@@ -1,0 +1,201 @@
+"""What autofocus asks of a camera: set a focus state, look at zones of the film; and which zone decides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.colour import LUMINANCE
+
+
+@dataclass(frozen=True)
+class Zone:
+    """A rectangle of the picture, in fractions of its width and height from its left and top edges.
+
+    Attributes
+    ----------
+    left, right, top, bottom : float
+        0 <= left < right <= 1 and 0 <= top < bottom <= 1.
+    """
+
+    left: float
+    right: float
+    top: float
+    bottom: float
+
+    @property
+    def centre(self) -> tuple[float, float]:
+        """Middle of the zone, from the left and the top."""
+        return (self.left + self.right) / 2, (self.top + self.bottom) / 2
+
+
+@dataclass(frozen=True)
+class ZoneImage:
+    """What a zone shows in one focus state.
+
+    Attributes
+    ----------
+    parts : (count, height, width, 3) float32 array
+        Linear film values, rendered `count` times with independent random numbers.
+    samples : int
+        Per pixel, of all parts together.
+    """
+
+    parts: NDArray[np.float32]
+    samples: int
+
+    @property
+    def pixels(self) -> NDArray[np.float32]:
+        """Mean film values (height, width, 3)."""
+        return np.asarray(self.parts.mean(axis=0, dtype=np.float64), np.float32)
+
+    @property
+    def luminance(self) -> NDArray[np.float64]:
+        """Luminance of each part (count, height, width)."""
+        return np.asarray(self.parts.astype(np.float64) @ LUMINANCE)
+
+    @property
+    def variance(self) -> NDArray[np.float64]:
+        """Variance of the mean luminance (height, width); each value is rough, their mean over the zone is not."""
+        return np.asarray(self.luminance.var(axis=0, ddof=1) / len(self.parts))
+
+
+class FocusProbe(Protocol):
+    """A camera whose focus can be moved and that shows what its zones look like.
+
+    A *state* is the film distance [mm] of a lens that is focused as a whole, the shift of its group towards the film
+    [mm] where a group focuses, and the distance of the plane of focus [m] of a thin lens. Searches walk along a
+    *coordinate* [mm] in which the blur on the film grows evenly with the distance from the focus: the state itself of a
+    lens of surfaces, the image distance of a thin lens. It grows as nearer objects become sharp where `nearer` is 1.
+    """
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Lowest and highest state."""
+
+    @property
+    def state(self) -> float:
+        """Where the camera stands now."""
+
+    @property
+    def depth_of_focus(self) -> float:
+        """2 N c in units of the coordinate: so far apart are the ends of what counts as sharp at full aperture."""
+
+    @property
+    def nearer(self) -> int:
+        """1 or -1: the sense along the coordinate in which nearer objects become sharp."""
+
+    def coordinate(self, state: float) -> float:
+        """Return the coordinate of a state."""
+
+    def state_at(self, coordinate: float) -> float:
+        """Return the state of a coordinate."""
+
+    def measure(
+        self,
+        state: float,
+        zones: Sequence[Zone],
+        samples: int,
+        seed: int,
+        stop: float = 1.0,
+        reference: float | None = None,
+    ) -> list[ZoneImage]:
+        """Return what the zones show.
+
+        Parameters
+        ----------
+        state
+            Within `limits`; the camera's own state stays as it is.
+        zones
+            Where to look.
+        samples
+            Per pixel.
+        seed
+            Of the random numbers: the same for two states makes their noise alike.
+        stop
+            Share of the diameter of the opening at which the camera takes its picture.
+        reference
+            State in which the zones lie where they say. The image grows as the film goes away from the lens, so the
+            film is scaled with it to show the same part of the scene in every state; by default it is not.
+        """
+
+    def image_scale(self, state: float, reference: float) -> float:
+        """Return how large a state draws what is sharp in the state of reference, against that one."""
+
+    def object_distance(self, state: float) -> float | None:
+        """Return the distance from the plane in focus to the film (thin lens: to the lens) [m]; None where none is."""
+
+    def film_distance(self, state: float) -> float:
+        """Return the distance from the last vertex to the film, or of a thin lens to the film [mm]."""
+
+    def state_for(self, distance_m: float, zone: Zone) -> float:
+        """Return the state that makes a plane sharpest in the middle of a zone, by the lens alone.
+
+        Parameters
+        ----------
+        distance_m
+            From the film (thin lens: from the lens) along the axis.
+
+        Raises
+        ------
+        InputError
+            When the plane is out of reach.
+        """
+
+
+class Policy(StrEnum):
+    """Which zone the focus is set to, of those in which there is something to focus on."""
+
+    CLOSEST = "closest"
+    FARTHEST = "farthest"
+    CENTRE = "centre"
+    WEIGHTED = "weighted"
+
+    @property
+    def by_place(self) -> bool:
+        """Whether it depends on where the zones have their focus."""
+        return self in (Policy.CLOSEST, Policy.FARTHEST, Policy.WEIGHTED)
+
+
+def chosen(policy: Policy, zones: Sequence[Zone], places: Mapping[int, float]) -> int:
+    """Return the zone that decides.
+
+    Parameters
+    ----------
+    zones
+        All of them.
+    places
+        Where some of them have their focus, rising towards nearer objects.
+    """
+    match policy:
+        case Policy.CLOSEST:
+            return max(places, key=lambda zone: places[zone])
+        case Policy.FARTHEST:
+            return min(places, key=lambda zone: places[zone])
+        case Policy.CENTRE:
+            return min(places, key=lambda zone: _off_centre(zones[zone]))
+        case Policy.WEIGHTED:
+            return _weighted_median(zones, places)
+
+
+def _off_centre(zone: Zone) -> float:
+    x, y = zone.centre
+    return (x - 0.5) ** 2 + (y - 0.5) ** 2
+
+
+def _weighted_median(zones: Sequence[Zone], places: Mapping[int, float]) -> int:
+    """Return the zone below and above whose focus lie equal weights: area, less towards the corners of the picture."""
+    weight = {k: (zones[k].right - zones[k].left) * (zones[k].bottom - zones[k].top) / (1 + 8 * _off_centre(zones[k]))
+              for k in places}  # fmt: skip
+    half, passed = sum(weight.values()) / 2, 0.0
+    ranked = sorted(places, key=lambda zone: places[zone])
+    for zone in ranked:
+        passed += weight[zone]
+        if passed >= half:
+            return zone
+    return ranked[-1]

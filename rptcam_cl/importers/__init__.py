@@ -1,0 +1,1 @@
+"""Scenes of other renderers, read and said again as scenes of ours."""

@@ -1,0 +1,134 @@
+"""From a pbrt scene file to a scene of ours."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import MAX_NODES
+from rptcam_cl.importers.pbrt.cameras import convert_camera
+from rptcam_cl.importers.pbrt.context import Context
+from rptcam_cl.importers.pbrt.files import FileStore
+from rptcam_cl.importers.pbrt.film import exposure_ev, raster_of, render_keys
+from rptcam_cl.importers.pbrt.filters import filter_keys
+from rptcam_cl.importers.pbrt.frame import frame_of
+from rptcam_cl.importers.pbrt.lights import convert_lights
+from rptcam_cl.importers.pbrt.objects import Objects, count_values
+from rptcam_cl.importers.pbrt.parameters import Parameters
+from rptcam_cl.importers.pbrt.report import Report
+from rptcam_cl.importers.pbrt.scene_text import plain, scene_text
+from rptcam_cl.importers.pbrt.sky import convert_sky
+from rptcam_cl.importers.pbrt.state import PbrtScene
+from rptcam_cl.importers.pbrt.world import read_world
+
+# Parameters of every camera that have to do with motion, of which there is none.
+SHUTTER = ("shutteropen", "shutterclose")
+
+
+@dataclass(frozen=True, eq=False)
+class Conversion:
+    """A converted scene, not yet written.
+
+    Attributes
+    ----------
+    scene : dict
+        The mapping of a scene of ours.
+    report : Report
+        What was ignored or approximated.
+    files : FileStore
+        The files that the scene needs beside it.
+    """
+
+    source: Path
+    scene: dict[str, Any]
+    report: Report
+    files: FileStore = field(repr=False)
+
+    def write(self, target: Path) -> None:
+        """Write the scene file and the files beside it, each whole or not at all."""
+        self.files.write_all()
+        text = scene_text(self.scene, (f"Converted from {self.source.name}.",))
+        with replacing(target) as temporary:
+            temporary.write_text(text, "utf-8")
+
+
+def convert_scene(source: Path, target: Path) -> Conversion:
+    """Return what a pbrt scene file says as a scene of ours.
+
+    Parameters
+    ----------
+    source
+        A scene file of pbrt-v3 or pbrt-v4.
+    target
+        Where the scene of ours is to go; files that it names lie in the folder of it.
+
+    Raises
+    ------
+    InputError
+        ``FILE:LINE:COL: problem`` for what is not a pbrt scene, or cannot be said.
+    """
+    report = Report()
+    pbrt = read_world(source, report)
+    context = Context(pbrt, report, source.parent, FileStore(target.parent, target.stem, report))
+    scene = _scene_keys(context, source)
+    _note_unused(context)
+    if count_values(scene) > MAX_NODES:
+        raise InputError(
+            f"{source}: becomes {len(scene['objects'])} objects in {count_values(scene)} values, too many for a scene "
+            f"file (allowed: {MAX_NODES} values, some 2000 instances)"
+        )
+    return Conversion(source, scene, report, context.files)
+
+
+def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
+    options = context.scene.options
+    camera = options.get("Camera")
+    if camera is None:
+        raise InputError(f"{source}: has no Camera; is it a part that another file includes?")
+    frame = frame_of(camera)
+    film = options.get("Film")
+    raster = raster_of(context, film)
+    camera_keys = convert_camera(context, camera, frame, raster, film)
+    if film is not None:
+        film.parameters.skip("diagonal")
+    scene: dict[str, Any] = {
+        "film": {**camera_keys.film, **filter_keys(context)},
+        "camera": camera_keys.camera,
+        **camera_keys.scene,
+    }
+    scene["render"] = render_keys(context)
+    if frame.metres_per_unit != 1:
+        scene["metres_per_unit"] = frame.metres_per_unit
+    if ev := exposure_ev(context, film, camera):
+        scene["picture"] = {"ev": ev}
+    camera.parameters.skip(*SHUTTER)
+    objects = Objects(context, frame)
+    objects.add_all()
+    scene |= objects.keys()
+    lights = convert_lights(context, frame)
+    if lights.items:
+        scene["lights"] = lights.items
+    if (sky := convert_sky(context, frame, lights)) is not None:
+        scene["environment"] = sky
+    return dict(plain(scene))
+
+
+def _note_unused(context: Context) -> None:
+    """Report every parameter that nobody looked up."""
+    for parameters in _all_parameters(context.scene):
+        for item in parameters.unused():
+            context.report.ignored(item.place, f'{parameters.what}: "{item.kind} {item.name}"')
+
+
+def _all_parameters(scene: PbrtScene) -> list[Parameters]:
+    found = [entity.parameters for entity in (*scene.options.values(), *scene.lights)]
+    for use, _, _ in scene.placed():
+        material = scene.material_of(use.material)
+        for entity in (use.shape, material, use.lamp):
+            if entity is not None:
+                found.append(entity.parameters)
+                found += [texture.parameters for texture in entity.textures.values()]
+    return list(dict.fromkeys(found))

@@ -1,0 +1,113 @@
+"""A lens as a CODE V sequence, which our reader, optiland and ray-optics read back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.lenstools.foreign import WAVELENGTHS_NM, beam_of, maker_and_name, number, one_line, refuse, tilts
+from rptcam_cl.optics import (
+    AIR,
+    AbbeCauchy,
+    ConstantIndex,
+    Lens,
+    Medium,
+    Surface,
+    held_index,
+    limiting_surface,
+    plain_glass_name,
+)
+
+POWERS = dict(zip(range(4, 22, 2), "ABCDEFGHJ", strict=True))
+PRIVATE_NM = (404.66, 435.83, LINE_F_NM, 546.07, LINE_D_NM, 632.8, LINE_C_NM, 706.52)  # of private glasses
+
+
+def codev_text(lens: Lens) -> str:
+    """Return the CODE V sequence of a lens, for a distant object; lengths in millimetres.
+
+    Raises
+    ------
+    InputError
+        With every reason why such a sequence cannot say this lens.
+    """
+    refuse(lens, ".seq", _reasons(lens))
+    beam = beam_of(lens)
+    private: dict[Medium, str] = {}
+    words = ["REFL" if surface.is_mirror else _glass(surface.glass, private) for surface in lens.surfaces]
+    lines = ["RDM N;LEN", f"TITLE '{one_line(lens.name)}'", f"EPD {number(beam.pupil_diameter)}", "DIM M"]
+    lines.append(f"WL {' '.join(number(nm) for nm in reversed(WAVELENGTHS_NM))}")
+    lines += [f"REF {len(WAVELENGTHS_NM) - WAVELENGTHS_NM.index(LINE_D_NM)}", "WTW 1 1 1"]
+    zeros = " ".join(["0.0"] * len(beam.fields))
+    lines += [f"XAN {zeros}", f"YAN {' '.join(map(number, beam.fields))}"]
+    if private:
+        lines += ["PRV", f"  PWL {' '.join(map(number, PRIVATE_NM))}"]
+        lines += [f"  '{name}' {' '.join(_indices(medium))}" for medium, name in private.items()]
+        lines.append("END")
+    lines.append("SO 0.0 1.0E+13")
+    stop, last = limiting_surface(lens), len(lens.surfaces) - 1
+    for k, surface in enumerate(lens.surfaces):
+        gap = lens.sense * beam.film if k == last else surface.thickness
+        curvature = 0.0 if surface.cylinder == "x" else surface.curvature
+        lines.append(f"S {number(curvature)} {number(gap)} {words[k]}".rstrip())
+        lines += [f"  {line}" for line in _details(surface, k == stop)]
+    return "\n".join([*lines, "SI 0.0 0.0", "GO", ""])
+
+
+def _details(surface: Surface, is_stop: bool) -> Iterator[str]:
+    if is_stop:
+        yield "STO"
+    yield f"CIR {number(surface.semi_diameter)}"
+    if surface.inner_semi_diameter:
+        yield f"CIR HOL {number(surface.inner_semi_diameter)}"
+    if surface.region is not None:
+        yield f"REX {number(surface.region.half_width)}"
+        yield f"REY {number(surface.region.half_height)}"
+    if surface.cylinder:
+        yield "CYL"
+    elif surface.is_toroid:
+        yield "YTO"
+        yield f"CUX {number(surface.curvature_x or 0.0)}"
+    if surface.aspheric:
+        if not surface.cylinder and not surface.is_toroid:
+            yield "ASP"
+        yield f"K {number(surface.conic)}"
+        yield from (f"{POWERS[power]} {number(value)}" for power, value in surface.aspheric)
+    elif surface.conic:
+        yield "CON"
+        yield f"K {number(surface.conic)}"
+    if surface.pose is not None:
+        x, y, z = surface.pose.offset
+        a, b, c = tilts(surface.pose)
+        yield f"XDE {number(x)}; YDE {number(y)}; ZDE {number(z)}"
+        yield f"ADE {number(-a)}; BDE {number(-b)}; CDE {number(c)}"
+        yield "DAR"
+
+
+def _glass(medium: Medium, private: dict[Medium, str]) -> str:
+    """Return the word of a glass; one that no catalogue has becomes a private glass."""
+    if medium == AIR:
+        return ""
+    if found := maker_and_name(medium):
+        return f"{plain_glass_name(found[1])}_{found[0].upper()}"  # CODE V has no hyphens
+    if isinstance(medium, AbbeCauchy):
+        above, vd = f"{medium.nd - 1:.6f}", f"{medium.vd / 100:.6f}"
+        if 0.3 <= medium.nd - 1 < 1 and abs(float(above) + 1 - medium.nd) < 1e-12 and medium.vd < 100:
+            return f"{above[2:]}.{vd[2:]}"
+    name = private.setdefault(medium, f"PG{len(private) + 1}")
+    return f"'{name}'"
+
+
+def _indices(medium: Medium) -> list[str]:
+    if isinstance(medium, ConstantIndex):
+        return [number(medium.value)] * len(PRIVATE_NM)
+    return [number(value) for value in held_index(medium, np.array(PRIVATE_NM))]  # type: ignore[arg-type]
+
+
+def _reasons(lens: Lens) -> Iterator[tuple[int, str]]:
+    for k, surface in enumerate(lens.surfaces):
+        if any(power not in POWERS for power, _ in surface.aspheric):
+            yield k, "a power of r is odd, 2 or above 20"
+        if surface.cylinder == "x" or (surface.curvature_x is not None and not surface.is_toroid):
+            yield k, "it is a biconic, or a cylinder that curves in x"

@@ -1,0 +1,110 @@
+"""Modulation transfer: that of the spots times that of diffraction at the aperture that each field has.
+
+The geometrical transfer knows no diffraction and exceeds its limit where a lens is sharp. The transfer of a lens is
+that of its perfect pupil times a factor of its aberrations (Wetherell, The Calculation of Image Quality, 1980), for
+which the geometrical one stands here: right where aberrations are none or many waves, and never above the limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rptcam_cl.lenstools.chart import Legend, chart
+from rptcam_cl.lenstools.lens_state import Setting
+from rptcam_cl.lenstools.picture import FAINT, SERIES, Drawing
+from rptcam_cl.lenstools.spots import FilmSpot, by_field
+
+Array = NDArray[np.float64]
+
+CURVE = 101
+DOTTED = (5.0, 4.0)
+COLUMNS = ("tangential", "sagittal", "tangential_limit", "sagittal_limit")
+
+
+def geometric_mtf(points: Array, frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
+    """Return the modulation (tangential, sagittal) of light spread over points (n, 2) of the film [mm].
+
+    Tangential lines lie along x, so that they blur in y; sagittal ones along y. Each is the length of the mean of
+    exp(-2 pi i f y) over the rays, the Fourier transform of the spot.
+    """
+    waves = -2j * np.pi * np.asarray(frequencies_per_mm, dtype=np.float64)[:, None]
+    off = points - points.mean(axis=0)
+    tangential, sagittal = (np.abs(np.mean(np.exp(waves * off[:, axis]), axis=1)) for axis in (1, 0))
+    return tangential, sagittal
+
+
+def diffraction_mtf(frequencies_per_mm: ArrayLike, aperture: float, wavelength_nm: float) -> Array:
+    """Return the modulation of a perfect lens with a round pupil; 0 from 2 aperture / wavelength on.
+
+    Parameters
+    ----------
+    aperture : float
+        Numerical aperture on the film, along the direction of the modulation: 1 / (2 f-number).
+    """
+    if not aperture > 0:
+        return np.where(np.asarray(frequencies_per_mm, dtype=np.float64) == 0, 1.0, 0.0)
+    share = np.asarray(frequencies_per_mm, dtype=np.float64) * wavelength_nm * 1e-6 / (2.0 * aperture)
+    inside = np.minimum(np.abs(share), 1.0)
+    return np.asarray(2 / np.pi * (np.arccos(inside) - inside * np.sqrt(1 - inside * inside)))
+
+
+def limits(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:
+    """Return the modulation (tangential, sagittal) that diffraction leaves the spots of one field.
+
+    The mean over the wavelengths by their rays. A pupil that is not round counts as the ellipse of its second moments.
+    """
+    rays = np.array([len(spot.points) for spot in group], dtype=np.float64)
+    curves = [
+        np.average([diffraction_mtf(frequencies_per_mm, spot.cone[axis], spot.wavelength_nm) for spot in group],
+                   axis=0, weights=rays)
+        for axis in (1, 0)
+    ]  # fmt: skip
+    return curves[0], curves[1]
+
+
+def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[Array] | None:
+    """Return tangential and sagittal modulation and the limit of each, of one field; None when no light passes."""
+    points = np.concatenate([spot.points for spot in group])
+    if not len(points):
+        return None
+    most = limits(group, frequencies_per_mm)
+    drawn = geometric_mtf(points, frequencies_per_mm)
+    return [*(shape * limit for shape, limit in zip(drawn, most, strict=True)), *most]
+
+
+def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
+    """Return a row for each field and frequency, the wavelengths of a field together; None where no light passes."""
+    rows = []
+    for degrees, group in by_field(spots).items():
+        curves = field_mtf(group, frequencies_per_mm)
+        for k, frequency in enumerate(frequencies_per_mm):
+            values = [None] * len(COLUMNS) if curves is None else [float(curve[k]) for curve in curves]
+            modulation = dict(zip(COLUMNS, values, strict=True))
+            rows.append({"field_degrees": degrees, "frequency_per_mm": frequency, **modulation})
+    return rows
+
+
+def mtf_picture(setting: Setting, spots: Sequence[FilmSpot], highest_per_mm: float) -> Drawing:
+    """Return the curves of every field up to a frequency: tangential full, sagittal dashed, the first limit grey."""
+    groups = by_field(spots)
+    keys = [Legend(f"{degrees:g}°", SERIES[i % len(SERIES)]) for i, degrees in enumerate(groups)]
+    keys += [Legend("sagittal", SERIES[0], DOTTED), Legend("diffraction limit", FAINT, (2, 3))]
+    labels = ("cycles per mm on the film", "modulation")
+    title = f"{setting.lens.name}: MTF, geometrical times diffraction"
+    axes = chart(title, labels, (0.0, highest_per_mm), (0.0, 1.02), keys)
+    frequencies = np.linspace(0.0, highest_per_mm, CURVE)
+    for number, group in enumerate(groups.values()):
+        curves = field_mtf(group, frequencies)
+        if curves is None:
+            continue
+        tangential, sagittal, limit, _ = curves
+        colour = SERIES[number % len(SERIES)]
+        if number == 0:
+            axes.curve(frequencies, limit, FAINT, (2, 3))
+        axes.curve(frequencies, tangential, colour)
+        axes.curve(frequencies, sagittal, colour, DOTTED)
+    return axes.picture

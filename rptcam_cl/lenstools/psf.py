@@ -1,0 +1,80 @@
+"""The image of a point by geometrical optics: the share of its light that each small square of the film receives."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools.spots import FilmSpot, spot_facts
+
+Array = NDArray[np.float64]
+
+SHARES = (0.5, 0.8, 0.95)
+ROOM = 1.1  # half width of the image over the radius that holds nearly all light, when no width is asked for
+
+
+@dataclass(frozen=True)
+class PointImage:
+    """The image of a point.
+
+    Attributes
+    ----------
+    shares : (n, n) array
+        Share of the light in each pixel, row 0 at the top (largest y). What falls outside is missing from the sum.
+    width_um : float
+        Side of the image on the film, about the centroid [micrometres].
+    facts : mapping
+        Centroid, rms, and radii about the centroid that enclose shares of the light [micrometres].
+    """
+
+    shares: Array
+    width_um: float
+    facts: dict[str, float]
+
+
+def point_image(spots: Sequence[FilmSpot], pixels: int, width_um: float | None = None) -> PointImage:
+    """Return the image of one field, its wavelengths together.
+
+    Parameters
+    ----------
+    spots : sequence of FilmSpot
+        Of one field.
+    pixels : int
+        Along each side.
+    width_um : float, optional
+        Side of the image; as large as the light needs when absent.
+    """
+    if pixels < 2:
+        raise InputError(f"an image needs at least 2 pixels a side (got {pixels})")
+    points = np.concatenate([spot.points for spot in spots])
+    facts = spot_facts(points)
+    off = (points - points.mean(axis=0)) * 1e3
+    radii = np.hypot(off[:, 0], off[:, 1])
+    for share in SHARES:
+        facts[f"radius_of_{100 * share:.0f}_percent_um"] = float(np.quantile(radii, share))
+    half = (width_um or 2 * ROOM * max(float(np.quantile(radii, 0.99)), 1e-6)) / 2
+    counts, _, _ = np.histogram2d(-off[:, 1], off[:, 0], bins=pixels, range=[[-half, half], [-half, half]])
+    return PointImage(counts / len(points), 2 * half, facts)
+
+
+def npy_bytes(image: PointImage) -> bytes:
+    """Return the shares as a NumPy file, float32."""
+    out = io.BytesIO()
+    np.save(out, image.shares.astype(np.float32))
+    return out.getvalue()
+
+
+def picture_bytes(image: PointImage) -> bytes:
+    """Return a PNG, white where it is brightest, with the curve of sRGB."""
+    from PIL import Image
+
+    linear = image.shares / max(float(image.shares.max()), 1e-300)
+    curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+    out = io.BytesIO()
+    Image.fromarray(np.round(255 * curved).astype(np.uint8)).save(out, "PNG")
+    return out.getvalue()

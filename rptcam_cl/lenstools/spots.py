@@ -1,0 +1,163 @@
+"""Spots: where the rays of beams from fields and wavelengths meet the film."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools.chart import Axes, Legend, draw_key
+from rptcam_cl.lenstools.colours import wavelength_colour
+from rptcam_cl.lenstools.fields import at_plane, default_fields
+from rptcam_cl.lenstools.lens_state import Setting
+from rptcam_cl.lenstools.picture import FAINT, Drawing, Text
+from rptcam_cl.optics import Beam, best_film_distance, passing_beam
+
+Array = NDArray[np.float64]
+
+ACROSS = 64
+FACTS = ("centroid_x_mm", "centroid_y_mm", "rms_um", "rms_x_um", "rms_y_um", "largest_um")
+PANEL, GAP, HEAD, FOOT = 240.0, 70.0, 84.0, 80.0
+MOST_DOTS = 700  # of each colour in a panel
+FILL = 0.45  # half width of the largest spot, in widths of a panel
+
+
+@dataclass(frozen=True)
+class FilmSpot:
+    """The rays of one field and wavelength on the film.
+
+    Attributes
+    ----------
+    field_degrees, wavelength_nm : float
+    points : (n, 2) array
+        Where they meet the film, x and y [mm]; none when nothing of the beam passes.
+    cone : (x, y)
+        Half widths of the cone of light on the film, in x and y: numerical apertures.
+    """
+
+    field_degrees: float
+    wavelength_nm: float
+    points: Array
+    cone: tuple[float, float] = (0.0, 0.0)
+
+
+def film_spots(
+    setting: Setting, fields: Sequence[float] | None, wavelengths_nm: Sequence[float], across: int = ACROSS
+) -> list[FilmSpot]:
+    """Return the spots of each field and wavelength, traced in float64.
+
+    Parameters
+    ----------
+    setting : Setting
+    fields : sequence of float, optional
+        Angles from the axis [degrees]; the axis and two more when absent.
+    wavelengths_nm : sequence of float
+    across : int
+        Rays that span the beam each way.
+
+    Raises
+    ------
+    InputError
+        When nothing of any beam passes; of one among others the spot is empty.
+    """
+    film_z = setting.film_z
+    spots: list[FilmSpot] = []
+    refused: InputError | None = None
+    for degrees in default_fields(setting) if fields is None else fields:
+        for wavelength in wavelengths_nm:
+            beam = Beam(degrees, setting.object_distance_mm)
+            try:
+                _, rays, _ = passing_beam(setting.lens, beam, wavelength, across)
+            except InputError as problem:
+                spots.append(FilmSpot(degrees, wavelength, np.zeros((0, 2))))
+                refused = problem
+                continue
+            points = at_plane(rays.origins, rays.directions, film_z)[:, :2]
+            spots.append(FilmSpot(degrees, wavelength, points, _cone(setting, wavelength, rays.directions)))
+    if refused is not None and not any(len(spot.points) for spot in spots):
+        raise refused
+    return spots
+
+
+def _cone(setting: Setting, wavelength_nm: float, directions: Array) -> tuple[float, float]:
+    """Return the numerical apertures in x and y of the ellipse with the second moments of a bundle's directions.
+
+    Twice the standard deviation is the half axis of an ellipse that is evenly filled.
+    """
+    x, y = 2.0 * float(setting.lens.indices(wavelength_nm)[-1]) * np.std(directions[:, :2], axis=0)
+    return float(x), float(y)
+
+
+def at_best_focus(setting: Setting, wavelengths_nm: Sequence[float], field_degrees: float = 0.0) -> Setting:
+    """Return the setting with its film where the spot of a field is least: on the axis of all wavelengths together."""
+    _ = setting.film
+    distance = best_film_distance(setting.lens, setting.object_distance_mm, "front", wavelengths_nm, field_degrees)
+    return replace(setting, film_distance_mm=distance)
+
+
+def by_field(spots: Sequence[FilmSpot]) -> dict[float, list[FilmSpot]]:
+    """Return the spots of each field, in order."""
+    groups: dict[float, list[FilmSpot]] = {}
+    for spot in spots:
+        groups.setdefault(spot.field_degrees, []).append(spot)
+    return groups
+
+
+def spot_facts(points: Array) -> dict[str, Any]:
+    """Return centroid [mm], and rms and largest distance from it [micrometres], of points (n, 2); None without any."""
+    if not len(points):
+        return {"rays": 0} | dict.fromkeys(FACTS)
+    centroid = points.mean(axis=0)
+    off = (points - centroid) * 1e3
+    rms_x, rms_y = np.sqrt(np.mean(off * off, axis=0))
+    return {
+        "rays": len(points),
+        "centroid_x_mm": float(centroid[0]),
+        "centroid_y_mm": float(centroid[1]),
+        "rms_um": float(np.hypot(rms_x, rms_y)),
+        "rms_x_um": float(rms_x),
+        "rms_y_um": float(rms_y),
+        "largest_um": float(np.hypot(off[:, 0], off[:, 1]).max()),
+    }
+
+
+def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
+    """Return a row for each spot, and for each field of several wavelengths one of all together (wavelength None)."""
+    rows: list[dict[str, Any]] = []
+    for degrees, group in by_field(spots).items():
+        for spot in group:
+            rows.append({"field_degrees": degrees, "wavelength_nm": spot.wavelength_nm, **spot_facts(spot.points)})
+        if len(group) > 1:
+            together = np.concatenate([spot.points for spot in group])
+            rows.append({"field_degrees": degrees, "wavelength_nm": None, **spot_facts(together)})
+    return rows
+
+
+def spot_picture(setting: Setting, spots: Sequence[FilmSpot]) -> Drawing:
+    """Return the spot diagrams of all fields side by side, to the same scale, about their centroids."""
+    spots = [spot for spot in spots if len(spot.points)]
+    groups = by_field(spots)
+    width = GAP + len(groups) * (PANEL + GAP / 2)
+    picture = Drawing(max(width, 420.0), HEAD + PANEL + FOOT, f"{setting.lens.name}: spots")
+    picture.add(Text((GAP, 28), picture.title, 15))
+    centres = {field: np.concatenate([spot.points for spot in group]).mean(axis=0) for field, group in groups.items()}
+    reach = max(float(np.abs(spot.points - centres[spot.field_degrees]).max()) for spot in spots) * 1e3
+    half = max(reach * 0.5 / FILL, 1e-6)
+    for number, (degrees, group) in enumerate(groups.items()):
+        left = GAP + number * (PANEL + GAP / 2)
+        axes = Axes(picture, (left, HEAD, left + PANEL, HEAD + PANEL), (-half, half), (-half, half))
+        axes.frame("x [µm]", "y [µm]" if number == 0 else "")
+        rms = spot_facts(np.concatenate([spot.points for spot in group]))["rms_um"]
+        picture.add(Text((left, HEAD - 28), f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm", 12))
+        picture.add(Text((left, HEAD - 11), f"rms {rms:.3g} µm", 12, colour=FAINT))
+        for spot in group:
+            shown = np.random.default_rng(0).permutation(len(spot.points))[:MOST_DOTS]
+            off = (spot.points[shown] - centres[degrees]) * 1e3
+            axes.dots(off[:, 0], off[:, 1], wavelength_colour(spot.wavelength_nm))
+    waves = dict.fromkeys(spot.wavelength_nm for spot in spots)
+    draw_key(picture, [Legend(f"{wave:g} nm", wavelength_colour(wave)) for wave in waves], HEAD + PANEL + FOOT - 18)
+    return picture

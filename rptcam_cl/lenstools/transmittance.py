@@ -1,0 +1,68 @@
+"""How much light of each wavelength a lens lets through along its axis."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from rptcam_cl.lenstools.chart import Legend, chart
+from rptcam_cl.lenstools.lens_state import Setting
+from rptcam_cl.lenstools.picture import FAINT, SERIES, Drawing
+from rptcam_cl.optics import COATED, UNCOATED, LensTransmission, axial_transmittance, has_coatings
+
+GLASS_ALONE = LensTransmission(fresnel=False, coatings=False)
+STEPS = 121  # of a curve
+
+Row = dict[str, float | None]
+
+
+def transmittance_table(setting: Setting, wavelengths_nm: Sequence[float]) -> list[Row]:
+    """Return a row for each wavelength.
+
+    Each has the share of light on the axis that is left by the glass alone, as far as its absorption is known, by glass
+    and bare surfaces, and by glass and coated surfaces (None when the lens does not say how it is coated); then the
+    f-number over the root of the last two.
+    """
+    rows: list[Row] = []
+    for wavelength in wavelengths_nm:
+        glass, bare, coated = (
+            float(axial_transmittance(setting.lens, wavelength, losses)) for losses in (GLASS_ALONE, UNCOATED, COATED)
+        )
+        f_number = setting.lens.first_order(wavelength).f_number
+        known = has_coatings(setting.lens)
+        rows.append(
+            {
+                "wavelength_nm": wavelength,
+                "glass": glass,
+                "bare": bare,
+                "coated": coated if known else None,
+                "t_number_bare": f_number / math.sqrt(bare) if bare > 0 else None,
+                "t_number_coated": f_number / math.sqrt(coated) if known and coated > 0 else None,
+            }
+        )
+    return rows
+
+
+def transmittance_picture(setting: Setting, rows: Sequence[Row]) -> Drawing:
+    """Return curves from the shortest to the longest wavelength of the rows."""
+    ends = [row["wavelength_nm"] or 0.0 for row in rows]
+    low, high = min(ends), max(ends)
+    if low == high:
+        low, high = low - 1.0, high + 1.0
+    waves = np.linspace(low, high, STEPS)
+    curves: list[tuple[str, LensTransmission, str, tuple[float, ...]]]
+    curves = [("glass alone", GLASS_ALONE, FAINT, (2.0, 3.0)), ("bare surfaces", UNCOATED, SERIES[1], (6.0, 4.0))]
+    if has_coatings(setting.lens):
+        curves.append(("coated surfaces", COATED, SERIES[0], ()))
+    axes = chart(
+        f"{setting.lens.name}: light let through on the axis",
+        ("wavelength [nm]", "transmittance"),
+        (low, high),
+        (0.0, 1.04),
+        [Legend(label, colour, dash) for label, _, colour, dash in curves],
+    )
+    for _, losses, colour, dash in curves:
+        axes.curve(waves, axial_transmittance(setting.lens, waves, losses), colour, dash)
+    return axes.picture

@@ -1,0 +1,68 @@
+"""Where rays from the film cross every surface of a lens whose rims let all of them pass: float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.optics.ray_trace import refract
+from rptcam_cl.optics.shapes import meet
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics.lens import Lens
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Crossings:
+    """Rays from the film through a lens without rims, in its frame [mm].
+
+    Attributes
+    ----------
+    heights : (surfaces, n, 2) array
+        x and y on each surface, scene side first; not a number from where a ray misses one or is totally reflected.
+    origins, directions : (n, 3) arrays
+        Point on the first surface and unit direction before it, towards the scene.
+    """
+
+    heights: Array
+    origins: Array
+    directions: Array
+
+    def within(self, lens: Lens, share: float = 1.0) -> NDArray[np.bool_]:
+        """Return which rays stay within ``share`` of every rim, and come out; of a stop, its circle counts."""
+        rims = np.array([surface.semi_diameter for surface in lens.surfaces])
+        with np.errstate(invalid="ignore"):
+            inside = np.hypot(self.heights[..., 0], self.heights[..., 1]) <= share * rims[:, None]
+        return np.asarray(inside.all(axis=0) & np.isfinite(self.directions[:, 2]))
+
+
+def crossings(lens: Lens, origins: Array, directions: Array, wavelength_nm: float) -> Crossings:
+    """Return where rays from the film cross a rotationally symmetric lens.
+
+    Parameters
+    ----------
+    origins, directions : (n, 3) arrays
+        In the frame of the lens [mm], z = 0 at its first vertex and +z to the film; directions of any length, to -z.
+    """
+    indices = lens.indices(wavelength_nm)
+    p, d = origins.T.astype(np.float64), directions.T / np.linalg.norm(directions, axis=1)
+    heights = np.empty((len(lens.surfaces), len(origins), 2))
+    lost = np.zeros(len(origins), dtype=bool)
+    with np.errstate(all="ignore"):
+        for k in range(len(lens.surfaces) - 1, -1, -1):
+            vertex = np.array([[0.0], [0.0], [lens.vertices[k]]])
+            hits = meet(lens.surfaces[k], p - vertex, d)
+            lost |= ~(hits.met & np.isfinite(hits.distances) & (d[2] < 0))
+            p = hits.points + vertex
+            heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
+            ratio = indices[k + 1] / indices[k]
+            if ratio != 1.0:
+                d, through = refract(d, hits.normals, hits.cosines, ratio)
+                lost |= ~through
+    out = [np.where(lost[:, None], np.nan, values.T) for values in (p, d)]
+    return Crossings(heights, *out)

@@ -1,0 +1,59 @@
+"""Rendering: waves of paths through the kernels, and the film that they add to."""
+
+from rptcam_cl.rendering.account import (
+    GEOMETRY,
+    anomalies,
+    described,
+    self_knowledge,
+    statistics,
+    summary,
+    truncation,
+    window,
+)
+from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
+from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
+from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
+from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.rendering.parts import Part, joined, split_of, split_text
+from rptcam_cl.rendering.precise_lens import check_precision
+from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan
+from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.rendering.trees.cache import cache_folder
+from rptcam_cl.rendering.trees.scene_trees import scene_trees
+
+__all__ = [
+    "GEOMETRY",
+    "SUFFIX",
+    "TILE",
+    "TILE_PIXELS",
+    "AnyWavefront",
+    "FilmLayout",
+    "LensMargin",
+    "Part",
+    "Progress",
+    "Rendering",
+    "SavedState",
+    "Saver",
+    "SceneBuffers",
+    "SharedWavefront",
+    "Wavefront",
+    "anomalies",
+    "cache_folder",
+    "check_precision",
+    "described",
+    "film_rays",
+    "joined",
+    "lens_margin",
+    "render_plan",
+    "resolve_exposure",
+    "scene_trees",
+    "self_knowledge",
+    "split_of",
+    "split_text",
+    "statistics",
+    "summary",
+    "truncation",
+    "window",
+]

@@ -1,0 +1,192 @@
+"""What a render tells of itself: statistics, metadata for the files of the picture, and its own errors."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+
+from rptcam_cl._version import __version__
+from rptcam_cl.cameras import camera_geometry
+from rptcam_cl.plan import LargestAlbedo, Plan
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.float32_margin import LensMargin
+from rptcam_cl.rendering.parts import is_shared
+from rptcam_cl.rendering.precise_lens import traces_in_float64
+from rptcam_cl.rendering.progressive import Rendering
+from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
+from rptcam_cl.scene import Scene
+
+OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a rim a few do
+LARGEST_ERROR_PX = 0.1  # that float32 may make in a lens
+
+
+def self_knowledge(
+    plan: Plan, wavefront: AnyWavefront, rendering: Rendering, margin: LensMargin | None
+) -> dict[str, Any]:
+    """Return the numerical part of a picture's statistics; see docs/numerics.md.
+
+    Parameters
+    ----------
+    margin
+        Of the lens as it is traced, where it was measured.
+    """
+    return {
+        "samples_dropped": wavefront.not_finite(),
+        "rays_not_converged": wavefront.outcomes()["no_convergence"] if plan.camera.has_lens else 0,
+        "truncation": truncation(plan.albedo, wavefront.settings.max_depth),
+        "noise": None if rendering.achieved is None else asdict(rendering.achieved),
+        f"{'float64' if traces_in_float64(plan.camera) else 'float32'}_lens": None
+        if margin is None
+        else asdict(margin),
+    }
+
+
+def truncation(albedo: LargestAlbedo, max_depth: int) -> dict[str, Any]:
+    """Return how much light paths longer than ``max_depth`` edges could bring at most.
+
+    Every scattering leaves at most the largest albedo rho of what arrives, so that light scattered D times and more is
+    at most rho^D / (1 - rho) of the brightest lamp's radiance.
+    """
+    rho = albedo.value
+    if rho is None or rho >= 1.0:
+        reason = albedo.reason or "a surface reflects all light"
+        return {"max_depth": max_depth, "largest_albedo": rho, "bound": None, "no_bound_because": reason}
+    return {"max_depth": max_depth, "largest_albedo": rho, "bound": rho**max_depth / (1.0 - rho)}
+
+
+def summary(knowledge: dict[str, Any]) -> dict[str, Any]:
+    """Return what the picture's metadata should say: what follows from scene and samples alone, not from waves."""
+    name, margin = _margin(knowledge)
+    return {
+        "samples_dropped": knowledge["samples_dropped"],
+        "rays_not_converged": knowledge["rays_not_converged"],
+        "truncation_bound": knowledge["truncation"]["bound"],
+        **({} if margin is None else {f"{name}_lens_px": margin["pixels"], f"{name}_other_fate": margin["other_fate"]}),
+    }
+
+
+def _margin(knowledge: dict[str, Any]) -> tuple[str, dict[str, Any] | None]:
+    """Return in what the lens is traced, and what that costs where it was measured."""
+    name = "float64" if "float64_lens" in knowledge else "float32"
+    return name, knowledge[f"{name}_lens"]
+
+
+def anomalies(knowledge: dict[str, Any]) -> list[str]:
+    """Return what a strict render must not have met, each in a few words; nothing where all is well."""
+    found = []
+    if dropped := knowledge["samples_dropped"]:
+        found.append(f"{dropped} samples were not finite and were dropped")
+    if lost := knowledge["rays_not_converged"]:
+        found.append(f"{lost} rays found no point on a surface of the lens")
+    name, margin = _margin(knowledge)
+    if margin is not None:
+        if margin["other_fate"] > OTHER_FATES * margin["rays"]:
+            found.append(
+                f"{name} sends {margin['other_fate']} of {margin['rays']} rays through the lens elsewhere than the"
+                f" float64 reference (allowed: {OTHER_FATES:.0%})"
+            )
+        if (margin["pixels"] or 0.0) > LARGEST_ERROR_PX:
+            found.append(f"{name} errs by {margin['pixels']:.2g} px in the lens (allowed: {LARGEST_ERROR_PX:g} px)")
+    return found
+
+
+# What the statistics repeat of the metadata, for programs that measure in pictures.
+GEOMETRY = (
+    "world_from_camera",
+    "world_from_camera_at_close",
+    "shutter",
+    "intrinsics",
+    "resolution",
+    "window",
+    "film_size_mm",
+    "near_m",
+)
+
+
+def window(scene: Scene) -> list[int]:
+    """Return the part of the film that is rendered: x, y, width and height [pixels]."""
+    layout = FilmLayout.of(scene.film)
+    return [layout.x, layout.y, layout.width, layout.height]
+
+
+def statistics(
+    plan: Plan, wavefront: AnyWavefront, rendering: Rendering, times: dict[str, float], margin: LensMargin | None
+) -> dict[str, Any]:
+    """Return what programs that measure read: samples, times, rays, noise and what the picture has lost.
+
+    Parameters
+    ----------
+    times
+        Of the stages of the render [s].
+    margin
+        What float32 costs in the lens, where it was measured.
+    """
+    devices = devices_of(wavefront, rendering)
+    stats: dict[str, Any] = {
+        "samples": int(rendering.samples.sum(dtype=np.uint64)),
+        "spp": rendering.spp,
+        "seconds": times,
+        "msamples_per_second": rendering.new_samples / max(rendering.seconds, 1e-9) / 1e6,
+        "device": ", ".join(dict.fromkeys(device["name"] for device in devices)),
+        "devices": devices,
+        "wave_size": wavefront.capacity,
+        "not_finite": wavefront.not_finite(),
+        "interrupted": rendering.interrupted,
+    }
+    if plan.camera.has_lens:
+        stats["lens"] = wavefront.outcomes()
+    if wavefront.settings.clamp is not None:
+        stats["clamp"] = {"limit": wavefront.settings.clamp, "removed_share": wavefront.removed_share()}
+    if rendering.noise is not None:
+        stats["noise"] = asdict(rendering.noise) | {
+            "spp_min": int(rendering.samples.min()),
+            "spp_mean": float(rendering.samples.mean()),
+        }
+    if rendering.resumed_from:
+        stats["resumed_from"] = rendering.resumed_from
+    stats["numerics"] = self_knowledge(plan, wavefront, rendering, margin)
+    return stats
+
+
+def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, Any]]:
+    """Return what each device has done in this render: id, name, share, samples, seconds and speed."""
+    if isinstance(wavefront, SharedWavefront):
+        return wavefront.devices()
+    info, samples = wavefront.session.info, rendering.new_samples
+    speed = samples / max(rendering.seconds, 1e-9) / 1e6
+    done = {"samples": samples, "seconds": rendering.seconds, "msamples_per_second": speed}
+    return [{"id": info.id, "name": info.name, "share": 1.0, **done}]
+
+
+def described(
+    scene: Scene, plan: Plan, rendering: Rendering, stats: Mapping[str, Any], told: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Return what a picture's metadata say: of the scene, its camera, and the render that has such statistics.
+
+    ``told`` is what was found before the render: focus, camera model and exposure.
+    """
+    found = {
+        "software": f"rptcam_cl {__version__}",
+        "version": __version__,
+        "scene_hash": scene.content_hash(),
+        "seed": scene.render.seed,
+        "spp": rendering.spp,
+        "device": stats["device"],
+        **({"work": stats["work"]} if is_shared(stats["work"]) else {}),
+        "exposure": scene.exposure.mode,
+        **{key: value for key, value in plan.camera.metadata.items() if value is not None},
+        **plan.spectrum.metadata,
+        **camera_geometry(scene),
+        "window": window(scene),
+        **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
+        **({"material_names": plan.owners.materials} if "material_id" in rendering.layers else {}),
+        **told,
+        "numerics": summary(stats["numerics"]),
+    }
+    if "clamp" in stats:
+        limit, share = stats["clamp"].values()
+        found["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
+    return found

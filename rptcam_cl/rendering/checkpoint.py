@@ -1,0 +1,263 @@
+"""Renders that can be interrupted and continued: the file of their state, when it is saved, whether it fits.
+
+Magic, version and length of the header (little endian), the header as JSON, the arrays as they lie in memory (little
+endian), and the SHA-256 of all that. Nothing in it is executed when it is read.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import math
+import os
+import struct
+import time
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl._version import __version__
+from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.rendering.parts import Part, joined
+from rptcam_cl.rendering.progressive import SavedState
+from rptcam_cl.scene import Scene
+
+MAGIC = b"RPTCAMCK"
+VERSION = 1
+SUFFIX = ".rpck"
+_START = struct.Struct("<8sII")
+_MOST_HEADER = 1 << 16
+_TYPES = {"<f4", "<f8", "<u4", "<u8"}
+_DIGEST = hashlib.sha256().digest_size
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """What a file holds: facts about the render, and arrays by name."""
+
+    facts: dict[str, Any]
+    arrays: dict[str, NDArray[Any]]
+
+
+def write_checkpoint(
+    path: str | os.PathLike[str], facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]
+) -> None:
+    """Write a checkpoint, whole or not at all.
+
+    Raises
+    ------
+    StateError
+        The file cannot be written; one that was there before is as it was.
+    """
+    little = {name: np.ascontiguousarray(array, array.dtype.newbyteorder("<")) for name, array in arrays.items()}
+    listed = [{"name": name, "type": array.dtype.str, "shape": array.shape} for name, array in little.items()]
+    header = json.dumps({"facts": dict(facts), "arrays": listed}, sort_keys=True).encode()
+    digest = hashlib.sha256()
+    with replacing(path) as temporary, temporary.open("xb") as stream:
+        for piece in (
+            _START.pack(MAGIC, VERSION, len(header)),
+            header,
+            *(array.tobytes() for array in little.values()),
+        ):
+            stream.write(piece)
+            digest.update(piece)
+        stream.write(digest.digest())
+
+
+def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
+    """Return what a checkpoint holds.
+
+    Raises
+    ------
+    StateError
+        The file cannot be read, is something else, damaged, or of a later version.
+    """
+    try:
+        size = Path(path).stat().st_size
+        with Path(path).open("rb") as stream:
+            start = stream.read(_START.size)
+            length = _header_length(path, start)
+            header = stream.read(length)
+            places = _places(path, header, size - _START.size - length - _DIGEST)
+            digest = hashlib.sha256(start + header)
+            arrays = {}
+            for name, kind, shape in places:
+                data = stream.read(math.prod(shape) * np.dtype(kind).itemsize)
+                digest.update(data)
+                arrays[name] = np.frombuffer(data, kind).reshape(shape) if len(data) else np.zeros(shape, kind)
+            facts = json.loads(header)["facts"]
+            if not isinstance(facts, dict) or stream.read() != digest.digest():
+                raise _damaged(path)
+    except OSError as error:
+        raise StateError(f"{path}: cannot be read: {error.strerror or error}") from error
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError, MemoryError) as error:
+        raise _damaged(path) from error
+    return Checkpoint(facts, arrays)
+
+
+def _damaged(path: str | os.PathLike[str]) -> StateError:
+    return StateError(f"{path}: this saved render is damaged (remove it, or render without --resume)")
+
+
+def _header_length(path: str | os.PathLike[str], start: bytes) -> int:
+    if len(start) < _START.size or not start.startswith(MAGIC):
+        raise StateError(f"{path}: is not a saved render (remove it, or render without --resume)")
+    _, version, length = _START.unpack(start)
+    if version > VERSION:
+        raise StateError(f"{path}: was saved by a later version (its format is {version}; this one reads {VERSION})")
+    if length > _MOST_HEADER:
+        raise _damaged(path)
+    return int(length)
+
+
+def _places(path: str | os.PathLike[str], header: bytes, size: int) -> list[tuple[str, str, tuple[int, ...]]]:
+    """Return name, type and shape of the arrays; they must fill ``size`` bytes, so that no memory is promised away."""
+    found, total = [], 0
+    for entry in json.loads(header)["arrays"]:
+        kind, shape = entry["type"], tuple(int(length) for length in entry["shape"])
+        if kind not in _TYPES or min(shape, default=0) < 0:
+            raise _damaged(path)
+        found.append((str(entry["name"]), kind, shape))
+        total += math.prod(shape) * np.dtype(kind).itemsize
+    if total != size:
+        raise _damaged(path)
+    return found
+
+
+INTERVAL = 60.0  # [s]
+
+
+class Saver:
+    """Keeps the state of one render in a file.
+
+    Parameters
+    ----------
+    path
+        The file.
+    scene
+        What is rendered. A saved state continues it only if everything that decides the picture is the same: scene,
+        lens, meshes, pictures, seed, film, layers and version; not the number of samples, the time or the output.
+    devices : list of str
+        Names of the devices.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], scene: Scene, devices: Sequence[str]) -> None:
+        self.path = Path(path)
+        self._facts = {
+            "version": __version__,
+            "resolution": list(scene.film.resolution),
+            "crop": list(scene.film.crop or ()),
+            "seed": scene.render.seed,
+            "noise": scene.render.noise,
+            "layers": list(scene.render.layers),
+            "layers_spp": scene.render.layers_spp if scene.render.layers else None,
+            "scene": scene.content_hash(),
+        }
+        self._devices = list(dict.fromkeys(devices))
+        self.parts: list[Part] = []
+        """Which device took which samples of the saved render once it is loaded."""
+        self.parts_since: Callable[[int], list[Part]] = lambda done: []
+        """The same of this one, up to so many samples per pixel."""
+        self.metered_cd_m2: float | None = None
+        """What the exposure follows from; that of the saved render once it is loaded."""
+        self.focus: dict[str, Any] | None = None
+        """What autofocus found, likewise."""
+        self._saved = time.monotonic()
+        self._written = False
+
+    def load(self) -> SavedState | None:
+        """Return the saved state; None if there is no file.
+
+        Raises
+        ------
+        StateError
+            The file is damaged, or of another render.
+        """
+        if not self.path.exists():
+            return None
+        found = read_checkpoint(self.path)
+        for name, value in self._facts.items():
+            if found.facts.get(name) != value:
+                raise self._misfit(name, found.facts.get(name), value)
+        check_facts(self.path, found.facts)
+        self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
+        self.metered_cd_m2 = found.facts.get("metered_cd_m2")
+        self.focus = found.facts.get("focus")
+        self.parts = list(found.facts.get("work", []))
+        return SavedState(int(found.facts["done"]), found.arrays)
+
+    def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
+        saved, wanted = ("not given" if value in (None, []) else value for value in (saved, wanted))
+        what = {
+            "version": f"it was saved by version {saved}, and this is {wanted}",
+            "scene": "it is of another scene, or one that has changed since",
+        }.get(name, f"its {name} is {saved}, and this render's {wanted}")
+        return StateError(f"{self.path}: does not continue this render: {what} (remove it, or render without --resume)")
+
+    @property
+    def devices(self) -> str:
+        """Names of all devices that have worked on the picture."""
+        return ", ".join(self._devices)
+
+    def save_now_and_then(self, state: Callable[[], SavedState]) -> None:
+        """Save if the last time is a minute ago. That a file cannot be written does not end the render."""
+        if time.monotonic() - self._saved >= INTERVAL:
+            self._try_to_save(state)
+
+    def save(self, state: SavedState) -> None:
+        """Save a state in place of the last one."""
+        decided = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
+        work = joined(self.parts, self.parts_since(state.done))
+        facts = {**self._facts, **decided, "done": state.done, "devices": self._devices, "work": work}
+        write_checkpoint(self.path, facts, state.arrays)
+        self._written = True
+
+    def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
+        self._saved = time.monotonic()
+        try:
+            self.save(state())
+        except StateError as error:
+            warnings.warn(f"the state of the render is not saved: {error}", UserWarning, stacklevel=2)
+            return False
+        return True
+
+    def end(self, state: Callable[[], SavedState], *, keep: bool) -> str | None:
+        """Save the last state, or remove what this render has saved; return the file's name if it is kept."""
+        if keep:
+            return str(self.path) if self._try_to_save(state) else None
+        if self._written:
+            with contextlib.suppress(OSError):
+                self.path.unlink()
+        return None
+
+
+def check_facts(path: Path, facts: dict[str, Any]) -> None:
+    """Refuse a saved render whose facts are not of the kinds that one writes.
+
+    Raises
+    ------
+    StateError
+        It names the fact.
+    """
+    light, work = facts.get("metered_cd_m2"), facts.get("work", [])
+    known = {
+        "done": type(facts.get("done")) is int and 0 <= facts["done"] < 2**31,
+        "devices": _are(str, facts.get("devices")),
+        "metered_cd_m2": light is None or (type(light) in (int, float) and 0 < light < math.inf),
+        "focus": facts.get("focus") is None or isinstance(facts["focus"], dict),
+        "work": _are(dict, work),
+    }
+    for name, right in known.items():
+        if not right:
+            raise StateError(f"{path}: this saved render is damaged: {name} (remove it, or render without --resume)")
+
+
+def _are(kind: type, values: Any) -> bool:
+    return isinstance(values, list) and all(isinstance(value, kind) for value in values)

@@ -1,0 +1,209 @@
+"""Auxiliary layers on the device: which planes they need, the pass that fills them, and the arrays made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.records import WAVE, device_declarations
+from rptcam_cl.device import Session
+from rptcam_cl.plan import Plan
+from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.scene import FILM_LAYERS, LAYER_NAMES, LayerName
+
+# Planes of each layer: means over the rays, and values of the first ray.
+MEANS: dict[LayerName, int] = {
+    "depth": 1, "distance": 1, "position": 3, "normal": 3, "geometric_normal": 3, "albedo": 3, "coc": 1,
+}  # fmt: skip
+FIRSTS: dict[LayerName, int] = {"object_id": 1, "material_id": 1, "uv": 2, "pupil": 2}
+WEIGHTS = 2  # sums of the weights of rays that pass, and of those that hit something
+
+
+class LayerPlanes:
+    """Where the planes of some layers lie in their buffer.
+
+    Attributes
+    ----------
+    sums : int
+        Planes of sums; as many compensations follow them, then the firsts.
+    places : dict
+        First plane of a layer, among the sums or among the firsts.
+    """
+
+    def __init__(self, names: Sequence[LayerName]) -> None:
+        self.names = tuple(name for name in names if name not in FILM_LAYERS)
+        self.places: dict[LayerName, int] = {}
+        self.sums, self.firsts = WEIGHTS, 0
+        for name in self.names:
+            if name in MEANS:
+                self.places[name] = self.sums
+                self.sums += MEANS[name]
+            elif name in FIRSTS:
+                self.places[name] = self.firsts
+                self.firsts += FIRSTS[name]
+
+    @property
+    def count(self) -> int:
+        """Planes in all."""
+        return 2 * self.sums + self.firsts
+
+    @property
+    def bytes_per_pixel(self) -> int:
+        """Memory of the layers."""
+        return 4 * self.count if self.names else 0
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Facts for ``kernels/integrator/layers.h``."""
+        return {f"LAYER_{name.upper()}": self.places.get(name, -1) for name in LAYER_NAMES} | {"LAYER_SUMS": self.sums}
+
+
+class LayerPass:
+    """The pass that adds a wave's camera rays to the layers.
+
+    Parameters
+    ----------
+    session, plan, layout, buffers
+        Of the wavefront.
+    planes
+        The layers asked for, at least one.
+    lanes : int
+        Per work item.
+    state, tiles, capacity
+        Buffer that the pass ``generate`` writes, list of tiles, and slots.
+    stream : bool
+        Whether it writes records for a stream.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        plan: Plan,
+        layout: FilmLayout,
+        buffers: SceneBuffers,
+        planes: LayerPlanes,
+        *,
+        lanes: int,
+        state: Any,
+        tiles: Any,
+        capacity: int,
+        stream: bool,
+    ) -> None:
+        self._session, self._layout, self._planes = session, layout, planes
+        self._eye_m = plan.eye_m
+        facts = plan.facts | buffers.tree_facts | planes.facts | {"VW": lanes, "STREAM": int(stream)}
+        facts |= {"HUES": 0, "HAS_DISPERSION": 0}  # layers are of no wavelength
+        if "uv" in planes.names:
+            facts["HAS_TEXTURE"] = 1  # compiles the coordinates of round shapes
+        program = session.program(["pass/layers.cl"], facts, device_declarations())
+        self._nbytes = planes.bytes_per_pixel * layout.pixels
+        self._buffer = session.allocate(self._nbytes, zeroed=True)
+        view, blur = plan.camera.view.packed(with_blur="coc" in planes.names)
+        self._held = (  # kernels do not keep their buffers alive
+            *buffers.scene, session.upload(plan.owners.of_primitive), buffers.camera[0], session.upload(blur),
+            session.upload(view), state,
+        )  # fmt: skip
+        self._tiles = tiles
+        self._wave_argument = len(self._held)
+        self.launch = session.bind(
+            program,
+            "layers",
+            *self._held,
+            bytes(WAVE.dtype.itemsize),
+            self._buffer,
+            np.uint32(capacity),
+            np.uint32(layout.pixels),
+            tiles,
+            *(buffers.course if plan.facts["CAMERA_LEGS"] else ()),
+        )
+
+    def set_wave(self, wave: bytes) -> None:
+        """Choose the wave whose rays are added next."""
+        self.launch.set(self._wave_argument, wave)
+
+    def clear(self) -> None:
+        """Empty the layers."""
+        self._session.fill_zero(self._buffer, self._nbytes)
+
+    def planes(self) -> NDArray[np.float32]:
+        """Return the content of the buffer, (planes, pixels)."""
+        planes = self._session.read(self._buffer, np.float32, self._planes.count * self._layout.pixels)
+        return planes.reshape(self._planes.count, -1)
+
+    def restore(self, planes: NDArray[np.float32]) -> None:
+        """Put back what `planes` returned."""
+        self._session.write(self._buffer, np.ascontiguousarray(planes, np.float32))
+
+    def arrays(self, planes: NDArray[np.float32]) -> dict[str, NDArray[Any]]:
+        """Return the layers of such planes by name, (height, width) or (height, width, channels)."""
+        flat = self._layout.in_rows(planes)
+        return Developed(self._planes, flat, self._eye_m).arrays()
+
+
+class Developed:
+    """Layers from their planes on the host.
+
+    Parameters
+    ----------
+    planes
+        Which layers.
+    values : (planes, height, width) array
+        Content of the buffer.
+    eye_m : (3,) array
+        Position of the eye in the scene [m].
+    """
+
+    def __init__(self, planes: LayerPlanes, values: NDArray[np.float32], eye_m: NDArray[np.float64]) -> None:
+        self._planes, self._eye_m = planes, eye_m
+        self._firsts = values[2 * planes.sums :]
+        self._sums = values[: planes.sums].astype(np.float64) - values[planes.sums : 2 * planes.sums]
+        self._passed, self._hits = self._sums[:WEIGHTS]
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return every layer by name."""
+        return {name: np.ascontiguousarray(self._layer(name)) for name in self._planes.names}
+
+    def _layer(self, name: LayerName) -> NDArray[Any]:
+        match name:
+            case "coverage":
+                return np.where(self._passed > 0, self._hits / self._divisor(self._passed), 0.0).astype(np.float32)
+            case "depth" | "distance":
+                return self._mean(name, self._hits, np.inf)[..., 0].astype(np.float32)
+            case "coc":
+                return self._mean(name, self._passed, np.nan)[..., 0].astype(np.float32)
+            case "position":
+                return self._mean(name, self._hits, np.nan) + self._eye_m
+            case "normal" | "geometric_normal":
+                return _unit(self._mean(name, self._hits, 0.0)).astype(np.float32)
+            case "albedo":
+                return self._mean(name, self._hits, 0.0).astype(np.float32)
+            case "object_id" | "material_id":
+                return np.where(self._passed > 0, self._first(name)[..., 0].view(np.int32), -1)
+            case "uv":
+                return np.where((self._passed > 0)[..., None], self._first(name), np.nan)
+            case "pupil":
+                return np.where((self._passed > 0)[..., None], self._first(name), np.nan)
+            case _:
+                raise AssertionError(f"{name} has no planes")
+
+    @staticmethod
+    def _divisor(weight: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.where(weight > 0, weight, 1.0)
+
+    def _mean(self, name: LayerName, weight: NDArray[np.float64], background: float) -> NDArray[np.float64]:
+        place = self._planes.places[name]
+        mean = self._sums[place : place + MEANS[name]] / self._divisor(weight)
+        return np.moveaxis(np.where(weight > 0, mean, background), 0, -1)
+
+    def _first(self, name: LayerName) -> NDArray[np.float32]:
+        place = self._planes.places[name]
+        return np.ascontiguousarray(np.moveaxis(self._firsts[place : place + FIRSTS[name]], 0, -1))
+
+
+def _unit(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    length = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return np.asarray(vectors / np.where(length > 0, length, 1.0))

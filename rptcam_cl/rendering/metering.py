@@ -1,0 +1,181 @@
+"""Exposure ``auto``: a small render through the same camera is metered, and the settings follow from it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras import camera_model, on_axis_irradiance, values_per_irradiance
+from rptcam_cl.colour import LUMENS_PER_WATT, LUMINANCE
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.device import Session
+from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.progressive import render_plan
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene import (
+    LEAST_CD_M2,
+    LEAST_ISO,
+    LONGEST_S,
+    MOST_CD_M2,
+    MOST_ISO,
+    MOST_STOPS,
+    SHORTEST_S,
+    Exposure,
+    Film,
+    FilmFilter,
+    RenderSettings,
+    Scene,
+)
+
+LONGEST_SIDE = 96  # pixels
+SAMPLES = 1 << 17  # of the whole metered frame
+SEED = 0  # whatever the picture's, so that pictures with other noise have the same exposure
+CENTRE_SHARE = 0.75  # of the weight, in a disk half as wide as the frame's shorter side: 12 mm of 24 x 36 mm
+SPOT_AREA = 0.02  # of the frame
+
+
+@dataclass(frozen=True)
+class ResolvedExposure:
+    """A scene whose exposure is settled.
+
+    Attributes
+    ----------
+    scene : Scene
+        With mode ``auto`` replaced by the settings that it stands for.
+    metered_cd_m2 : float or None
+        The luminance that they follow from; None where nothing was to be metered.
+    metadata : dict
+        What the picture's metadata should say about the metering.
+    """
+
+    scene: Scene
+    metered_cd_m2: float | None = None
+    metadata: dict[str, Any] = field(default_factory=dict)
+
+
+def resolve_exposure(scene: Scene, session: Session, reading_cd_m2: float | None = None) -> ResolvedExposure:
+    """Return the scene with its exposure settled, metered on a device where the scene asks for that.
+
+    Parameters
+    ----------
+    reading_cd_m2
+        Of an earlier part of this render, in place of metering.
+
+    Raises
+    ------
+    InputError
+        When the metered part of the frame is black, or neither time nor sensitivity can make up for the light.
+    """
+    exposure = scene.exposure
+    if exposure.mode != "auto":
+        return ResolvedExposure(scene)
+    reading = exposure.lock_cd_m2 or reading_cd_m2 or metered_cd_m2(scene, session)
+    metadata = {"metered_cd_m2": reading, "metering": "locked" if exposure.lock_cd_m2 else exposure.metering}
+    on_axis = on_axis_irradiance(camera_model(_relative(scene)), exposure)
+    update = (
+        _compensation(exposure, reading) if on_axis is None else _settings(scene, reading / LUMENS_PER_WATT * on_axis)
+    )
+    return ResolvedExposure(scene.model_copy(update=update), reading, metadata)
+
+
+def metered_cd_m2(scene: Scene, session: Session) -> float:
+    """Return the mean luminance [cd/m²] of the metered part of the frame, as the lens would show it on the axis.
+
+    Raises
+    ------
+    InputError
+        When it is black.
+    """
+    small = _relative(scene, small=True)
+    plan = make_plan(small)
+    wavefront = Wavefront(session, plan, FilmLayout.of(small.film), small.render)
+    rendering = render_plan(wavefront, spp=small.render.spp, seconds=None, has_lens=plan.camera.has_lens)
+    values = rendering.pixels.astype(np.float64) @ LUMINANCE
+    reading = float(np.sum(values * weights(scene.exposure, small.film))) * LUMENS_PER_WATT
+    if not LEAST_CD_M2 <= reading <= MOST_CD_M2:
+        raise InputError(
+            f"exposure: auto metering ({scene.exposure.metering}) finds no light to go by (got {reading:.3g} cd/m²;"
+            " allowed: a scene with light in the metered part of the frame, or mode relative or physical)"
+        )
+    return reading
+
+
+def weights(exposure: Exposure, film: Film) -> NDArray[np.float64]:
+    """Return how much each pixel (height, width) counts, 1 in all."""
+    columns, rows = film.resolution
+    width, height = film.size_m()
+    x = (np.arange(columns) + 0.5) / columns * width
+    y = (np.arange(rows) + 0.5) / rows * height
+    if exposure.metering == "average":
+        return np.full((rows, columns), 1.0 / (rows * columns))
+    spot = exposure.metering == "spot"
+    at = exposure.spot_at if spot else (0.5, 0.5)
+    radius = math.sqrt(SPOT_AREA * width * height / math.pi) if spot else min(width, height) / 4
+    square = (x[None, :] - at[0] * width) ** 2 + (y[:, None] - at[1] * height) ** 2
+    inside = square <= max(radius**2, float(square.min()))
+    share = 1.0 if spot or inside.all() else CENTRE_SHARE
+    counts: NDArray[np.float64] = np.where(inside, share / inside.sum(), (1.0 - share) / max((~inside).sum(), 1))
+    return counts
+
+
+def _relative(scene: Scene, *, small: bool = False) -> Scene:
+    """Return the scene whose film values are radiances, of the size to be metered or as it is."""
+    update: dict[str, Any] = {"exposure": Exposure()}
+    if small:
+        columns, rows = scene.film.resolution
+        factor = min(1.0, LONGEST_SIDE / max(columns, rows))
+        down = max(round(rows * factor), 1)
+        across = 2 * down if scene.camera.kind == "environment" else max(round(columns * factor), 1)
+        film = {"resolution": (across, down), "size_mm": tuple(side * 1e3 for side in scene.film.size_m())}
+        kept = {name: getattr(scene.render, name) for name in ("max_depth", "roulette_depth", "sampler")}
+        update["film"] = Film.model_validate(film | {"filter": FilmFilter()})
+        update["render"] = RenderSettings(spp=max(SAMPLES // (across * down), 1), seed=SEED, **kept)
+    return scene.model_copy(update=update)
+
+
+def _compensation(exposure: Exposure, reading_cd_m2: float) -> dict[str, Any]:
+    """Return the part of a scene that brings a mean luminance to the target where values are radiances.
+
+    Raises
+    ------
+    InputError
+        When it would be beyond what a scene may have.
+    """
+    stops = math.log2(exposure.target * LUMENS_PER_WATT / reading_cd_m2) + exposure.ev
+    _check_range("exposure compensation in stops", stops, -MOST_STOPS, MOST_STOPS)
+    return {"exposure": Exposure(mode="relative", ev=stops)}
+
+
+def _settings(scene: Scene, irradiance: float) -> dict[str, Any]:
+    """Return the parts of a scene that bring a mean irradiance of its film to the target: by its time, or by its ISO.
+
+    Raises
+    ------
+    InputError
+        When they would be beyond what a scene may have.
+    """
+    exposure, shutter = scene.exposure, scene.shutter
+    wanted = exposure.target * 2.0 ** (exposure.ev + exposure.neutral_density_stops) / irradiance
+    if exposure.priority == "shutter":
+        iso = wanted / values_per_irradiance(shutter.time_s, 1.0)
+        what, found, least, most = "ISO", iso, LEAST_ISO, MOST_ISO
+    else:
+        iso = exposure.iso
+        time_s = wanted / values_per_irradiance(1.0, iso)
+        shutter = shutter.model_copy(update={"time_s": time_s})
+        what, found, least, most = "exposure time in s", time_s, SHORTEST_S, LONGEST_S
+    _check_range(what, found, least, most)
+    settings = {"iso": iso, "neutral_density_stops": exposure.neutral_density_stops, "f_number": exposure.f_number}
+    return {"exposure": Exposure(mode="physical", **settings), "shutter": shutter}
+
+
+def _check_range(what: str, found: float, least: float, most: float) -> None:
+    if not least <= found <= most:
+        raise InputError(
+            f"exposure: auto metering asks for an {what} out of range (got {found:.3g}; allowed: {least:g} to {most:g})"
+        )

@@ -1,0 +1,276 @@
+"""Progressive rendering: waves until the samples, the time or the patience run out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.rendering.film import TILE_PIXELS
+from rptcam_cl.rendering.noise import AchievedNoise, NoiseEstimate, NoiseReport, NoiseWatch
+from rptcam_cl.rendering.saved_arrays import check_fits
+from rptcam_cl.rendering.several import AnyWavefront
+
+REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a render is.
+
+    Attributes
+    ----------
+    stage : "compile" or "render"
+    samples_done : int
+        Samples per pixel done.
+    spp_target : int or None
+        Samples per pixel asked for; None when only time ends the render.
+    seconds : float
+        Time spent rendering [s].
+    msamples_per_second : float
+        Camera samples per second, in millions.
+    blocked_share : float or None
+        Share of the camera rays that the lens blocked; None without a lens.
+    samples_at_start : int
+        Samples per pixel that a resumed render had already.
+    tiles_done : float or None
+        Share of the tiles that meet the noise target; None without one.
+    """
+
+    stage: str
+    samples_done: int
+    spp_target: int | None
+    seconds: float
+    msamples_per_second: float
+    blocked_share: float | None
+    samples_at_start: int = 0
+    tiles_done: float | None = None
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """The result of a render.
+
+    Attributes
+    ----------
+    pixels : (height, width, 3) array
+        Mean of the film.
+    done : int
+        Samples per pixel up to which it was rendered, those of earlier parts included.
+    spp : int
+        Samples of the pixels that have most.
+    samples : (height, width) array
+        Samples of each pixel.
+    variance : (height, width) array
+        Of each pixel's mean luminance; nan unless it was asked for and there are 64 samples to estimate it from.
+    noise : NoiseReport or None
+        How noisy the tiles are, likewise.
+    achieved : AchievedNoise or None
+        How noisy the picture is, as far as it is known without having been asked for.
+    seconds : float
+        Time spent rendering [s].
+    interrupted : bool
+        Whether ``should_stop`` ended the render.
+    layers : dict
+        Auxiliary layers by name.
+    resumed_from : int
+        Samples per pixel that it started from.
+    new_samples : int
+        Samples of all pixels made since.
+    state : callable
+        Returns what `render_plan` needs to go on.
+    """
+
+    pixels: NDArray[np.float32]
+    done: int
+    spp: int
+    samples: NDArray[np.uint32]
+    variance: NDArray[np.float32]
+    noise: NoiseReport | None
+    achieved: AchievedNoise | None
+    seconds: float
+    interrupted: bool
+    layers: dict[str, NDArray[Any]]
+    resumed_from: int
+    new_samples: int
+    state: Callable[[], SavedState]
+
+
+@dataclass(frozen=True)
+class SavedState:
+    """A render under way, for `render_plan` to go on with: samples per pixel and arrays by name."""
+
+    done: int
+    arrays: dict[str, NDArray[Any]]
+
+
+def render_plan(
+    wavefront: AnyWavefront,
+    *,
+    spp: int | None,
+    seconds: float | None,
+    has_lens: bool,
+    noise: float | None = None,
+    saved: SavedState | None = None,
+    save: Callable[[Callable[[], SavedState]], Any] | None = None,
+    on_progress: Callable[[Progress], Any] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Rendering:
+    """Render until every pixel has ``spp`` samples, or ``seconds`` have passed, or ``should_stop`` says so.
+
+    It always ends after whole samples: every pixel has the same number of them, at least one. With ``noise``, tiles of
+    8 x 8 pixels are left alone once their relative standard error is so small (`NoiseEstimate`).
+
+    Parameters
+    ----------
+    saved
+        What to go on with.
+    save
+        Called between samples with a function that returns the state.
+    """
+    watch = NoiseWatch(wavefront, noise)
+    done = start = 0
+    if saved is not None:
+        done = start = saved.done
+        check_fits(saved.arrays, wavefront.state() | watch.arrays())
+        wavefront.restore(saved.arrays)
+        watch.resume(done, saved.arrays)
+    clock = _Clock(wavefront, watch.estimate, spp, done, has_lens, on_progress)
+
+    def state() -> SavedState:
+        wavefront.finish()
+        return SavedState(done, wavefront.state() | watch.arrays())
+
+    stopped = False
+    most = wavefront.samples_per_wave
+    while (spp is None or done < spp) and not watch.satisfied:
+        # By time, the first picture comes after one sample per pixel; later waves hold at most as many as are done.
+        count = min(most, spp - done if spp is not None else most, most if seconds is None else max(done, 1))
+        if seconds is not None:
+            count = min(count, clock.fitting(seconds, done))
+        count = watch.most(done, count)
+        for wave in wavefront.waves(done, count):
+            wavefront.enqueue(*wave)
+            clock.count(wave[1] * wave[3], done)
+        done += count
+        watch.look(done, last=done == spp)
+        if save is not None:
+            save(state)
+        if seconds is not None or should_stop is not None:
+            stopped = should_stop is not None and should_stop()
+            if stopped or (seconds is not None and clock.out_of_time(seconds, done)):
+                break
+    wavefront.finish()
+    clock.report(done)
+    return _rendering(wavefront, watch, done, start, clock, stopped, state)
+
+
+def _rendering(
+    wavefront: AnyWavefront,
+    watch: NoiseWatch,
+    done: int,
+    start: int,
+    clock: _Clock,
+    stopped: bool,
+    state: Callable[[], SavedState],
+) -> Rendering:
+    layout = wavefront.layout
+    tiles = watch.samples_of_tiles(done)
+    in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": watch.variance()}
+    film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
+    found = wavefront.layers() | film
+    sums = wavefront.sums()
+    return Rendering(
+        pixels=layout.picture(sums, tiles),
+        done=done,
+        spp=int(film["samples"].max()),
+        samples=film["samples"],
+        variance=film["variance"],
+        noise=watch.report(),
+        achieved=watch.achieved(done, sums),
+        seconds=clock.elapsed,
+        interrupted=stopped,
+        layers={name: found[name] for name in wavefront.settings.layers},
+        resumed_from=start,
+        new_samples=clock.samples,
+        state=state,
+    )
+
+
+class _Clock:
+    """Keeps the queue short enough for reports, from the speed seen so far."""
+
+    def __init__(
+        self,
+        wavefront: AnyWavefront,
+        estimate: NoiseEstimate | None,
+        spp: int | None,
+        done: int,
+        has_lens: bool,
+        on_progress: Callable[[Progress], Any] | None,
+    ) -> None:
+        self._wavefront, self._estimate = wavefront, estimate
+        self._spp = spp
+        self._first = done  # samples per pixel at the start
+        self._has_lens = has_lens
+        self._on_progress = on_progress
+        self._rays = wavefront.camera_rays
+        self._start = time.perf_counter()
+        self._last = self._start
+        self._pending = 0
+        self._batch = 1  # slots to enqueue before waiting
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the start."""
+        return time.perf_counter() - self._start
+
+    @property
+    def samples(self) -> int:
+        """Samples of all pixels since the start, up to the last time that the device was waited for."""
+        return self._wavefront.camera_rays - self._rays
+
+    def count(self, slots: int, done: int) -> None:
+        """Note enqueued slots; wait and report when enough are under way."""
+        self._pending += slots
+        if self._pending >= self._batch:
+            self._wait(done)
+
+    def _wait(self, done: int) -> None:
+        self._wavefront.finish()
+        now = time.perf_counter()
+        rate = self._pending / max(now - self._last, 1e-6)
+        self._batch = max(int(rate * REPORT_INTERVAL), 1)
+        self._pending, self._last = 0, now
+        self.report(done)
+
+    def fitting(self, seconds: float, done: int) -> int:
+        """Return how many samples per pixel fit into what is left of ``seconds``, at the speed so far; at least one."""
+        made = done - self._first
+        return max(round((seconds - self.elapsed) / self.elapsed * made), 1) if made else 1
+
+    def out_of_time(self, seconds: float, done: int) -> bool:
+        """Whether another sample per pixel would end nearer to ``seconds`` after it than before."""
+        self._wait(done)
+        per_sample = self.elapsed / (done - self._first)
+        return self.elapsed + 0.5 * per_sample >= seconds
+
+    def report(self, done: int) -> None:
+        """Tell the listener how far the render is."""
+        if self._on_progress is None:
+            return
+        blocked = None
+        if self._has_lens:
+            outcomes = self._wavefront.outcomes()
+            total = sum(outcomes.values())
+            blocked = 1 - outcomes["passed"] / total if total else 0.0
+        elapsed = self.elapsed
+        rate = self.samples / max(elapsed, 1e-9) / 1e6
+        done_share = None
+        if self._estimate is not None and self._estimate.target is not None:
+            done_share = 1 - len(self._estimate.tiles) / self._wavefront.layout.tiles
+        self._on_progress(Progress("render", done, self._spp, elapsed, rate, blocked, self._first, done_share))

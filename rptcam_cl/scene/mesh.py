@@ -1,0 +1,248 @@
+"""Meshes: triangles from a file, from the scene's named meshes, or written out; each is read and held once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import AfterValidator, Field, PrivateAttr, model_validator
+
+from rptcam_cl.assets.meshes import (
+    Draft,
+    FileMaterial,
+    Mesh,
+    MeshContents,
+    MeshSurface,
+    NormalsMode,
+    as_triangles,
+    finished,
+    read_mesh_file,
+    winding_number,
+)
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.references import Folders
+from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.file_reference import described
+from rptcam_cl.scene.material import Material
+from rptcam_cl.scene.mesh_materials import material_of
+from rptcam_cl.scene.mesh_rows import FaceRows, Normals, Pairs, Points, Vectors
+from rptcam_cl.scene.scene_object import MATERIAL_NAME, Bounds, PlacedObject
+from rptcam_cl.scene.values import refuse
+
+
+class MeshLibrary:
+    """Reads the meshes that objects name.
+
+    Parameters
+    ----------
+    folders : Folders
+        Where files may lie.
+    named : mapping of str to NamedMesh
+        The scene's `meshes`.
+    """
+
+    def __init__(self, folders: Folders, named: Mapping[str, NamedMesh]) -> None:
+        self._folders = folders
+        self._named = named
+        self._known: dict[tuple[Path | _Same, NormalsMode], MeshContents] = {}
+        self._meshes: dict[str, Mesh] = {}
+        self._materials: dict[FileMaterial, Material] = {}
+
+    def load(self, item: MeshObject) -> None:
+        """Find the parts and materials of an object, unless it has them.
+
+        Raises
+        ------
+        InputError
+            When its triangles cannot be used, or it has no material.
+        """
+        if item._loaded is not None:
+            return
+        source: MeshSource = item if item.mesh is None else self._named[item.mesh]
+        contents = self._contents(source, item.normals_mode)
+        item._loaded = LoadedMesh(contents, self._shown(item, contents))
+
+    def _contents(self, source: MeshSource, mode: NormalsMode) -> MeshContents:
+        path = self._folders.find(source.file) if source.file is not None else None
+        key = path or _Same(source)
+        if (key, "auto") not in self._known:
+            plain = _written_out(source) if path is None else read_mesh_file(path, self._folders.find_beside(path))
+            self._known[key, "auto"] = plain.sharing(self._meshes)
+        if (key, mode) not in self._known:
+            self._known[key, mode] = self._known[key, "auto"].with_normals(mode).sharing(self._meshes)
+        return self._known[key, mode]
+
+    def _shown(self, item: MeshObject, contents: MeshContents) -> tuple[Material, ...]:
+        """Return the material of each part: the object's, or those of the file."""
+        if item.material is not None:
+            return (item.material,) * len(contents.parts)
+        looks = [part.look for part in contents.parts if part.look is not None]
+        if len(looks) < len(contents.parts):
+            why = "; ".join((f"{item.file or 'a mesh that is written out or named'} has none", *contents.notes))
+            raise InputError(f"needs the key material: {why} (allowed: a material mapping, or the name of one)")
+        for look in looks:
+            if look not in self._materials:
+                self._materials[look] = material_of(look, self._folders)
+        return tuple(self._materials[look] for look in looks)
+
+
+class _Same:
+    """Stands for one instance of a model, which would otherwise count as equal to others."""
+
+    def __init__(self, source: MeshSource) -> None:
+        self._source = source
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other._source is self._source
+
+    def __hash__(self) -> int:
+        return id(self._source)
+
+
+def _written_out(source: MeshSource) -> MeshContents:
+    assert source.vertices is not None and source.faces is not None
+    positions = source.vertices.rows
+    normals = source.given_normals()
+    surface = MeshSurface(
+        positions,
+        as_triangles(positions, source.faces.groups, "the mesh: face"),
+        None if normals is None else normals.rows,
+        None if source.uvs is None else source.uvs.rows,
+    )
+    return finished(Draft([surface]), "the mesh")
+
+
+def _printable(value: str) -> str:
+    if not value.strip() or not value.isprintable():
+        raise refuse("is not a path", allowed="the path of a file in the scene's folder")
+    return value
+
+
+FilePath = Annotated[str, Field(max_length=1000), AfterValidator(_printable)]
+
+
+class MeshSource(SceneModel):
+    """Where triangles come from."""
+
+    file: FilePath | None = None
+    """Mesh file in the scene's folder: .ply, .obj, .stl, .gltf or .glb."""
+
+    vertices: Points | None = None
+    """Vertices [scene units], a list of [x, y, z]."""
+
+    faces: FaceRows | None = None
+    """Polygons as lists of 3 or more vertices, which count from 0, counter-clockwise seen from the front."""
+
+    uvs: Pairs | None = None
+    """Texture coordinates of the vertices, a list of [u, v]."""
+
+    def given_normals(self) -> Vectors | None:
+        """Return the normals that are written out."""
+        raise NotImplementedError
+
+    @model_validator(mode="after")
+    def _check_lists(self) -> Self:
+        if self.vertices is not None and self.faces is None:
+            raise refuse("is required beside vertices", got=None, allowed="a list of faces", path=("faces",))
+        normals = self.given_normals()
+        for key, rows in (("faces", self.faces), ("uvs", self.uvs), ("normals", normals)):
+            if rows is None:
+                continue
+            if self.vertices is None:
+                raise refuse("belongs to vertices, which are not given", got="a list", path=(key,))
+            if isinstance(rows, Vectors) and len(rows) != len(self.vertices):
+                allowed = f"one for each of the {len(self.vertices)} vertices"
+                raise refuse("is not one for each vertex", got=len(rows), allowed=allowed, path=(key,))
+        return self
+
+
+class NamedMesh(MeshSource):
+    """A mesh that objects use by its name."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("file", "vertices"), required=True),)
+
+    normals: Points | None = None
+    """Normals of the vertices, a list of vectors of any length."""
+
+    def given_normals(self) -> Vectors | None:
+        """Return the normals that are written out."""
+        return self.normals
+
+
+class LoadedMesh(NamedTuple):
+    """What was found for a mesh object: its parts, and the material of each."""
+
+    contents: MeshContents
+    materials: tuple[Material, ...]
+
+
+class MeshObject(MeshSource, PlacedObject):
+    """A mesh of triangles; u and v are the file's, v = 0 at the lower edge of a picture."""
+
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("file", "mesh", "vertices"), required=True),)
+
+    shape: Literal["mesh"]
+    """Kind of shape."""
+
+    mesh: Annotated[str, Field(max_length=200)] | None = None
+    """Name of one of `meshes`."""
+
+    normals: Normals = "auto"
+    """`auto` takes the normals of the file and is flat without them, `smooth` makes them, `flat` leaves them out;
+    beside `vertices` also a list of vectors."""
+
+    material: Annotated[Material, MATERIAL_NAME] | None = None
+    """Name of one of `materials`, or a material written out; without it, the materials of the file."""
+
+    _loaded: LoadedMesh | None = PrivateAttr(default=None)
+
+    def given_normals(self) -> Vectors | None:
+        """Return the normals that are written out."""
+        return self.normals if isinstance(self.normals, Vectors) else None
+
+    @property
+    def normals_mode(self) -> NormalsMode:
+        """Return how normals are made."""
+        return "auto" if isinstance(self.normals, Vectors) else self.normals
+
+    @property
+    def loaded(self) -> LoadedMesh:
+        """Return what was found for the object; loading it is the scene's part."""
+        assert self._loaded is not None, "a mesh object is loaded by its scene"
+        return self._loaded
+
+    def shown_materials(self) -> tuple[Material, ...]:
+        """Return the materials of the parts."""
+        return tuple({id(material): material for material in self.loaded.materials}.values())
+
+    def bounds(self) -> Bounds:
+        """Return the lowest and highest corner of all parts."""
+        corners = np.concatenate([part.corners() for part in self.loaded.contents.parts])
+        return corners.min(axis=0), corners.max(axis=0)
+
+    def contains(self, point: NDArray[np.float64]) -> bool:
+        """Return whether a point is inside, seen as a solid whose front faces outwards."""
+        lower, upper = self.bounds()
+        if not (np.all(point > lower) and np.all(point < upper)):
+            return False
+        turns = 0.0
+        for part in self.loaded.contents.parts:
+            local = np.linalg.solve(part.placement, (*point, 1.0))[:3] - part.mesh.origin
+            turns += winding_number(part.mesh.positions, part.mesh.faces, local)
+        return turns > 0.5
+
+    def described(self, folders: Folders) -> dict[str, Any]:
+        """Return the parts as plain data: the content of their meshes, their placements and materials of the file."""
+        loaded = self.loaded
+        parts = [
+            {
+                "mesh": part.mesh.content_hash,
+                "placement": part.placement.tolist(),
+                "material": described(material, folders) if self.material is None else None,
+            }
+            for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
+        ]
+        return {"parts": parts}

@@ -1,0 +1,87 @@
+"""How the picture is computed, and which layers are recorded beside it."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, get_args
+
+from pydantic import AfterValidator, BeforeValidator, Field
+
+from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
+from rptcam_cl.scene.values import refuse
+
+LayerName = Literal[
+    "depth",
+    "distance",
+    "position",
+    "normal",
+    "geometric_normal",
+    "albedo",
+    "coverage",
+    "coc",
+    "object_id",
+    "material_id",
+    "uv",
+    "pupil",
+    "samples",
+    "variance",
+]
+LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
+FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance")  # of the picture itself, not of what its rays meet
+
+
+def _as_list(names: object) -> object:
+    if not isinstance(names, (list, tuple)):
+        raise refuse("must be a list of layers", allowed="as [depth, normal]")
+    return names
+
+
+def _each_once(names: tuple[LayerName, ...]) -> tuple[LayerName, ...]:
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise refuse("is listed twice", got=name, allowed="each layer once", path=(index,))
+    return names
+
+
+Layers = Annotated[tuple[LayerName, ...], BeforeValidator(_as_list), AfterValidator(_each_once)]
+
+MAX_SPP = 2**32 - 1
+MAX_SEED = 2**64 - 1
+MAX_DEPTH = 1_000_000
+ADAPTIVE_SPP = 16384  # where a noise target is out of reach
+
+
+class RenderSettings(SceneModel):
+    """How the light paths are sampled."""
+
+    spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
+    """Samples per pixel."""
+
+    max_depth: Annotated[int, Field(ge=1, le=MAX_DEPTH), WHOLE_NUMBER] = 8
+    """Longest path [edges], the camera's included: 1 sees lamps only, 2 adds direct light."""
+
+    seed: Annotated[int, Field(ge=0, le=MAX_SEED), WHOLE_NUMBER] = 0
+    """Seed of the random numbers; another seed gives other noise."""
+
+    roulette_depth: Annotated[int, Field(ge=0, le=MAX_DEPTH), WHOLE_NUMBER] = 4
+    """Edge from which on Russian roulette may end a path; 0 means never."""
+
+    sampler: Literal["lattice", "independent"] = "lattice"
+    """How the samples of a pixel are spread: on a lattice, which lowers the noise, or each by itself."""
+
+    noise: Annotated[float, Field(gt=0, lt=1), NUMBER] | None = None
+    """Relative standard error at which a tile of 8 x 8 pixels is done; `spp` is then the most that a pixel gets."""
+
+    clamp: Annotated[float, Field(ge=1e-6, le=1e30), NUMBER] | None = None
+    """Most that a sample may bring to a channel of the film; brighter ones are scaled down, which is biased."""
+
+    layers: Layers = ()
+    """Auxiliary layers to record beside the picture, as depth and normal."""
+
+    layers_spp: Annotated[int, Field(ge=1, le=MAX_SPP), WHOLE_NUMBER] = 64
+    """Samples per pixel that the layers are made of at most, the first ones of the picture."""
+
+    @property
+    def most_spp(self) -> int:
+        """Samples of a pixel at most: `spp`, which unless it is given leaves a noise target room."""
+        return self.spp if self.noise is None or "spp" in self.model_fields_set else ADAPTIVE_SPP
