@@ -16,10 +16,10 @@ def add_to(commands: Commands) -> None:
     parser = commands.add_parser(
         "convert",
         help="make a scene file from one of pbrt",
-        description="Make a scene file from one of pbrt-v3 or pbrt-v4. What is ignored or approximated is told line by "
+        description="Make a scene file from one of pbrt-v2, v3 or v4. What is ignored or approximated is told line by "
         "line; meshes and pictures go to folders beside the scene file.",
     )
-    parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v3 or pbrt-v4")
+    parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v2, v3 or v4")
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
     parser.set_defaults(run=_run, parser=parser)

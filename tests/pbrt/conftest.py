@@ -41,11 +41,19 @@ class Converted:
 
 @pytest.fixture
 def convert(tmp_path: Path) -> Callable[..., Converted]:
-    """Convert a text of pbrt, with other files beside it, and load what came out."""
+    """Convert a text of pbrt, with other files beside it, and load what came out.
+
+    A text without a shape is given one far above: a scene without objects is an error.
+    """
 
     def run(text: str, head: str = HEAD, **files: str | bytes) -> Converted:
         source = tmp_path / "in.pbrt"
-        source.write_text(head + text, "utf-8")
+        ball = (
+            ""
+            if "Shape" in head + text
+            else '\nAttributeBegin Identity Translate 0 1000 0 Shape "sphere" AttributeEnd\n'
+        )
+        source.write_text(head + text + ball, "utf-8")
         for name, content in files.items():
             path = tmp_path / name.replace("__", "/").replace("_dot_", ".")
             path.parent.mkdir(parents=True, exist_ok=True)

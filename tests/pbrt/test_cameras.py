@@ -169,6 +169,57 @@ def test_lens_camera_takes_lens_stop_focus_and_film(convert: Convert) -> None:
     assert load_lens(scene.lens_source()).length == 12
 
 
+ASSIGNMENT = """\
+Scale 5000 5000 5000
+Rotate -3 1 0 0
+Rotate 52 0 1 0
+Translate -2.3 -.05 .5
+Camera "realistic" "string specfile" "a.dat" "float filmdistance" 36.77 "float aperture_diameter" 7.1
+  "float filmdiag" 70 "float hither" .001 "float yon" 1e30
+Film "image" "integer xresolution" 300 "integer yresolution" 300
+Sampler "lowdiscrepancy" "integer pixelsamples" 4
+SurfaceIntegrator "directlighting"
+Renderer "sampler"
+VolumeIntegrator "emission"
+WorldBegin
+AttributeBegin
+  AreaLightSource "area" "color L" [40 30 20] "integer nsamples" 4
+  Translate 0 9.9 0 Rotate 90 1 0 0
+  Shape "disk" "float radius" 8
+AttributeEnd
+Material "matte" "color Kd" [.2 .3 .5]
+Shape "sphere" "float radius" .015
+WorldEnd
+"""
+
+
+def test_the_lens_camera_of_the_second_release(convert: Convert) -> None:
+    """As the assignments (Stanford CS 348b, HW3) have it: millimetres, the front vertex at the camera's place."""
+    done = convert("", ASSIGNMENT, **{"a.dat": LENS})
+    camera, scene = done.scene.camera, done.scene
+    assert scene.metres_per_unit == pytest.approx(5)
+    assert (camera.stop_diameter_mm, camera.focus.film_distance_mm) == (7.1, 36.77)
+    assert scene.film.diagonal_m() == pytest.approx(0.07)
+    assert (scene.exposure.mode, scene.render.spp) == ("irradiance", 4)
+    forward = np.array(camera.target) - camera.eye
+    forward /= np.linalg.norm(forward)
+    vertex = np.array(camera.eye) + forward * (12 + 36.77) * 1e-3 / 5  # 12 mm of lens before the film distance
+    np.testing.assert_allclose(vertex, [-2.3, 0.05, -0.5], atol=1e-12)  # the world is left-handed: x is reversed
+    turns = [math.sin(math.radians(52)) * math.cos(math.radians(3)), -math.sin(math.radians(3))]
+    np.testing.assert_allclose(forward[:2], turns, atol=1e-12)
+    assert done.material(0) == {"kind": "emissive", "radiance": [40, 30, 20]}
+    assert done.material(1) == {"kind": "matte", "reflectance": [0.2, 0.3, 0.5]}
+    for words in ('"float hither"', 'Renderer "sampler": it steers', 'VolumeIntegrator "emission"', "directlighting"):
+        assert done.says("in.pbrt:", words), words
+
+
+def test_the_lens_camera_of_the_second_release_has_its_defaults(convert: Convert) -> None:
+    done = convert("", head("", '"realistic" "string specfile" "a.dat"'), **{"a.dat": LENS})
+    camera = done.scene.camera
+    assert (camera.stop_diameter_mm, camera.focus.film_distance_mm) == (1, 70)
+    assert done.scene.film.diagonal_m() == pytest.approx(0.035)
+
+
 def test_a_stop_opens_no_wider_than_the_lens_has_it(convert: Convert) -> None:
     camera = '"realistic" "string lensfile" "a.dat" "float aperturediameter" 50'
     done = convert("", head("", camera), **{"a.dat": LENS})
@@ -196,6 +247,7 @@ BAD = {
     '"perspective" "float screenwindow" [1 0 0 1]': "x0 < x1",
     '"fisheye"': 'unknown camera "fisheye" (allowed: perspective',
     '"realistic"': "needs a lens file",
+    '"realistic" "string specfile" ""': "needs a lens file",
     '"realistic" "string lensfile" "no.dat"': "in.pbrt:2:20: no such file",
     '"spherical" "string mapping" "cube"': "allowed: equalarea, equirectangular",
     '"perspective" "string fov" "wide"': '"fov" is a string (allowed: float)',

@@ -35,7 +35,7 @@ def test_a_scene_is_written_and_the_report_goes_to_standard_error(source: Path, 
 
 
 def test_warnings_about_the_scene_are_told(source: Path, capsys: Any) -> None:
-    source.write_text(HEAD)
+    source.write_text(HEAD + 'Shape "sphere"')
     assert "warning: nothing in the scene emits light" in run(capsys, "in.pbrt", "out.yaml")[1]
 
 
@@ -59,6 +59,19 @@ def test_wrong_names_are_refused(source: Path, capsys: Any, words: tuple[str, st
     assert message in text
     assert text.count("\n") == 1
     assert not Path("out.yaml").exists()
+
+
+def test_a_scene_without_objects_is_an_error(source: Path, capsys: Any) -> None:
+    source.write_text(HEAD + 'LightSource "infinite"')
+    assert run(capsys, "in.pbrt", "out.yaml") == (
+        2,
+        "error: in.pbrt: 0 objects: the scene has no shapes that are placed\n",
+    )
+    source.write_text(HEAD + 'Shape "curve" Shape "nurbs"')
+    code, text = run(capsys, "in.pbrt", "out.yaml")
+    assert code == 2
+    assert "0 objects: none of its 2 shapes can be shown; in.pbrt:5: ignored: Shape" in text
+    assert [path.name for path in source.parent.iterdir()] == ["in.pbrt"]
 
 
 def test_nothing_is_written_for_a_scene_that_is_wrong(source: Path, capsys: Any) -> None:

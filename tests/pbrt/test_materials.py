@@ -91,6 +91,8 @@ KINDS: dict[str, tuple[dict[str, Any], str]] = {
          "index": 1.5, "transmission": 0.0, "clearcoat": 0.0, "clearcoat_roughness": math.sqrt(0.001)}, "sheen"),
     '"subsurface" "rgb reflectance" [.2 .3 .4]': (
         {"kind": "plastic", "reflectance": [0.2, 0.3, 0.4], "index": 1.33}, "light does not pass below"),
+    '"shinymetal" "color Ks" [.5 .4 .3] "color Kr" [.1 .1 .1] "float roughness" .25': (
+        {"kind": "conductor", "reflectance": [0.5, 0.4, 0.3], "alpha": math.sqrt(2 / 6)}, "the stronger"),
     '"hair" "float beta_m" .2': ({"kind": "matte", "reflectance": [0.5] * 3}, "matte grey 0.5"),
     '"fourier" "string bsdffile" "a.bsdf"': ({"kind": "matte", "reflectance": [0.5] * 3}, "matte grey 0.5"),
 }  # fmt: skip
@@ -125,8 +127,8 @@ def test_materials_belong_to_their_block(convert: Convert) -> None:
 
 def test_boundaries_of_media_have_no_surface(convert: Convert) -> None:
     for kind in ("interface", "none", ""):
-        done = convert(f'Material "{kind}"{BALL}', HEAD)
-        assert done.objects == []
+        done = convert(f'Material "{kind}"{BALL} Material "diffuse" Shape "disk"', HEAD)
+        assert [item["shape"] for item in done.objects] == ["disk"]
         assert done.says('in.pbrt:3: ignored: Shape "sphere": the boundary of a medium')
 
 

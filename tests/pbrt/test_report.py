@@ -52,7 +52,7 @@ WORLD = {
     'Texture "t" "spectrum" "constant" "float other" 1 Material "diffuse" "texture reflectance" "t" Shape "sphere"': (
         'ignored: Texture "t" "spectrum" "constant": "float other"'
     ),
-    'ObjectBegin "o" Shape "sphere" ObjectEnd': 'object "o" is never placed',
+    'ObjectBegin "o" Shape "sphere" ObjectEnd Shape "sphere"': 'object "o" is never placed',
     "ActiveTransform EndTime Translate 1 2 3": "ignored: Translate at the end time",
     'AreaLightSource "diffuse" "string filename" "a.exr" Shape "sphere"': "the picture that it shines with",
     'AreaLightSource "diffuse" Shape "sphere" "float alpha" .5': "alpha of a lamp",

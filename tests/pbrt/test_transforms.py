@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rptcam_cl.core.errors import InputError
 from tests.pbrt import reference as pbrt
 
 Convert = Callable[..., Any]
@@ -150,3 +151,39 @@ def test_normals_are_turned_and_stretched_as_those_of_an_ellipsoid(convert: Conv
     wrong = points @ np.linalg.inv(linear).T  # what a forgotten transpose would give: another direction
     cosines = (wrong * gradient).sum(axis=1) / np.linalg.norm(wrong, axis=1) / np.linalg.norm(gradient, axis=1)
     assert cosines.min() < 0.9
+
+
+ODD = {
+    "Scale 1 0 1": "Scale by 0 flattens space; what stands under it is left out",
+    "Rotate 30 0 0 0": "Rotate needs an axis",
+    "LookAt 0 0 0 0 0 0 0 1 0": "fix no view",
+    "Transform [1 0 0 0  0 0 0 0  0 0 1 0  0 0 0 1]": "cannot be inverted: it flattens space",
+    "ConcatTransform [1 0 0 2  0 1 0 0  0 0 1 0  0 0 0 1]": "not affine",
+    "Scale 1e-200 1e-200 1e200": "",
+    "Scale 1e-20 1e-20 1e-20": "",
+    "Scale 1e200 1e200 1e200 Scale 1e200 1e200 1e200": "Scale leads beyond the range of numbers",
+    "Translate 1e30 0 0": "",
+}
+
+
+@pytest.mark.parametrize("text", ODD)
+def test_an_odd_transform_costs_what_stands_under_it_and_no_more(convert: Convert, text: str) -> None:
+    things = (
+        f'Shape "sphere" Shape "sphere" "float radius" 2\n{TRIANGLE} LightSource "point" LightSource "distant" '
+        'LightSource "spot" LightSource "infinite" "string mapname" "none.exr" ObjectInstance "o"\n'
+    )
+    instance = 'ObjectBegin "o" Shape "disk" ObjectEnd '
+    done = convert(f'{instance} AttributeBegin {text} {things} AttributeEnd Shape "cylinder" LightSource "point"', HEAD)
+    assert [item["shape"] for item in done.objects] == ["cylinder"]
+    assert [light["kind"] for light in done.keys["lights"]] == ["point"]
+    assert done.keys["environment"]["kind"] == "constant"
+    assert done.says("in.pbrt:2: note: ", ODD[text]) == bool(ODD[text])
+    for what in ('Shape "sphere"', 'Shape "disk" of "o"', 'LightSource "spot"', 'LightSource "infinite"'):
+        assert done.says(f"ignored: {what}: its transform flattens space, or leads beyond"), done.report
+
+
+def test_an_odd_transform_of_the_camera_is_an_error(convert: Convert) -> None:
+    for text in ODD:
+        if ODD[text]:
+            with pytest.raises(InputError, match=r'in\.pbrt:1:\d+: Camera "perspective": the transform before it'):
+                convert(TRIANGLE, HEAD.replace("Scale -1 1 1 LookAt 0 0 5  0 0 0  0 1 0", text))

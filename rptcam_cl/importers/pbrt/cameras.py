@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.importers.pbrt.context import Context
-from rptcam_cl.importers.pbrt.film import Raster, diagonal_mm
-from rptcam_cl.importers.pbrt.frame import Frame
+from rptcam_cl.importers.pbrt.film import DEFAULT_DIAGONAL_MM, Raster, diagonal_mm
+from rptcam_cl.importers.pbrt.frame import MILLIMETRE, Frame, in_millimetres
 from rptcam_cl.importers.pbrt.source import Place
 from rptcam_cl.importers.pbrt.state import Entity
 from rptcam_cl.importers.pbrt.transforms import tidy
@@ -153,31 +153,57 @@ def _spherical(context: Context, camera: Entity, frame: Frame, raster: Raster, f
 
 def _realistic(context: Context, camera: Entity, frame: Frame, raster: Raster, film: Entity | None) -> CameraKeys:
     parameters = camera.parameters
-    name = parameters.text("lensfile", "")
-    if not name:
-        raise camera.place.error(f"{camera.what} needs a lens file")
-    place = parameters.items["lensfile"].place
-    path = context.find(name, place)
-    keys: Keys = {
-        "kind": "realistic",
-        **frame.pose(),
-        "lens": _as_path(context.files.reference(path, place)),
-        "focus": {"distance_m": parameters.number("focusdistance", 10.0)},
-    }
-    diameter = parameters.number("aperturediameter", 1.0)
-    stop = load_lens(path).stop
-    if stop is None:
-        context.report.ignored(place, "the aperture diameter: the lens has no stop")
-    elif diameter > (widest := 2 * stop.semi_diameter):
-        context.report.noted(place, f"the stop opens to {widest:g} mm, not to {diameter:g} mm, as in pbrt")
-    else:
-        keys["stop_diameter_mm"] = diameter
+    if in_millimetres(camera):
+        return _realistic_of_v2(context, camera, frame, raster)
+    keys, _ = _lens_keys(context, camera, "lensfile", "aperturediameter")
+    keys = {**keys, **frame.pose(), "focus": {"distance_m": parameters.number("focusdistance", 10.0)}}
     keys |= _stop_shape(context, camera)
     weighting = context.scene.version == 3 and parameters.boolean("simpleweighting", True)
     if weighting:
         context.report.approximated(camera.place, f"{camera.what}: simple weighting as exposure relative to the axis")
     scene = {"exposure": "relative" if weighting else "irradiance"}
     return CameraKeys(keys, {**raster.keys(), "diagonal_mm": diagonal_mm(film)}, scene)
+
+
+def _realistic_of_v2(context: Context, camera: Entity, frame: Frame, raster: Raster) -> CameraKeys:
+    """Return the lens camera of pbrt-v2's assignments: its place is that of the front vertex, its film is given.
+
+    Distances are millimetres, and the light is irradiance on the film (the weight A cos^4 / Z^2 of the assignment).
+    """
+    parameters = camera.parameters
+    keys, length_mm = _lens_keys(context, camera, "specfile", "aperture_diameter")
+    distance = parameters.number("filmdistance", 70.0)
+    diagonal = parameters.number("filmdiag", DEFAULT_DIAGONAL_MM)
+    for name, length in (("filmdistance", distance), ("filmdiag", diagonal)):
+        if not length > 0:
+            raise camera.place.error(f'{camera.what}: "{name}" must be above 0 mm (got {length:g})')
+    back = (length_mm + distance) * MILLIMETRE / frame.metres_per_unit
+    eye = frame.eye - back * frame.forward / np.linalg.norm(frame.forward)
+    pose = {**frame.pose(), "eye": tidy(eye)}
+    film = {**raster.keys(), "diagonal_mm": diagonal}
+    return CameraKeys({**keys, **pose, "focus": {"film_distance_mm": distance}}, film, {"exposure": "irradiance"})
+
+
+def _lens_keys(context: Context, camera: Entity, file_key: str, diameter_key: str) -> tuple[Keys, float]:
+    """Return the keys of a lens and its stop, and the length of the lens [mm]."""
+    parameters = camera.parameters
+    name = parameters.text(file_key, "")
+    if not name:
+        raise camera.place.error(f"{camera.what} needs a lens file")
+    place = parameters.items[file_key].place
+    path = context.find(name, place)
+    keys: Keys = {"kind": "realistic", "lens": _as_path(context.files.reference(path, place))}
+    diameter = parameters.number(diameter_key, 1.0)
+    lens = load_lens(path)
+    if lens.stop is None:
+        context.report.ignored(place, "the aperture diameter: the lens has no stop")
+    elif diameter > (widest := 2 * lens.stop.semi_diameter):
+        context.report.noted(place, f"the stop opens to {widest:g} mm, not to {diameter:g} mm, as in pbrt")
+    elif not diameter > 0:
+        raise camera.place.error(f'{camera.what}: "{diameter_key}" must be above 0 mm (got {diameter:g})')
+    else:
+        keys["stop_diameter_mm"] = diameter
+    return keys, lens.length
 
 
 def _as_path(name: str) -> str:

@@ -61,7 +61,7 @@ def convert_scene(source: Path, target: Path) -> Conversion:
     Parameters
     ----------
     source
-        A scene file of pbrt-v3 or pbrt-v4.
+        A scene file of pbrt-v2, v3 or v4.
     target
         Where the scene of ours is to go; files that it names lie in the folder of it.
 
@@ -107,13 +107,25 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     camera.parameters.skip(*SHUTTER)
     objects = Objects(context, frame)
     objects.add_all()
-    scene |= objects.keys()
+    sections = objects.keys()
+    if "objects" not in sections:
+        raise InputError(_no_objects(context, source))
+    scene |= sections
     lights = convert_lights(context, frame)
     if lights.items:
         scene["lights"] = lights.items
     if (sky := convert_sky(context, frame, lights)) is not None:
         scene["environment"] = sky
     return dict(plain(scene))
+
+
+def _no_objects(context: Context, source: Path) -> str:
+    """Return the error for a scene in which nothing could be seen, with the first reason."""
+    count = sum(1 for _ in context.scene.placed())
+    if not count:
+        return f"{source}: 0 objects: the scene has no shapes that are placed"
+    why = next((line for line in context.report if "ignored: Shape" in line), "")
+    return f"{source}: 0 objects: none of its {count} shapes can be shown{f'; {why}' if why else ''}"
 
 
 def _note_unused(context: Context) -> None:

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 # Scales that are 1 but for the digits of a matrix that was written out.
 ROUNDING = 1e-4
 
+MILLIMETRE = 1e-3  # metres
+
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
 
 # What each axis of pbrt's camera is in the picture: right, up and the middle of what is seen.
@@ -41,7 +43,8 @@ class Frame:
         Maps pbrt's world to ours: the identity, or `MIRROR`.
     eye, forward, up : (3,) arrays
     metres_per_unit : float
-        Length of a unit of the world, when one unit of the camera's space is a metre, as pbrt has it for lenses.
+        Length of a unit of the world, when one unit of the camera's space is a metre, as pbrt has it for lenses (or a
+        millimetre, see `in_millimetres`).
     stretch : (2,) array
         Factors that uneven scaling puts on the width and height of what is seen; 1 for nearly every scene.
     """
@@ -60,6 +63,14 @@ class Frame:
             "target": tidy(self.eye + self.forward),
             "up": tidy(self.up),
         }
+
+
+def in_millimetres(camera: Entity) -> bool:
+    """Return whether a unit of the camera's space is a millimetre: for the lens camera that plugs into pbrt-v2.
+
+    It is that of the course assignments (Stanford CS 348b, HW3), whose lens files and film are in millimetres.
+    """
+    return camera.kind == "realistic" and camera.parameters.has("specfile")
 
 
 def frame_of(camera: Entity) -> Frame:
@@ -82,7 +93,7 @@ def frame_of(camera: Entity) -> Frame:
     stretch = lengths[:2] / lengths[2]
     if np.allclose(stretch, 1, rtol=0, atol=ROUNDING):
         stretch = np.ones(2)
-    unit = mean_scale(camera.world_from_object)
+    unit = mean_scale(camera.world_from_object) * (MILLIMETRE if in_millimetres(camera) else 1.0)
     forward, up = (world[:3, :3] @ (axis / np.linalg.norm(axis)) for axis in (forward, up))
     reach = max(1.0, float(np.abs(eye).max()) * 1e-3)  # so that eye + forward keeps its digits
     return Frame(world, eye, forward * reach, up, 1.0 if abs(unit - 1) < ROUNDING else unit, stretch)

@@ -14,7 +14,7 @@ from rptcam_cl.importers.pbrt.colours import light, scale_factor
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.frame import Frame
 from rptcam_cl.importers.pbrt.state import Entity
-from rptcam_cl.importers.pbrt.transforms import Matrix, apply, tidy
+from rptcam_cl.importers.pbrt.transforms import ODD, Matrix, apply, is_bearable, tidy
 
 Array = NDArray[np.float64]
 Keys = dict[str, Any]
@@ -40,7 +40,10 @@ def convert_lights(context: Context, frame: Frame) -> Lights:
     }  # fmt: skip
     for entity in context.scene.lights:
         entity.parameters.skip(*SAMPLING)
-        if entity.kind in ("infinite", "exinfinite"):
+        if (entity.kind in kinds or _is_map(entity)) and not is_bearable(_world(entity, frame)):
+            entity.parameters.used.update(entity.parameters.items)
+            context.report.ignored(entity.place, f"{entity.what}: {ODD}")
+        elif entity.kind in ("infinite", "exinfinite"):
             _infinite(context, entity, found)
         elif entity.kind in kinds:
             found.items.append(kinds[entity.kind](context, entity, frame))
@@ -48,6 +51,10 @@ def convert_lights(context: Context, frame: Frame) -> Lights:
             allowed = ", ".join((*kinds, "infinite"))
             raise entity.place.error(f'unknown light "{entity.kind}" (allowed: {allowed})')
     return found
+
+
+def _is_map(entity: Entity) -> bool:
+    return entity.parameters.has("mapname") or entity.parameters.has("filename")
 
 
 def _world(entity: Entity, frame: Frame) -> Matrix:
@@ -118,7 +125,7 @@ def _infinite(context: Context, entity: Entity, found: Lights) -> None:
     if parameters.has("portal"):
         parameters.skip("portal")
         context.report.ignored(entity.place, f"{entity.what}: its portal; the light comes from everywhere")
-    if parameters.has("mapname") or parameters.has("filename"):
+    if _is_map(entity):
         found.maps.append(entity)
         return
     colour = light(context, entity, "L") * scale_factor(context, entity)

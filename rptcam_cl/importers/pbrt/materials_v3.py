@@ -91,6 +91,17 @@ def _metal(context: Context, material: Entity) -> Keys:
     return conductor(metal_keys(context, material), alphas(context, material, 0.01))
 
 
+def _shiny_metal(context: Context, material: Entity) -> Keys:
+    """Return the metal of pbrt-v2 that has a rough reflection Ks and a smooth one Kr: the stronger of the two."""
+    rough, smooth = shade(context, material, "Ks", 1.0), shade(context, material, "Kr", 1.0)
+    exponent = 1 / max(value(context, material, "roughness", 0.1), 1e-4)
+    context.report.approximated(material.place, f"{material.what}: the stronger of its reflections Ks and Kr")
+    if colour_luminance(smooth.colour) > colour_luminance(rough.colour):
+        return conductor({"reflectance": smooth.keys()}, None)
+    alpha = math.sqrt(2 / (exponent + 2))  # of Blinn's lobe with that exponent (Walter et al. 2007)
+    return conductor({"reflectance": rough.keys()}, (alpha, alpha))
+
+
 def _uber(context: Context, material: Entity) -> Keys:
     """Return a glossy base, clear glass, or a mixture of both.
 
@@ -206,5 +217,5 @@ def _unknown(context: Context, material: Entity) -> Keys:
 KINDS: dict[str, Callable[[Context, Entity], Keys]] = {
     "matte": _matte, "plastic": _plastic, "mirror": _mirror, "glass": _glass, "metal": _metal, "uber": _uber,
     "substrate": _substrate, "translucent": _translucent, "disney": _disney, "kdsubsurface": _unknown,
-    "fourier": _unknown,
+    "fourier": _unknown, "shinymetal": _shiny_metal,
 }  # fmt: skip

@@ -19,7 +19,7 @@ from rptcam_cl.importers.pbrt.mesh import MeshData
 from rptcam_cl.importers.pbrt.shapes import MOST_INLINE, Piece, Placed, ShapeMaterial, convert_shape
 from rptcam_cl.importers.pbrt.state import Entity, Instance, ShapeUse
 from rptcam_cl.importers.pbrt.textures import number_shade
-from rptcam_cl.importers.pbrt.transforms import Matrix, is_invertible
+from rptcam_cl.importers.pbrt.transforms import ODD, Matrix, is_bearable
 
 # Of the 50 000 values that a scene file may hold (see strict_yaml), with room for what is not objects.
 MOST_VALUES = 45_000
@@ -97,8 +97,9 @@ class Objects:
                 self.context.report.noted(shapes[0].shape.place, f'object "{name}" is never placed')
 
     def _add(self, use: ShapeUse, world: Matrix, instance: Instance | None, *, shared: bool) -> None:
-        if not is_invertible(world):
-            raise (instance or use.shape).place.error("the transform here cannot be inverted: it flattens space")
+        if not is_bearable(world):
+            self._leave_out(use, instance)
+            return
         lamp = use.lamp if instance is None else None
         if use.lamp is not None and instance is not None:
             self.context.report.ignored(use.lamp.place, f"{use.lamp.what}: lamps in objects do not shine, as in pbrt")
@@ -126,6 +127,12 @@ class Objects:
         if piece.mesh is not None and not shared:
             self._loose[len(self.items)] = use, piece.mesh
         self.items.append({**self._shape_keys(use, piece, shared), "material": name})
+
+    def _leave_out(self, use: ShapeUse, instance: Instance | None) -> None:
+        """Report a shape whose transform flattens space, or leads out of it."""
+        what = use.shape.what if instance is None else f'{use.shape.what} of "{instance.name}"'
+        self.context.report.ignored((instance or use.shape).place, f"{what}: {ODD}")
+        use.shape.parameters.used.update(use.shape.parameters.items)
 
     def _material(self, use: ShapeUse) -> Keys | None:
         entity = self.context.scene.material_of(use.material)

@@ -28,9 +28,9 @@ TEXTS = {
 WITH_PARAMETERS = {
     "Camera": 1, "Film": 1, "Sampler": 1, "Integrator": 1, "PixelFilter": 1, "Accelerator": 1, "Material": 1,
     "MakeNamedMaterial": 1, "MakeNamedMedium": 1, "LightSource": 1, "AreaLightSource": 1, "Shape": 1, "Attribute": 1,
-    "Texture": 3, "Option": 0,
+    "Texture": 3, "Option": 0, "SurfaceIntegrator": 1, "VolumeIntegrator": 1, "Renderer": 1, "Volume": 1,
 }  # fmt: skip
-OLDER = ("SurfaceIntegrator", "VolumeIntegrator", "Renderer", "Volume", "SearchPath", "Exterior", "Interior")
+OLDER = ("SearchPath", "Exterior", "Interior")
 DIRECTIVES = (*NUMBERS, *BARE, *TEXTS, *WITH_PARAMETERS, "ActiveTransform")
 
 # Files that one scene may include, counted each time; the largest published scene has some thousand.
@@ -133,7 +133,7 @@ def _statement(token: Token, tokens: Tokens) -> Statement:
 
 def _no_directive(token: Token) -> str:
     if token.text in OLDER:
-        return f"{token.text} is a directive of pbrt-v2 or older (allowed: scenes of pbrt-v3 and pbrt-v4)"
+        return f"{token.text} is a directive of pbrt-v1 or of LuxRender (allowed: scenes of pbrt-v2, v3 and v4)"
     matches = difflib.get_close_matches(token.text, DIRECTIVES, n=1)
     hint = f"; did you mean {matches[0]}?" if matches else " such as Shape or Camera"
     return f"expected a directive (got {token.shown()}){hint}"

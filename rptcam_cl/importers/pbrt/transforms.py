@@ -16,13 +16,30 @@ from rptcam_cl.importers.pbrt.statements import Statement
 
 Matrix = NDArray[np.float64]
 SMALLEST = 1e-12
+# Beyond what coordinates of ours may be (see scene.quantities).
+LARGEST = 1e12
+
+# Where nothing is: the transform of what stands under one that cannot be used.
+NOWHERE = np.full((4, 4), np.nan)
+
+ODD = "its transform flattens space, or leads beyond what a scene can hold"
 
 # Decimal digits that coordinates keep: far more than float32 has, fewer than float64 leaves after an inverse.
 DIGITS = 13
 
 
+class OddTransformError(ValueError):
+    """A transform that places nothing, with what is odd about it."""
+
+
 def step_matrix(statement: Statement) -> Matrix:
-    """Return the matrix that a transforming directive multiplies the current one with, from the right."""
+    """Return the matrix that a transforming directive multiplies the current one with, from the right.
+
+    Raises
+    ------
+    OddTransformError
+        When it flattens space, or fixes no view or axis.
+    """
     numbers = statement.numbers
     result = np.eye(4)
     match statement.directive:
@@ -30,7 +47,7 @@ def step_matrix(statement: Statement) -> Matrix:
             result[:3, 3] = numbers
         case "Scale":
             if not numbers.all():
-                raise statement.place.error("Scale by 0 flattens space (allowed: factors other than 0)")
+                raise OddTransformError("Scale by 0 flattens space")
             result[:3, :3] = np.diag(numbers)
         case "Rotate":
             result[:3, :3] = _rotation(statement)
@@ -42,22 +59,38 @@ def step_matrix(statement: Statement) -> Matrix:
 
 
 def checked(statement: Statement) -> Matrix:
-    """Return the matrix of ``Transform`` or ``ConcatTransform``, which pbrt writes column by column."""
+    """Return the matrix of ``Transform`` or ``ConcatTransform``, which pbrt writes column by column.
+
+    Raises
+    ------
+    OddTransformError
+        When it is not affine, or cannot be inverted.
+    """
     matrix = statement.numbers.reshape(4, 4).T.copy()
     if not np.allclose(matrix[3], (0, 0, 0, matrix[3, 3]), rtol=0, atol=1e-9) or abs(matrix[3, 3]) < SMALLEST:
-        raise statement.place.error(
+        raise OddTransformError(
             f"{statement.directive} is not affine: every fourth number must be 0, the last one 1 (written by columns)"
         )
     matrix /= matrix[3, 3]
     if not is_invertible(matrix):
-        raise statement.place.error(f"{statement.directive} cannot be inverted: it flattens space")
+        raise OddTransformError(f"{statement.directive} cannot be inverted: it flattens space")
     return matrix
 
 
 def is_invertible(matrix: Matrix) -> bool:
-    """Return whether the linear part keeps three dimensions apart."""
+    """Return whether a transform is finite, and its linear part keeps three dimensions apart."""
+    if not np.isfinite(matrix).all():
+        return False
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
-    return bool(np.isfinite(stretches).all() and stretches[-1] > SMALLEST * stretches[0])
+    return bool(stretches[-1] > SMALLEST * stretches[0])
+
+
+def is_bearable(matrix: Matrix) -> bool:
+    """Return whether a transform places things where a scene of ours can hold them."""
+    if not is_invertible(matrix):
+        return False
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(stretches[-1] > SMALLEST and stretches[0] < LARGEST and np.abs(matrix[:3, 3]).max() < LARGEST)
 
 
 def _rotation(statement: Statement) -> Matrix:
@@ -65,7 +98,7 @@ def _rotation(statement: Statement) -> Matrix:
     degrees, *axis = statement.numbers
     length = math.hypot(*axis)
     if length < SMALLEST:
-        raise statement.place.error("Rotate needs an axis (got 0 0 0)")
+        raise OddTransformError("Rotate needs an axis (got 0 0 0)")
     unit = np.array(axis) / length
     angle = math.radians(degrees)
     aligned = np.outer(unit, unit)
@@ -78,9 +111,7 @@ def _camera_from_world(statement: Statement) -> Matrix:
     forward = target - eye
     right = np.cross(up, forward)
     if np.linalg.norm(right) <= SMALLEST * float(np.linalg.norm(up)) * float(np.linalg.norm(forward)):
-        raise statement.place.error(
-            "LookAt: eye, target and up fix no view (allowed: eye off the target, up not along)"
-        )
+        raise OddTransformError("LookAt: eye, target and up fix no view (allowed: eye off the target, up not along)")
     forward = forward / np.linalg.norm(forward)
     right = right / np.linalg.norm(right)
     world_from_camera = np.eye(4)

@@ -21,16 +21,19 @@ from rptcam_cl.importers.pbrt.state import (
     TextureKey,
 )
 from rptcam_cl.importers.pbrt.statements import NUMBERS, Statement, read_statements
-from rptcam_cl.importers.pbrt.transforms import Matrix, checked, step_matrix
+from rptcam_cl.importers.pbrt.transforms import NOWHERE, Matrix, OddTransformError, checked, is_invertible, step_matrix
 
 COLOR_SPACES = ("srgb", "rec2020", "dci-p3", "aces2065-1")
-OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "PixelFilter")
+OPTIONS = ("Camera", "Film", "Sampler", "Integrator", "SurfaceIntegrator", "PixelFilter")
 IGNORED = {
     "Accelerator": "how rays find surfaces is decided by the renderer",
     "MakeNamedMedium": "there are no media such as fog",
     "MediumInterface": "there are no media such as fog",
     "TransformTimes": "nothing moves while the shutter is open",
     "Option": "it steers pbrt itself",
+    "Renderer": "it steers pbrt-v2 itself",
+    "Volume": "there are no media such as fog",
+    "VolumeIntegrator": "there are no media such as fog",
 }
 # Targets of ``Attribute`` by the directive that takes the defaults.
 TARGETS = {"Shape": "shape", "LightSource": "light", "AreaLightSource": "light", "Material": "material",
@@ -99,25 +102,33 @@ class World:
     def _transform(self, statement: Statement) -> None:
         if not self.state.moving:
             self.report.ignored(statement.place, f"{statement.directive} at the end time: nothing moves")
-        elif statement.directive == "Transform":
-            self.set_transform(checked(statement))
-        else:
-            self.set_transform(self.state.ctm @ step_matrix(statement))
+            return
+        try:
+            is_whole = statement.directive == "Transform"
+            with np.errstate(over="ignore", invalid="ignore"):
+                found = checked(statement) if is_whole else self.state.ctm @ step_matrix(statement)
+            if not np.isfinite(found).all() and np.isfinite(self.state.ctm).all():
+                raise OddTransformError(f"{statement.directive} leads beyond the range of numbers")
+            self.set_transform(found)
+        except OddTransformError as problem:
+            self.report.noted(statement.place, f"{problem}; what stands under it is left out")
+            self.set_transform(NOWHERE)
 
     def set_transform(self, matrix: Matrix) -> None:
         """Make a matrix the current transform."""
         self.state = replace(self.state, ctm=matrix)
 
     def _option(self, statement: Statement) -> None:
-        name = statement.directive
+        name = "Integrator" if statement.directive == "SurfaceIntegrator" else statement.directive
         if self.in_world:
-            raise statement.place.error(f"{name} belongs before WorldBegin")
+            raise statement.place.error(f"{statement.directive} belongs before WorldBegin")
         if name in self.scene.options:
             self.report.ignored(self.scene.options[name].place, f"{name}: a later one takes its place")
         self.scene.options[name] = self.entity(statement, statement.texts[0])
         if name == "Camera":
-            self.spaces["camera"] = np.asarray(np.linalg.inv(self.state.ctm), np.float64)
-        if name == "Film" and statement.texts[0] == "image":
+            found = np.linalg.inv(self.state.ctm) if is_invertible(self.state.ctm) else NOWHERE
+            self.spaces["camera"] = np.asarray(found, np.float64)
+        if statement.directive == "SurfaceIntegrator" or (name == "Film" and statement.texts[0] == "image"):
             self.scene.version = 3
 
     def push(self, kind: str, place: Place) -> None:
