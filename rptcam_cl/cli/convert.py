@@ -45,21 +45,13 @@ _MESHES = (".ply", ".obj", ".stl", ".gltf", ".glb")
 
 def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.importers.pbrt import convert_scene
-    from rptcam_cl.scene import load_scene
 
     _check_names(arguments.source, arguments.target)
     done = convert_scene(arguments.source, arguments.target)
-    done.write(arguments.target)
+    warnings = done.write(arguments.target)
     if not arguments.quiet:
-        for message in done.report:
+        for message in (*done.report, *(f"warning: {text}" for text in warnings)):
             print(message, file=sys.stderr)
-    try:
-        scene = load_scene(arguments.target)
-    except InputError as problem:
-        raise InputError(f"{arguments.source}: became a scene that cannot be used: {problem}") from None
-    if not arguments.quiet:
-        for text in scene.warnings:
-            print(f"warning: {text}", file=sys.stderr)
         count = len(done.scene.get("objects", ()))
         print(f"wrote {arguments.target}: {count} object{'' if count == 1 else 's'}", file=sys.stderr)
     return 0

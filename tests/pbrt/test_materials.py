@@ -185,13 +185,6 @@ def test_pictures(convert: Convert, text: str, keys: dict[str, Any]) -> None:
     assert done.report == []
 
 
-def test_pictures_elsewhere_are_copied(convert: Convert, tmp_path: Any) -> None:
-    (tmp_path.parent / "far.png").write_bytes(png())
-    done = convert(IMAGE.format("").replace("a.png", "../far.png") + BALL, HEAD)
-    assert done.material()["reflectance"]["file"] == "out_files/far.png"
-    assert (tmp_path / "out_files" / "far.png").read_bytes() == png()
-
-
 def test_kinds_of_pictures_that_are_not_read_are_grey(convert: Convert) -> None:
     done = convert(IMAGE.format("").replace("a.png", "a.gif") + BALL, HEAD, **{"a.gif": b"x"})
     assert done.material()["reflectance"] == [0.5] * 3

@@ -36,7 +36,7 @@ ROOMS: dict[str, set[str]] = {
         "rendering",
         "focusing",
     },
-    "importers": {"core", "colour", "assets", "optics"},
+    "importers": {"core", "colour", "assets", "optics", "scene"},
     "api": {"core", "optics", "scene", "imaging", "device", "lenstools", "plan", "rendering", "focusing", "tradeoff"},
     "cli": {
         "_version",

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.assets.pictures import read_picture
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.film import DEFAULT_DIAGONAL_MM, Raster, diagonal_mm
 from rptcam_cl.importers.pbrt.frame import MILLIMETRE, Frame, in_millimetres
@@ -192,9 +193,9 @@ def _lens_keys(context: Context, camera: Entity, file_key: str, diameter_key: st
         raise camera.place.error(f"{camera.what} needs a lens file")
     place = parameters.items[file_key].place
     path = context.find(name, place)
+    lens = load_lens(path)
     keys: Keys = {"kind": "realistic", "lens": _as_path(context.files.reference(path, place))}
     diameter = parameters.number(diameter_key, 1.0)
-    lens = load_lens(path)
     if lens.stop is None:
         context.report.ignored(place, "the aperture diameter: the lens has no stop")
     elif diameter > (widest := 2 * lens.stop.semi_diameter):
@@ -223,4 +224,5 @@ def _stop_shape(context: Context, camera: Entity) -> Keys:
     if shape == "gaussian":
         context.report.ignored(place, 'the stop "gaussian": a stop is open or shut')
         return {}
-    return {"aperture": {"shape": "image", "file": context.files.reference(context.find(shape, place), place)}}
+    file = context.files.reference(context.find(shape, place), place, read_picture)
+    return {"aperture": {"shape": "image", "file": file}}

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.references import Folders
 from rptcam_cl.importers.pbrt.files import FileStore
 from rptcam_cl.importers.pbrt.report import Report
 from rptcam_cl.importers.pbrt.source import Place
@@ -40,13 +42,9 @@ class Context:
         Raises
         ------
         InputError
-            When there is no such file.
+            When there is no such file, it is no regular one, or lies outside the folder of the pbrt scene.
         """
-        path = self.folder / name
         try:
-            found = path.is_file()
-        except (OSError, ValueError) as problem:
-            raise place.error(f"{name[:80]}: is not a usable path ({problem})") from None
-        if not found:
-            raise place.error(f"no such file (got {name}; looked for {path})")
-        return path
+            return Folders(self.folder, owner="pbrt scene").find(name)
+        except InputError as problem:
+            raise place.error(f"{name[:80]}: {problem}") from None

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.atomic import replacing
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.strict_yaml import MAX_NODES
 from rptcam_cl.importers.pbrt.cameras import convert_camera
 from rptcam_cl.importers.pbrt.context import Context
@@ -23,6 +24,7 @@ from rptcam_cl.importers.pbrt.scene_text import plain, scene_text
 from rptcam_cl.importers.pbrt.sky import convert_sky
 from rptcam_cl.importers.pbrt.state import PbrtScene
 from rptcam_cl.importers.pbrt.world import read_world
+from rptcam_cl.scene import load_scene
 
 # Parameters of every camera that have to do with motion, of which there is none.
 SHUTTER = ("shutteropen", "shutterclose")
@@ -47,12 +49,46 @@ class Conversion:
     report: Report
     files: FileStore = field(repr=False)
 
-    def write(self, target: Path) -> None:
-        """Write the scene file and the files beside it, each whole or not at all."""
-        self.files.write_all()
+    def write(self, target: Path) -> tuple[str, ...]:
+        """Write the scene file and the files beside it, once the whole is known to be a scene that can be used.
+
+        All is written to a hidden folder first and read from there; then the files are moved to their places, the
+        scene file last.
+
+        Returns
+        -------
+        tuple of str
+            Warnings about the scene.
+
+        Raises
+        ------
+        InputError
+            When what the pbrt scene became cannot be used; nothing is left of it.
+        StateError
+            When the files cannot be written.
+        """
+        try:
+            with tempfile.TemporaryDirectory(prefix=".rptcam-convert-", dir=target.parent) as name:
+                staged = Path(name)
+                self.files.stage(staged)
+                warnings = self._checked(staged, target)
+                self.files.place(staged)
+        except OSError as problem:
+            raise StateError(f"{target}: cannot be written ({problem.strerror})") from None
         text = scene_text(self.scene, (f"Converted from {self.source.name}.",))
         with replacing(target) as temporary:
             temporary.write_text(text, "utf-8")
+        return warnings
+
+    def _checked(self, staged: Path, target: Path) -> tuple[str, ...]:
+        """Return the warnings of the scene with its staged files, which have their later names there."""
+        prefix = f"{staged.name}/"
+        try:
+            scene = load_scene(self.files.named_in(staged, self.scene), base_dir=target.parent)
+            return tuple(text.replace(prefix, "") for text in scene.warnings)
+        except InputError as problem:
+            reason = str(problem).replace(prefix, "")
+            raise InputError(f"{self.source}: became a scene that cannot be used: {reason}") from None
 
 
 def convert_scene(source: Path, target: Path) -> Conversion:

@@ -6,8 +6,8 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.importers.pbrt.report import Report
 from rptcam_cl.importers.pbrt.source import Place, read_limited
@@ -34,13 +34,18 @@ class FileStore:
     _copied: dict[Path, str] = field(default_factory=dict)
     _referenced: set[str] = field(default_factory=set)
 
-    def reference(self, path: Path, place: Place) -> str:
+    def reference(self, path: Path, place: Place, check: Callable[[Path], object] | None = None) -> str:
         """Return the name under which the scene of ours reads a file.
+
+        Parameters
+        ----------
+        check
+            Reads a file that is to be copied, and raises an InputError when it is not of the kind that is meant.
 
         Raises
         ------
         InputError
-            When there is no such file.
+            When there is no such file, or not one of its kind.
         """
         real = self._real(path, place)
         home = self.folder.resolve()
@@ -54,6 +59,8 @@ class FileStore:
             self._referenced.add(name)
             return name
         if real not in self._copied:
+            if check is not None:
+                _checked(check, real, place)
             name = self.new_name("files", real.name.removesuffix(".gz") if packed else real.name)
             self._copied[real] = name
             self._pending[name] = lambda target: _copy(real, target)
@@ -82,13 +89,35 @@ class FileStore:
         """Return the names of the files to be written."""
         return list(self._pending)
 
-    def write_all(self) -> None:
-        """Write the files, each whole or not at all."""
+    def stage(self, folder: Path) -> None:
+        """Write the files below a folder, from which they are moved to their places once the whole is good.
+
+        Parameters
+        ----------
+        folder
+            An empty one beside the scene file.
+        """
         for name, write in self._pending.items():
-            target = self.folder / name
+            target = folder / name
             target.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(target) as temporary:
-                write(temporary)
+            write(target)
+
+    def place(self, staged: Path) -> None:
+        """Move the files that were staged to their places, each at once."""
+        for name in self._pending:
+            target = self.folder / name
+            target.parent.mkdir(exist_ok=True)
+            (staged / name).replace(target)
+
+    def named_in(self, staged: Path, value: Any) -> Any:
+        """Return a part of the scene in which new files have their names below the staging folder."""
+        if isinstance(value, dict):
+            return {key: self.named_in(staged, item) for key, item in value.items()}
+        if isinstance(value, list):
+            return [self.named_in(staged, item) for item in value]
+        if not isinstance(value, str) or value not in self._pending:
+            return value
+        return (staged / value).relative_to(self.folder).as_posix()
 
     def _real(self, path: Path, place: Place) -> Path:
         try:
@@ -98,6 +127,13 @@ class FileStore:
         except (OSError, ValueError, RuntimeError) as problem:
             raise place.error(f"is not a usable path ({problem})") from None
         return real
+
+
+def _checked(check: Callable[[Path], object], path: Path, place: Place) -> None:
+    try:
+        check(path)
+    except InputError as problem:
+        raise place.error(f"{path.name}: is not copied: {problem}") from None
 
 
 def _copy(source: Path, target: Path) -> None:

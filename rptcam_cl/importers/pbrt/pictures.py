@@ -32,7 +32,7 @@ def picture_name(context: Context, path: Path, place: Place) -> str:
     """Return the name under which the scene of ours reads a picture; one of another kind is written anew."""
     suffix = path.suffix.lower()
     if suffix not in OTHERS:
-        return context.files.reference(path, place)
+        return context.files.reference(path, place, read_picture)
     if str(path) not in context.pictures:
         if suffix == ".tga":
             name = context.files.add("files", f"{path.stem}.png", partial(_write_png, _tga(path, place)))

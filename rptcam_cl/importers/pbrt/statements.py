@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.references import Folders
 from rptcam_cl.importers.pbrt.parameters import Parameters, read_parameters
 from rptcam_cl.importers.pbrt.source import Place, read_source
 from rptcam_cl.importers.pbrt.tokens import Token, Tokens, number_of
@@ -103,13 +104,12 @@ def read_statements(path: Path) -> Iterator[Statement]:
 
 def _included(statement: Statement, folder: Path, stack: list[_Open]) -> _Open:
     (name,) = statement.texts
-    path = folder / name
     try:
-        real = path.resolve()
+        real = Folders(folder, owner="pbrt scene").find(name)
         if any(level.path == real for level in stack):
             raise InputError(f"{name} includes itself, by way of {len(stack)} files")
-        return _Open(real, Tokens(read_source(path, str(path))))
-    except (RptcamError, OSError, ValueError, RuntimeError) as problem:
+        return _Open(real, Tokens(read_source(real, str(folder / name))))
+    except RptcamError as problem:
         raise statement.place.error(f"{statement.directive}: {problem}") from None
 
 
