@@ -1,8 +1,8 @@
 """What each approximation of a picture costs and gains, measured: camera models, spectrum, depth, samplers."""
 
-from rptcam_cl.tradeoff.interface import measure_tradeoff
+from rptcam_cl.tradeoff.comparison import Advice
+from rptcam_cl.tradeoff.interface import TradeoffReport, measure_tradeoff
 from rptcam_cl.tradeoff.plot import tradeoff_plot
-from rptcam_cl.tradeoff.report import Advice, TradeoffReport
 from rptcam_cl.tradeoff.table import markdown, tables
 from rptcam_cl.tradeoff.text import caveats, recommendation
 from rptcam_cl.tradeoff.tiers.decide import choose_camera

@@ -6,8 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+from rptcam_cl.tradeoff.comparison import Advice
 from rptcam_cl.tradeoff.measurement import Measurement
-from rptcam_cl.tradeoff.report import Advice
 
 WORTH = 1.05  # times better than the most accurate configuration that another one has to be
 

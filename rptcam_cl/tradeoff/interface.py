@@ -13,20 +13,43 @@ import numpy as np
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, open_session
 from rptcam_cl.focusing import in_focus
+from rptcam_cl.lenstools import svg_text
 from rptcam_cl.rendering import resolve_exposure
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.tradeoff.advice import for_error, for_time
+from rptcam_cl.tradeoff.comparison import Comparison
 from rptcam_cl.tradeoff.errors import pair_errors
 from rptcam_cl.tradeoff.ladder import ladder, most_accurate
 from rptcam_cl.tradeoff.measurement import Measurement, measurements
-from rptcam_cl.tradeoff.report import TradeoffReport
+from rptcam_cl.tradeoff.plot import tradeoff_plot
 from rptcam_cl.tradeoff.runs import Ready, prepare
 from rptcam_cl.tradeoff.schedule import Pictures, render_by_turns
 from rptcam_cl.tradeoff.statistics import draws
+from rptcam_cl.tradeoff.table import markdown, plain_text
 
 BUDGET_S = 60.0
 WISHED_S, WISHED_ERROR = 60.0, 0.02
 DRAWS_SEED = 7  # of the bootstrap
+TITLE = "Accuracy and time"
+
+
+class TradeoffReport(Comparison):
+    """A comparison that writes itself as text, as Markdown and as a plot."""
+
+    def __str__(self) -> str:
+        """Return advice, tables and how they were found, as ``rptcam tradeoff`` prints them."""
+        return plain_text(self)
+
+    def markdown(self, title: str = TITLE) -> str:
+        """Return the same as Markdown."""
+        return markdown(self, title)
+
+    def svg(self, title: str = TITLE) -> str:
+        """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
+        return svg_text(tradeoff_plot(self, title))
+
+    def _repr_markdown_(self) -> str:
+        return self.markdown()
 
 
 def measure_tradeoff(

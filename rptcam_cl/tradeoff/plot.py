@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.lenstools import FAINT, GRID, INK, SERIES, Axes, Drawing, Legend, Path, Point, Text, draw_key
+from rptcam_cl.tradeoff.comparison import Comparison
 from rptcam_cl.tradeoff.measurement import Measurement
-from rptcam_cl.tradeoff.report import TradeoffReport
 from rptcam_cl.tradeoff.tiers.errors import FIELDS
 from rptcam_cl.tradeoff.words import seconds
 
@@ -63,7 +63,7 @@ FINEST, COARSEST = 0.005, 3.0  # errors that the chart reaches from the one to t
 DASHES: dict[str, tuple[float, ...]] = {"thick_lens": (7.0, 5.0)}  # which often lies on the thin lens's curve
 
 
-def tradeoff_plot(report: TradeoffReport, title: str) -> Drawing:
+def tradeoff_plot(report: Comparison, title: str) -> Drawing:
     """Return the three pictures.
 
     On the left root of relMSE over time, a line each; those that become level have reached their bias, and what falls
@@ -163,7 +163,7 @@ def _titles(picture: Drawing, box: tuple[float, float, float, float], title: str
         picture.add(Text((left - 48, (top + bottom) / 2), beside, 12, "middle", turned=True))
 
 
-def _errors_over_field(picture: Drawing, report: TradeoffReport, colours: dict[str, str]) -> None:
+def _errors_over_field(picture: Drawing, report: Comparison, colours: dict[str, str]) -> None:
     cameras = [each for each in report.cameras if each.tier != "realistic"]
     title = "error of cheaper cameras over the field [pixels]"
     if not cameras:
@@ -185,7 +185,7 @@ def _errors_over_field(picture: Drawing, report: TradeoffReport, colours: dict[s
         axes.dots([field for field, _ in good], [value for _, value in good], colour, 3.0)
 
 
-def _maps(picture: Drawing, report: TradeoffReport) -> None:
+def _maps(picture: Drawing, report: Comparison) -> None:
     biased = [found for found in report.measurements if found.knob and not found.unbiased]
     chosen = {advice.chosen for advice in report.advice}
     shown = sorted(biased, key=lambda found: (found.name in chosen, found.bias.value), reverse=True)[:MOST_MAPS]
@@ -206,6 +206,6 @@ def _maps(picture: Drawing, report: TradeoffReport) -> None:
     map_scale(picture, (LEFT[0], HEIGHT - 26))
 
 
-def _narrow(report: TradeoffReport) -> tuple[float, float]:
+def _narrow(report: Comparison) -> tuple[float, float]:
     height = HEIGHT - MAPS_TOP - 44
     return height * report.resolution[0] / report.resolution[1], height

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from rptcam_cl.tradeoff.comparison import Comparison
 from rptcam_cl.tradeoff.ladder import REFERENCE
 from rptcam_cl.tradeoff.measurement import TARGETS, Measurement
-from rptcam_cl.tradeoff.report import TradeoffReport
 from rptcam_cl.tradeoff.text import caveats, recommendation
 from rptcam_cl.tradeoff.tiers.errors import FIELDS
 from rptcam_cl.tradeoff.words import bias, crossing, ends, per_cent, pixels, seconds
@@ -28,7 +28,7 @@ class Table:
     rows: list[list[str]]
 
 
-def tables(report: TradeoffReport) -> list[Table]:
+def tables(report: Comparison) -> list[Table]:
     """Return what each configuration errs by, what each takes, and the errors of cheaper cameras if there are any."""
     found = report.measurements
     wrong = f"What each is wrong by against {REFERENCE}, however long it renders"
@@ -55,7 +55,7 @@ def _costs(found: Measurement) -> list[str]:
     ]
 
 
-def _cameras(report: TradeoffReport) -> list[list[str]]:
+def _cameras(report: Comparison) -> list[list[str]]:
     at = [FIELDS.index(field) for field in SHOWN_FIELDS]
     return [
         [
@@ -68,7 +68,7 @@ def _cameras(report: TradeoffReport) -> list[list[str]]:
     ]
 
 
-def plain_text(report: TradeoffReport) -> str:
+def plain_text(report: Comparison) -> str:
     """Return the report as text, its tables in plain columns."""
     parts = [f"{table.title}\n{_aligned(table)}" for table in tables(report)]
     return "\n\n".join(["\n".join(recommendation(report)), *parts, "\n".join(caveats(report))])
@@ -80,7 +80,7 @@ def _aligned(table: Table) -> str:
     return "\n".join("  ".join(map(str.rjust, line, widths)).rstrip() for line in lines)
 
 
-def markdown(report: TradeoffReport, title: str) -> str:
+def markdown(report: Comparison, title: str) -> str:
     """Return the report as Markdown."""
     parts = [f"# {title}", "\n".join(f"- {line}" for line in recommendation(report))]
     parts += [f"{table.title}:\n\n{_written(table)}" for table in tables(report)]

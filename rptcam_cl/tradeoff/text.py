@@ -6,9 +6,9 @@ import math
 
 import numpy as np
 
+from rptcam_cl.tradeoff.comparison import Advice, Comparison
 from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
 from rptcam_cl.tradeoff.measurement import Measurement
-from rptcam_cl.tradeoff.report import Advice, TradeoffReport
 from rptcam_cl.tradeoff.tiers.errors import FIELDS, TierError
 from rptcam_cl.tradeoff.words import between, bias, per_cent, pixels, seconds
 
@@ -17,7 +17,7 @@ SHOWS_LOAD = 1.3  # times the undisturbed time that the clock showed, from which
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 
 
-def recommendation(report: TradeoffReport) -> list[str]:
+def recommendation(report: Comparison) -> list[str]:
     """Return sentences: what to take, how to ask for it, and what is meant; then what else was found."""
     said = [_advice(report, advice) for advice in report.advice]
     chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
@@ -29,7 +29,7 @@ def recommendation(report: TradeoffReport) -> list[str]:
     return said
 
 
-def caveats(report: TradeoffReport) -> list[str]:
+def caveats(report: Comparison) -> list[str]:
     """Return sentences on how the numbers were found."""
     rendered, every = report.tiles
     made = "every tile" if rendered == every else f"{rendered} of {every} tiles"
@@ -57,7 +57,7 @@ def caveats(report: TradeoffReport) -> list[str]:
     return said
 
 
-def _unsure(report: TradeoffReport) -> list[str]:
+def _unsure(report: Comparison) -> list[str]:
     """Say of what is advised, and of what it is measured against, where noise hangs on paths that are rarely met."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
     rare = [_called(report, name) for name in names if name is not None and report.named(name).hangs_on_rare]
@@ -69,7 +69,7 @@ def _unsure(report: TradeoffReport) -> list[str]:
     ]
 
 
-def _advice(report: TradeoffReport, advice: Advice) -> str:
+def _advice(report: Comparison, advice: Advice) -> str:
     said = _for_time(report, advice) if advice.wish == "time" else _for_error(report, advice)
     if advice.perhaps is None:
         return f"{said}."
@@ -77,7 +77,7 @@ def _advice(report: TradeoffReport, advice: Advice) -> str:
     return f"{said}. {perhaps[0].upper()}{perhaps[1:]} may do better; a longer measurement (--budget) would tell."
 
 
-def _for_time(report: TradeoffReport, advice: Advice) -> str:
+def _for_time(report: Comparison, advice: Advice) -> str:
     head = f"In {seconds(advice.amount)}"
     if advice.chosen is None:
         fastest = min(found.sample_s.value for found in report.measurements)
@@ -91,7 +91,7 @@ def _for_time(report: TradeoffReport, advice: Advice) -> str:
     return f"{take}, with {FULL} by {per_cent(advice.full_error)}"
 
 
-def _for_error(report: TradeoffReport, advice: Advice) -> str:
+def _for_error(report: Comparison, advice: Advice) -> str:
     head, takes = f"To an error of {per_cent(advice.amount)}", seconds(advice.seconds)
     if advice.chosen is None:
         return f"{head}: nothing gets there"
@@ -102,7 +102,7 @@ def _for_error(report: TradeoffReport, advice: Advice) -> str:
     return f"{take}, {FULL} {full}, {times:.1f} times as long"
 
 
-def _called(report: TradeoffReport, name: str) -> str:
+def _called(report: Comparison, name: str) -> str:
     """Return what to call a configuration in a sentence."""
     found = report.named(name)
     if AS_IT_IS in (name, *found.same_as):
@@ -112,12 +112,12 @@ def _called(report: TradeoffReport, name: str) -> str:
     return f"the {name}" if found.knob == "camera" else f"«{name}»"
 
 
-def _asked(report: TradeoffReport, found: Measurement) -> str:
+def _asked(report: Comparison, found: Measurement) -> str:
     sets = " ".join(f"--set '{text}'" for text in found.settings)
     return f"Ask for {_called(report, found.name)} by {sets}." if sets else ""
 
 
-def _meant(report: TradeoffReport) -> list[str]:
+def _meant(report: Comparison) -> list[str]:
     """Say what an error is, and what full accuracy."""
     how = ": every ray through every surface of the lens" if report.allowed else ", with its own camera"
     return [
@@ -126,7 +126,7 @@ def _meant(report: TradeoffReport) -> list[str]:
     ]
 
 
-def _differs(report: TradeoffReport, found: Measurement) -> str:
+def _differs(report: Comparison, found: Measurement) -> str:
     called = _called(report, found.name)
     if found.unbiased:
         return f"What {called} changes is noise alone."
@@ -168,7 +168,7 @@ def _over_field(camera: TierError) -> str:
     )
 
 
-def _camera(report: TradeoffReport) -> list[str]:
+def _camera(report: Comparison) -> list[str]:
     said = []
     if report.allowed == "realistic":
         said.append("camera.accuracy: auto would trace every ray: no cheaper camera keeps to half a pixel and 1 %.")
@@ -180,7 +180,7 @@ def _camera(report: TradeoffReport) -> list[str]:
     return said
 
 
-def _depth(report: TradeoffReport) -> list[str]:
+def _depth(report: Comparison) -> list[str]:
     depth, bound = report.truncation["max_depth"], report.truncation["bound"]
     paths = f"Paths of light end after {depth} edges (render.max_depth), also with {FULL}"
     if bound is None:

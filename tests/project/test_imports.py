@@ -75,10 +75,6 @@ CIRCLES: list[str] = [
     "rptcam_cl.optics.surface",
     "rptcam_cl.optics.transmission",
     "rptcam_cl.optics.variable",
-    "rptcam_cl.tradeoff.plot",
-    "rptcam_cl.tradeoff.report",
-    "rptcam_cl.tradeoff.table",
-    "rptcam_cl.tradeoff.text",
 ]  # none is to be added
 OPENCL = {"pyopencl", "pytools", "siphash24"}
 

@@ -1,4 +1,4 @@
-"""What a comparison of configurations found."""
+"""What a comparison of configurations found, as data."""
 
 from __future__ import annotations
 
@@ -9,8 +9,6 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.statistics import CONFIDENCE
 from rptcam_cl.tradeoff.tiers.errors import FIELDS, TierError
-
-TITLE = "Accuracy and time"
 
 
 @dataclass(frozen=True)
@@ -51,8 +49,8 @@ class Advice:
 
 
 @dataclass(frozen=True)
-class TradeoffReport:
-    """What a comparison of configurations found.
+class Comparison:
+    """What a comparison of configurations found, as data.
 
     Attributes
     ----------
@@ -81,7 +79,7 @@ class TradeoffReport:
     lens_colour_px : float or None
         How far the lens moves light of other wavelengths [pixels].
     truncation : dict
-        How much paths beyond the scene's depth could bring, as `numerics.knowledge.truncation` tells it.
+        How much paths beyond the scene's depth could bring, as `rendering.truncation` bounds it.
     advice : tuple of Advice
     skipped : dict
         Configurations that could not be rendered, and why.
@@ -105,28 +103,6 @@ class TradeoffReport:
     advice: tuple[Advice, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
 
-    def __str__(self) -> str:
-        """Return advice, tables and how they were found, as ``rptcam tradeoff`` prints them."""
-        from rptcam_cl.tradeoff.table import plain_text
-
-        return plain_text(self)
-
-    def markdown(self, title: str = TITLE) -> str:
-        """Return the same as Markdown."""
-        from rptcam_cl.tradeoff.table import markdown
-
-        return markdown(self, title)
-
-    def svg(self, title: str = TITLE) -> str:
-        """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
-        from rptcam_cl.lenstools import svg_text
-        from rptcam_cl.tradeoff.plot import tradeoff_plot
-
-        return svg_text(tradeoff_plot(self, title))
-
-    def _repr_markdown_(self) -> str:
-        return self.markdown()
-
     def named(self, name: str) -> Measurement:
         """Return the measurement of a configuration by its name or by that of another that is the same way."""
         for found in self.measurements:
@@ -141,7 +117,7 @@ class TradeoffReport:
 
     def as_dict(self) -> dict[str, Any]:
         """Return everything as plain values; what is infinite becomes null in JSON, which means never (or always)."""
-        told = asdict(self)
-        for found in told["measurements"]:
+        values = asdict(self)
+        for found in values["measurements"]:
             found["seconds_to"] = {f"{target:g}": value for target, value in found["seconds_to"].items()}
-        return told | {"fields": list(FIELDS), "confidence": CONFIDENCE}
+        return values | {"fields": list(FIELDS), "confidence": CONFIDENCE}
