@@ -7,16 +7,14 @@ thicknesses and curvatures, change their sign.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.prescription import Prescription
 
 Array = NDArray[np.float64]
 
@@ -89,7 +87,7 @@ class FirstOrder:
         return asdict(self)
 
 
-def first_order(lens: Lens, wavelength_nm: float = LINE_D_NM, section: str = "y") -> FirstOrder:
+def first_order(lens: Prescription, wavelength_nm: float = LINE_D_NM, section: str = "y") -> FirstOrder:
     """Return the first-order data of a lens at a wavelength [nm], in its y-z or x-z section."""
     if section not in ("x", "y"):
         raise InputError(f'section must be "x" or "y" (got {section!r})')
@@ -126,7 +124,7 @@ def _nodal(principal: Planes, rear: float, front: float) -> Planes:
 
 
 def system_matrix(
-    lens: Lens,
+    lens: Prescription,
     wavelength_nm: float,
     first: int = 0,
     last: int | None = None,
@@ -149,7 +147,7 @@ def system_matrix(
     return matrix
 
 
-def limiting_surface(lens: Lens, wavelength_nm: float = LINE_D_NM, section: str = "y") -> int:
+def limiting_surface(lens: Prescription, wavelength_nm: float = LINE_D_NM, section: str = "y") -> int:
     """Return the index of the stop, or of the rim that limits an axial beam from infinity when there is none."""
     if lens.stop_index is not None:
         return lens.stop_index
@@ -160,7 +158,7 @@ def limiting_surface(lens: Lens, wavelength_nm: float = LINE_D_NM, section: str 
     return int(np.argmin(ratios))
 
 
-def _pupils(lens: Lens, wavelength_nm: float, section: str) -> tuple[Pupil, Pupil]:
+def _pupils(lens: Prescription, wavelength_nm: float, section: str) -> tuple[Pupil, Pupil]:
     """Return the images of the stop, taken at the plane of its vertex, through what lies before and behind it."""
     indices = lens.indices(wavelength_nm)
     stop = limiting_surface(lens, wavelength_nm, section)

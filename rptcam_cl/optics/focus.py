@@ -7,16 +7,12 @@ crosses it at the distance returned here.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.first_order import FirstOrder
-    from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.first_order import FirstOrder
+from rptcam_cl.optics.lens import Lens
 
 MEASURED_FROM = ("film", "front")
 

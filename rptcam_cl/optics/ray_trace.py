@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,13 +13,11 @@ from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import Interface
 from rptcam_cl.optics.placement import IN_PLACE
+from rptcam_cl.optics.prescription import Prescription
 from rptcam_cl.optics.region import Region, sides
 from rptcam_cl.optics.shapes import WORTH_MOVING, meet
+from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.transmission import LensTransmission, Losses
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Surface
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -73,7 +71,7 @@ class Rays:
 
 
 def trace(
-    lens: Lens,
+    lens: Prescription,
     origins: ArrayLike,
     directions: ArrayLike,
     wavelength_nm: ArrayLike = LINE_D_NM,
@@ -84,7 +82,7 @@ def trace(
 
     Parameters
     ----------
-    lens : Lens
+    lens : Prescription
     origins, directions : (n, 3) arrays
         Points [mm] and directions of any length in the frame of the lens, z = 0 at its first vertex and +z to the film.
     wavelength_nm : float or (n,) array
@@ -105,7 +103,7 @@ def trace(
     return _trace(lens, points, vectors, wavelengths, start == "scene", transmission)
 
 
-def passing(lens: Lens, origins: Array, directions: Array, wavelength_nm: float = LINE_D_NM) -> Mask:
+def passing(lens: Prescription, origins: Array, directions: Array, wavelength_nm: float = LINE_D_NM) -> Mask:
     """Return which rays (n, 3) from the film come through: those of `trace`, in about half of its time."""
     indices = lens.indices(wavelength_nm)
     passed = np.zeros(len(origins), dtype=bool)
@@ -157,13 +155,18 @@ def _crossed(
     return at + shift, d, beside, good
 
 
-def _region_of(lens: Lens, k: int) -> Region | None:
+def _region_of(lens: Prescription, k: int) -> Region | None:
     """Return the region of a surface; None where there is no such surface."""
     return lens.surfaces[k].region if 0 <= k < len(lens.surfaces) else None
 
 
 def _trace(
-    lens: Lens, points: Array, vectors: Array, wavelengths: Array, forward: bool, transmission: LensTransmission | None
+    lens: Prescription,
+    points: Array,
+    vectors: Array,
+    wavelengths: Array,
+    forward: bool,
+    transmission: LensTransmission | None,
 ) -> Rays:
     """Return the rays after they have crossed every surface in turn."""
     indices = lens.indices(wavelengths)
@@ -179,7 +182,9 @@ def _trace(
     return rays
 
 
-def _trace_part(lens: Lens, rays: Rays, part: slice, indices: Array, forward: bool, losses: Losses | None) -> None:
+def _trace_part(
+    lens: Prescription, rays: Rays, part: slice, indices: Array, forward: bool, losses: Losses | None
+) -> None:
     """Trace some of the rays and write the results in their place."""
     beam = _Beam(rays, part, indices, losses)
     for k in range(len(lens.surfaces)) if forward else range(len(lens.surfaces) - 1, -1, -1):

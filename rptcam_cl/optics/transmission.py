@@ -6,21 +6,21 @@ Reflected light is lost; it makes no ghosts. Each surface counts with the mean o
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.optics.coating import BARE, Coating, Interface, MeasuredReflectance, QuarterWave
+from rptcam_cl.optics.first_order import first_order
 from rptcam_cl.optics.glass import Medium, attenuation
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
-    from rptcam_cl.optics.surface import Surface
+from rptcam_cl.optics.prescription import Prescription
+from rptcam_cl.optics.surface import Surface
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
+L = TypeVar("L", bound=Prescription)
 
 AIR_LIKE = 1e-3  # a medium whose index is nearer to 1 takes a lens's own coating like air
 
@@ -71,7 +71,7 @@ def meets_air(before: Medium, after: Medium) -> bool:
     return any(close) and not all(close)
 
 
-def with_coating(lens: Lens, coating: Coating) -> Lens:
+def with_coating(lens: L, coating: Coating) -> L:
     """Return the lens with a coating on every surface between glass and air."""
     sides = zip(lens.media, lens.media[1:], strict=False)
     surfaces = [
@@ -81,7 +81,7 @@ def with_coating(lens: Lens, coating: Coating) -> Lens:
     return replace(lens, surfaces=tuple(surfaces))
 
 
-def has_coatings(lens: Lens) -> bool:
+def has_coatings(lens: Prescription) -> bool:
     """Return whether the lens says what lies on any of its surfaces."""
     return any(surface.coating is not None for surface in lens.surfaces)
 
@@ -91,7 +91,7 @@ class Losses:
 
     Parameters
     ----------
-    lens : Lens
+    lens : Prescription
     transmission : LensTransmission
     wavelengths : float or (n,) array
         Of the rays [nm].
@@ -99,7 +99,7 @@ class Losses:
         Number of rays.
     """
 
-    def __init__(self, lens: Lens, transmission: LensTransmission, wavelengths: Array, count: int) -> None:
+    def __init__(self, lens: Prescription, transmission: LensTransmission, wavelengths: Array, count: int) -> None:
         self.transmission = transmission
         self.wavelengths = np.broadcast_to(wavelengths, (count,))
         self.attenuations = [
@@ -131,7 +131,7 @@ class Losses:
 
 
 def axial_transmittance(
-    lens: Lens, wavelength_nm: ArrayLike = LINE_D_NM, transmission: LensTransmission = COATED
+    lens: Prescription, wavelength_nm: ArrayLike = LINE_D_NM, transmission: LensTransmission = COATED
 ) -> Array:
     """Return the share of light that passes along the axis, from the first vertex to the last, at wavelengths [nm]."""
     wavelengths = np.asarray(wavelength_nm, dtype=np.float64)
@@ -148,13 +148,15 @@ def axial_transmittance(
     return passed
 
 
-def axial_t_number(lens: Lens, wavelength_nm: float = LINE_D_NM, transmission: LensTransmission = COATED) -> float:
+def axial_t_number(
+    lens: Prescription, wavelength_nm: float = LINE_D_NM, transmission: LensTransmission = COATED
+) -> float:
     """Return the f-number over the root of the axial transmittance (W. Smith, Modern Optical Engineering)."""
     passed = float(axial_transmittance(lens, wavelength_nm, transmission))
-    return lens.first_order(wavelength_nm).f_number / float(np.sqrt(passed))
+    return first_order(lens, wavelength_nm).f_number / float(np.sqrt(passed))
 
 
-def known_nm(lens: Lens, transmission: LensTransmission) -> tuple[float, float]:
+def known_nm(lens: Prescription, transmission: LensTransmission) -> tuple[float, float]:
     """Return the wavelengths for which the losses are known [nm]; without limits, 0 and infinity."""
     limits = [(0.0, np.inf)]
     if transmission.absorption:
@@ -166,7 +168,7 @@ def known_nm(lens: Lens, transmission: LensTransmission) -> tuple[float, float]:
     return max(low for low, _ in limits), min(high for _, high in limits)
 
 
-def is_tinted(lens: Lens, transmission: LensTransmission) -> bool:
+def is_tinted(lens: Prescription, transmission: LensTransmission) -> bool:
     """Return whether coatings or glass take more from one colour than from another."""
     low, high = known_nm(lens, transmission)
     if not low < high:

@@ -2,70 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.focus import film_distance, object_distance
-
-if TYPE_CHECKING:
-    from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.prescription import Configuration, FocusingGroup
 
 STEPS = 64
-
-
-@dataclass(frozen=True)
-class Configuration:
-    """One published state of a zoom lens.
-
-    Attributes
-    ----------
-    name : str
-    gaps : tuple of (surface, thickness)
-        Thickness behind each surface whose gap varies [mm].
-    stop_diameter_mm : float or None
-        Stop diameter of this state when it differs.
-    """
-
-    name: str
-    gaps: tuple[tuple[int, float], ...]
-    stop_diameter_mm: float | None = None
-
-
-@dataclass(frozen=True)
-class FocusingGroup:
-    """Neighbouring surfaces that move together to focus.
-
-    Attributes
-    ----------
-    first, last : int
-        Surfaces of the group.
-    travel_mm : tuple of float
-        Least and greatest shift towards the film; 0 is the place in the table.
-    """
-
-    first: int
-    last: int
-    travel_mm: tuple[float, float]
-
-
-@dataclass(frozen=True)
-class FocusState:
-    """The gaps of a lens whose groups float, focused at one distance.
-
-    Attributes
-    ----------
-    distance_mm : float
-        From the object plane to the film.
-    gaps : tuple of (surface, thickness)
-        Thickness behind each surface whose gap varies [mm].
-    """
-
-    distance_mm: float
-    gaps: tuple[tuple[int, float], ...]
 
 
 def floated(lens: Lens, distance_mm: float) -> Lens:

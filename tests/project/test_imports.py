@@ -67,14 +67,8 @@ INNER = {"assets": 2, "importers": 2, "core": 2, "cli": 9, "api": 9}  # names be
 CIRCLES: list[str] = [
     "rptcam_cl.cli",
     "rptcam_cl.cli.demo",
-    "rptcam_cl.optics.first_order",
-    "rptcam_cl.optics.focus",
-    "rptcam_cl.optics.lens",
-    "rptcam_cl.optics.ray_trace",
     "rptcam_cl.optics.shapes",
     "rptcam_cl.optics.surface",
-    "rptcam_cl.optics.transmission",
-    "rptcam_cl.optics.variable",
 ]  # none is to be added
 OPENCL = {"pyopencl", "pytools", "siphash24"}
 

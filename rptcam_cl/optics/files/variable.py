@@ -5,7 +5,7 @@ from __future__ import annotations
 from rptcam_cl.core.strict_yaml import Document
 from rptcam_cl.optics.files.fields import Fields, as_number, problem
 from rptcam_cl.optics.files.keys import CONFIGURATION, FLOATING, FOCUSING
-from rptcam_cl.optics.variable import Configuration, FocusingGroup, FocusState
+from rptcam_cl.optics.prescription import Configuration, FocusingGroup, FocusState
 
 
 def read_configurations(document: Document, top: Fields, count: int, scale: float) -> tuple[Configuration, ...]:
