@@ -18,7 +18,7 @@ from rptcam_cl.assets.meshes import (
     MeshSurface,
     NormalsMode,
     as_triangles,
-    finished,
+    make_contents,
     read_mesh_file,
     winding_number,
 )
@@ -79,14 +79,14 @@ class MeshLibrary:
         """Return the material of each part: the object's, or those of the file."""
         if item.material is not None:
             return (item.material,) * len(contents.parts)
-        looks = [part.look for part in contents.parts if part.look is not None]
-        if len(looks) < len(contents.parts):
+        given = [part.material for part in contents.parts if part.material is not None]
+        if len(given) < len(contents.parts):
             why = "; ".join((f"{item.file or 'a mesh that is written out or named'} has none", *contents.notes))
             raise InputError(f"needs the key material: {why} (allowed: a material mapping, or the name of one)")
-        for look in looks:
-            if look not in self._materials:
-                self._materials[look] = material_of(look, self._folders)
-        return tuple(self._materials[look] for look in looks)
+        for material in given:
+            if material not in self._materials:
+                self._materials[material] = material_of(material, self._folders)
+        return tuple(self._materials[material] for material in given)
 
 
 class _Same:
@@ -112,7 +112,7 @@ def _written_out(source: MeshSource) -> MeshContents:
         None if normals is None else normals.rows,
         None if source.uvs is None else source.uvs.rows,
     )
-    return finished(Draft([surface]), "the mesh")
+    return make_contents(Draft([surface]), "the mesh")
 
 
 def _printable(value: str) -> str:

@@ -7,7 +7,8 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from rptcam_cl.assets.meshes import FileMaterial, FileTexture, has_alpha
+from rptcam_cl.assets.meshes import FileMaterial, FileTexture
+from rptcam_cl.assets.pictures import has_alpha
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.scene.colours import Colour
@@ -22,7 +23,7 @@ from rptcam_cl.scene.texture import ImageTexture
 SMALLEST = 1e-30
 
 
-def material_of(look: FileMaterial, folders: Folders) -> Material:
+def material_of(given: FileMaterial, folders: Folders) -> Material:
     """Return the material that shows what a file says about a surface.
 
     Raises
@@ -31,73 +32,73 @@ def material_of(look: FileMaterial, folders: Folders) -> Material:
         When a picture is missing, or lies where the scene may not read.
     """
     try:
-        return _Looked(look, folders).material()
+        return _Translation(given, folders).material()
     except ValidationError as problem:
         reason = problem.errors(include_url=False)[0]
         raise InputError(
-            f"material {look.name!r} cannot be shown: {'.'.join(map(str, reason['loc']))} {reason['msg']}"
+            f"material {given.name!r} cannot be shown: {'.'.join(map(str, reason['loc']))} {reason['msg']}"
         ) from None
 
 
-class _Looked:
-    """A look on the way to a material."""
+class _Translation:
+    """What a file says about a surface, on the way to a material of the scene."""
 
-    def __init__(self, look: FileMaterial, folders: Folders) -> None:
-        self._look = look
+    def __init__(self, given: FileMaterial, folders: Folders) -> None:
+        self._given = given
         self._folders = folders
         self._cover = self._covering()
         self._bumps = self._cover | {"normal_map": self._normal_map()}
 
     def material(self) -> Material:
         """Return the material."""
-        look = self._look
-        emits = max(look.emission) > 0
-        black = max(look.base_color) == 0 and look.metallic == 0
-        if emits and black and look.matte and look.emission_painting is None:
-            radiance = _within(look.emission, LARGEST_RADIANCE)
-            return Emissive(kind="emissive", radiance=radiance, two_sided=look.both_sides)
-        if look.matte and not emits:
+        given = self._given
+        emits = max(given.emission) > 0
+        black = max(given.base_color) == 0 and given.metallic == 0
+        if emits and black and given.matte and given.emission_texture is None:
+            radiance = _within(given.emission, LARGEST_RADIANCE)
+            return Emissive(kind="emissive", radiance=radiance, two_sided=given.both_sides)
+        if given.matte and not emits:
             return Matte(kind="matte", reflectance=self._base(), **self._bumps)
-        if look.transmission == 0 or look.solid:
+        if given.transmission == 0 or given.solid:
             return self._solid()
         return self._pane()
 
     def _solid(self) -> Dielectric | Principled:
-        look = self._look
-        clear = min(look.base_color) == 1 and look.base_painting is None and look.roughness == 0
-        if look.transmission == 1 and clear and look.metallic == 0 and look.clearcoat == 0 and max(look.emission) == 0:
+        given = self._given
+        clear = given.transmission == 1 and min(given.base_color) == 1 and given.base_texture is None
+        if clear and given.roughness == given.metallic == given.clearcoat == max(given.emission) == 0:
             return Dielectric(
-                kind="dielectric", index=_clipped(look.index, 0.2, 5), **self._absorption(), **self._bumps
+                kind="dielectric", index=_clipped(given.index, 0.2, 5), **self._absorption(), **self._bumps
             )
-        return self._principled(look.transmission)
+        return self._principled(given.transmission)
 
     def _pane(self) -> Material:
         """Return a pane without thickness, beside what is not transparent."""
-        look = self._look
+        given = self._given
         pane = ThinGlass(
             kind="thin_glass",
-            index=_clipped(look.index, 0.2, 5),
-            transmittance=_within(look.base_color, 1.0),
+            index=_clipped(given.index, 0.2, 5),
+            transmittance=_within(given.base_color, 1.0),
             **self._cover,
         )
-        if look.transmission == 1 and look.metallic == 0:
+        if given.transmission == 1 and given.metallic == 0:
             return pane
         rest = self._principled(0.0)
-        return Mix(kind="mix", materials=(rest, pane), factor=look.transmission * (1 - look.metallic))
+        return Mix(kind="mix", materials=(rest, pane), factor=given.transmission * (1 - given.metallic))
 
     def _principled(self, transmission: float) -> Principled:
-        look = self._look
-        gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if look.matte else {
-            "specular": look.specular,
-            "metallic": self._share(look.metallic, look.metallic_painting, "b"),
-            "roughness": self._share(look.roughness, look.roughness_painting, "g"),
-            "clearcoat": look.clearcoat,
-            "clearcoat_roughness": look.clearcoat_roughness,
+        given = self._given
+        gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if given.matte else {
+            "specular": given.specular,
+            "metallic": self._share(given.metallic, given.metallic_texture, "b"),
+            "roughness": self._share(given.roughness, given.roughness_texture, "g"),
+            "clearcoat": given.clearcoat,
+            "clearcoat_roughness": given.clearcoat_roughness,
         }  # fmt: skip
         return Principled(
             kind="principled",
             base_color=self._base(),
-            index=_clipped(look.index, 1 + LEAST_BEND if transmission else 1.0, 5),
+            index=_clipped(given.index, 1 + LEAST_BEND if transmission else 1.0, 5),
             transmission=transmission,
             emission=self._emission(),
             **gloss,
@@ -106,81 +107,81 @@ class _Looked:
         )
 
     def _base(self) -> Colour | ImageTexture:
-        look = self._look
-        if look.base_painting is None:
-            return _within(look.base_color, 1.0)
-        return self._texture(look.base_painting, gain=_within(look.base_color, 1.0))
+        given = self._given
+        if given.base_texture is None:
+            return _within(given.base_color, 1.0)
+        return self._texture(given.base_texture, gain=_within(given.base_color, 1.0))
 
     def _emission(self) -> Colour | ImageTexture:
-        look = self._look
-        if look.emission_painting is None or max(look.emission) == 0:
-            return _within(look.emission, LARGEST_RADIANCE)
-        return self._texture(look.emission_painting, gain=_within(look.emission, LARGEST_GAIN))
+        given = self._given
+        if given.emission_texture is None or max(given.emission) == 0:
+            return _within(given.emission, LARGEST_RADIANCE)
+        return self._texture(given.emission_texture, gain=_within(given.emission, LARGEST_GAIN))
 
-    def _share(self, factor: float, painting: FileTexture | None, channel: str) -> float | ImageTexture:
+    def _share(self, factor: float, file_texture: FileTexture | None, channel: str) -> float | ImageTexture:
         factor = _clipped(factor, 0.0, 1.0)
-        if painting is None or factor == 0:
+        if file_texture is None or factor == 0:
             return factor
-        return self._texture(painting, gain=factor, channel=channel)
+        return self._texture(file_texture, gain=factor, channel=channel)
 
     def _absorption(self) -> dict[str, Any]:
-        if self._look.attenuation is None:
+        if self._given.attenuation is None:
             return {}
-        colour, distance = self._look.attenuation
+        colour, distance = self._given.attenuation
         left = Attenuation(color=_within(colour, 1.0), distance_m=_clipped(distance, 1e-9, 1e9))
         return {"attenuation": left}
 
     def _covering(self) -> dict[str, Any]:
-        look = self._look
+        given = self._given
         mask: dict[str, Any] = {}
-        if look.opacity_cutoff is not None:
-            mask = {"opacity_mode": "mask", "opacity_cutoff": _clipped(look.opacity_cutoff, 0.0, 1.0)}
-        painting = look.opacity_painting
-        if painting is None:
-            return {"opacity": _clipped(look.opacity, 0.0, 1.0), **mask}
-        transparent = has_alpha(self._source(painting))
-        if not transparent and painting == look.base_painting:
-            return {"opacity": _clipped(look.opacity, 0.0, 1.0), **mask}
-        return {"opacity": self._share(look.opacity, painting, "a" if transparent else "r"), **mask}
+        if given.opacity_cutoff is not None:
+            mask = {"opacity_mode": "mask", "opacity_cutoff": _clipped(given.opacity_cutoff, 0.0, 1.0)}
+        file_texture = given.opacity_texture
+        if file_texture is None:
+            return {"opacity": _clipped(given.opacity, 0.0, 1.0), **mask}
+        transparent = has_alpha(self._source(file_texture))
+        if not transparent and file_texture == given.base_texture:
+            return {"opacity": _clipped(given.opacity, 0.0, 1.0), **mask}
+        return {"opacity": self._share(given.opacity, file_texture, "a" if transparent else "r"), **mask}
 
     def _normal_map(self) -> NormalMap | None:
-        look = self._look
-        if look.normals is None:
+        given = self._given
+        if given.normals is None:
             return None
-        found = NormalMap(**self._laid(look.normals), strength=_clipped(look.normals_strength, 0.0, 10.0))
-        self._fill(found, look.normals)
+        found = NormalMap(**self._laid(given.normals), strength=_clipped(given.normals_strength, 0.0, 10.0))
+        self._fill(found, given.normals)
         return found
 
-    def _source(self, painting: FileTexture) -> Path | bytes:
-        if isinstance(painting.source, bytes):
-            return painting.source
+    def _source(self, file_texture: FileTexture) -> Path | bytes:
+        if isinstance(file_texture.source, bytes):
+            return file_texture.source
         try:
-            return self._folders.find(str(painting.source))
+            return self._folders.find(str(file_texture.source))
         except InputError as problem:
-            raise InputError(f"material {self._look.name!r}: {painting.name}: {problem}") from None
+            raise InputError(f"material {self._given.name!r}: {file_texture.name}: {problem}") from None
 
-    def _texture(self, painting: FileTexture, **keys: Any) -> ImageTexture:
-        found = ImageTexture(kind="image", **self._laid(painting), **keys)
-        self._fill(found, painting)
+    def _texture(self, file_texture: FileTexture, **keys: Any) -> ImageTexture:
+        found = ImageTexture(kind="image", **self._laid(file_texture), **keys)
+        self._fill(found, file_texture)
         return found
 
-    def _laid(self, painting: FileTexture) -> dict[str, Any]:
+    def _laid(self, file_texture: FileTexture) -> dict[str, Any]:
         """Return the keys of a texture that say which picture it is and how it lies."""
-        source = self._source(painting)
+        source = self._source(file_texture)
         return {
-            "file": painting.name if isinstance(source, bytes) else str(source),
-            "scale": painting.scale,
-            "offset": painting.offset,
-            "rotation_degrees": painting.rotation_degrees,
-            "wrap": painting.wrap,
-            "filter": "nearest" if painting.nearest else "bilinear",
+            "file": file_texture.name if isinstance(source, bytes) else str(source),
+            "scale": file_texture.scale,
+            "offset": file_texture.offset,
+            "rotation_degrees": file_texture.rotation_degrees,
+            "wrap": file_texture.wrap,
+            "filter": "nearest" if file_texture.nearest else "bilinear",
         }
 
-    def _fill(self, texture: ImageTexture, painting: FileTexture) -> None:
+    def _fill(self, texture: ImageTexture, file_texture: FileTexture) -> None:
         """Give a texture its content, and errors about it their place."""
-        texture._place = f"material {self._look.name!r}: {painting.name}: "
-        if isinstance(painting.source, bytes):
-            texture._data = painting.source
+        texture._place = f"material {self._given.name!r}: {file_texture.name}: "
+        if isinstance(file_texture.source, bytes):
+            texture._data = file_texture.source
 
 
 def _clipped(value: float, low: float, high: float) -> float:

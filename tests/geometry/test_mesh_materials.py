@@ -28,8 +28,8 @@ DOTS = FileTexture(png(), "dots")
 SEEN = FileTexture(png("RGBA"), "seen")
 
 
-def shown(**look: Any) -> Material:
-    return material_of(FileMaterial(name="m", **look), Folders())
+def shown(**given: Any) -> Material:
+    return material_of(FileMaterial(name="m", **given), Folders())
 
 
 def keys_of(material: Material) -> dict[str, Any]:
@@ -39,11 +39,11 @@ def keys_of(material: Material) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize(
-    ("look", "expected"),
+    ("given", "expected"),
     [
         ({"matte": True, "base_color": (0.1, 0.2, 0.3)}, {"kind": "matte", "reflectance": (0.1, 0.2, 0.3)}),
         (
-            {"matte": True, "base_painting": DOTS, "normals": DOTS},
+            {"matte": True, "base_texture": DOTS, "normals": DOTS},
             {"kind": "matte", "reflectance": "dots", "normal_map": "dots"},
         ),
         (
@@ -56,15 +56,15 @@ def keys_of(material: Material) -> dict[str, Any]:
         ),
         (
             {
-                "metallic_painting": DOTS,
+                "metallic_texture": DOTS,
                 "metallic": 1.0,
-                "roughness_painting": DOTS,
-                "emission_painting": DOTS,
+                "roughness_texture": DOTS,
+                "emission_texture": DOTS,
                 "emission": (1, 1, 1),
             },
             {"kind": "principled", "metallic": "dots", "roughness": "dots", "emission": "dots"},
         ),
-        ({"metallic_painting": DOTS}, {"kind": "principled", "metallic": 0.0}),
+        ({"metallic_texture": DOTS}, {"kind": "principled", "metallic": 0.0}),
         ({"matte": True, "emission": (1, 1, 1)}, {"kind": "principled", "specular": 0.0, "emission": (1, 1, 1)}),
         (
             {"transmission": 1.0, "solid": True, "base_color": (1, 1, 1), "roughness": 0, "index": 1.4},
@@ -81,26 +81,26 @@ def keys_of(material: Material) -> dict[str, Any]:
         ({"transmission": 0.25}, {"kind": "mix", "factor": 0.25}),
         ({"opacity": 0.5}, {"kind": "principled", "opacity": 0.5}),
         (
-            {"opacity_painting": SEEN, "base_painting": SEEN, "opacity_cutoff": 0.3},
+            {"opacity_texture": SEEN, "base_texture": SEEN, "opacity_cutoff": 0.3},
             {"base_color": "seen", "opacity": "seen", "opacity_mode": "mask", "opacity_cutoff": 0.3},
         ),
-        ({"opacity_painting": DOTS, "base_painting": DOTS, "opacity": 0.5}, {"base_color": "dots", "opacity": 0.5}),
-        ({"opacity_painting": DOTS}, {"opacity": "dots"}),
+        ({"opacity_texture": DOTS, "base_texture": DOTS, "opacity": 0.5}, {"base_color": "dots", "opacity": 0.5}),
+        ({"opacity_texture": DOTS}, {"opacity": "dots"}),
         # Beyond what a scene takes: brought inside.
         ({"emission": (1e40, 1e-40, 0)}, {"emission": (1e30, 0.0, 0.0)}),
         ({"index": 0.5, "base_color": (2, 1, 1)}, {"index": 1.0, "base_color": (1, 1, 1)}),
         ({"index": 1.0, "transmission": 1.0, "solid": True}, {"index": 1.01}),
     ],
 )
-def test_look_becomes_a_material(look: dict[str, Any], expected: dict[str, Any]) -> None:
-    found = keys_of(shown(**look))
+def test_material_of_a_file_becomes_one_of_the_scene(given: dict[str, Any], expected: dict[str, Any]) -> None:
+    found = keys_of(shown(**given))
     assert {key: found[key] for key in expected} == expected
 
 
 def test_channels_and_factors_of_pictures() -> None:
     material = shown(
-        base_painting=SEEN, base_color=(1, 0.5, 0.25), metallic_painting=SEEN, metallic=0.5, roughness_painting=SEEN,
-        roughness=0.75, opacity_painting=SEEN, opacity=0.9, normals=SEEN, normals_strength=2.0,
+        base_texture=SEEN, base_color=(1, 0.5, 0.25), metallic_texture=SEEN, metallic=0.5, roughness_texture=SEEN,
+        roughness=0.75, opacity_texture=SEEN, opacity=0.9, normals=SEEN, normals_strength=2.0,
     )  # fmt: skip
     channels = {name: getattr(material, name).channel for name in ("base_color", "metallic", "roughness", "opacity")}
     assert channels == {"base_color": "rgb", "metallic": "b", "roughness": "g", "opacity": "a"}
@@ -111,7 +111,7 @@ def test_channels_and_factors_of_pictures() -> None:
         "roughness": (0.75,) * 3,
         "opacity": (0.9,) * 3,
     }
-    assert shown(opacity_painting=DOTS).opacity.channel == "r"  # type: ignore[union-attr]
+    assert shown(opacity_texture=DOTS).opacity.channel == "r"  # type: ignore[union-attr]
     normals = material.normal_map  # type: ignore[union-attr]
     assert normals is not None and (normals.strength, normals.color_space) == (2.0, "linear")
 

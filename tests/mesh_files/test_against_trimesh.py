@@ -71,7 +71,7 @@ def test_exported_tree_of_nodes_comes_back(tmp_path: Path) -> None:
     contents = read_mesh_file(tmp_path / "a.glb", lambda reference: tmp_path / reference)
     first, second = contents.parts
     assert first.mesh is second.mesh
-    assert first.look is not None and first.look.base_color == pytest.approx((0.2, 0.4, 0.6))
+    assert first.material is not None and first.material.base_color == pytest.approx((0.2, 0.4, 0.6))
     for part in contents.parts:
         assert part.name is not None
         assert np.allclose(part.placement, scene.graph[part.name][0], atol=1e-6)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from rptcam_cl.assets.meshes import Dropped, Polygons, as_triangles
 from rptcam_cl.assets.meshes.clean import sound_faces
-from rptcam_cl.assets.meshes.winding import winding_number
+from rptcam_cl.assets.meshes.mesh import winding_number
 
 from .conftest import Read
 

@@ -60,7 +60,7 @@ def test_primitives_of_a_mesh_are_parts_with_their_materials(read: Read) -> None
     other = writer.array([[0, 0, 5], [1, 0, 5], [0, 1, 5]])
     writer.json["meshes"][0]["primitives"].append({"attributes": {"POSITION": other}, "material": 0})
     writer.json["materials"] = [{"name": "one"}, {"name": "two"}]
-    names = [part.look.name for part in read("a.glb", writer.glb()).parts if part.look is not None]
+    names = [part.material.name for part in read("a.glb", writer.glb()).parts if part.material is not None]
     assert names == ["two", "one"]
 
 

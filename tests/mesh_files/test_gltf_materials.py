@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.assets.meshes import FileMaterial, MeshContents, has_alpha
+from rptcam_cl.assets.meshes import FileMaterial, MeshContents
+from rptcam_cl.assets.pictures import has_alpha
 
 from .conftest import Read
 from .gltf_writer import GltfWriter, triangle
@@ -29,22 +30,23 @@ def contents_of(read: Read, material: dict[str, Any], **parts: Any) -> MeshConte
     return read("a.glb", textured(material, **parts).glb())
 
 
-def look_of(read: Read, material: dict[str, Any], **parts: Any) -> FileMaterial:
-    look = contents_of(read, material, **parts).parts[0].look
-    assert look is not None
-    return look
+def material_of(read: Read, material: dict[str, Any], **parts: Any) -> FileMaterial:
+    found = contents_of(read, material, **parts).parts[0].material
+    assert found is not None
+    return found
 
 
 def test_defaults_are_those_of_the_format(read: Read) -> None:
-    assert look_of(read, {}) == FileMaterial(base_color=(1, 1, 1), metallic=1, roughness=1)
+    assert material_of(read, {}) == FileMaterial(base_color=(1, 1, 1), metallic=1, roughness=1)
 
 
 def test_primitive_without_a_material_has_the_default_one(read: Read) -> None:
-    assert read("a.glb", triangle().glb()).parts[0].look == FileMaterial(base_color=(1, 1, 1), metallic=1, roughness=1)
+    found = read("a.glb", triangle().glb()).parts[0].material
+    assert found == FileMaterial(base_color=(1, 1, 1), metallic=1, roughness=1)
 
 
 def test_numbers_carry_over(read: Read) -> None:
-    look = look_of(read, {
+    found = material_of(read, {
         "name": "paint",
         "pbrMetallicRoughness": {
             "baseColorFactor": [0.1, 0.2, 0.3, 0.4], "metallicFactor": 0.5, "roughnessFactor": 0.25,
@@ -58,7 +60,7 @@ def test_numbers_carry_over(read: Read) -> None:
             "KHR_materials_clearcoat": {"clearcoatFactor": 0.7, "clearcoatRoughnessFactor": 0.1},
         },
     })  # fmt: skip
-    assert look == FileMaterial(
+    assert found == FileMaterial(
         name="paint", base_color=(0.1, 0.2, 0.3), metallic=0.5, roughness=0.25, specular=0.6, opacity=0.4,
         opacity_cutoff=0.3, emission=(0, 4, 8), both_sides=True, index=1.33, transmission=0.9, solid=True,
         attenuation=((1, 0.5, 0), 2), clearcoat=0.7, clearcoat_roughness=0.1,
@@ -74,47 +76,47 @@ EXTENSIONS = (
 @pytest.mark.parametrize("name", EXTENSIONS)
 def test_every_extension_has_its_defaults(read: Read, name: str) -> None:
     """Strength 1, index 1.5, specular 1, no transmission, no volume of an infinite attenuation distance, no coat."""
-    assert look_of(read, {"extensions": {name: {}}}) == look_of(read, {})
+    assert material_of(read, {"extensions": {name: {}}}) == material_of(read, {})
 
 
 def test_a_volume_without_a_distance_absorbs_nothing(read: Read) -> None:
     volume = {"thicknessFactor": 1, "attenuationColor": [1, 0.5, 0]}
-    look = look_of(read, {"extensions": {"KHR_materials_volume": volume}})
-    assert (look.solid, look.attenuation) == (True, None)
+    found = material_of(read, {"extensions": {"KHR_materials_volume": volume}})
+    assert (found.solid, found.attenuation) == (True, None)
 
 
 def test_alpha_counts_only_where_the_mode_says_so(read: Read) -> None:
     surface = {"baseColorFactor": [1, 1, 1, 0.5], "baseColorTexture": {"index": 0}}
-    opaque = look_of(read, {"pbrMetallicRoughness": surface})
-    blend = look_of(read, {"pbrMetallicRoughness": surface, "alphaMode": "BLEND"})
-    assert (opaque.opacity, opaque.opacity_painting, opaque.opacity_cutoff) == (1, None, None)
-    assert (blend.opacity, blend.opacity_painting, blend.opacity_cutoff) == (0.5, blend.base_painting, None)
+    opaque = material_of(read, {"pbrMetallicRoughness": surface})
+    blend = material_of(read, {"pbrMetallicRoughness": surface, "alphaMode": "BLEND"})
+    assert (opaque.opacity, opaque.opacity_texture, opaque.opacity_cutoff) == (1, None, None)
+    assert (blend.opacity, blend.opacity_texture, blend.opacity_cutoff) == (0.5, blend.base_texture, None)
 
 
 def test_pictures_inside_the_file(read: Read) -> None:
     reference = {"index": 0}
     sampler = {"wrapS": 33071, "wrapT": 33071, "magFilter": 9728}
-    look = look_of(read, {
+    found = material_of(read, {
         "pbrMetallicRoughness": {"baseColorTexture": reference, "metallicRoughnessTexture": reference},
         "normalTexture": {"index": 0, "scale": 0.5}, "emissiveTexture": reference, "emissiveFactor": [1, 1, 1],
     }, samplers=[sampler], textures=[{"source": 0, "sampler": 0}])  # fmt: skip
-    painting = look.base_painting
-    assert painting is not None
-    assert (painting.source, painting.name, painting.wrap, painting.nearest) == (PIXEL, "dots", "clamp", True)
-    assert look.metallic_painting == look.roughness_painting == look.normals == look.emission_painting == painting
-    assert look.normals_strength == 0.5
+    texture = found.base_texture
+    assert texture is not None
+    assert (texture.source, texture.name, texture.wrap, texture.nearest) == (PIXEL, "dots", "clamp", True)
+    assert found.metallic_texture == found.roughness_texture == found.normals == found.emission_texture == texture
+    assert found.normals_strength == 0.5
 
 
 def test_transform_of_a_texture_turns_as_its_description_says(read: Read) -> None:
     # "utilizes only the lower left quadrant of the source image, rotated clockwise": glTF's own example.
     transform = {"offset": [0, 1], "rotation": math.pi / 2, "scale": [0.5, 0.5]}
     reference = {"index": 0, "extensions": {"KHR_texture_transform": transform}}
-    painting = look_of(read, {"pbrMetallicRoughness": {"baseColorTexture": reference}}).base_painting
-    assert painting is not None
-    angle = math.radians(painting.rotation_degrees)
+    texture = material_of(read, {"pbrMetallicRoughness": {"baseColorTexture": reference}}).base_texture
+    assert texture is not None
+    angle = math.radians(texture.rotation_degrees)
     turn = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
     corners = np.array([[0, 0], [1, 0], [1, 1], [0, 1]])  # of the surface, v upwards
-    seen = corners * painting.scale @ turn.T + painting.offset
+    seen = corners * texture.scale @ turn.T + texture.offset
     # The lower left quadrant of the picture, its lower left corner seen at the surface's upper left.
     assert np.allclose(seen, [[0.5, 0], [0.5, 0.5], [0, 0.5], [0, 0]], atol=1e-12)
 
@@ -132,8 +134,8 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
     writer = textured({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "baseColorFactor": [1, 0, 0, 1]}})
     attributes = writer.json["meshes"][0]["primitives"][0]["attributes"]
     del attributes["TEXCOORD_0"]
-    look = read("a.glb", writer.glb()).parts[0].look
-    assert look is not None and look.base_painting is None and look.base_color == (1, 0, 0)
+    found = read("a.glb", writer.glb()).parts[0].material
+    assert found is not None and found.base_texture is None and found.base_color == (1, 0, 0)
 
 
 @pytest.mark.parametrize(

@@ -95,19 +95,19 @@ def test_each_material_is_a_part(read: Read, tmp_path: Path) -> None:
     text += "usemtl red one\nf 2 4 3\n"
     parts = {part.name: part for part in read("a.obj", text).parts}
     assert {name: len(part.mesh.faces) for name, part in parts.items()} == {None: 1, "red one": 2, "lamp": 1}
-    looks = {name: part.look for name, part in parts.items()}
-    assert looks["red one"] is not None and looks["lamp"] is not None and looks[None] is not None
-    assert looks["red one"].base_color == (0.7, 0.1, 0.1) and looks["red one"].matte
-    assert looks["lamp"].emission == (5, 4, 3)
-    assert looks[None].base_color == (0.8, 0.8, 0.8)
+    materials = {name: part.material for name, part in parts.items()}
+    assert materials["red one"] is not None and materials["lamp"] is not None and materials[None] is not None
+    assert materials["red one"].base_color == (0.7, 0.1, 0.1) and materials["red one"].matte
+    assert materials["lamp"].emission == (5, 4, 3)
+    assert materials[None].base_color == (0.8, 0.8, 0.8)
     # A part holds the vertices that it shows, no others.
     assert len(parts["lamp"].mesh.positions) == 3
 
 
 def test_missing_library_is_noted(read: Read) -> None:
-    # What finds files refuses this one; the mesh is there all the same, without a look.
+    # What finds files refuses this one; the mesh is there all the same, without a material.
     contents = read("a.obj", f"mtllib missing.mtl\n{SQUARE}f 1 2 3\n")
-    assert contents.parts[0].look is None
+    assert contents.parts[0].material is None
     assert "a.obj:1: mtllib missing.mtl is left out: no such file" in contents.notes[0]
 
 
@@ -116,23 +116,25 @@ def test_material_carries_over(read: Read, tmp_path: Path) -> None:
         "# made by hand\nnewmtl w\nillum 2\nKd 0.5\nKs 0.04 0.04 0.04\nNs 98\nNi 1.4\nTr 0.25\n"
         "map_Kd -s 2 3 1 -o 0.5 -clamp on wood grain.png\nnorm -bm 0.5 wood grain.png\nPm 0.5\n"
     )
-    look = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].look
-    assert look is not None and look.base_painting is not None and look.normals is not None
-    assert look.base_painting.source == tmp_path / "wood grain.png"
-    assert (look.base_painting.scale, look.base_painting.offset, look.base_painting.wrap) == ((2, 3), (0.5, 0), "clamp")
-    assert (look.base_color, look.index, look.opacity, look.metallic) == ((0.5, 0.5, 0.5), 1.4, 0.75, 0.5)
-    assert look.roughness**4 == pytest.approx(2 / 100)  # alpha² = 2 / (Ns + 2)
+    material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
+    assert material is not None and material.base_texture is not None and material.normals is not None
+    texture = material.base_texture
+    assert texture.source == tmp_path / "wood grain.png"
+    assert (texture.scale, texture.offset, texture.wrap) == ((2, 3), (0.5, 0), "clamp")
+    assert (material.base_color, material.index) == ((0.5, 0.5, 0.5), 1.4)
+    assert (material.opacity, material.metallic) == (0.75, 0.5)
+    assert material.roughness**4 == pytest.approx(2 / 100)  # alpha² = 2 / (Ns + 2)
 
 
 def test_factor_of_a_map_without_a_value_is_1(read: Read, tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl w\nmap_Pr r.png\nmap_Pm m.png\nmap_Ke e.png\n")
-    look = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].look
-    assert look is not None
-    assert (look.roughness, look.metallic, look.emission, look.matte) == (1, 1, (1, 1, 1), False)
+    material = read("a.obj", f"mtllib a.mtl\nusemtl w\n{SQUARE}vt 0 0\nf 1/1 2/1 3/1\n").parts[0].material
+    assert material is not None
+    assert (material.roughness, material.metallic, material.emission, material.matte) == (1, 1, (1, 1, 1), False)
 
 
 def test_illumination_model_of_glass_is_glass(read: Read, tmp_path: Path) -> None:
     (tmp_path / "a.mtl").write_text("newmtl g\nillum 7\nKd 0 0 0\nKs 1 1 1\nNi 1.33\nd 0.1\n")
-    look = read("a.obj", f"mtllib a.mtl\nusemtl g\n{SQUARE}f 1 2 3\n").parts[0].look
-    assert look is not None
-    assert (look.transmission, look.solid, look.index, look.opacity) == (1.0, True, 1.33, 1.0)
+    material = read("a.obj", f"mtllib a.mtl\nusemtl g\n{SQUARE}f 1 2 3\n").parts[0].material
+    assert material is not None
+    assert (material.transmission, material.solid, material.index, material.opacity) == (1.0, True, 1.33, 1.0)

@@ -29,7 +29,7 @@ def test_binary_triangles(read: Read, form: str, order: str) -> None:
     (part,) = read("a.ply", content).parts
     assert np.array_equal(part.mesh.positions, POINTS)
     assert part.mesh.faces.tolist() == [[0, 1, 2], [0, 2, 3]]
-    assert part.mesh.normals is None and part.mesh.uvs is None and part.look is None
+    assert part.mesh.normals is None and part.mesh.uvs is None and part.material is None
 
 
 @pytest.mark.parametrize(("form", "order"), BINARY)

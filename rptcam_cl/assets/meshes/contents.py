@@ -1,4 +1,4 @@
-"""What a mesh file holds: surfaces, how they look, where each is placed, and the further files it names."""
+"""What a mesh file holds: surfaces, their materials, where each is placed, and the further files it names."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from itertools import product
 from pathlib import Path
-from typing import BinaryIO, Literal, NamedTuple
+from typing import BinaryIO, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes.clean import NOTHING_DROPPED, Dropped
+from rptcam_cl.assets.meshes.file_material import FileMaterial
 from rptcam_cl.assets.meshes.mesh import Mesh, MeshSurface, NormalsMode, make_mesh
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.references import open_regular
@@ -26,14 +27,14 @@ class MeshPlacement:
     mesh : Mesh
     placement : (4, 4) float64
         From the mesh's coordinates, its origin included, to the file's.
-    look : FileMaterial or None
-        What the surface looks like, None where the file does not say.
+    material : FileMaterial or None
+        None where the file does not say.
     name : str or None
     """
 
     mesh: Mesh
     placement: NDArray[np.float64]
-    look: FileMaterial | None = None
+    material: FileMaterial | None = None
     name: str | None = None
 
     def corners(self) -> NDArray[np.float64]:
@@ -89,7 +90,7 @@ class Draft:
     Attributes
     ----------
     surfaces : list of Surface
-    looks : list of Look
+    materials : list of FileMaterial
         What `MeshSurface.material` counts.
     nodes : list of Node
         Where the surfaces are; each at its own coordinates when empty.
@@ -98,12 +99,12 @@ class Draft:
     """
 
     surfaces: list[MeshSurface]
-    looks: list[FileMaterial] = field(default_factory=list)
+    materials: list[FileMaterial] = field(default_factory=list)
     nodes: list[Node] = field(default_factory=list)
     notes: list[str] = field(default_factory=list)
 
 
-def finished(draft: Draft, place: str) -> MeshContents:
+def make_contents(draft: Draft, place: str) -> MeshContents:
     """Return the contents of a file from what its reader found.
 
     Raises
@@ -118,7 +119,7 @@ def finished(draft: Draft, place: str) -> MeshContents:
         meshes[index], lost = make_mesh(draft.surfaces[index], place)
         dropped = dropped.plus(lost)
     parts = [
-        MeshPlacement(mesh, placement, _look(draft, index, mesh), name)
+        MeshPlacement(mesh, placement, _material(draft, index, mesh), name)
         for index, placement, name in nodes
         if (mesh := meshes[index]) is not None
     ]
@@ -128,11 +129,11 @@ def finished(draft: Draft, place: str) -> MeshContents:
     return MeshContents(tuple(parts), dropped, tuple(notes))
 
 
-def _look(draft: Draft, surface: int, mesh: Mesh) -> FileMaterial | None:
+def _material(draft: Draft, surface: int, mesh: Mesh) -> FileMaterial | None:
     material = draft.surfaces[surface].material
     if material is None:
         return None
-    return draft.looks[material] if mesh.uvs is not None else draft.looks[material].without_paintings()
+    return draft.materials[material] if mesh.uvs is not None else draft.materials[material].without_textures()
 
 
 LARGEST_MESH = 16 << 30  # bytes
@@ -155,100 +156,3 @@ def open_mesh(path: Path) -> BinaryIO:
         return open_regular(path, LARGEST_MESH)
     except (InputError, StateError) as problem:
         raise type(problem)(f"{path}: {problem}") from None
-
-
-Colour = tuple[float, float, float]
-Wrap = Literal["repeat", "clamp", "mirror"]
-
-
-@dataclass(frozen=True)
-class FileTexture:
-    """A picture and how it lies on the surface: at scale * (u, v), turned, then shifted.
-
-    Attributes
-    ----------
-    source : Path or bytes
-        Path of the picture as the file has it, not checked, or its content.
-    name : str
-        For the reader.
-    scale, offset : (u, v)
-        v counts upwards from the lower edge.
-    rotation_degrees : float
-        From u towards v.
-    wrap : str
-        What continues the picture.
-    nearest : bool
-        Whether texels are shown as squares.
-    """
-
-    source: Path | bytes
-    name: str
-    scale: tuple[float, float] = (1.0, 1.0)
-    offset: tuple[float, float] = (0.0, 0.0)
-    rotation_degrees: float = 0.0
-    wrap: Wrap = "repeat"
-    nearest: bool = False
-
-
-@dataclass(frozen=True)
-class FileMaterial:
-    """A material of a mesh file. Where a number or colour has a painting, it is a factor on that.
-
-    Attributes
-    ----------
-    base_color : (red, green, blue)
-        Linear, 0 to 1.
-    matte : bool
-        Whether it reflects evenly, without a gloss; metallic and roughness do not count then.
-    metallic, roughness : float
-        0 to 1; the paintings are read in the channels b and g.
-    opacity : float
-        0 to 1; the painting is read in its alpha channel, or in r when it has none.
-    opacity_cutoff : float or None
-        Opacity from which on the surface is there; None where it is there by that share.
-    normals : FileTexture or None
-        Normals in the tangent frame.
-    emission : (red, green, blue)
-        Radiance, linear.
-    both_sides : bool
-        Whether the back emits too.
-    index : float
-        Refractive index.
-    transmission : float
-        Share of the base that is transparent.
-    solid : bool
-        Whether what is transparent is a solid that refracts, and not a pane without thickness.
-    attenuation : (colour, distance) or None
-        What a transparent solid leaves of white light after a distance [m].
-    """
-
-    name: str = ""
-    base_color: Colour = (0.8, 0.8, 0.8)
-    base_painting: FileTexture | None = None
-    matte: bool = False
-    metallic: float = 0.0
-    metallic_painting: FileTexture | None = None
-    roughness: float = 0.5
-    roughness_painting: FileTexture | None = None
-    specular: float = 1.0
-    opacity: float = 1.0
-    opacity_painting: FileTexture | None = None
-    opacity_cutoff: float | None = None
-    normals: FileTexture | None = None
-    normals_strength: float = 1.0
-    emission: Colour = (0.0, 0.0, 0.0)
-    emission_painting: FileTexture | None = None
-    both_sides: bool = False
-    index: float = 1.5
-    transmission: float = 0.0
-    solid: bool = False
-    attenuation: tuple[Colour, float] | None = None
-    clearcoat: float = 0.0
-    clearcoat_roughness: float = 0.0
-
-    def without_paintings(self) -> FileMaterial:
-        """Return the look on a surface that has no texture coordinates."""
-        return replace(
-            self, base_painting=None, metallic_painting=None, roughness_painting=None, opacity_painting=None,
-            normals=None, emission_painting=None,
-        )  # fmt: skip

@@ -1,7 +1,11 @@
-"""Polygons become triangles: convex ones as fans, quads along the diagonal inside, others by their ears."""
+"""Polygons of mesh files: checked, cut into triangles, and their different corners as vertices.
+
+Convex polygons become fans, quads are cut along the diagonal inside, others by their ears.
+"""
 
 from __future__ import annotations
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,7 +13,25 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
 
-__all__ = ["Polygons", "as_triangles", "check_corners"]
+# Corners of a polygon that is not convex; cutting ears takes time that grows with the square.
+MOST_CORNERS = 1000
+
+Corners = NDArray[Any]
+
+
+class Polygons(NamedTuple):
+    """Polygons of one size.
+
+    Attributes
+    ----------
+    number : (m,) int
+        Their places among all faces of the file.
+    corners : (m, k) int
+        Vertex of each corner.
+    """
+
+    number: NDArray[Any]
+    corners: NDArray[Any]
 
 
 def check_corners(polygons: Polygons, vertices: int, face: str) -> None:
@@ -41,27 +63,6 @@ def as_triangles(positions: NDArray[Any], polygons: list[Polygons], face: str) -
             rows = np.arange(len(corners))[:, None, None]
             found.append(corners[rows, triangles].reshape(-1, 3).astype(np.int32))
     return np.concatenate(found) if len(found) != 1 else found[0]
-
-
-# Corners of a polygon that is not convex; cutting ears takes time that grows with the square.
-MOST_CORNERS = 1000
-
-Corners = NDArray[Any]
-
-
-class Polygons(NamedTuple):
-    """Polygons of one size.
-
-    Attributes
-    ----------
-    number : (m,) int
-        Their places among all faces of the file.
-    corners : (m, k) int
-        Vertex of each corner.
-    """
-
-    number: NDArray[Any]
-    corners: NDArray[Any]
 
 
 def triangulate(positions: NDArray[Any], polygons: Polygons, face: str) -> Corners:
@@ -151,3 +152,70 @@ def _is_ear(flat: NDArray[np.float64], left: list[int], place: int) -> bool:
 def _turn(a: NDArray[np.float64], b: NDArray[np.float64], points: NDArray[np.float64]) -> Any:
     """Return twice the signed area of the triangles a, b, point."""
     return (b[0] - a[0]) * (points[..., 1] - a[1]) - (b[1] - a[1]) * (points[..., 0] - a[0])
+
+
+def weld(
+    polygons: list[Polygons], corner_uvs: list[NDArray[Any]]
+) -> tuple[NDArray[np.intp], NDArray[Any], list[Polygons]]:
+    """Return one vertex for each different pair of position and texture coordinate of a corner.
+
+    Parameters
+    ----------
+    polygons : list of Polygons
+        Their corners are indices of positions.
+    corner_uvs : list of (m, k, 2) arrays
+        Texture coordinates of the corners.
+
+    Returns
+    -------
+    positions : (n,) array
+        Index of the position of each vertex.
+    uvs : (n, 2) array
+        Texture coordinates of each vertex.
+    polygons : list of Polygons
+        The same with indices of vertices.
+    """
+    uvs = np.concatenate([part.reshape(-1, 2) for part in corner_uvs])
+    corners = np.concatenate([corners.ravel() for _, corners in polygons])
+    kept, vertices = different_rows([corners, uvs[:, 0], uvs[:, 1]])
+    return corners[kept], uvs[kept], _with_corners(polygons, vertices)
+
+
+def different_rows(columns: list[NDArray[Any]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return the first place of each different row, in the order of the first places, and each row's number in it."""
+    keys = _one_column(columns)
+    order = np.lexsort(keys)
+    new = np.zeros(len(order), bool)
+    new[:1] = True
+    for column in keys:
+        ordered = column[order]
+        new[1:] |= ordered[1:] != ordered[:-1]
+    group = np.cumsum(new) - 1
+    first = order[new]  # the sort is stable
+    ranked = np.argsort(first)
+    number = np.empty(len(first), np.intp)
+    number[ranked] = np.arange(len(first))
+    vertices = np.empty(len(order), np.intp)
+    vertices[order] = number[group]
+    return first[ranked], vertices
+
+
+def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
+    """Return columns of whole numbers from -1 on as one that tells the same rows apart, where 63 bits hold it."""
+    if any(column.dtype.kind != "i" for column in columns) or not len(columns[0]):
+        return columns
+    spans = [int(column.max()) + 2 for column in columns]
+    if math.prod(spans) >= 2**63:
+        return columns
+    key = np.zeros(len(columns[0]), np.int64)
+    for column, span in zip(columns, spans, strict=True):
+        key *= span
+        key += column
+        key += 1
+    return [key]
+
+
+def _with_corners(polygons: list[Polygons], vertices: NDArray[np.intp]) -> list[Polygons]:
+    ends = np.cumsum([corners.size for _, corners in polygons])
+    parts = np.split(vertices, ends[:-1])
+    return [Polygons(numbers, part.reshape(old.shape)) for (numbers, old), part in zip(polygons, parts, strict=True)]

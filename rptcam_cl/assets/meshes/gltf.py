@@ -47,7 +47,7 @@ def read_gltf(path: Path, find: Find) -> Draft:
         nodes += [Node(index, placement, name or surfaces[index].name) for index in places[mesh]]
     if not nodes:
         raise InputError(f"{path}: its scene shows no triangles")
-    return Draft(surfaces, materials.looks, nodes, [*materials.notes, *_left_out(document)])
+    return Draft(surfaces, materials.materials, nodes, [*materials.notes, *_left_out(document)])
 
 
 def _check_version(document: JsonNode, path: Path) -> None:
@@ -60,7 +60,7 @@ def _check_version(document: JsonNode, path: Path) -> None:
 
 
 def _left_out(document: JsonNode) -> list[str]:
-    """Return what of a file is left out that changes its looks."""
+    """Return what of a file is left out that changes its picture."""
     primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
     found = {
         "skins": bool(document.parts("skins")),

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rptcam_cl.assets.meshes.contents import Colour, FileMaterial, FileTexture, Wrap
+from rptcam_cl.assets.meshes.file_material import Colour, FileMaterial, FileTexture, Wrap
 from rptcam_cl.assets.meshes.gltf_data import Data
 from rptcam_cl.assets.meshes.gltf_json import JsonNode
 
@@ -27,7 +27,7 @@ class GltfMaterials:
 
     Attributes
     ----------
-    looks : list of Look
+    materials : list of FileMaterial
         The last one is for primitives that have none.
     uv_sets : list of int
         Which set of texture coordinates each uses.
@@ -42,84 +42,84 @@ class GltfMaterials:
         self._samplers = document.parts("samplers")
         self._contents: dict[str, Path | bytes] = {}
         self._count = len(document.parts("materials"))
-        self.looks: list[FileMaterial] = []
+        self.materials: list[FileMaterial] = []
         self.uv_sets: list[int] = []
         self.notes: list[str] = []
         for part in [*document.parts("materials"), JsonNode({}, "the default material")]:
             self._sets: dict[str, int] = {}
-            look = self._look(part)
+            material = self._material(part)
             uv_set = next(iter(self._sets.values()), 0)
             for key, other in self._sets.items():
                 if other != uv_set:
                     self.notes.append(f"{part.place}: {key} is shown by the texture coordinates of the first texture")
-            self.looks.append(look)
+            self.materials.append(material)
             self.uv_sets.append(uv_set)
 
     def index(self, primitive: JsonNode) -> int:
         """Return the material of a primitive."""
         return primitive.whole("material", below=self._count) if primitive.has("material") else self._count
 
-    def _look(self, part: JsonNode) -> FileMaterial:
+    def _material(self, part: JsonNode) -> FileMaterial:
         surface = part.part("pbrMetallicRoughness")
         *color, alpha = (min(1.0, max(0.0, value)) for value in surface.numbers("baseColorFactor", (1.0,) * 4))
         mode = part.text("alphaMode", "OPAQUE")
         if mode not in ("OPAQUE", "MASK", "BLEND"):
             raise part.wrong("alphaMode", "is not known", "OPAQUE, MASK, BLEND")
-        base = self._painting(surface, "baseColorTexture")
-        facets = self._painting(surface, "metallicRoughnessTexture")
-        look = FileMaterial(
+        base = self._texture(surface, "baseColorTexture")
+        facets = self._texture(surface, "metallicRoughnessTexture")
+        material = FileMaterial(
             name=part.text("name"),
             base_color=_colour(color),
-            base_painting=base,
+            base_texture=base,
             metallic=surface.number("metallicFactor", 1.0, 0, 1),
-            metallic_painting=facets,
+            metallic_texture=facets,
             roughness=surface.number("roughnessFactor", 1.0, 0, 1),
-            roughness_painting=facets,
+            roughness_texture=facets,
             opacity=1.0 if mode == "OPAQUE" else alpha,
-            opacity_painting=None if mode == "OPAQUE" else base,
+            opacity_texture=None if mode == "OPAQUE" else base,
             opacity_cutoff=part.number("alphaCutoff", 0.5, 0) if mode == "MASK" else None,
-            normals=self._painting(part, "normalTexture"),
+            normals=self._texture(part, "normalTexture"),
             normals_strength=part.part("normalTexture").number("scale", 1.0),
             emission=_colour(part.numbers("emissiveFactor", (0.0,) * 3)),
-            emission_painting=self._painting(part, "emissiveTexture"),
+            emission_texture=self._texture(part, "emissiveTexture"),
             both_sides=part.flag("doubleSided"),
         )
-        return self._extended(part, look)
+        return self._extended(part, material)
 
-    def _extended(self, part: JsonNode, look: FileMaterial) -> FileMaterial:
-        """Return a look with what the extensions add."""
+    def _extended(self, part: JsonNode, material: FileMaterial) -> FileMaterial:
+        """Return a material with what the extensions add."""
         for strength in part.extensions("KHR_materials_emissive_strength"):
             factor = strength.number("emissiveStrength", 1.0, 0)
-            look = replace(look, emission=_colour([factor * value for value in look.emission]))
+            material = replace(material, emission=_colour([factor * value for value in material.emission]))
         for index in part.extensions("KHR_materials_ior"):
-            look = replace(look, index=index.number("ior", 1.5, 0) or 1.5)
+            material = replace(material, index=index.number("ior", 1.5, 0) or 1.5)
         for specular in part.extensions("KHR_materials_specular"):
-            look = replace(look, specular=specular.number("specularFactor", 1.0, 0, 1))
+            material = replace(material, specular=specular.number("specularFactor", 1.0, 0, 1))
         for transmission in part.extensions("KHR_materials_transmission"):
-            look = replace(look, transmission=transmission.number("transmissionFactor", 0.0, 0, 1))
+            material = replace(material, transmission=transmission.number("transmissionFactor", 0.0, 0, 1))
             self._leave_out(transmission, "transmissionTexture")
         for volume in part.extensions("KHR_materials_volume"):
-            look = replace(look, **_volume(volume))
+            material = replace(material, **_volume(volume))
         for coat in part.extensions("KHR_materials_clearcoat"):
-            look = replace(
-                look,
+            material = replace(
+                material,
                 clearcoat=coat.number("clearcoatFactor", 0.0, 0, 1),
                 clearcoat_roughness=coat.number("clearcoatRoughnessFactor", 0.0, 0, 1),
             )
             for key in ("clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"):
                 self._leave_out(coat, key)
         for _ in part.extensions("KHR_materials_unlit"):
-            look = replace(look, matte=True)
+            material = replace(material, matte=True)
         for other in part.part("extensions").names():
             if other.startswith("KHR_materials_") and other not in FOLLOWED:
                 self.notes.append(f"{part.place}: {other} is left out")
-        return look
+        return material
 
     def _leave_out(self, part: JsonNode, key: str) -> None:
         if part.has(key):
             self.notes.append(f"{part.place}.{key} is left out")
 
-    def _painting(self, part: JsonNode, key: str) -> FileTexture | None:
+    def _texture(self, part: JsonNode, key: str) -> FileTexture | None:
         """Return the picture of a texture reference, None when there is none that can be read."""
         if not part.has(key):
             return None

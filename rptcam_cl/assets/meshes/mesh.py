@@ -12,136 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes.clean import CHUNK, Dropped, sound_faces, used_vertices
-from rptcam_cl.assets.meshes.faces import Polygons
+from rptcam_cl.assets.meshes.normals import smooth_normals, unit_normals
 from rptcam_cl.core.errors import InputError
-
-Vectors = NDArray[np.float64]
-
-
-def smooth_normals(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Return the unit normals (n, 3) of vertices: the mean of the triangles round each, weighted by their angles there.
-
-    Vertices of equal position count as one, so seams of texture coordinates do not show (Thürmer and Wüthrich 1998).
-    """
-    corner = _same_position(positions)
-    sums = np.zeros((3, int(corner.max()) + 1))
-    anyone = np.zeros_like(sums)
-    columns = np.ascontiguousarray(positions.T)
-    for start in range(0, len(faces), CHUNK):
-        vertices = np.ascontiguousarray(faces[start : start + CHUNK].T)
-        angles, normal = _angles_and_normal(*(columns[:, place].astype(np.float64) for place in vertices))
-        for place, angle in zip(corner[vertices], angles, strict=True):
-            anyone[:, place] = normal
-            for axis in range(3):
-                np.add.at(sums[axis], place, angle * normal[axis])
-    # Triangles cancel where both sides of a sheet share its vertices: one of the two sides is as good as the other.
-    cancelled = (sums * sums).sum(axis=0) < 1e-18
-    sums[:, cancelled] = anyone[:, cancelled]
-    unit: NDArray[np.float32] = (sums / np.sqrt((sums * sums).sum(axis=0))).T.astype(np.float32)
-    return unit[corner]
-
-
-def unit_normals(
-    normals: NDArray[Any], positions: NDArray[np.float32], faces: NDArray[np.int32]
-) -> NDArray[np.float32]:
-    """Return given normals (n, 3) at unit length; where a file has a zero vector, the smooth normal stands in."""
-    wide = np.asarray(normals)
-    largest = np.abs(wide).max(axis=1)
-    missing = largest == 0
-    scaled = wide / np.where(missing, 1, largest).astype(wide.dtype)[:, None]
-    scaled /= np.sqrt(np.maximum(np.einsum("ij,ij->i", scaled, scaled), 0.5))[:, None]
-    result: NDArray[np.float32] = scaled.astype(np.float32)
-    if missing.any():
-        result[missing] = smooth_normals(positions, faces)[missing]
-    return result
-
-
-def _same_position(positions: NDArray[np.float32]) -> NDArray[np.intp]:
-    """Return, for each vertex, the number of its position among the different ones."""
-    order = np.lexsort(tuple(positions.T))
-    ordered = positions[order]
-    new = np.ones(len(order), bool)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    number = np.empty(len(order), np.intp)
-    number[order] = np.cumsum(new) - 1
-    return number
-
-
-def _angles_and_normal(a: Vectors, b: Vectors, c: Vectors) -> tuple[Vectors, Vectors]:
-    """Return the angles [rad] at the three corners (3, m), and the unit normal (3, m), of triangles a, b, c (3, m)."""
-    ab, bc, ca = b - a, c - b, a - c
-    normal = np.stack([ab[1] * bc[2] - ab[2] * bc[1], ab[2] * bc[0] - ab[0] * bc[2], ab[0] * bc[1] - ab[1] * bc[0]])
-    twice_area = np.sqrt((normal * normal).sum(axis=0))
-    cosines = np.stack([-(ca * ab).sum(axis=0), -(ab * bc).sum(axis=0), -(bc * ca).sum(axis=0)])
-    return np.arctan2(twice_area, cosines), normal / twice_area
-
-
-def weld(
-    polygons: list[Polygons], corner_uvs: list[NDArray[Any]]
-) -> tuple[NDArray[np.intp], NDArray[Any], list[Polygons]]:
-    """Return one vertex for each different pair of position and texture coordinate of a corner.
-
-    Parameters
-    ----------
-    polygons : list of Polygons
-        Their corners are indices of positions.
-    corner_uvs : list of (m, k, 2) arrays
-        Texture coordinates of the corners.
-
-    Returns
-    -------
-    positions : (n,) array
-        Index of the position of each vertex.
-    uvs : (n, 2) array
-        Texture coordinates of each vertex.
-    polygons : list of Polygons
-        The same with indices of vertices.
-    """
-    uvs = np.concatenate([part.reshape(-1, 2) for part in corner_uvs])
-    corners = np.concatenate([corners.ravel() for _, corners in polygons])
-    kept, vertices = different_rows([corners, uvs[:, 0], uvs[:, 1]])
-    return corners[kept], uvs[kept], _with_corners(polygons, vertices)
-
-
-def different_rows(columns: list[NDArray[Any]]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return the first place of each different row, in the order of the first places, and each row's number in it."""
-    keys = _one_column(columns)
-    order = np.lexsort(keys)
-    new = np.zeros(len(order), bool)
-    new[:1] = True
-    for column in keys:
-        ordered = column[order]
-        new[1:] |= ordered[1:] != ordered[:-1]
-    group = np.cumsum(new) - 1
-    first = order[new]  # the sort is stable
-    ranked = np.argsort(first)
-    number = np.empty(len(first), np.intp)
-    number[ranked] = np.arange(len(first))
-    vertices = np.empty(len(order), np.intp)
-    vertices[order] = number[group]
-    return first[ranked], vertices
-
-
-def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Return columns of whole numbers from -1 on as one that tells the same rows apart, where 63 bits hold it."""
-    if any(column.dtype.kind != "i" for column in columns) or not len(columns[0]):
-        return columns
-    spans = [int(column.max()) + 2 for column in columns]
-    if math.prod(spans) >= 2**63:
-        return columns
-    key = np.zeros(len(columns[0]), np.int64)
-    for column, span in zip(columns, spans, strict=True):
-        key *= span
-        key += column
-        key += 1
-    return [key]
-
-
-def _with_corners(polygons: list[Polygons], vertices: NDArray[np.intp]) -> list[Polygons]:
-    ends = np.cumsum([corners.size for _, corners in polygons])
-    parts = np.split(vertices, ends[:-1])
-    return [Polygons(numbers, part.reshape(old.shape)) for (numbers, old), part in zip(polygons, parts, strict=True)]
-
 
 NormalsMode = Literal["auto", "smooth", "flat"]
 
@@ -315,3 +187,22 @@ def _hash(mesh: Mesh, normals: NDArray[np.float32] | None) -> str:
         if rows is not None:
             total.update(np.ascontiguousarray(rows).data)
     return total.hexdigest()
+
+
+def winding_number(positions: NDArray[np.float32], faces: NDArray[np.int32], point: NDArray[np.float64]) -> float:
+    """Return how often a mesh surrounds a point: 1 inside a solid that faces outwards, 0 outside, between when open.
+
+    The solid angles of the triangles (van Oosterom and Strackee 1983) over 4π.
+    """
+    total = 0.0
+    seen = positions.T - point[:, None]
+    distances = np.sqrt((seen * seen).sum(axis=0))
+    for start in range(0, len(faces), CHUNK):
+        corners = np.ascontiguousarray(faces[start : start + CHUNK].T)
+        a, b, c = (seen[:, place] for place in corners)
+        la, lb, lc = (distances[place] for place in corners)
+        volume = a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2])
+        volume += a[2] * (b[0] * c[1] - b[1] * c[0])
+        ab, bc, ca = ((one * other).sum(axis=0) for one, other in ((a, b), (b, c), (c, a)))
+        total += float(np.arctan2(volume, la * lb * lc + ab * lc + bc * la + ca * lb).sum())
+    return total / (2 * math.pi)

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
-from rptcam_cl.assets.meshes.contents import Colour, FileMaterial, FileTexture
+from rptcam_cl.assets.meshes.file_material import Colour, FileMaterial, FileTexture
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.references import read_whole
 
@@ -48,7 +48,7 @@ def read_mtl(path: Path) -> dict[str, FileMaterial]:
             raise InputError(f"{path}:{number}: is not in a material (got {line.strip()[:60]!r}; allowed: newmtl NAME)")
         else:
             current[words[0].lower()] = (number, words[1:])
-    return {name: _Material(path, lines).look(name) for name, lines in materials.items()}
+    return {name: _Material(path, lines).material(name) for name, lines in materials.items()}
 
 
 class _Material:
@@ -58,7 +58,7 @@ class _Material:
         self._path = path
         self._lines = lines
 
-    def look(self, name: str) -> FileMaterial:
+    def material(self, name: str) -> FileMaterial:
         """Return what the lines say."""
         model = int(self._number("illum", 2))
         gloss = self._colour("ks", (0.0, 0.0, 0.0))
@@ -66,30 +66,30 @@ class _Material:
         plain = FileMaterial(
             name=name,
             base_color=self._colour("kd", (0.8, 0.8, 0.8)),
-            base_painting=self._painting("map_kd"),
+            base_texture=self._texture("map_kd"),
             matte=(model < 2 or max(gloss) == 0) and not PHYSICAL & self._lines.keys(),
             metallic=min(1.0, max(0.0, self._number("pm", float("map_pm" in self._lines)))),
-            metallic_painting=self._painting("map_pm"),
+            metallic_texture=self._texture("map_pm"),
             roughness=min(
                 1.0, max(0.0, self._number("pr", 1.0 if "map_pr" in self._lines else (2 / (exponent + 2)) ** 0.25))
             ),
-            roughness_painting=self._painting("map_pr"),
+            roughness_texture=self._texture("map_pr"),
             opacity=self._opacity(),
-            opacity_painting=self._painting("map_d"),
-            normals=self._painting("norm") or self._painting("map_norm"),
+            opacity_texture=self._texture("map_d"),
+            normals=self._texture("norm") or self._texture("map_norm"),
             emission=self._colour("ke", (1.0,) * 3 if "map_ke" in self._lines else (0.0,) * 3, most=math.inf),
-            emission_painting=self._painting("map_ke"),
+            emission_texture=self._texture("map_ke"),
             both_sides=True,
             index=self._number("ni", 1.5),
         )
         return self._with_model(plain, model, gloss)
 
     def _with_model(self, plain: FileMaterial, model: int, gloss: Colour) -> FileMaterial:
-        """Return the look with what the illumination model says: glass, or a mirror where nothing is diffuse."""
+        """Return the material with what the illumination model says: glass, or a mirror where nothing is diffuse."""
         if model in GLASS:
             clear = self._colour("tf", (1.0, 1.0, 1.0))
             return replace(
-                plain, matte=False, base_color=clear, base_painting=None, transmission=1.0, solid=True, opacity=1.0
+                plain, matte=False, base_color=clear, base_texture=None, transmission=1.0, solid=True, opacity=1.0
             )
         if model in (3, 5) and max(gloss) > 0 and max(plain.base_color) == 0:
             return replace(plain, metallic=1.0, base_color=gloss)
@@ -125,7 +125,7 @@ class _Material:
         red, green, blue = (min(most, max(0.0, value)) for value in (found * 3 if len(found) < 3 else found)[:3])
         return (red, green, blue)
 
-    def _painting(self, key: str) -> FileTexture | None:
+    def _texture(self, key: str) -> FileTexture | None:
         if key not in self._lines:
             return None
         options, name = _options(self._lines[key][1])

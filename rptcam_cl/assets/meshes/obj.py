@@ -9,9 +9,10 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.assets.meshes.contents import Draft, FileMaterial, Find, open_mesh
-from rptcam_cl.assets.meshes.faces import Polygons, as_triangles
-from rptcam_cl.assets.meshes.mesh import MeshSurface, different_rows
+from rptcam_cl.assets.meshes.contents import Draft, Find, open_mesh
+from rptcam_cl.assets.meshes.faces import Polygons, as_triangles, different_rows
+from rptcam_cl.assets.meshes.file_material import FileMaterial
+from rptcam_cl.assets.meshes.mesh import MeshSurface
 from rptcam_cl.assets.meshes.mtl import read_mtl
 from rptcam_cl.assets.meshes.obj_lines import Block, KeywordLines, begins_word, blocks, numbers_of_lines, parsed
 from rptcam_cl.core.errors import InputError
@@ -278,7 +279,7 @@ def read_obj(path: Path, find: Find) -> Draft:
         reader.read(file)
     if not reader.faces:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
-    looks: dict[str, FileMaterial] = {}
+    materials: dict[str, FileMaterial] = {}
     notes: list[str] = []
     for number, name in reader.libraries:
         try:
@@ -286,26 +287,26 @@ def read_obj(path: Path, find: Find) -> Draft:
         except InputError as problem:
             notes.append(f"{path}:{number}: mtllib {name} is left out: {problem}")
         else:
-            looks |= read_mtl(library)
+            materials |= read_mtl(library)
     positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
     surfaces: list[MeshSurface] = []
     used: list[FileMaterial] = []
     for name_, faces in reader.faces.items():
         place = None
-        if looks:
+        if materials:
             place = len(used)
-            used.append(_look(looks, name_, path))
+            used.append(_named(materials, name_, path))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
     return Draft(surfaces, used, notes=notes)
 
 
-def _look(looks: dict[str, FileMaterial], name: str | None, path: Path) -> FileMaterial:
+def _named(materials: dict[str, FileMaterial], name: str | None, path: Path) -> FileMaterial:
     """Return a material by its name; faces without one are grey."""
     if name is None:
         return FileMaterial(matte=True)
-    if name not in looks:
-        raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(looks)[:24])})")
-    return looks[name]
+    if name not in materials:
+        raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")
+    return materials[name]
 
 
 def _text(line: bytes) -> str:

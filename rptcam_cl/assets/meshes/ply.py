@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes.contents import Draft, open_mesh
-from rptcam_cl.assets.meshes.faces import Polygons, as_triangles, check_corners
-from rptcam_cl.assets.meshes.mesh import MeshSurface, weld
+from rptcam_cl.assets.meshes.faces import Polygons, as_triangles, check_corners, weld
+from rptcam_cl.assets.meshes.mesh import MeshSurface
 from rptcam_cl.assets.meshes.ply_header import Element, Header, read_header
 from rptcam_cl.assets.meshes.ply_rows import Rows, TextRows, read_binary
 from rptcam_cl.core.errors import InputError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rptcam_cl.assets.meshes.contents import Draft, Find, MeshContents, finished
+from rptcam_cl.assets.meshes.contents import Draft, Find, MeshContents, make_contents
 from rptcam_cl.assets.meshes.gltf import read_gltf
 from rptcam_cl.assets.meshes.obj import read_obj
 from rptcam_cl.assets.meshes.ply import read_ply
@@ -45,6 +45,6 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
         if not path.stat().st_size:
             raise InputError(f"{path}: is empty")
         with np.errstate(over="ignore", invalid="ignore"):  # what is not finite is found by looking at the numbers
-            return finished(READERS[suffix](path, find), str(path))
+            return make_contents(READERS[suffix](path, find), str(path))
     except OSError as problem:
         raise InputError(f"{path}: cannot be read ({problem.strerror or problem})") from None

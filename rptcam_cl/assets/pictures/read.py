@@ -1,4 +1,4 @@
-"""From a picture file to a `Picture`: the kind of file is told by its first bytes, never by its name."""
+"""From a picture file to a `Picture`: its first bytes say what kind it is, never its name."""
 
 from __future__ import annotations
 

@@ -1,0 +1,103 @@
+"""Materials and textures as mesh files describe them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Literal
+
+Colour = tuple[float, float, float]
+Wrap = Literal["repeat", "clamp", "mirror"]
+
+
+@dataclass(frozen=True)
+class FileTexture:
+    """A picture and how it lies on the surface: at scale * (u, v), turned, then shifted.
+
+    Attributes
+    ----------
+    source : Path or bytes
+        Path of the picture as the file has it, not checked, or its content.
+    name : str
+        For the reader.
+    scale, offset : (u, v)
+        v counts upwards from the lower edge.
+    rotation_degrees : float
+        From u towards v.
+    wrap : str
+        What continues the picture.
+    nearest : bool
+        Whether texels are shown as squares.
+    """
+
+    source: Path | bytes
+    name: str
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+    rotation_degrees: float = 0.0
+    wrap: Wrap = "repeat"
+    nearest: bool = False
+
+
+@dataclass(frozen=True)
+class FileMaterial:
+    """A material of a mesh file. Where a number or colour has a painting, it is a factor on that.
+
+    Attributes
+    ----------
+    base_color : (red, green, blue)
+        Linear, 0 to 1.
+    matte : bool
+        Whether it reflects evenly, without a gloss; metallic and roughness do not count then.
+    metallic, roughness : float
+        0 to 1; the paintings are read in the channels b and g.
+    opacity : float
+        0 to 1; the painting is read in its alpha channel, or in r when it has none.
+    opacity_cutoff : float or None
+        Opacity from which on the surface is there; None where it is there by that share.
+    normals : FileTexture or None
+        Normals in the tangent frame.
+    emission : (red, green, blue)
+        Radiance, linear.
+    both_sides : bool
+        Whether the back emits too.
+    index : float
+        Refractive index.
+    transmission : float
+        Share of the base that is transparent.
+    solid : bool
+        Whether what is transparent is a solid that refracts, and not a pane without thickness.
+    attenuation : (colour, distance) or None
+        What a transparent solid leaves of white light after a distance [m].
+    """
+
+    name: str = ""
+    base_color: Colour = (0.8, 0.8, 0.8)
+    base_texture: FileTexture | None = None
+    matte: bool = False
+    metallic: float = 0.0
+    metallic_texture: FileTexture | None = None
+    roughness: float = 0.5
+    roughness_texture: FileTexture | None = None
+    specular: float = 1.0
+    opacity: float = 1.0
+    opacity_texture: FileTexture | None = None
+    opacity_cutoff: float | None = None
+    normals: FileTexture | None = None
+    normals_strength: float = 1.0
+    emission: Colour = (0.0, 0.0, 0.0)
+    emission_texture: FileTexture | None = None
+    both_sides: bool = False
+    index: float = 1.5
+    transmission: float = 0.0
+    solid: bool = False
+    attenuation: tuple[Colour, float] | None = None
+    clearcoat: float = 0.0
+    clearcoat_roughness: float = 0.0
+
+    def without_textures(self) -> FileMaterial:
+        """Return the material of a surface that has no texture coordinates."""
+        return replace(
+            self, base_texture=None, metallic_texture=None, roughness_texture=None, opacity_texture=None,
+            normals=None, emission_texture=None,
+        )  # fmt: skip
