@@ -22,7 +22,7 @@ from benchmarks.stopwatch import Times, cores, fastest
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.api import load_lens
 from rptcam_cl.cameras.records import lens_records
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.lenstools.device_tracing import PACKETS, TraceableLens

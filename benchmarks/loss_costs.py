@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.surface_costs import Row
 from rptcam_cl.cameras.records import LensRecords, lens_records
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.optics import Lens, load_lens
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, MeasuredReflectance

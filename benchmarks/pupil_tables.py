@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.device import choose_device

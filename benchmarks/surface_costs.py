@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.stopwatch import fastest
 from rptcam_cl.cameras.records import LensRecords, lens_records
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.lenstools.device_tracing import PACKETS

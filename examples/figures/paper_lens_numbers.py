@@ -8,7 +8,7 @@ import numpy as np
 
 from examples.figures.numbers import Numbers, Row
 from rptcam_cl import load_lens
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.lenstools.device_tracing import TraceableLens
 from rptcam_cl.optics.design import GlassChoice, doublet_radii, image_distances
 from rptcam_cl.optics.focus import film_distance, object_distance

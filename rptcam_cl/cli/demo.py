@@ -4,7 +4,8 @@ import argparse
 import sys
 from pathlib import Path
 
-from rptcam_cl.cli.parser import Commands, add_device
+from rptcam_cl.cli import render
+from rptcam_cl.cli.parser import Commands, Parser, add_device
 from rptcam_cl.core.resources import EXAMPLES, example_scenes
 
 
@@ -23,13 +24,13 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.cli import build_parser
-
     scene = example_scenes()[arguments.scene]
     picture = Path(arguments.output or f"{arguments.scene}.png")
-    words = ["render", str(scene), f"--output={picture}"]
+    words = [str(scene), f"--output={picture}"]
     words += [f"--{name}={value}" for name in ("spp", "size", "device") if (value := getattr(arguments, name))]
-    parsed = build_parser().parse_args(words)
+    parser = Parser(prog=arguments.parser.prog)
+    render.add_arguments(parser)
+    parsed = parser.parse_args(words)
     code: int = parsed.run(parsed)
     if code == 0:
         print(f"the scene is {scene}", file=sys.stderr)

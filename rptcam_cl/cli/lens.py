@@ -9,7 +9,7 @@ from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import add_coating, add_lens, coated_lens, zoomed_lens
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ from pathlib import Path
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import add_catalogue, check_file, load, write
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 
 _SUFFIXES = (".yaml", ".yml", ".dat", ".zmx", ".seq")

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import FDC, check_file, number, write
 from rptcam_cl.cli.parser import Commands, Parser
-from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from rptcam_cl.cli.lens_options import (
     write_picture,
 )
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM
 
 
 def add_to(commands: Commands) -> None:

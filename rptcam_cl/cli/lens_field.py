@@ -16,7 +16,7 @@ from rptcam_cl.cli.lens_options import (
 )
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM
 
 _SHARES = (0.0, 0.125, 0.25, 0.375, 0.5, 0.625, 0.75, 0.875, 1.0)
 

@@ -23,7 +23,7 @@ from rptcam_cl.cli.lens_options import (
 )
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands, Parser
-from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:

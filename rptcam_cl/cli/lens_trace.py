@@ -9,7 +9,7 @@ from rptcam_cl.cli.lens_options import add_lens, lens_in_use, number
 from rptcam_cl.cli.lens_rays import RayList, read_rays
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:

@@ -25,52 +25,68 @@ def add_to(commands: Commands) -> None:
         help="render a scene file to pictures",
         description="Render a scene file. Ctrl-C ends the render and keeps the picture so far.",
     )
+    add_arguments(parser)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add the scene and all options of a render."""
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
+    _add_outputs(parser)
+    _add_sampling(parser)
+    _add_picture(parser)
+    values.add_devices(parser)
+    values.add_overrides(parser)
+    parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write statistics of the render")
+    parser.add_argument(
+        "--strict", action="store_true",
+        help="fail, with exit code 5, when numbers cannot be trusted or autofocus failed; the picture is still written",
+    )  # fmt: skip
+    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    parser.set_defaults(run=_run, parser=parser)
+
+
+def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
         help="picture to write, format by suffix: .png and .tif developed, .exr, .npy and .npz linear; may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--raw", action="append", default=[], type=Path, metavar="OUT", dest="raws",
-        help="raw file of the scene's sensor to write besides, format by suffix: .dng, .tif or .npy; may be repeated",
+        help="also write a raw file of the scene's sensor, format by suffix: .dng, .tif or .npy; may be repeated",
     )  # fmt: skip
+
+
+def _add_sampling(parser: argparse.ArgumentParser) -> None:
+    """Add how long to render, and with which random numbers."""
     parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
     parser.add_argument(
-        "--time", type=values.duration, metavar="TIME", help="end after so much time of rendering, as 60s or 5min"
+        "--time", type=values.duration, metavar="TIME", help="stop after this rendering time, as 60s or 5min"
     )
     parser.add_argument(
         "--noise", type=values.share, metavar="X",
-        help="give every tile of 8 x 8 pixels samples until its relative standard error is X, as 0.02 or 2%%",
+        help="sample each tile of 8 x 8 pixels until its relative standard error is X, as 0.02 or 2%%",
     )  # fmt: skip
     parser.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on from OUT.rpck, which an interrupted render leaves, and leave it for more samples later",
-    )
+        "--resume", action="store_true",
+        help="continue from OUT.rpck, which an interrupted render leaves, and keep it, so that samples can be added",
+    )  # fmt: skip
     parser.add_argument("--seed", type=values.seed, metavar="N", help="seed of the random numbers")
+
+
+def _add_picture(parser: argparse.ArgumentParser) -> None:
+    """Add which part of the film is rendered, and what is recorded of it."""
     parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution in pixels")
     parser.add_argument(
         "--crop", type=values.crop, metavar="x0,x1,y0,y1",
-        help="render this window only, in fractions of the picture from the left and the top",
+        help="render only this window, in fractions of the picture from the left and the top",
     )  # fmt: skip
     parser.add_argument(
         "--layers", type=values.layers, metavar="NAME,...",
         help="record these auxiliary layers in .exr and .npz outputs, as depth,normal; all for every one",
     )  # fmt: skip
     parser.add_argument(
-        "--denoise", action="store_true", help="remove the noise that is left (biased); needs rptcam_cl[denoise]"
+        "--denoise", action="store_true", help="remove the remaining noise (biased); needs rptcam_cl[denoise]"
     )
-    values.add_devices(parser)
-    values.add_overrides(parser)
-    parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write what the render took and met")
-    parser.add_argument(
-        "--strict",
-        action="store_true",
-        help="fail, with exit code 5, when numbers cannot be trusted or autofocus failed; the picture is written"
-        " all the same",
-    )
-    parser.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
-    parser.set_defaults(run=_run, parser=parser)
 
 
 def _inputs(path: Path, scene: "Scene") -> list[Path]:

@@ -1,6 +1,6 @@
 """Spectra: lights, metals and reflectances from 380 to 780 nm, and what the eye makes of them."""
 
-from rptcam_cl.colour.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM, LUMENS_PER_WATT, LUMINANCE, colour_luminance
+from rptcam_cl.colour.constants import LUMINANCE, colour_luminance
 from rptcam_cl.colour.illuminants import (
     COOLEST_DAYLIGHT,
     HOTTEST_DAYLIGHT,
@@ -34,6 +34,7 @@ from rptcam_cl.colour.spaces import (
     xyz_of,
 )
 from rptcam_cl.colour.spectrum import WAVELENGTHS_NM, Spectrum, lines_on_grid, on_grid, reflectance_from_srgb, rgb_basis
+from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM, LUMENS_PER_WATT
 
 __all__ = [
     "BRADFORD",

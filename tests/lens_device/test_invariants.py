@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.optics import Status, list_lenses, load_lens
 from rptcam_cl.optics.glass import AIR
 from tests.device.probes import camera_rays

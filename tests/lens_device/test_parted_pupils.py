@@ -5,7 +5,7 @@ import pytest
 
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.cameras.pupil_check import left_out
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.optics import list_lenses, load_lens
 from rptcam_cl.optics.irradiance import film_irradiance
 from rptcam_cl.optics.probe import FilmProbe, spread_points

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.optics import Status, list_lenses, load_lens
 from rptcam_cl.optics.probe import FilmProbe

@@ -2,7 +2,7 @@
 
 import pytest
 
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.optics import list_lenses, load_lens
 from tests.optics.truth import CASES, NAMES, truth, truth_lens
 

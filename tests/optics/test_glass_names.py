@@ -6,7 +6,7 @@ import sys
 import numpy as np
 import pytest
 
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.files.glass_names import (

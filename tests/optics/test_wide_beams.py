@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam

@@ -41,7 +41,6 @@ ROOMS: dict[str, set[str]] = {
     "cli": {
         "_version",
         "core",
-        "colour",
         "optics",
         "scene",
         "imaging",
@@ -65,8 +64,6 @@ OPEN = {
 }  # rooms of several faces: core's modules, the packages in the others
 INNER = {"assets": 2, "importers": 2, "core": 2, "cli": 9, "api": 9}  # names below rptcam_cl that others may say
 CIRCLES: list[str] = [
-    "rptcam_cl.cli",
-    "rptcam_cl.cli.demo",
     "rptcam_cl.optics.shapes",
     "rptcam_cl.optics.surface",
 ]  # none is to be added

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import yaml
 
-from rptcam_cl.colour.constants import LINE_D_NM
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.plan import make_plan
 from rptcam_cl.plan.optical_constants import dielectric_index, is_dispersive

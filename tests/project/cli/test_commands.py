@@ -46,6 +46,8 @@ def shell(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
         (["lens", "info", "dgauss-50mm", "--f-number", "0"], "allowed a finite number above 0"),
         (["lens", "info", "dgauss-50mm", "--wavelength-nm", "red"], "got red"),
         (["render", "--set"], "expected one argument"),
+        (["demo", "first_lght"], "did you mean first_light"),
+        (["demo", "--spp", "many"], "demo: argument --spp: got many; allowed 1 to 4294967295; see rptcam demo --help"),
     ],
 )
 def test_misspelt_command_gets_exit_code_2_and_a_hint(rptcam: Command, words: list[str], message: str) -> None:

@@ -48,6 +48,18 @@ def test_options_left_out_leave_the_choice_to_the_scene(scene: Path, renderer: A
     )
 
 
+def test_demo_renders_a_scene_of_the_package(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, renderer: Any, rptcam: Command
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    run = rptcam("demo", "colour_chart", "--size", "64x40", "--device", "cpu")
+    assert run.code == 0, run.err
+    assert names(tmp_path) == ["colour_chart.png"]
+    assert "the scene is " in run.err
+    (asked,) = renderer.asked
+    assert (asked["size"], asked["spp"], asked["device"]) == ((64, 40), None, "cpu")
+
+
 def test_every_output_and_the_statistics_are_written(scene: Path, renderer: Any, rptcam: Command) -> None:
     outputs = ("-o", "a.npy", "--output", "a.png", "-o", "a.exr", "--stats", "stats.json")
     run = rptcam("render", "scene.yaml", *outputs)
