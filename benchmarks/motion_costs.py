@@ -46,7 +46,7 @@ def cases(name: str, shrink: int) -> Mapping[str, Scene]:
         "camera moves": moving_camera(data, MOVING[name]),
         "object moves straight": moving_object(data, MOVING[name], STRAIGHT),
         "object turns": moving_object(data, MOVING[name], TURN),
-        "object turns, three legs": moving_object(data, MOVING[name], THREE),
+        "object turns, three segments": moving_object(data, MOVING[name], THREE),
     }
     return {"still": still} | {key: load_scene(value, base_dir=still.base_dir) for key, value in found.items()}
 

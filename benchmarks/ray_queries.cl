@@ -7,8 +7,8 @@ static OneRay ray_at(const __global float *rays, uint i, uint count)
     OneRay ray;
     ray.o = (float3)(rays[i], rays[count + i], rays[2 * count + i]);
     ray.d = (float3)(rays[3 * count + i], rays[4 * count + i], rays[5 * count + i]);
-    ray.self = NO_PRIMITIVE;
-    ray.part = NO_TRIANGLE;
+    ray.origin = NO_PRIMITIVE;
+    ray.triangle = NO_TRIANGLE;
     return ray;
 }
 

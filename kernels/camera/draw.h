@@ -14,7 +14,7 @@ typedef struct {
     F    sign;
 #endif
 #if SPECTRUM
-    F    hue;
+    F    wavelength_sample;
 #endif
 } Draw;
 
@@ -28,8 +28,8 @@ static Draw draw_of(uint slot, Wave wave, const __global uint *tiles, const __gl
     draw.sign = filter_sign(&draw.u.a, filter) * filter_sign(&draw.u.b, filter);
 #endif
 #if SPECTRUM
-    draw.hue = hue_of(draw.lane.pixel, draw.lane.sample, wave.seed);
-    draw.wavelength = wavelength_of(draw.hue, colours);
+    draw.wavelength_sample = wavelength_sample_of(draw.lane.pixel, draw.lane.sample, wave.seed);
+    draw.wavelength = wavelength_of(draw.wavelength_sample, colours);
 #else
     draw.wavelength = (F)(camera->wavelength);
 #endif

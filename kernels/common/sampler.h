@@ -1,5 +1,5 @@
 // The numbers that a sample of a pixel is made of: four per call, keyed by (pixel, sample, dimension, seed). Dimension 0 is
-// the camera's (film point, pupil point); edge e of the path chooses its light by dimension 2 e + 1, its next direction by
+// the camera's (film point, pupil point); vertex e of the path chooses its light by dimension 2 e + 1, its next direction by
 // 2 e. Dimension 1 belongs to the path as a whole and is read by path_numbers.
 // Facts: SAMPLER_LATTICE; without it every number is independent.
 #ifndef SAMPLER_H
@@ -14,10 +14,10 @@ typedef struct { F a, b; } Pair;
 // The shift is the hash of pixel and dimension, uniform and independent over both: each sample alone is uniform, so the
 // mean is unbiased (Cranley and Patterson 1976), and pixels are independent.
 // The generating vector z was searched (benchmarks/lattice_search.py) component by component for 2^2 to 2^18 samples, and
-// for the pairs and triples that integrands of paths depend on. Lights of different edges are never in one product, so they
-// share their components. So many components cannot all be good together at few samples: from the third edge on directions
+// for the pairs and triples that integrands of paths depend on. Lights of different vertices are never in one product, so they
+// share their components. So many components cannot all be good together at few samples: from the third vertex on directions
 // take the samples in another order, which makes them independent of the rest.
-#define DEEP 6u     // dimension of the third edge's direction
+#define DEEP 6u     // dimension of the third vertex's direction
 
 static U reversed_bits(U x)
 {

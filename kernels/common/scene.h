@@ -16,7 +16,7 @@
 
 #if HAS_MOTION
 #define MOTION_PARTS(EACH) \
-    EACH(const __global Leg *, legs)                    /* of what moves, kernels/geometry/movement.h */ \
+    EACH(const __global Segment *, segments)                /* of what moves, kernels/geometry/movement.h */ \
     EACH(const __global int2 *, movement_of)
 #else
 #define MOTION_PARTS(EACH)
@@ -62,8 +62,8 @@
 
 typedef struct {
     SCENE_PARTS(AS_MEMBER)
-#if HUES
-    Hues hues;      // of the lanes at hand
+#if SPECTRAL_COLOURS
+    SpectralColours spectral;   // colours at the wavelengths of the lanes at hand
 #endif
 #if HAS_DISPERSION
     F inverse;      // wavelength of the lanes at hand, as inverse_wavelength has it

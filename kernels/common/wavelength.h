@@ -1,11 +1,12 @@
-// The wavelengths of a path. A path's hue, 0 to 1, chooses among cells that are equally likely. `colours` holds
+// The wavelengths of a path. Its wavelength sample, 0 to 1, chooses among cells that are equally likely. `colours` holds
 // (rptcam_cl/plan/spectrum.py) for each cell the wavelength [nm] where it starts and what light of the cell adds to red,
-// green and blue of the film, and one row more. Spectral light follows its hue at two wavelengths more, a third and two
+// green and blue of the film, and one row more. Spectral light is followed at two wavelengths more, a third and two
 // thirds of the cells ahead (hero wavelengths: Wilkie et al. 2014); the table then goes on with the share of each cell's
 // light that a red, a green and a blue surface reflect and the light of white, then with the spectra of the scene.
-// A hue with its sign bit set belongs to a path that glass has split: only then RGB light is weighted by its wavelength, and
+// The sign bit of the sample is set once glass has split the path: only then RGB light is weighted by its wavelength, and
 // of spectral light the first wavelength alone stays.
-// Facts: SPECTRUM, HUE_CELLS, HUES (whether colours are wanted at these wavelengths), HAS_SPECTRA, LENS_SPLITS.
+// Facts: SPECTRUM, WAVELENGTH_CELLS, SPECTRAL_COLOURS (whether colours are wanted at these wavelengths), HAS_SPECTRA,
+// LENS_SPLITS.
 #ifndef WAVELENGTH_H
 #define WAVELENGTH_H
 #include "common/math.h"
@@ -18,18 +19,18 @@
 #endif
 
 #if SPECTRUM
-static F hue_of(U pixel, U sample, uint2 seed)
+static F wavelength_sample_of(U pixel, U sample, uint2 seed)
 {
-    F hue = path_numbers(pixel, sample, seed).a;
+    F wavelength_sample = path_numbers(pixel, sample, seed).a;
 #if LENS_SPLITS
-    hue = AS_F(AS_I(hue) | SIGN_BIT);
+    wavelength_sample = AS_F(AS_I(wavelength_sample) | SIGN_BIT);
 #endif
-    return hue;
+    return wavelength_sample;
 }
 
-static F wavelength_of(F hue, const __global float *colours)
+static F wavelength_of(F wavelength_sample, const __global float *colours)
 {
-    F place = absolute(hue) * (float)HUE_CELLS;
+    F place = absolute(wavelength_sample) * (float)WAVELENGTH_CELLS;
     I cell = TO_I(place);
     F start = GATHER(F, colours, cell * 4, );
     F end = GATHER(F, colours, cell * 4 + 4, );
@@ -37,9 +38,9 @@ static F wavelength_of(F hue, const __global float *colours)
 }
 
 // As polynomials of indices take it.
-static F inverse_wavelength(F hue, const __global float *colours)
+static F inverse_wavelength(F wavelength_sample, const __global float *colours)
 {
-    return (float)DISPERSION_SCALE / wavelength_of(hue, colours) - (float)DISPERSION_SHIFT;
+    return (float)DISPERSION_SCALE / wavelength_of(wavelength_sample, colours) - (float)DISPERSION_SHIFT;
 }
 
 static F3 cell_weight(I cell, const __global float *colours)
@@ -52,21 +53,21 @@ static F3 cell_weight(I cell, const __global float *colours)
 // The cells of a path's three wavelengths.
 typedef struct { I x, y, z; } Cells;
 
-static Cells cells_of(F hue)
+static Cells cells_of(F wavelength_sample)
 {
     Cells c;
-    c.x = TO_I(absolute(hue) * (float)HUE_CELLS);
-    c.y = c.x + HUE_CELLS / 3;
-    c.z = c.x + 2 * (HUE_CELLS / 3);
-    c.y = c.y < HUE_CELLS ? c.y : c.y - HUE_CELLS;
-    c.z = c.z < HUE_CELLS ? c.z : c.z - HUE_CELLS;
+    c.x = TO_I(absolute(wavelength_sample) * (float)WAVELENGTH_CELLS);
+    c.y = c.x + WAVELENGTH_CELLS / 3;
+    c.z = c.x + 2 * (WAVELENGTH_CELLS / 3);
+    c.y = c.y < WAVELENGTH_CELLS ? c.y : c.y - WAVELENGTH_CELLS;
+    c.z = c.z < WAVELENGTH_CELLS ? c.z : c.z - WAVELENGTH_CELLS;
     return c;
 }
 
 // What a path's light at its three wavelengths adds to the film.
-static F3 film_value(F3 light, F hue, const __global float *colours)
+static F3 film_value(F3 light, F wavelength_sample, const __global float *colours)
 {
-    Cells c = cells_of(hue);
+    Cells c = cells_of(wavelength_sample);
     F3 sum = scale(cell_weight(c.x, colours), light.x);
     sum = add(sum, scale(cell_weight(c.y, colours), light.y));
     sum = add(sum, scale(cell_weight(c.z, colours), light.z));
@@ -74,32 +75,32 @@ static F3 film_value(F3 light, F hue, const __global float *colours)
 }
 #else
 // How much of red, green and blue light has the path's wavelength: 1 in the mean.
-static F3 share_of_wavelength(F hue, const __global float *colours)
+static F3 share_of_wavelength(F wavelength_sample, const __global float *colours)
 {
-    return cell_weight(TO_I(absolute(hue) * (float)HUE_CELLS), colours);
+    return cell_weight(TO_I(absolute(wavelength_sample) * (float)WAVELENGTH_CELLS), colours);
 }
 
 // What a path's light adds to the film. What glass of the scene has split is weighted already.
-static F3 film_value(F3 light, F hue, const __global float *colours)
+static F3 film_value(F3 light, F wavelength_sample, const __global float *colours)
 {
 #if LENS_SPLITS
-    light = mul(light, share_of_wavelength(hue, colours));
+    light = mul(light, share_of_wavelength(wavelength_sample, colours));
 #endif
     return light;
 }
 #endif
 #endif
 
-#if HUES
+#if SPECTRAL_COLOURS
 // What colours are at the wavelengths of a path.
 typedef struct {
     F3    red, green, blue;     // reflectances of surfaces of these colours
     F3    white;                // light of 1, 1, 1
     Cells cells;
-} Hues;
+} SpectralColours;
 
-#define SURFACE_COLOURS ((HUE_CELLS + 1) * 4)
-#define SPECTRA         (SURFACE_COLOURS + HUE_CELLS * 4)
+#define SURFACE_COLOURS ((WAVELENGTH_CELLS + 1) * 4)
+#define SPECTRA         (SURFACE_COLOURS + WAVELENGTH_CELLS * 4)
 
 static F3 at_cells(Cells c, int stride, int place, const __global float *table)
 {
@@ -107,10 +108,10 @@ static F3 at_cells(Cells c, int stride, int place, const __global float *table)
               GATHER(F, table, c.z * stride + place, ));
 }
 
-static Hues hues_of(F hue, const __global float *colours)
+static SpectralColours spectral_colours_of(F wavelength_sample, const __global float *colours)
 {
-    Hues h;
-    h.cells = cells_of(hue);
+    SpectralColours h;
+    h.cells = cells_of(wavelength_sample);
     h.red = at_cells(h.cells, 4, SURFACE_COLOURS, colours);
     h.green = at_cells(h.cells, 4, SURFACE_COLOURS + 1, colours);
     h.blue = at_cells(h.cells, 4, SURFACE_COLOURS + 2, colours);
@@ -119,23 +120,23 @@ static Hues hues_of(F hue, const __global float *colours)
 }
 
 // A coefficient or a share of light given as red, green and blue (Mallett and Yuksel 2019).
-static F3 surface_in(Hues h, F3 rgb)
+static F3 surface_in(SpectralColours h, F3 rgb)
 {
     return add(add(scale(h.red, rgb.x), scale(h.green, rgb.y)), scale(h.blue, rgb.z));
 }
 
 // Light given as red, green and blue.
-static F3 light_in(Hues h, F3 rgb) { return mul(surface_in(h, rgb), h.white); }
+static F3 light_in(SpectralColours h, F3 rgb) { return mul(surface_in(h, rgb), h.white); }
 
 // The same where a spectrum may be known: `number` counts the scene's from 1, and is 0 where there is none.
 #if HAS_SPECTRA
-static F3 known_at(Hues h, int number, const __global float *colours)
+static F3 known_at(SpectralColours h, int number, const __global float *colours)
 {
-    return at_cells(h.cells, 1, SPECTRA + (number - 1) * HUE_CELLS, colours);
+    return at_cells(h.cells, 1, SPECTRA + (number - 1) * WAVELENGTH_CELLS, colours);
 }
 #endif
 
-static F3 surface_colour(Hues h, F3 rgb, float number, const __global float *colours)
+static F3 surface_colour(SpectralColours h, F3 rgb, float number, const __global float *colours)
 {
 #if HAS_SPECTRA
     if (number > 0.0f)
@@ -144,7 +145,7 @@ static F3 surface_colour(Hues h, F3 rgb, float number, const __global float *col
     return surface_in(h, rgb);
 }
 
-static F3 light_colour(Hues h, F3 rgb, float number, const __global float *colours)
+static F3 light_colour(SpectralColours h, F3 rgb, float number, const __global float *colours)
 {
 #if HAS_SPECTRA
     if (number > 0.0f)
@@ -155,12 +156,12 @@ static F3 light_colour(Hues h, F3 rgb, float number, const __global float *colou
 
 #if HAS_SPECTRA
 // Of lamps that differ between lanes.
-static F3 lamp_colour(Hues h, F3 rgb, F number, const __global float *colours)
+static F3 lamp_colour(SpectralColours h, F3 rgb, F number, const __global float *colours)
 {
     F3 light = light_in(h, rgb);
     I known = number > 0.0f;
     if (ANY(known)) {
-        I place = (I)(SPECTRA) + (TO_I(MAX(number, ONE)) - 1) * HUE_CELLS;
+        I place = (I)(SPECTRA) + (TO_I(MAX(number, ONE)) - 1) * WAVELENGTH_CELLS;
         light = select3(known, f3(GATHER(F, colours, place + h.cells.x, ), GATHER(F, colours, place + h.cells.y, ),
                                   GATHER(F, colours, place + h.cells.z, )), light);
     }

@@ -8,8 +8,8 @@
 
 typedef struct {
     F3 o, d;
-    I  self;        // the primitive it starts on, NO_PRIMITIVE, or PATH_ENDED
-    I  part;        // the triangle of it, or NO_TRIANGLE
+    I  origin;        // the primitive it starts on, NO_PRIMITIVE, or PATH_ENDED
+    I  triangle;        // the triangle of it, or NO_TRIANGLE
 #if HAS_MOTION
     F  time;        // of its path, since the shutter opens [s]
 #endif
@@ -18,7 +18,7 @@ typedef struct {
 typedef struct {
     F t;            // distance
     I primitive;    // or NO_PRIMITIVE
-    I part;         // the triangle of a mesh, else NO_TRIANGLE
+    I triangle;         // the triangle of a mesh, else NO_TRIANGLE
     F b1, b2;       // weights of the triangle's second and third corner
 } Hit;
 

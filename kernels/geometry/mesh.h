@@ -23,7 +23,7 @@
 
 typedef struct {
     float3 o, d;
-    int    self, part;      // primitive and triangle that do not count
+    int    origin, triangle;      // primitive and triangle that do not count
 #if HAS_MOTION
     float  time;
 #endif
@@ -34,8 +34,8 @@ static OneRay one_ray(Ray ray, uint k)
     OneRay r;
     r.o = (float3)(LANE_OF(float, ray.o.x, k), LANE_OF(float, ray.o.y, k), LANE_OF(float, ray.o.z, k));
     r.d = (float3)(LANE_OF(float, ray.d.x, k), LANE_OF(float, ray.d.y, k), LANE_OF(float, ray.d.z, k));
-    r.self = LANE_OF(int, ray.self, k);
-    r.part = LANE_OF(int, ray.part, k);
+    r.origin = LANE_OF(int, ray.origin, k);
+    r.triangle = LANE_OF(int, ray.triangle, k);
 #if HAS_MOTION
     r.time = LANE_OF(float, ray.time, k);
 #endif
@@ -62,8 +62,8 @@ static int is_solid(OneRay ray, int triangle, float b1, float b2, int first_prim
 }
 #endif
 
-// Lowers `hit` to the nearest triangle of a block but `self`; whether there is one.
-IN_PLACE static int hit_block(int index, BoxRay r, int self, OneRay ray, int first_primitive, Scene scene, TriangleHit *hit)
+// Lowers `hit` to the nearest triangle of a block but `origin`; whether there is one.
+IN_PLACE static int hit_block(int index, BoxRay r, int origin, OneRay ray, int first_primitive, Scene scene, TriangleHit *hit)
 {
     const __global float *block = scene.blocks + (size_t)index * BLOCK_FLOATS;
     const __global int *triangles = (const __global int *)(block + 9 * LEAF_WIDTH);
@@ -72,7 +72,7 @@ IN_PLACE static int hit_block(int index, BoxRay r, int self, OneRay ray, int fir
     for (uint bits = hit_triangles(block, r, hit->t, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
         uint k = LOWEST_BIT(bits);
         float tk = ((const float *)&t)[k];
-        if (tk < hit->t && triangles[k] != self) {
+        if (tk < hit->t && triangles[k] != origin) {
 #if HAS_OPACITY
             if (!is_solid(ray, triangles[k], ((const float *)&b1)[k], ((const float *)&b2)[k], first_primitive, scene))
                 continue;
@@ -87,8 +87,8 @@ IN_PLACE static int hit_block(int index, BoxRay r, int self, OneRay ray, int fir
     return found;
 }
 
-// Whether a block holds a triangle before `reach` other than `self` and `target`.
-IN_PLACE static int block_blocks(int index, BoxRay r, int self, int target, float reach, OneRay ray, int first_primitive,
+// Whether a block holds a triangle before `reach` other than `origin` and `target`.
+IN_PLACE static int block_blocks(int index, BoxRay r, int origin, int target, float reach, OneRay ray, int first_primitive,
                                  Scene scene)
 {
     const __global float *block = scene.blocks + (size_t)index * BLOCK_FLOATS;
@@ -96,7 +96,7 @@ IN_PLACE static int block_blocks(int index, BoxRay r, int self, int target, floa
     Block t, b1, b2;
     for (uint bits = hit_triangles(block, r, reach, &t, &b1, &b2); bits != 0u; bits &= bits - 1u) {
         uint k = LOWEST_BIT(bits);
-        if (triangles[k] == self || triangles[k] == target)
+        if (triangles[k] == origin || triangles[k] == target)
             continue;
 #if HAS_OPACITY
         if (!is_solid(ray, triangles[k], ((const float *)&b1)[k], ((const float *)&b2)[k], first_primitive, scene))
@@ -138,10 +138,10 @@ static BoxRay in_mesh(const __global Instance *instance, OneRay r, Scene scene)
 }
 
 // The triangle of an instance that does not count for a ray.
-static int self_within(const __global Instance *instance, int self, int part)
+static int origin_within(const __global Instance *instance, int origin, int triangle)
 {
-    int slot = self - instance->first_primitive;
-    return slot >= 0 && slot < instance->primitives ? part : NO_TRIANGLE;
+    int slot = origin - instance->first_primitive;
+    return slot >= 0 && slot < instance->primitives ? triangle : NO_TRIANGLE;
 }
 #endif
 
@@ -154,7 +154,7 @@ static int nearest_triangle(OneRay ray, Scene scene, TriangleHit *hit)
     int node = scene.mesh_root;
     int found = 0;
     BoxRay r = in_world(ray);
-    int self = ray.part;
+    int origin = ray.triangle;
 #if HAS_INSTANCES
     BoxRay outside = r;
     int within = -1;            // instance whose tree is being walked
@@ -204,14 +204,14 @@ static int nearest_triangle(OneRay ray, Scene scene, TriangleHit *hit)
             const __global Instance *instance = scene.instances + within;
             floor_of = depth;
             node = instance->root;
-            self = self_within(instance, ray.self, ray.part);
+            origin = origin_within(instance, ray.origin, ray.triangle);
             r = in_mesh(instance, ray, scene);
             continue;
-        } else if (hit_block(~node, r, self, ray, scene.instances[within].first_primitive, scene, hit))
+        } else if (hit_block(~node, r, origin, ray, scene.instances[within].first_primitive, scene, hit))
             found = within;
 #else
         else
-            hit_block(~node, r, self, ray, scene.instances->first_primitive, scene, hit);
+            hit_block(~node, r, origin, ray, scene.instances->first_primitive, scene, hit);
 #endif
         do {
 #if HAS_INSTANCES
@@ -228,15 +228,15 @@ static int nearest_triangle(OneRay ray, Scene scene, TriangleHit *hit)
     }
 }
 
-// Whether a ray meets a triangle before `reach`. `target_part` of the primitive `target` does not count either.
-static int meets_triangle(OneRay ray, float reach, int target, int target_part, Scene scene)
+// Whether a ray meets a triangle before `reach`. `target_triangle` of the primitive `target` does not count either.
+static int meets_triangle(OneRay ray, float reach, int target, int target_triangle, Scene scene)
 {
     int todo[BVH_STACK];
     int depth = 0;
     int node = scene.mesh_root;
     BoxRay r = in_world(ray);
-    int self = ray.part;
-    int other = target_part;
+    int origin = ray.triangle;
+    int other = target_triangle;
 #if HAS_INSTANCES
     BoxRay outside = r;
     int within = -1;
@@ -262,13 +262,13 @@ static int meets_triangle(OneRay ray, float reach, int target, int target_part, 
             const __global Instance *instance = scene.instances + within;
             floor_of = depth;
             node = instance->root;
-            self = self_within(instance, ray.self, ray.part);
-            other = self_within(instance, target, target_part);
+            origin = origin_within(instance, ray.origin, ray.triangle);
+            other = origin_within(instance, target, target_triangle);
             r = in_mesh(instance, ray, scene);
             continue;
         }
 #endif
-        else if (block_blocks(~node, r, self, other, reach, ray, scene.instances[within].first_primitive, scene))
+        else if (block_blocks(~node, r, origin, other, reach, ray, scene.instances[within].first_primitive, scene))
             return 1;
 #if HAS_INSTANCES
         if (within >= 0 && depth == floor_of) {
@@ -322,7 +322,7 @@ static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
             SET_LANE(float, hit->t, k, best.t);
             SET_LANE(int, hit->primitive, k,
                      scene.instances[instance].first_primitive + scene.triangles[best.triangle].w);
-            SET_LANE(int, hit->part, k, best.triangle);
+            SET_LANE(int, hit->triangle, k, best.triangle);
             SET_LANE(float, hit->b1, k, best.b1);
             SET_LANE(float, hit->b2, k, best.b2);
         }
@@ -330,14 +330,14 @@ static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
 }
 
 // Lanes of `on` whose ray meets a triangle before `reach`.
-static I blocked_by_meshes(Ray ray, F reach, I target, I target_part, I on, Scene scene)
+static I blocked_by_meshes(Ray ray, F reach, I target, I target_triangle, I on, Scene scene)
 {
     I blocked = FALSE;
     on = meets_bounds(ray, reach, on, scene);
     for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
         uint k = LOWEST_BIT(rest);
         if (meets_triangle(one_ray(ray, k), LANE_OF(float, reach, k), LANE_OF(int, target, k),
-                           LANE_OF(int, target_part, k), scene))
+                           LANE_OF(int, target_triangle, k), scene))
             SET_LANE(int, blocked, k, -1);
     }
     return blocked;

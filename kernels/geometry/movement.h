@@ -1,9 +1,9 @@
 // Objects that move. Every record of a moving primitive or mesh says where it is when the shutter opens, at rest; a ray is
 // taken there from its own time, meets it, and the point comes back to the world.
-// movement_of[primitive] = (first leg, number of legs), none for what stands still. A leg is the way between two moments:
-// x = pivot + shift + s travel + turn by s turns about the axis, of the turn so far, of (x at rest - pivot), with s from 0
-// to 1 (rptcam_cl/plan/motion.py).
-// Facts: HAS_MOTION, MOTION_LEGS (1 where no object has more than one leg, else 2), MOTION_TURNS.
+// movement_of[primitive] = (first segment, number of segments), none for what stands still. A segment is the way between
+// two moments: x = pivot + shift + s travel + turn by s turns about the axis, of the turn so far, of (x at rest - pivot),
+// with s from 0 to 1 (rptcam_cl/plan/motion.py).
+// Facts: HAS_MOTION, MOTION_SEGMENTS (1 where no object has more than one segment, else 2), MOTION_TURNS.
 #ifndef MOVEMENT_H
 #define MOVEMENT_H
 #include "common/scene.h"
@@ -25,37 +25,37 @@ typedef struct {
 
 static int moves(int primitive, Scene scene) { return scene.movement_of[primitive].y > 0; }
 
-#if MOTION_LEGS == 1
-#define OF_LEG_HERE(member)   ((F)(legs->member))
+#if MOTION_SEGMENTS == 1
+#define OF_SEGMENT_HERE(member)   ((F)(segments->member))
 #else
-#define OF_LEG_HERE(member)   GATHER(F, legs, leg, .member)
+#define OF_SEGMENT_HERE(member)   GATHER(F, segments, segment, .member)
 #endif
-#define ROW_OF_LEG_HERE(row)  f3(OF_LEG_HERE(row.x), OF_LEG_HERE(row.y), OF_LEG_HERE(row.z))
+#define ROW_OF_SEGMENT_HERE(row)  f3(OF_SEGMENT_HERE(row.x), OF_SEGMENT_HERE(row.y), OF_SEGMENT_HERE(row.z))
 
 // Where a primitive that moves is at the times of the lanes.
 static Placing placing_of(int primitive, F time, Scene scene)
 {
     int2 movement = scene.movement_of[primitive];
-    const __global Leg *legs = scene.legs + movement.x;
-#if MOTION_LEGS > 1
-    I leg = FALSE;
+    const __global Segment *segments = scene.segments + movement.x;
+#if MOTION_SEGMENTS > 1
+    I segment = FALSE;
     for (int next = 1; next < movement.y; ++next)
-        leg = time >= legs[next].pivot.w ? (I)(next) : leg;
+        segment = time >= segments[next].pivot.w ? (I)(next) : segment;
 #endif
-    F share = (time - OF_LEG_HERE(pivot.w)) * OF_LEG_HERE(shift.w);
+    F share = (time - OF_SEGMENT_HERE(pivot.w)) * OF_SEGMENT_HERE(shift.w);
     Placing p;
-    p.shift = along(ROW_OF_LEG_HERE(shift), ROW_OF_LEG_HERE(travel), share);
+    p.shift = along(ROW_OF_SEGMENT_HERE(shift), ROW_OF_SEGMENT_HERE(travel), share);
 #if MOTION_TURNS
-    p.pivot = ROW_OF_LEG_HERE(pivot);
-    F half_turns = 0.5f * share * OF_LEG_HERE(travel.w);
+    p.pivot = ROW_OF_SEGMENT_HERE(pivot);
+    F half_turns = 0.5f * share * OF_SEGMENT_HERE(travel.w);
     F sine, cosine;
     sincos_turns(half_turns - floor(half_turns), &sine, &cosine);
     F near_one = 1.5f - 0.5f * (sine * sine + cosine * cosine);     // a step of Newton's to unit length
-    p.v = scale(ROW_OF_LEG_HERE(axis), sine * near_one);
+    p.v = scale(ROW_OF_SEGMENT_HERE(axis), sine * near_one);
     p.w = cosine * near_one;
-#if MOTION_LEGS > 1
-    F3 before = ROW_OF_LEG_HERE(turn);
-    F w = OF_LEG_HERE(turn.w);
+#if MOTION_SEGMENTS > 1
+    F3 before = ROW_OF_SEGMENT_HERE(turn);
+    F w = OF_SEGMENT_HERE(turn.w);
     F3 v = add(add(scale(before, p.w), scale(p.v, w)), cross3(p.v, before));
     p.w = p.w * w - dot3(p.v, before);
     p.v = v;

@@ -77,7 +77,7 @@ static Hit nearest_hit(Ray ray, Scene scene)
     F best = (F)(NEVER);
     I index = (I)(NO_PRIMITIVE);
 #if HAS_PRIMITIVE_TREE
-    I living = ray.self != PATH_ENDED;
+    I living = ray.origin != PATH_ENDED;
     EACH_PLANE(ray,
         t = PAST_HOLES((t > 0.0f) & (t < best));
         I closer = (t > 0.0f) & (t < best);
@@ -99,18 +99,18 @@ static Hit nearest_hit(Ray ray, Scene scene)
     Hit hit;
     hit.t = best;
     hit.primitive = index;
-    hit.part = (I)(NO_TRIANGLE);
+    hit.triangle = (I)(NO_TRIANGLE);
     hit.b1 = ZERO;
     hit.b2 = ZERO;
 #if HAS_MESH
-    nearest_in_meshes(ray, ray.self != PATH_ENDED, scene, &hit);
+    nearest_in_meshes(ray, ray.origin != PATH_ENDED, scene, &hit);
 #endif
     return hit;
 }
 
-// Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_part` alone). Lanes of
+// Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_triangle` alone). Lanes of
 // reach 0 do not matter.
-static I any_hit(Ray ray, F reach, I target, I target_part, Scene scene)
+static I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
 {
     const __global Primitive *primitives = scene.primitives;
     const __global int *kind_end = scene.kind_end;
@@ -130,7 +130,7 @@ static I any_hit(Ray ray, F reach, I target, I target_part, Scene scene)
         blocked |= (t > 0.0f) & (t < reach) & (target != i);)
 #endif
 #if HAS_MESH
-    blocked |= blocked_by_meshes(ray, reach, target, target_part, (reach > 0.0f) & NOT(blocked), scene);
+    blocked |= blocked_by_meshes(ray, reach, target, target_triangle, (reach > 0.0f) & NOT(blocked), scene);
 #endif
     return blocked;
 }

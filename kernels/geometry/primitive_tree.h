@@ -108,7 +108,7 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
                 for (int k = first; k < first + count; ++k) {                               \
                     int i = scene.primitive_leaves[k];                                      \
                     const __global Primitive *p = primitives + i;                           \
-                    I self = (ray).self == i;                                               \
+                    I origin = (ray).origin == i;                                               \
                     Ray here = RAY_AT_REST(ray, i);                                         \
                     F t;                                                                    \
                     IF_SPHERE IF_ELLIPSOID IF_RECTANGLE IF_DISK IF_BOX IF_CYLINDER IF_CONE  \

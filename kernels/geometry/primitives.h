@@ -37,14 +37,14 @@ static F3 object_vector(const __global Primitive *p, F3 d)
 #if HAS_SPHERE
 // row_x holds centre and radius; the direction has unit length. The discriminant is r^2 minus the squared distance of the
 // centre from the ray, which survives a far origin; b^2 - c would not.
-static F hit_sphere(const __global Primitive *p, Ray ray, I self)
+static F hit_sphere(const __global Primitive *p, Ray ray, I origin)
 {
     F3 oc = sub(ray.o, f3_of(p->row_x));
     F b = -dot3(oc, ray.d);
     F3 l = along(oc, ray.d, b);
     F r = (F)(p->row_x.w);
-    F c = self ? ZERO : dot3(oc, oc) - r * r;
-    F discriminant = self ? b * b : r * r - dot3(l, l);
+    F c = origin ? ZERO : dot3(oc, oc) - r * r;
+    F discriminant = origin ? b * b : r * r - dot3(l, l);
     F far;
     F near = quadratic(ONE, b, c, discriminant, &far);
     return near > 0.0f ? near : far;
@@ -52,15 +52,15 @@ static F hit_sphere(const __global Primitive *p, Ray ray, I self)
 #endif
 
 #if HAS_ELLIPSOID
-static F hit_ellipsoid(const __global Primitive *p, Ray ray, I self)
+static F hit_ellipsoid(const __global Primitive *p, Ray ray, I origin)
 {
     F3 o = object_point(p, ray.o);
     F3 d = object_vector(p, ray.d);
     F a = dot3(d, d);
     F b = -dot3(o, d);
     F3 l = along(o, d, b / a);
-    F c = self ? ZERO : dot3(o, o) - 1.0f;
-    F discriminant = self ? b * b : a * (1.0f - dot3(l, l));
+    F c = origin ? ZERO : dot3(o, o) - 1.0f;
+    F discriminant = origin ? b * b : a * (1.0f - dot3(l, l));
     F far;
     F near = quadratic(a, b, c, discriminant, &far);
     return near > 0.0f ? near : far;
@@ -80,7 +80,7 @@ static F hit_flat(const __global Primitive *p, Ray ray, F *u, F *v)
 #if HAS_BOX
 // The cube [-1, 1]^3. On its surface the farther root (by size) is the true one: the way out when the ray goes inwards,
 // behind the start when it goes outwards.
-static F hit_box(const __global Primitive *p, Ray ray, I self)
+static F hit_box(const __global Primitive *p, Ray ray, I origin)
 {
     F3 o = object_point(p, ray.o);
     F3 d = object_vector(p, ray.d);
@@ -96,7 +96,7 @@ static F hit_box(const __global Primitive *p, Ray ray, I self)
     near = MAX(near, m.z - k.z); far = MIN(far, m.z + k.z);
     F outside = near > 0.0f ? near : far;
     F other = absolute(near) > absolute(far) ? near : far;
-    return near <= far ? (self ? other : outside) : (F)(-1.0f);
+    return near <= far ? (origin ? other : outside) : (F)(-1.0f);
 }
 #endif
 
@@ -113,15 +113,15 @@ static F first_within(F near, F far, F oz, F dz)
 
 #if HAS_CYLINDER
 // x^2 + y^2 = 1, 0 <= z <= 1, open at both ends.
-static F hit_cylinder(const __global Primitive *p, Ray ray, I self)
+static F hit_cylinder(const __global Primitive *p, Ray ray, I origin)
 {
     F3 o = object_point(p, ray.o);
     F3 d = object_vector(p, ray.d);
     F a = d.x * d.x + d.y * d.y;
     F b = -(o.x * d.x + o.y * d.y);
-    F c = self ? ZERO : o.x * o.x + o.y * o.y - 1.0f;
+    F c = origin ? ZERO : o.x * o.x + o.y * o.y - 1.0f;
     F cross = o.x * d.y - o.y * d.x;
-    F discriminant = self ? b * b : a - cross * cross;
+    F discriminant = origin ? b * b : a - cross * cross;
     F far;
     F near = quadratic(a, b, c, discriminant, &far);
     return first_within(near, far, o.z, d.z);
@@ -130,19 +130,19 @@ static F hit_cylinder(const __global Primitive *p, Ray ray, I self)
 
 #if HAS_CONE
 // x^2 + y^2 = (1 - z)^2, 0 <= z <= 1: apex at z = 1, open at the base.
-static F hit_cone(const __global Primitive *p, Ray ray, I self)
+static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 {
     F3 o = object_point(p, ray.o);
     F3 d = object_vector(p, ray.d);
     F h = 1.0f - o.z;
     F a = d.x * d.x + d.y * d.y - d.z * d.z;
     F b = -(o.x * d.x + o.y * d.y + h * d.z);
-    F c = self ? ZERO : o.x * o.x + o.y * o.y - h * h;
+    F c = origin ? ZERO : o.x * o.x + o.y * o.y - h * h;
     // b^2 - a c as the Gram determinant of o and d in the cone's quadratic form: no large terms cancel.
     F xy = o.x * d.y - o.y * d.x;
     F yh = o.y * d.z + h * d.y;
     F hx = h * d.x + o.x * d.z;
-    F discriminant = self ? b * b : yh * yh + hx * hx - xy * xy;
+    F discriminant = origin ? b * b : yh * yh + hx * hx - xy * xy;
     F far;
     F near = quadratic(a, b, c, discriminant, &far);
     return first_within(near, far, o.z, d.z);
@@ -150,23 +150,23 @@ static F hit_cone(const __global Primitive *p, Ray ray, I self)
 #endif
 
 // How each kind finds `t` of the primitive p from the ray `here`, which is taken to where p is at rest: negative, infinite or NaN where there is no hit.
-#define SPHERE_T     t = hit_sphere(p, here, self);
-#define ELLIPSOID_T  t = hit_ellipsoid(p, here, self);
+#define SPHERE_T     t = hit_sphere(p, here, origin);
+#define ELLIPSOID_T  t = hit_ellipsoid(p, here, origin);
 #define RECTANGLE_T  F u; F v; t = hit_flat(p, here, &u, &v);                                      \
-                     t = ((u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);
+                     t = ((u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(origin)) ? t : (F)(-1.0f);
 #define DISK_T       F u; F v; t = hit_flat(p, here, &u, &v);                                      \
-                     t = ((u * u + v * v <= 1.0f) & NOT(self)) ? t : (F)(-1.0f);
+                     t = ((u * u + v * v <= 1.0f) & NOT(origin)) ? t : (F)(-1.0f);
 #define PLANE_T      t = -row_point(p->row_z, here.o) / row_vector(p->row_z, here.d);               \
-                     t = self ? (F)(-1.0f) : t;
-#define BOX_T        t = hit_box(p, here, self);
-#define CYLINDER_T   t = hit_cylinder(p, here, self);
-#define CONE_T       t = hit_cone(p, here, self);
+                     t = origin ? (F)(-1.0f) : t;
+#define BOX_T        t = hit_box(p, here, origin);
+#define CYLINDER_T   t = hit_cylinder(p, here, origin);
+#define CONE_T       t = hit_cone(p, here, origin);
 
 // Calls VISIT(index, t) for every primitive.
 #define FOR_EACH_OF_KIND(KIND, ray, VISIT, HIT)                                    \
     for (int i = KIND > 0 ? kind_end[KIND - 1] : 0; i < kind_end[KIND]; ++i) {      \
         const __global Primitive *p = primitives + i;                              \
-        I self = (ray).self == i;                                                  \
+        I origin = (ray).origin == i;                                                  \
         Ray here = RAY_AT_REST(ray, i);                                            \
         F t;                                                                       \
         HIT                                                                        \

@@ -37,7 +37,7 @@ static F quad_error(Quad r, F3 p, F3 e)
 // Of lanes that hit a mesh; anything in the others.
 static SurfacePoint point_on_mesh(Hit hit, I on, Scene scene)
 {
-    I triangle = on ? hit.part : FALSE;
+    I triangle = on ? hit.triangle : FALSE;
     F b1 = hit.b1, b2 = hit.b2;
     F b0 = ONE - b1 - b2;
     Eight a = corner(scene, GATHER(I, scene.triangles, triangle, .x));

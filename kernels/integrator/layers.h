@@ -18,8 +18,8 @@ static F3 base_color(Vertex vertex)
 {
     F3 color = keep3(vertex.kind != MATERIAL_EMISSIVE, vertex.color);
 #if HAS_METAL
-    F3 n = vertex.finish.n;
-    F3 k = vertex.finish.k;
+    F3 n = vertex.closure.n;
+    F3 k = vertex.closure.k;
     F3 f = f3(metal_fresnel(ONE, n.x, k.x), metal_fresnel(ONE, n.y, k.y), metal_fresnel(ONE, n.z, k.z));
     color = select3(vertex.kind == MATERIAL_METAL, mul(color, f), color);
 #endif

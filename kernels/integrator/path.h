@@ -14,15 +14,15 @@
 // What limits and seeds the paths of a wave.
 typedef struct {
     uint2 seed;
-    uint  max_edges, roulette_edge;
+    uint  max_depth, roulette_depth;
 } Rules;
 
 static Rules rules_of(Wave wave, Limits limits)
 {
     Rules r;
     r.seed = wave.seed;
-    r.max_edges = limits.max_edges;
-    r.roulette_edge = limits.roulette_edge;
+    r.max_depth = limits.max_depth;
+    r.roulette_depth = limits.roulette_depth;
     return r;
 }
 
@@ -32,9 +32,9 @@ typedef struct {
     F3  beta;       // throughput behind the camera
     F3  radiance;   // gathered so far
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
-    U   pixel, sample, edge;
+    U   pixel, sample, depth;
 #if SPECTRUM
-    F   hue;        // chooses the wavelength, common/wavelength.h
+    F   wavelength_sample;        // chooses the wavelength, common/wavelength.h
 #endif
 } Path;
 
@@ -43,7 +43,7 @@ typedef struct {
     F3  light;      // what arrives if nothing is in the way
     F   reach;      // distance to the emitter; 0: no light sample
     I   target;     // the emitter's primitive
-    I   target_part;    // and its triangle
+    I   target_triangle;    // and its triangle
 } ShadowRay;
 
 // Where a ray along `d` leaves a vertex: just off a mesh, on the side where it goes.
@@ -75,7 +75,7 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
 #if HAS_EMITTERS
 static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene scene, Rules rules)
 {
-    F4 u = random4(path.pixel, path.sample, 2u * path.edge + 1u, rules.seed);
+    F4 u = random4(path.pixel, path.sample, 2u * path.depth + 1u, rules.seed);
     LightSample light = sample_emitter(scene, vertex.p, u.a, u.b, u.c);
     F pdf;
     F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
@@ -85,13 +85,13 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
     shadow.light = scale(mul(through, light.radiance), mis);
     shadow.ray.o = departure(vertex, light.direction);
     shadow.ray.d = light.direction;
-    shadow.ray.self = hit.primitive;
-    shadow.ray.part = hit.part;
+    shadow.ray.origin = hit.primitive;
+    shadow.ray.triangle = hit.triangle;
 #if HAS_MOTION
     shadow.ray.time = path.ray.time;
 #endif
     shadow.target = light.primitive;
-    shadow.target_part = light.part;
+    shadow.target_triangle = light.triangle;
     shadow.reach = (on & (max3(shadow.light) > 0.0f)) ? light.reach : ZERO;
     return shadow;
 }
@@ -103,7 +103,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 {
     ShadowRay shadow;
     shadow.reach = ZERO;
-    I living = path->ray.self != PATH_ENDED;
+    I living = path->ray.origin != PATH_ENDED;
 #if ENVIRONMENT || EMITTER_SUNS
     I escaped = living & (hit.primitive == NO_PRIMITIVE);
     if (ANY(escaped))
@@ -112,29 +112,29 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #endif
     I on = living & (hit.primitive >= 0);
 #if !HAS_LAMPS
-    on = on & (path->edge < rules.max_edges);
+    on = on & (path->depth < rules.max_depth);
 #endif
     if (!ANY(on)) {
-        path->ray.self = (I)(PATH_ENDED);
+        path->ray.origin = (I)(PATH_ENDED);
         return shadow;
     }
 #if HAS_MIX
-    F choice = random4(path->pixel, path->sample, 2u * path->edge, rules.seed).c;
+    F choice = random4(path->pixel, path->sample, 2u * path->depth, rules.seed).c;
 #else
     F choice = ZERO;
 #endif
     Vertex vertex = vertex_of(path->ray, hit, on, choice, scene);
 #if HAS_DISPERSION && !LENS_SPLITS
     // Glass that bends each wavelength by itself leaves a path one of them, which stands for all.
-    I splits = on & vertex.splits & (AS_I(path->hue) >= 0);
+    I splits = on & vertex.splits & (AS_I(path->wavelength_sample) >= 0);
     if (ANY(splits)) {
-#if HUES
+#if SPECTRAL_COLOURS
         F3 one = f3(3.0f * path->beta.x, ZERO, ZERO);
 #else
-        F3 one = mul(path->beta, share_of_wavelength(path->hue, scene.colours));
+        F3 one = mul(path->beta, share_of_wavelength(path->wavelength_sample, scene.colours));
 #endif
         path->beta = select3(splits, one, path->beta);
-        path->hue = splits ? AS_F(AS_I(path->hue) | SIGN_BIT) : path->hue;
+        path->wavelength_sample = splits ? AS_F(AS_I(path->wavelength_sample) | SIGN_BIT) : path->wavelength_sample;
     }
 #endif
 #if HAS_ABSORPTION
@@ -151,36 +151,36 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #endif
 #if HAS_GLOW
     F front = -dot3(vertex.ng, path->ray.d);
-    I glows = on & (front > 0.0f) & (max3(vertex.finish.glow) > 0.0f);
+    I glows = on & (front > 0.0f) & (max3(vertex.closure.glow) > 0.0f);
     if (ANY(glows))
-        path->radiance = add(path->radiance, emission(*path, vertex, vertex.finish.glow, glows, hit.t, front, scene));
+        path->radiance = add(path->radiance, emission(*path, vertex, vertex.closure.glow, glows, hit.t, front, scene));
 #endif
 #if HAS_LAMPS
-    on = on & (path->edge < rules.max_edges);
+    on = on & (path->depth < rules.max_depth);
     if (!ANY(on)) {
-        path->ray.self = (I)(PATH_ENDED);
+        path->ray.origin = (I)(PATH_ENDED);
         return shadow;
     }
 #endif
 #if HAS_EMITTERS
     shadow = light_sample(*path, vertex, on, hit, scene, rules);
 #endif
-    F4 u = random4(path->pixel, path->sample, 2u * path->edge, rules.seed);
+    F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);
     Scattered next = scatter_sample(vertex, path->ray.d, u.a, u.b, u.c);
     path->beta = mul(path->beta, next.weight);
     on = on & (max3(path->beta) > 0.0f);
-    if (rules.roulette_edge > 0u) {
-        I plays = path->edge >= rules.roulette_edge;
+    if (rules.roulette_depth > 0u) {
+        I plays = path->depth >= rules.roulette_depth;
         F survive = plays ? MIN(max3(path->beta), ONE) : ONE;
         on = on & (u.d < survive);
         path->beta = scale(path->beta, ONE / MAX(survive, (F)(1e-20f)));
     }
     path->ray.o = departure(vertex, next.direction);
     path->ray.d = next.direction;
-    path->ray.part = hit.part;
-    path->ray.self = on ? hit.primitive : (I)(PATH_ENDED);
+    path->ray.triangle = hit.triangle;
+    path->ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
     path->pdf = next.pdf;
-    path->edge += 1u;
+    path->depth += 1u;
     return shadow;
 }
 

@@ -12,11 +12,11 @@
 #define WRITE_I(name, slot, v)  STORE_F(FIELD(name), slot, AS_F(v))
 // Triangles are part of the state where there are meshes.
 #if HAS_MESH
-#define READ_PART(name, slot)      READ_I(name, slot)
-#define WRITE_PART(name, slot, v)  WRITE_I(name, slot, v)
+#define READ_TRIANGLE(name, slot)      READ_I(name, slot)
+#define WRITE_TRIANGLE(name, slot, v)  WRITE_I(name, slot, v)
 #else
-#define READ_PART(name, slot)      ((I)(NO_TRIANGLE))
-#define WRITE_PART(name, slot, v)
+#define READ_TRIANGLE(name, slot)      ((I)(NO_TRIANGLE))
+#define WRITE_TRIANGLE(name, slot, v)
 #endif
 // And the time where something moves.
 #if MOVES

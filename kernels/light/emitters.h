@@ -8,7 +8,7 @@
 #include "geometry/hit.h"
 #include "common/curve.h"
 #include "light/environment.h"
-#include "light/painted.h"
+#include "light/emitter_texture.h"
 #include "light/point.h"
 
 typedef struct {
@@ -17,7 +17,7 @@ typedef struct {
     F3 radiance;    // emitted radiance / density, cosine and BSDF left out; zero where the sample is void
     F  pdf;         // solid-angle density incl. the pick; 0 for point and directional lights, which no BSDF sample can meet
     I  primitive;   // the emitter's primitive or NO_PRIMITIVE
-    I  part;        // and its triangle
+    I  triangle;        // and its triangle
 } LightSample;
 
 #if ONE_EMITTER
@@ -69,9 +69,9 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
     LightSample s;
     s.primitive = OF_EMITTER(I, primitive);
 #if EMITTER_TRIANGLES
-    s.part = OF_EMITTER(I, part);
+    s.triangle = OF_EMITTER(I, triangle);
 #else
-    s.part = (I)(NO_TRIANGLE);
+    s.triangle = (I)(NO_TRIANGLE);
 #endif
     s.radiance = f3(OF_EMITTER(F, radiance.x), OF_EMITTER(F, radiance.y), OF_EMITTER(F, radiance.z));
     F3 to = sub(a, p);
@@ -146,13 +146,13 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
     }
 #endif
 #if EMITTER_TEXTURES
-    I painted = (OF_EMITTER(I, texture) >= 0) & (s.primitive >= 0) & (weight > 0.0f);
-    if (ANY(painted)) {
+    I textured = (OF_EMITTER(I, texture) >= 0) & (s.primitive >= 0) & (weight > 0.0f);
+    if (ANY(textured)) {
 #if !EMITTER_FLATS
         F x = ZERO, y = ZERO;
 #endif
         F3 there = sub(along(p, s.direction, s.reach), a);
-        s.radiance = select3(painted, painted_radiance(e, painted, x, y, there, scene), s.radiance);
+        s.radiance = select3(textured, textured_radiance(e, textured, x, y, there, scene), s.radiance);
     }
 #endif
 #if EMITTER_POINTS
@@ -188,8 +188,8 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
         weight = (sky & (density > 0.0f)) ? ONE / s.pdf : weight;
     }
 #endif
-#if HUES
-    s.radiance = lamp_colour(scene.hues, s.radiance, OF_EMITTER(F, radiance.w), scene.colours);
+#if SPECTRAL_COLOURS
+    s.radiance = lamp_colour(scene.spectral, s.radiance, OF_EMITTER(F, radiance.w), scene.colours);
 #endif
     s.radiance = scale(s.radiance, weight);
     return s;

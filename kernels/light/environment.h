@@ -10,8 +10,8 @@
 // Light of the environment at the wavelengths of the path, where it has them; `number` is that of its spectrum.
 static F3 environment_colour(F3 rgb, float number, Scene scene)
 {
-#if HUES
-    return light_colour(scene.hues, rgb, number, scene.colours);
+#if SPECTRAL_COLOURS
+    return light_colour(scene.spectral, rgb, number, scene.colours);
 #else
     return rgb;
 #endif

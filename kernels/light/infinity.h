@@ -25,8 +25,8 @@ static F3 suns_radiance(F3 d, F own, Scene scene)
         if (ANY(inside)) {
             F weight = against_lights(own, (F)(sun->pick / (2.0f * PI_F * versine)));
             F3 radiance = f3_of(sun->radiance);
-#if HUES
-            radiance = light_colour(scene.hues, radiance, sun->radiance.w, scene.colours);
+#if SPECTRAL_COLOURS
+            radiance = light_colour(scene.spectral, radiance, sun->radiance.w, scene.colours);
 #endif
             sum = add(sum, keep3(inside, scale(radiance, weight)));
         }

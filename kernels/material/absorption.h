@@ -7,7 +7,7 @@
 static F3 transmittance(Vertex vertex, F3 d, F length)
 {
     I inside = dot3(vertex.ng, d) > 0.0f;
-    F3 a = vertex.finish.absorption;
+    F3 a = vertex.closure.absorption;
     if (!ANY(inside & (max3(a) > 0.0f)))
         return f3(ONE, ONE, ONE);
     F way = inside ? -length : ZERO;

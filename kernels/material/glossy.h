@@ -40,20 +40,20 @@ static Facet principled_facet(Vertex vertex, F eta, F c)
 {
     Facet facet;
     F steep = schlick(c);
-    F f0 = vertex.finish.specular * normal_reflectance(vertex.parameter);
-    F f = f0 + (vertex.finish.specular - f0) * steep;
+    F f0 = vertex.closure.specular * normal_reflectance(vertex.parameter);
+    F f = f0 + (vertex.closure.specular - f0) * steep;
 #if HAS_TRANSMISSION
     // The transparent part, seen from inside, reflects by the angle outside, and totally beyond the critical one.
-    F clear = vertex.finish.transmission;
+    F clear = vertex.closure.transmission;
     F sin2 = (1.0f - c * c) / (eta * eta);
     F beyond = eta < 1.0f ? schlick(root(1.0f - sin2)) : steep;
-    F of_clear = sin2 >= 1.0f ? ONE : f0 + (vertex.finish.specular - f0) * beyond;
+    F of_clear = sin2 >= 1.0f ? ONE : f0 + (vertex.closure.specular - f0) * beyond;
     f += clear * (of_clear - f);
 #endif
     F3 metal = along(scale(vertex.color, 1.0f - steep), f3(ONE, ONE, ONE), steep);
-    F dielectric = 1.0f - vertex.finish.metallic;
-    F part = f * dielectric;
-    facet.reflected = along(f3(part, part, part), metal, vertex.finish.metallic);
+    F dielectric = 1.0f - vertex.closure.metallic;
+    F share = f * dielectric;
+    facet.reflected = along(f3(share, share, share), metal, vertex.closure.metallic);
     facet.reflects = ONE;
     facet.refracted = f3(ZERO, ZERO, ZERO);
 #if HAS_TRANSMISSION
@@ -76,8 +76,8 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
 #if HAS_METAL
     I metal = vertex.kind == MATERIAL_METAL;
     if (ANY(metal)) {
-        F3 n = vertex.finish.n;
-        F3 k = vertex.finish.k;
+        F3 n = vertex.closure.n;
+        F3 k = vertex.closure.k;
         F3 f = f3(metal_fresnel(c, n.x, k.x), metal_fresnel(c, n.y, k.y), metal_fresnel(c, n.z, k.z));
         facet.reflected = select3(metal, mul(vertex.color, f), facet.reflected);
     }
@@ -117,21 +117,21 @@ static void add_base(Lobes *lobes, Vertex vertex)
     F others = ONE;
     lobes->cover.c0 = lobes->cover.c1 = lobes->cover.c2 = lobes->cover.c3 = lobes->cover.c4 = ZERO;
 #if HAS_ROUGH_PLASTIC
-    lobes->cover = vertex.finish.cover;
+    lobes->cover = vertex.closure.cover;
     mean = cover_mean(lobes->cover);
-    rho = keep3(vertex.kind == MATERIAL_ROUGH_PLASTIC, lit_from_below(vertex.color, vertex.finish.internal));
+    rho = keep3(vertex.kind == MATERIAL_ROUGH_PLASTIC, lit_from_below(vertex.color, vertex.closure.internal));
     others = cover_albedo(lobes->cover, lobes->wi.z);
 #endif
 #if HAS_PRINCIPLED
     I principled = vertex.kind == MATERIAL_PRINCIPLED;
     if (ANY(principled)) {
-        F metallic = vertex.finish.metallic;
+        F metallic = vertex.closure.metallic;
 #if HAS_TRANSMISSION
-        F clear = vertex.finish.transmission;
+        F clear = vertex.closure.transmission;
 #else
         F clear = ZERO;
 #endif
-        Cover cover = cover_of(normal_reflectance(vertex.parameter), vertex.finish.alpha.x, vertex.finish.specular);
+        Cover cover = cover_of(normal_reflectance(vertex.parameter), vertex.closure.alpha.x, vertex.closure.specular);
         F share = cover_albedo(cover, lobes->wi.z);
         F rest = (1.0f - metallic) * (share + (1.0f - share) * clear) + metallic * max3(vertex.color);
         rho = select3(principled, scale(vertex.color, (1.0f - metallic) * (1.0f - clear)), rho);
@@ -162,7 +162,7 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     lobes.clear = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
 #endif
 #if HAS_TRANSMISSION
-    lobes.clear = lobes.clear | ((vertex.kind == MATERIAL_PRINCIPLED) & (vertex.finish.transmission > 0.0f));
+    lobes.clear = lobes.clear | ((vertex.kind == MATERIAL_PRINCIPLED) & (vertex.closure.transmission > 0.0f));
 #endif
 #if HAS_REFRACTION
     lobes.eta = (lobes.clear & behind) ? 1.0f / lobes.eta : lobes.eta;
@@ -172,8 +172,8 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 #endif
 #if HAS_CLEARCOAT
     I coated = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes.clear & behind);
-    F coat = coated ? vertex.finish.coat : ZERO;
-    F alpha = coated ? vertex.finish.coat_alpha : ONE;
+    F coat = coated ? vertex.closure.coat : ZERO;
+    F alpha = coated ? vertex.closure.coat_alpha : ONE;
     lobes.coat_alpha.x = alpha;
 #if HAS_ANISOTROPY
     lobes.coat_alpha.y = alpha;
@@ -191,14 +191,14 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
     F c = MAX(dot3(lobes.wi, h), ZERO);
     Facet facet = facet_of(vertex, lobes, c);
     F density;
-    F mirrored = ggx_reflect(lobes.wi, wo, h, vertex.finish.alpha, &density);
+    F mirrored = ggx_reflect(lobes.wi, wo, h, vertex.closure.alpha, &density);
     F3 sum = scale(facet.reflected, mirrored);
 #if HAS_REFRACTION
     density *= facet.reflects;
     I below = lobes.clear & (wo.z < 0.0f);
     if (ANY(below)) {
         F other;
-        F bent = ggx_refract(lobes.wi, wo, h, vertex.finish.alpha, lobes.eta, &other);
+        F bent = ggx_refract(lobes.wi, wo, h, vertex.closure.alpha, lobes.eta, &other);
         sum = select3(below, scale(facet.refracted, bent), sum);
         density = below ? other * (1.0f - facet.reflects) : density;
     }
@@ -207,7 +207,7 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
     F taken = (1.0f - cover_albedo(lobes.coat_cover, lobes.wi.z)) * (1.0f - cover_albedo(lobes.coat_cover, absolute(wo.z)));
     F coat_density;
     F coat = ggx_reflect(lobes.wi, wo, h, lobes.coat_alpha, &coat_density);
-    coat *= vertex.finish.coat * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * schlick(c));
+    coat *= vertex.closure.coat * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * schlick(c));
     coat = lobes.coat > 0.0f ? coat : ZERO;
     density += lobes.coat * (coat_density - density);
 #endif
@@ -247,7 +247,7 @@ static F3 glossy_eval(Vertex vertex, F3 wi, F3 wo, I behind, F *pdf)
 static F3 glossy_sample(Vertex vertex, F3 wi, I behind, F u, F v, F lobe, F3 *wo, F *pdf)
 {
     Lobes lobes = lobes_of(vertex, wi, behind);
-    Alpha alpha = vertex.finish.alpha;
+    Alpha alpha = vertex.closure.alpha;
 #if HAS_BASE
     I under = lobe < lobes.under;
     lobe = under ? lobe : (lobe - lobes.under) / (1.0f - lobes.under);

@@ -14,7 +14,7 @@ static Plastic plastic_of(Vertex vertex, F cosine)
 {
     Plastic plastic;
     F index = vertex.parameter;
-    F internal = vertex.finish.internal;
+    F internal = vertex.closure.internal;
     F ct;
     plastic.reflects = fresnel(cosine, index, &ct);
     F out = index * index * (1.0f - internal);      // share of even light that the cover lets through

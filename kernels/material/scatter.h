@@ -199,7 +199,7 @@ static Scattered scatter_sample(Vertex vertex, F3 d, F u, F v, F lobe)
 #if HAS_THIN_GLASS
     I thin = vertex.kind == MATERIAL_THIN_GLASS;
     if (ANY(thin)) {
-        Pane pane = pane_of(side.cosine, vertex.parameter, vertex.finish.depth);
+        Pane pane = pane_of(side.cosine, vertex.parameter, vertex.closure.depth);
         F back = max3(pane.reflected);
         F share = back / (back + max3(pane.passed));
         I reflects = lobe < share;

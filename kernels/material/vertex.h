@@ -3,7 +3,7 @@
 #ifndef VERTEX_H
 #define VERTEX_H
 #include "geometry/surface_point.h"
-#include "material/finish.h"
+#include "material/closure.h"
 #if HAS_TANGENT
 #include "geometry/tangent.h"
 #endif
@@ -24,8 +24,8 @@ typedef struct {
 #if HAS_DISPERSION
     I  splits;      // glass that bends each wavelength by itself
 #endif
-#if HAS_FINISH
-    Finish finish;
+#if HAS_CLOSURE
+    Closure closure;
 #endif
 #if HAS_MIX
     F  lobe;        // what choosing among mixed materials leaves of the random number that chooses lobes
@@ -66,9 +66,9 @@ static F index_at(const __global Material *material, F inverse)
 static void take_material(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, Scene scene)
 {
     F3 color = reflectance_at(material, point.u, point.v, scene);
-#if HUES
-    color = material->kind == MATERIAL_EMISSIVE ? light_colour(scene.hues, color, material->color.w, scene.colours)
-                                                : surface_colour(scene.hues, color, material->color.w, scene.colours);
+#if SPECTRAL_COLOURS
+    color = material->kind == MATERIAL_EMISSIVE ? light_colour(scene.spectral, color, material->color.w, scene.colours)
+                                                : surface_colour(scene.spectral, color, material->color.w, scene.colours);
 #endif
     vertex->color = select3(mine, color, vertex->color);
     F parameter = (F)(material->parameter);
@@ -80,8 +80,8 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #endif
     vertex->parameter = mine ? parameter : vertex->parameter;
     vertex->kind = mine ? (I)(material->kind) : vertex->kind;
-#if HAS_FINISH
-    take_finish(&vertex->finish, mine, material, point.u, point.v, scene);
+#if HAS_CLOSURE
+    take_closure(&vertex->closure, mine, material, point.u, point.v, scene);
 #endif
 #if HAS_NORMAL_MAP
     if (material->normal_texture >= 0)
@@ -149,8 +149,8 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 #if HAS_DISPERSION
     vertex.splits = FALSE;
 #endif
-#if HAS_FINISH
-    vertex.finish = no_finish();
+#if HAS_CLOSURE
+    vertex.closure = empty_closure();
 #endif
 #if HAS_MIX
     vertex.lobe = choice;
@@ -199,7 +199,7 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
             take_material(&vertex, mine, material, point, scene);
 #if HAS_EMITTERS
 #if EMITTER_TRIANGLES
-        vertex.emitter = mine ? (index >= first_mesh ? hit.part - primitive->first_triangle : FALSE)
+        vertex.emitter = mine ? (index >= first_mesh ? hit.triangle - primitive->first_triangle : FALSE)
                                     + primitive->emitter : vertex.emitter;
 #else
         vertex.emitter = mine ? (I)(primitive->emitter) : vertex.emitter;

@@ -6,7 +6,7 @@
 
 #if SPECTRUM
 #define COLOURS , const __global float *colours     // common/wavelength.h
-#define LIGHT(slot) film_value(READ_F3(L, slot), READ_F(HUE, slot), colours)
+#define LIGHT(slot) film_value(READ_F3(L, slot), READ_F(WAVELENGTH_SAMPLE, slot), colours)
 #else
 #define COLOURS
 #define LIGHT(slot) READ_F3(L, slot)

@@ -1,12 +1,12 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
-// records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, SELF, TIME, HUE, and clears
-// L, PDF and REACH.
+// records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, ORIGIN, TIME,
+// WAVELENGTH_SAMPLE, and clears L, PDF and REACH.
 // Facts: CAMERA_FILE, CAMERA_HAS_LENS, CAMERA_PACKETS (packets of lanes per work item), LENS_FLOAT64 (whether the passes
 // aim_rays and trace_lens have taken the rays through the lens), STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
 #include CAMERA_FILE
 #include "camera/draw.h"
 #if MOVES
-#include "camera/course.h"
+#include "camera/trajectory.h"
 #endif
 #include "common/transpose.h"
 #include "integrator/state.h"
@@ -21,11 +21,11 @@ static F3 in_world(const __global Camera *c, F3 v)
 }
 
 #if MOVES
-#define COURSE_PARAMETER , const __global float4 *course      // of shutter and camera
-#define COURSE , course
+#define TRAJECTORY_PARAMETER , const __global float4 *trajectory      // of shutter and camera
+#define TRAJECTORY , trajectory
 #else
-#define COURSE_PARAMETER
-#define COURSE
+#define TRAJECTORY_PARAMETER
+#define TRAJECTORY
 #endif
 #if LENS_FLOAT64
 #define TRACED_PARAMETER , const __global float *traced
@@ -34,7 +34,7 @@ static F3 in_world(const __global Camera *c, F3 v)
 #endif
 
 static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __global Camera *camera,
-                       __global uint *counters, __global float *state, uint capacity COURSE_PARAMETER)
+                       __global uint *counters, __global float *state, uint capacity TRAJECTORY_PARAMETER)
 {
     Lane lane = draw.lane;
     I alive = lane.inside & (ray.weight > 0.0f);
@@ -47,12 +47,12 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
         }
 #endif
 #if MOVES
-    F time = moment_of(lane, path_numbers(lane.pixel, lane.sample, wave.seed).b, course);
+    F time = moment_of(lane, path_numbers(lane.pixel, lane.sample, wave.seed).b, trajectory);
 #endif
-#if CAMERA_LEGS
-    Stand stand = stand_at(time, course);
-    F3 o = add(stand.eye, from_frame(stand.right, stand.up, stand.back, ray.o));
-    F3 d = from_frame(stand.right, stand.up, stand.back, ray.d);
+#if CAMERA_SEGMENTS
+    Pose pose = pose_at(time, trajectory);
+    F3 o = add(pose.eye, from_frame(pose.right, pose.up, pose.back, ray.o));
+    F3 d = from_frame(pose.right, pose.up, pose.back, ray.d);
 #else
     F3 o = in_world(camera, ray.o);
     F3 d = in_world(camera, ray.d);
@@ -74,14 +74,14 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
     WRITE_F3(D, slot, d);
     WRITE_F(WEIGHT, slot, weight);
     WRITE_F3(B, slot, FIRST_BETA);
-    WRITE_I(SELF, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
-    WRITE_PART(PART, slot, (I)(NO_TRIANGLE));
+    WRITE_I(ORIGIN, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
+    WRITE_TRIANGLE(TRIANGLE, slot, (I)(NO_TRIANGLE));
 #if MOVES
     WRITE_F(TIME, slot, time);
 #endif
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if SPECTRUM
-    WRITE_F(HUE, slot, draw.hue);
+    WRITE_F(WAVELENGTH_SAMPLE, slot, draw.wavelength_sample);
 #endif
 #if HAS_EMITTERS
     WRITE_F(REACH, slot, ZERO);
@@ -101,7 +101,7 @@ __kernel void generate(const __global Camera  *camera,
                        const __global uint    *tiles,      // that are rendered
                        const __global float   *filter,     // of the film
                        const __global float   *colours     // wavelengths, common/wavelength.h
-                       COURSE_PARAMETER TRACED_PARAMETER)
+                       TRAJECTORY_PARAMETER TRACED_PARAMETER)
 {
     uint slot = get_global_id(0) * (VW * CAMERA_PACKETS);
     Draw draw = draw_of(slot, wave, tiles, camera, filter, colours);
@@ -116,14 +116,14 @@ __kernel void generate(const __global Camera  *camera,
     }
     CameraRay one = leave_camera(first, leave_lens(&first.path), camera);
     CameraRay two = leave_camera(second, leave_lens(&second.path), camera);
-    start_path(draw, one, slot, wave, camera, counters, state, capacity COURSE);
-    start_path(other, two, slot + VW, wave, camera, counters, state, capacity COURSE);
+    start_path(draw, one, slot, wave, camera, counters, state, capacity TRAJECTORY);
+    start_path(other, two, slot + VW, wave, camera, counters, state, capacity TRAJECTORY);
 #elif LENS_FLOAT64
     Underway entering = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
     CameraRay ray = leave_camera(entering, traced_ray(traced, capacity, slot), camera);
-    start_path(draw, ray, slot, wave, camera, counters, state, capacity COURSE);
+    start_path(draw, ray, slot, wave, camera, counters, state, capacity TRAJECTORY);
 #else
     CameraRay ray = camera_ray(draw.lane, draw.u, draw.wavelength, camera, tables, surfaces, stop);
-    start_path(draw, ray, slot, wave, camera, counters, state, capacity COURSE);
+    start_path(draw, ray, slot, wave, camera, counters, state, capacity TRAJECTORY);
 #endif
 }

@@ -1,4 +1,4 @@
-// Finds what each path's ray meets first. Reads ray and SELF; writes HIT and T. Packs without a living path are skipped.
+// Finds what each path's ray meets first. Reads ray and ORIGIN; writes HIT and T. Packs without a living path are skipped.
 #include "geometry/nearest.h"
 #include "integrator/state.h"
 
@@ -8,12 +8,12 @@ __kernel void intersect(SCENE_PARAMETERS
 {
     uint slot = get_global_id(0) * VW;
     Ray ray;
-    ray.self = READ_I(SELF, slot);
-    if (!ANY(ray.self != PATH_ENDED))
+    ray.origin = READ_I(ORIGIN, slot);
+    if (!ANY(ray.origin != PATH_ENDED))
         return;
     ray.o = READ_F3(O, slot);
     ray.d = READ_F3(D, slot);
-    ray.part = READ_PART(PART, slot);
+    ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
 #if HAS_MOTION
     ray.time = READ_TIME(slot);
 #endif
@@ -21,7 +21,7 @@ __kernel void intersect(SCENE_PARAMETERS
     WRITE_I(HIT, slot, hit.primitive);
     WRITE_F(T, slot, hit.t);
 #if HAS_MESH
-    WRITE_I(HIT_PART, slot, hit.part);
+    WRITE_I(HIT_TRIANGLE, slot, hit.triangle);
     WRITE_F(B1, slot, hit.b1);
     WRITE_F(B2, slot, hit.b2);
 #endif

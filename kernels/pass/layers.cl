@@ -4,8 +4,8 @@
 #include "geometry/nearest.h"
 #include "integrator/layers.h"
 #include "integrator/state.h"
-#if CAMERA_LEGS
-#include "camera/course.h"
+#if CAMERA_SEGMENTS
+#include "camera/trajectory.h"
 #endif
 
 __kernel void layers(SCENE_PARAMETERS
@@ -19,8 +19,8 @@ __kernel void layers(SCENE_PARAMETERS
                      uint                   capacity,    // slots in the state
                      uint                   pixels,      // pixels of a plane
                      const __global uint   *tiles        // that are rendered
-#if CAMERA_LEGS
-                   , const __global float4 *course       // of the camera
+#if CAMERA_SEGMENTS
+                   , const __global float4 *trajectory       // of the camera
 #endif
                      )
 {
@@ -28,7 +28,7 @@ __kernel void layers(SCENE_PARAMETERS
     uint pixel = film_place(first, wave, tiles);
     Scene scene = SCENE;
     LayerSums sums = read_sums(planes, pixel, pixels);
-#if !CAMERA_LEGS
+#if !CAMERA_SEGMENTS
     F3 right = f3_of(camera->right);
     F3 up = f3_of(camera->up);
     F3 back = f3_of(camera->back);
@@ -42,8 +42,8 @@ __kernel void layers(SCENE_PARAMETERS
     for (uint k = 0; k < wave.samples; ++k) {
         uint slot = first + k * wave.pixels;
         Ray ray;
-        ray.self = (I)(NO_PRIMITIVE);
-        ray.part = (I)(NO_TRIANGLE);
+        ray.origin = (I)(NO_PRIMITIVE);
+        ray.triangle = (I)(NO_TRIANGLE);
 #if STREAM
         Eight record = load_eight(state, ((I)((int)slot) + LANES) * 8);
         F weight = absolute(record.f[3]);      // a filter may have negative lobes
@@ -59,9 +59,9 @@ __kernel void layers(SCENE_PARAMETERS
 #if HAS_MOTION
         ray.time = time;
 #endif
-#if CAMERA_LEGS
-        Stand stand = stand_at(time, course);
-        F3 right = stand.right, up = stand.up, back = stand.back;
+#if CAMERA_SEGMENTS
+        Pose pose = pose_at(time, trajectory);
+        F3 right = pose.right, up = pose.up, back = pose.back;
 #endif
         I passed = weight > 0.0f;
         if (!ANY(passed))
@@ -77,9 +77,9 @@ __kernel void layers(SCENE_PARAMETERS
         F choice = ZERO;
 #endif
         Vertex vertex = vertex_of(ray, hit, on, choice, scene);
-#if CAMERA_LEGS
-        F3 seen_at = sub(vertex.p, stand.eye);
-        F3 from = sub(ray.o, stand.eye);
+#if CAMERA_SEGMENTS
+        F3 seen_at = sub(vertex.p, pose.eye);
+        F3 from = sub(ray.o, pose.eye);
 #else
         F3 seen_at = vertex.p;
         F3 from = ray.o;

@@ -9,19 +9,19 @@ __kernel void shade(SCENE_PARAMETERS
                     uint            capacity,   // slots in the state
                     Wave            wave,
                     Limits          limits,
-                    uint            edge,       // edges of the paths so far
+                    uint            depth,       // of the vertex, from 1
                     const __global uint *tiles) // that are rendered
 {
     uint slot = get_global_id(0) * VW;
     Path path;
-    path.ray.self = READ_I(SELF, slot);
-    if (!ANY(path.ray.self != PATH_ENDED))
+    path.ray.origin = READ_I(ORIGIN, slot);
+    if (!ANY(path.ray.origin != PATH_ENDED))
         return;
     Lane lane = lane_of(slot, wave, tiles);
     path.pixel = lane.pixel;
     path.sample = lane.sample;
-    path.edge = (U)(edge);
-    path.ray.part = READ_PART(PART, slot);
+    path.depth = (U)(depth);
+    path.ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
     path.ray.o = READ_F3(O, slot);
     path.ray.d = READ_F3(D, slot);
 #if HAS_MOTION
@@ -29,7 +29,7 @@ __kernel void shade(SCENE_PARAMETERS
 #endif
     path.beta = READ_F3(B, slot);
 #if SPECTRUM
-    path.hue = READ_F(HUE, slot);
+    path.wavelength_sample = READ_F(WAVELENGTH_SAMPLE, slot);
 #endif
     path.radiance = READ_F3(L, slot);
 #if HAS_EMITTERS
@@ -38,25 +38,25 @@ __kernel void shade(SCENE_PARAMETERS
     Hit hit;
     hit.t = READ_F(T, slot);
     hit.primitive = READ_I(HIT, slot);
-    hit.part = READ_PART(HIT_PART, slot);
+    hit.triangle = READ_TRIANGLE(HIT_TRIANGLE, slot);
 #if HAS_MESH
     hit.b1 = READ_F(B1, slot);
     hit.b2 = READ_F(B2, slot);
 #endif
     Scene scene = SCENE;
-#if HUES
-    scene.hues = hues_of(path.hue, scene.colours);
+#if SPECTRAL_COLOURS
+    scene.spectral = spectral_colours_of(path.wavelength_sample, scene.colours);
 #endif
 #if HAS_DISPERSION
-    scene.inverse = inverse_wavelength(path.hue, scene.colours);
+    scene.inverse = inverse_wavelength(path.wavelength_sample, scene.colours);
 #endif
     ShadowRay shadow = shade_vertex(&path, hit, scene, rules_of(wave, limits));
 #if HAS_DISPERSION
-    WRITE_F(HUE, slot, path.hue);
+    WRITE_F(WAVELENGTH_SAMPLE, slot, path.wavelength_sample);
 #endif
     WRITE_F3(L, slot, path.radiance);
-    WRITE_I(SELF, slot, path.ray.self);
-    WRITE_PART(PART, slot, path.ray.part);
+    WRITE_I(ORIGIN, slot, path.ray.origin);
+    WRITE_TRIANGLE(TRIANGLE, slot, path.ray.triangle);
     WRITE_F3(O, slot, path.ray.o);
     WRITE_F3(D, slot, path.ray.d);
     WRITE_F3(B, slot, path.beta);
@@ -64,10 +64,10 @@ __kernel void shade(SCENE_PARAMETERS
     WRITE_F(PDF, slot, path.pdf);
     WRITE_F(REACH, slot, shadow.reach);
     if (ANY(shadow.reach > 0.0f)) {
-        WRITE_I(FROM, slot, shadow.ray.self);
+        WRITE_I(FROM, slot, shadow.ray.origin);
         WRITE_I(TARGET, slot, shadow.target);
-        WRITE_PART(FROM_PART, slot, shadow.ray.part);
-        WRITE_PART(TARGET_PART, slot, shadow.target_part);
+        WRITE_TRIANGLE(FROM_TRIANGLE, slot, shadow.ray.triangle);
+        WRITE_TRIANGLE(TARGET_TRIANGLE, slot, shadow.target_triangle);
         WRITE_F3(S, slot, shadow.ray.o);
         WRITE_F3(W, slot, shadow.ray.d);
         WRITE_F3(C, slot, shadow.light);

@@ -12,14 +12,14 @@ __kernel void shadow(SCENE_PARAMETERS
     if (!ANY(wanted))
         return;
     Ray ray;
-    ray.self = READ_I(FROM, slot);
-    ray.part = READ_PART(FROM_PART, slot);
+    ray.origin = READ_I(FROM, slot);
+    ray.triangle = READ_TRIANGLE(FROM_TRIANGLE, slot);
 #if HAS_MOTION
     ray.time = READ_TIME(slot);
 #endif
     ray.o = READ_F3(S, slot);
     ray.d = READ_F3(W, slot);
-    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), READ_PART(TARGET_PART, slot), SCENE);
+    I blocked = any_hit(ray, reach, READ_I(TARGET, slot), READ_TRIANGLE(TARGET_TRIANGLE, slot), SCENE);
     I lit = wanted & NOT(blocked);
     WRITE_F(REACH, slot, ZERO);
     if (!ANY(lit))

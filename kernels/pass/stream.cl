@@ -27,19 +27,19 @@ __kernel void stream(SCENE_PARAMETERS
     Path path;
     path.ray.o = f3(ZERO, ZERO, ZERO);
     path.ray.d = f3(ZERO, ZERO, ONE);
-    path.ray.self = (I)(PATH_ENDED);
-    path.ray.part = (I)(NO_TRIANGLE);
+    path.ray.origin = (I)(PATH_ENDED);
+    path.ray.triangle = (I)(NO_TRIANGLE);
 #if HAS_MOTION
     path.ray.time = ZERO;
 #endif
     path.weight = ZERO;
 #if SPECTRUM
-    path.hue = ZERO;
+    path.wavelength_sample = ZERO;
 #endif
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
     path.pdf = ZERO;
-    path.edge = (U)(1u);
+    path.depth = (U)(1u);
     path.pixel = lane_of(first, wave, tiles).pixel;
     path.sample = (U)(wave.first_sample - 1u);
     for (;;) {
@@ -64,20 +64,21 @@ __kernel void stream(SCENE_PARAMETERS
 #endif
             path.weight = started ? ray.f[3] : path.weight;
 #if SPECTRUM
-            path.hue = started ? hue_of(path.pixel, path.sample, wave.seed) : path.hue;
+            path.wavelength_sample = started ? wavelength_sample_of(path.pixel, path.sample, wave.seed)
+                                             : path.wavelength_sample;
 #endif
-#if HUES
-            scene.hues = hues_of(path.hue, scene.colours);
+#if SPECTRAL_COLOURS
+            scene.spectral = spectral_colours_of(path.wavelength_sample, scene.colours);
 #endif
 #if HAS_DISPERSION
-            scene.inverse = inverse_wavelength(path.hue, scene.colours);
+            scene.inverse = inverse_wavelength(path.wavelength_sample, scene.colours);
 #endif
             path.beta = select3(started, FIRST_BETA, path.beta);
             path.radiance = keep3(NOT(started), path.radiance);
-            path.ray.self = started ? (I)(NO_PRIMITIVE) : path.ray.self;
-            path.ray.part = started ? (I)(NO_TRIANGLE) : path.ray.part;
+            path.ray.origin = started ? (I)(NO_PRIMITIVE) : path.ray.origin;
+            path.ray.triangle = started ? (I)(NO_TRIANGLE) : path.ray.triangle;
             path.pdf = started ? ZERO : path.pdf;
-            path.edge = started ? (U)(1u) : path.edge;
+            path.depth = started ? (U)(1u) : path.depth;
             running |= started;
         }
         if (!ANY(running))
@@ -86,14 +87,14 @@ __kernel void stream(SCENE_PARAMETERS
 #if HAS_EMITTERS
         I wanted = shadow.reach > 0.0f;
         if (ANY(wanted)) {
-            I dark = any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_part, scene);
+            I dark = any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, scene);
             path.radiance = add(path.radiance, keep3(wanted & NOT(dark), shadow.light));
         }
 #endif
-        I ended = running & (path.ray.self == PATH_ENDED);
+        I ended = running & (path.ray.origin == PATH_ENDED);
         if (ANY(ended)) {
 #if SPECTRUM
-            F3 value = film_value(path.radiance, path.hue, scene.colours);
+            F3 value = film_value(path.radiance, path.wavelength_sample, scene.colours);
 #else
             F3 value = path.radiance;
 #endif

@@ -3,7 +3,7 @@
 #include "geometry/mesh.h"
 
 __kernel void probe_brute(SCENE_PARAMETERS
-                          const __global float *rays,      // [9][count]: o, d, self, part, reach
+                          const __global float *rays,      // [9][count]: o, d, origin, triangle, reach
                           __global float       *hits,      // [2][count]: t, triangle
                           uint                  block_count,
                           uint                  count)

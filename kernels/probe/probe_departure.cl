@@ -12,8 +12,8 @@ __kernel void probe_departure(SCENE_PARAMETERS
     Ray ray;
     ray.o = f3(LOAD_F(rays, i), LOAD_F(rays + count, i), LOAD_F(rays + 2 * count, i));
     ray.d = f3(LOAD_F(rays + 3 * count, i), LOAD_F(rays + 4 * count, i), LOAD_F(rays + 5 * count, i));
-    ray.self = (I)(NO_PRIMITIVE);
-    ray.part = (I)(NO_TRIANGLE);
+    ray.origin = (I)(NO_PRIMITIVE);
+    ray.triangle = (I)(NO_TRIANGLE);
     Hit hit = nearest_hit(ray, scene);
     I on = hit.primitive >= 0;
     Vertex vertex = vertex_of(ray, hit, on, ZERO, scene);
@@ -21,8 +21,8 @@ __kernel void probe_departure(SCENE_PARAMETERS
     next = scale(next, with_sign(ONE, dot3(next, vertex.ng)));
     ray.o = departure(vertex, next);
     ray.d = next;
-    ray.self = on ? hit.primitive : (I)(PATH_ENDED);
-    ray.part = hit.part;
+    ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
+    ray.triangle = hit.triangle;
     Hit second = nearest_hit(ray, scene);
     STORE_I(again, i, on ? (second.primitive >= 0 ? (I)(1) : (I)(0)) : (I)(-1));
 }

@@ -2,7 +2,7 @@
 #include "geometry/nearest.h"
 
 __kernel void probe_primitives(SCENE_PARAMETERS
-                               const __global float *rays,     // [9][count]: o, d, self, reach, target
+                               const __global float *rays,     // [9][count]: o, d, origin, reach, target
                                __global float       *hits,     // [2][count]: t, primitive
                                __global int         *blocked,  // 1 or 0
                                uint                  count)
@@ -12,8 +12,8 @@ __kernel void probe_primitives(SCENE_PARAMETERS
     Ray ray;
     ray.o = f3(LOAD_F(rays, i), LOAD_F(rays + count, i), LOAD_F(rays + 2 * count, i));
     ray.d = f3(LOAD_F(rays + 3 * count, i), LOAD_F(rays + 4 * count, i), LOAD_F(rays + 5 * count, i));
-    ray.self = AS_I(LOAD_F(rays + 6 * count, i));
-    ray.part = (I)(NO_TRIANGLE);
+    ray.origin = AS_I(LOAD_F(rays + 6 * count, i));
+    ray.triangle = (I)(NO_TRIANGLE);
     Hit hit = nearest_hit(ray, scene);
     STORE_F(hits, i, hit.t);
     STORE_F(hits + count, i, AS_F(hit.primitive));

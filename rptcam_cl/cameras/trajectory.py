@@ -1,4 +1,4 @@
-"""When light falls on each pixel, and where the camera is then: what ``kernels/camera/course.h`` reads."""
+"""When light falls on each pixel, and where the camera is then: what ``kernels/camera/trajectory.h`` reads."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ Array = NDArray[np.float32]
 
 
 def camera_trajectory(scene: Scene) -> tuple[Array, int]:
-    """Return rows of 4 numbers, and how many legs the way of the camera has; none where it stands still.
+    """Return rows of 4 numbers, and how many segments the way of the camera has; none where it stands still.
 
-    A leg is the way between two moments during which eye, view and up change uniformly.
+    A segment is the way between two moments during which eye, view and up change uniformly.
 
     Parameters
     ----------
     scene
         As it is when the shutter opens (`at_opening`): the eye there is the origin.
     """
-    legs = _legs(scene)
+    segments = _segments(scene)
     header = np.zeros((2, 4))
     header[0] = _timing(scene.shutter, scene.film.resolution)
-    header[1, 0] = len(legs)
-    return np.concatenate([header, *legs]).astype(np.float32), len(legs)
+    header[1, 0] = len(segments)
+    return np.concatenate([header, *segments]).astype(np.float32), len(segments)
 
 
 def _timing(shutter: Shutter, resolution: tuple[int, int]) -> tuple[float, float, float, float]:
@@ -41,7 +41,7 @@ def _timing(shutter: Shutter, resolution: tuple[int, int]) -> tuple[float, float
     return (shutter.time_s, start, step, 0.0) if along_columns else (shutter.time_s, start, 0.0, step)
 
 
-def _legs(scene: Scene) -> list[NDArray[np.float64]]:
+def _segments(scene: Scene) -> list[NDArray[np.float64]]:
     camera, (begin, end) = scene.camera, scene.shutter.span_s
     times = moments(camera.motion, begin, end)
     poses = [camera.pose_at(time) for time in times]
@@ -53,10 +53,10 @@ def _legs(scene: Scene) -> list[NDArray[np.float64]]:
         largest = max(np.abs(row[part]).max() for row in rows)
         for row in rows:
             row[part] /= largest
-    legs = []
+    segments = []
     for (t0, t1), (first, second) in zip(pairwise(times), pairwise(rows), strict=True):
-        leg = np.zeros((6, 4))
-        leg[::2, :3], leg[1::2, :3] = first, second - first
-        leg[0, 3], leg[1, 3] = t0 - begin, 1.0 / (t1 - t0)
-        legs.append(leg)
-    return legs
+        segment = np.zeros((6, 4))
+        segment[::2, :3], segment[1::2, :3] = first, second - first
+        segment[0, 3], segment[1, 3] = t0 - begin, 1.0 / (t1 - t0)
+        segments.append(segment)
+    return segments

@@ -109,12 +109,12 @@ INSTANCE = Record(
     ),
 )
 
-LEG = Record(
-    "Leg",  # of the way of an object that moves, see kernels/geometry/movement.h
+SEGMENT = Record(
+    "Segment",  # of the way of an object that moves, see kernels/geometry/movement.h
     (
-        ("float4", "pivot"),  # of its turns, at rest [m]; w: when the leg begins [s]
+        ("float4", "pivot"),  # of its turns, at rest [m]; w: when the segment begins [s]
         ("float4", "shift"),  # at the beginning [m]; w: 1 / duration [1/s]
-        ("float4", "travel"),  # during the leg [m]; w: turns
+        ("float4", "travel"),  # during the segment [m]; w: turns
         ("float4", "axis"),
         ("float4", "turn"),  # at the beginning: quaternion x, y, z, w
     ),
@@ -206,7 +206,7 @@ EMITTER = Record(
         ("int", "primitive"),
         ("int", "two_sided"),
         ("float", "pick"),  # probability of being picked
-        ("int", "part"),  # triangle of the primitive, or -1
+        ("int", "triangle"),  # of the primitive, or -1
         ("int", "texture"),  # index of the texture of the radiance or of a profile's intensities, or -1
         ("int", "reserved_0"),
         ("int", "reserved_1"),
@@ -322,8 +322,8 @@ WAVE = Record(
 LIMITS = Record(
     "Limits",
     (
-        ("uint", "max_edges"),  # of a path, the camera's included
-        ("uint", "roulette_edge"),  # from which on Russian roulette may end a path; 0: never
+        ("uint", "max_depth"),  # longest path [edges], the camera's included
+        ("uint", "roulette_depth"),  # from which on Russian roulette may end a path; 0: never
     ),
 )
 
@@ -339,16 +339,16 @@ VIEW = Record(
     ),
 )
 
-RECORDS = (PRIMITIVE, INSTANCE, LEG, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
+RECORDS = (PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot
-PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "SELF", "HIT", "T")
+PATH_FIELDS = ("OX", "OY", "OZ", "DX", "DY", "DZ", "BX", "BY", "BZ", "LX", "LY", "LZ", "WEIGHT", "ORIGIN", "HIT", "T")
 SHADOW_FIELDS = ("SX", "SY", "SZ", "WX", "WY", "WZ", "CX", "CY", "CZ")
 LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
-MESH_FIELDS = ("PART", "HIT_PART", "B1", "B2", "FROM_PART", "TARGET_PART")
+MESH_FIELDS = ("TRIANGLE", "HIT_TRIANGLE", "B1", "B2", "FROM_TRIANGLE", "TARGET_TRIANGLE")
 TIME_FIELDS = ("TIME",)
-COLOUR_FIELDS = ("HUE",)
+COLOUR_FIELDS = ("WAVELENGTH_SAMPLE",)
 STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS
 
 
@@ -356,7 +356,8 @@ def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool, 
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
-    triangles where it has meshes, with the time where something moves and with the hue where paths have a wavelength.
+    triangles where it has meshes, with the time where something moves and with the wavelength sample where paths have a
+    wavelength.
     """
     if stream:
         return CAMERA_RAY_FLOATS

@@ -158,7 +158,7 @@ def _surface_emitter(index: int, primitive: Primitive, glow: _Glow) -> Found | N
     kind = _SAMPLED[primitive.kind]
     factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
     glow.fill(record)
-    record["primitive"], record["part"] = index, -1
+    record["primitive"], record["triangle"] = index, -1
     return np.array([record], EMITTER.dtype), np.array([factor * glow.strength])
 
 
@@ -171,7 +171,7 @@ def _mesh_emitters(
     records, areas = triangle_emitters(primitive.mesh, primitive.placement, eye)
     glow.fill(records)
     records["primitive"] = index
-    records["part"] = first_triangle + np.arange(len(records))
+    records["triangle"] = first_triangle + np.arange(len(records))
     return records, np.pi * areas * glow.strength
 
 
@@ -254,7 +254,7 @@ def _surface_emitters(
         glow = _glow(primitive.material, textures, spectra)
         if has_holes(primitive.material):  # a sample would have to ask whether it lies in one; paths find what shines
             continue
-        if primitive.course is not None:  # a sample would have to follow it; paths find what shines
+        if primitive.trajectory is not None:  # a sample would have to follow it; paths find what shines
             continue
         if primitive.mesh is None:
             found = _surface_emitter(index, primitive, glow)
@@ -269,6 +269,6 @@ def _surface_emitters(
 
 def _environment(power: float) -> tuple[np.void, float]:
     record: np.void = EMITTER.zeros(1)[0]
-    record["kind"], record["primitive"], record["part"] = EmitterKind.ENVIRONMENT, -1, -1
+    record["kind"], record["primitive"], record["triangle"] = EmitterKind.ENVIRONMENT, -1, -1
     record["texture"] = -1
     return record, power

@@ -26,7 +26,7 @@ def light_emitter(
 ) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of a light; ``reach`` is the radius of the scene [m]."""
     record: np.void = EMITTER.zeros(1)[0]
-    record["primitive"], record["part"], record["texture"] = -1, -1, -1
+    record["primitive"], record["triangle"], record["texture"] = -1, -1, -1
     match light:
         case PointLight():
             record["kind"], record["radiance"][:3] = EmitterKind.POINT, light.intensity
@@ -74,7 +74,7 @@ def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_deg
 def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
     """Return record and power [W, luminance] of the sun of a sky; ``reach`` is the radius of the scene [m]."""
     record: np.void = EMITTER.zeros(1)[0]
-    record["primitive"], record["part"], record["texture"] = -1, -1, -1
+    record["primitive"], record["triangle"], record["texture"] = -1, -1, -1
     record["normal"][:3] = sun.towards
     red, green, blue = sun.irradiance.tolist()
     return record, fill_sun(record, (red, green, blue), SUN_RADIUS_DEGREES) * np.pi * reach**2

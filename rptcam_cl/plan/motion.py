@@ -9,14 +9,14 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.records import LEG
+from rptcam_cl.core.records import SEGMENT
 from rptcam_cl.plan.primitives import Primitive
 from rptcam_cl.scene import Scene, Trajectory, moments, quaternion_of
 
 Array = NDArray[np.float64]
 
 STEPS_PER_TURN = 64
-MOST_STEPS = 1024  # of a leg
+MOST_STEPS = 1024  # of a segment
 ROUNDING = 4e-6  # of a place, relative to its distances from eye and pivot: beyond MOTION_ROUNDING of kernels/geometry
 
 
@@ -56,42 +56,42 @@ class Places:
 
 @dataclass(frozen=True, eq=False)
 class Movements:
-    """The legs of everything that moves.
+    """The segments of everything that moves.
 
     Attributes
     ----------
-    legs : array of ``Leg`` records
+    segments : array of ``Segment`` records
         See ``kernels/geometry/movement.h``.
     of_primitive : (n, 2) int32 array
-        First leg and number of legs of each primitive; none for what stands still.
+        First segment and number of segments of each primitive; none for what stands still.
     """
 
-    legs: NDArray[np.void]
+    segments: NDArray[np.void]
     of_primitive: NDArray[np.int32]
 
     @property
     def facts(self) -> dict[str, int]:
         """Facts for the compilation of the kernels."""
         most = int(self.of_primitive[:, 1].max(initial=0))
-        turning = bool((self.legs["travel"][:, 3] != 0).any())
-        return {"HAS_MOTION": int(most > 0), "MOTION_LEGS": min(most, 2), "MOTION_TURNS": int(turning)}
+        turning = bool((self.segments["travel"][:, 3] != 0).any())
+        return {"HAS_MOTION": int(most > 0), "MOTION_SEGMENTS": min(most, 2), "MOTION_TURNS": int(turning)}
 
     def places(self, primitive: int) -> Places:
         """Return places that a moving primitive takes, close enough to each other to bound the way between them."""
         first, count = self.of_primitive[primitive]
-        parts = [_places(leg) for leg in self.legs[first : first + count]]
+        parts = [_places(segment) for segment in self.segments[first : first + count]]
         return Places(*(np.concatenate(column) for column in zip(*parts, strict=True)))
 
 
-def _places(leg: np.void) -> tuple[Array, Array, Array]:
-    pivot, shift, travel = (leg[name].astype(np.float64)[:3] for name in ("pivot", "shift", "travel"))
-    turns = float(leg["travel"][3])
+def _places(segment: np.void) -> tuple[Array, Array, Array]:
+    pivot, shift, travel = (segment[name].astype(np.float64)[:3] for name in ("pivot", "shift", "travel"))
+    turns = float(segment["travel"][3])
     steps = int(np.clip(np.ceil(abs(turns) * STEPS_PER_TURN), 1, MOST_STEPS))
     shares = np.linspace(0, 1, steps + 1)
     half = np.pi * turns * shares[:, None]
-    axis = leg["axis"].astype(np.float64)[:3]
+    axis = segment["axis"].astype(np.float64)[:3]
     matrices = np.tile(np.eye(4), (len(shares), 1, 1))
-    matrices[:, :3, :3] = _rotations(np.hstack([np.sin(half) * axis, np.cos(half)])) @ _rotations(leg["turn"][None])
+    matrices[:, :3, :3] = _rotations(np.hstack([np.sin(half) * axis, np.cos(half)])) @ _rotations(segment["turn"][None])
     matrices[:, :3, 3] = pivot + shift + shares[:, None] * travel - matrices[:, :3, :3] @ pivot
     bend = min((2 * np.pi * turns / steps) ** 2 / 8, 2.0)
     return matrices, np.tile(pivot, (len(shares), 1)), np.full(len(shares), bend)
@@ -106,33 +106,33 @@ def _rotations(quaternions: NDArray[np.floating]) -> Array:
 
 
 def pack_movements(scene: Scene, primitives: Sequence[Primitive]) -> Movements:
-    """Return the legs of the primitives that move; those of one object share them."""
+    """Return the segments of the primitives that move; those of one object share them."""
     of_primitive = np.zeros((max(len(primitives), 1), 2), np.int32)
-    legs: list[NDArray[np.void]] = []
+    segments: list[NDArray[np.void]] = []
     place_of: dict[int, tuple[int, int]] = {}
     count = 0
     for index, primitive in enumerate(primitives):
-        if primitive.course is None:
+        if primitive.trajectory is None:
             continue
         if primitive.object not in place_of:
-            legs.append(_legs(primitive.course, scene))
-            place_of[primitive.object] = count, len(legs[-1])
-            count += len(legs[-1])
+            segments.append(_segments(primitive.trajectory, scene))
+            place_of[primitive.object] = count, len(segments[-1])
+            count += len(segments[-1])
         of_primitive[index] = place_of[primitive.object]
-    return Movements(np.concatenate(legs) if legs else LEG.zeros(1), of_primitive)
+    return Movements(np.concatenate(segments) if segments else SEGMENT.zeros(1), of_primitive)
 
 
-def _legs(course: Trajectory, scene: Scene) -> NDArray[np.void]:
+def _segments(trajectory: Trajectory, scene: Scene) -> NDArray[np.void]:
     begin, end = scene.shutter.span_s
-    times = moments(course.frames, begin, end)
-    places = [course.at(time) for time in times]
+    times = moments(trajectory.frames, begin, end)
+    places = [trajectory.at(time) for time in times]
     unit, rest = scene.metres_per_unit, places[0]
-    legs = LEG.zeros(len(times) - 1)
-    for leg, (t0, t1), (first, second) in zip(legs, pairwise(times), pairwise(places), strict=True):
-        axis, turns = course.turn(t0, t1)
-        leg["pivot"] = *(unit * (rest[:3, 3] - scene.camera.eye)), t0 - begin
-        leg["shift"] = *(unit * (first[:3, 3] - rest[:3, 3])), 1.0 / (t1 - t0)
-        leg["travel"] = *(unit * (second[:3, 3] - first[:3, 3])), turns
-        leg["axis"][:3] = axis
-        leg["turn"] = quaternion_of(first[:3, :3] @ rest[:3, :3].T)
-    return legs
+    segments = SEGMENT.zeros(len(times) - 1)
+    for segment, (t0, t1), (first, second) in zip(segments, pairwise(times), pairwise(places), strict=True):
+        axis, turns = trajectory.turn(t0, t1)
+        segment["pivot"] = *(unit * (rest[:3, 3] - scene.camera.eye)), t0 - begin
+        segment["shift"] = *(unit * (first[:3, 3] - rest[:3, 3])), 1.0 / (t1 - t0)
+        segment["travel"] = *(unit * (second[:3, 3] - first[:3, 3])), turns
+        segment["axis"][:3] = axis
+        segment["turn"] = quaternion_of(first[:3, :3] @ rest[:3, :3].T)
+    return segments

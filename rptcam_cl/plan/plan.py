@@ -30,7 +30,7 @@ class Plan:
     camera: CameraModel
     spectrum: Spectrum
     camera_filter: FilterTable
-    course: NDArray[np.float32]
+    trajectory: NDArray[np.float32]
     primitives: NDArray[np.void]
     movements: Movements
     kind_end: NDArray[np.int32]
@@ -52,7 +52,7 @@ def _is_smooth(primitive: Primitive) -> bool:
 def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
     """Return the plan of a scene, with its own camera unless another one is given."""
     scene = at_opening(scene)
-    course, legs = camera_trajectory(scene)
+    trajectory, segments = camera_trajectory(scene)
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
     table = TextureTable(scene)
@@ -73,8 +73,8 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
         "HAS_SHADING_NORMAL": int(shown.facts["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
-        "CAMERA_LEGS": min(legs, 2),
-        "MOVES": int(legs > 0 or movements.facts["HAS_MOTION"] > 0),
+        "CAMERA_SEGMENTS": min(segments, 2),
+        "MOVES": int(segments > 0 or movements.facts["HAS_MOTION"] > 0),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
         **spectrum.facts,
@@ -85,7 +85,7 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
         camera=camera,
         spectrum=spectrum,
         camera_filter=filter_table(scene.film.filter),
-        course=course,
+        trajectory=trajectory,
         primitives=records,
         movements=movements,
         kind_end=kind_end,

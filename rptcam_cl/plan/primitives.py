@@ -31,7 +31,7 @@ class Primitive:
     object : int
         Index of the object of the scene that it belongs to.
     mesh : Mesh or None
-    course : Trajectory or None
+    trajectory : Trajectory or None
         Its way while the shutter is open, None where it stands still; the placement is that at the opening.
     """
 
@@ -40,7 +40,7 @@ class Primitive:
     material: Material
     object: int
     mesh: Mesh | None = None
-    course: Trajectory | None = None
+    trajectory: Trajectory | None = None
 
 
 def affine(columns: ArrayLike, origin: ArrayLike) -> Matrix:
@@ -120,20 +120,20 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
             placement = world @ item.placed_at(scene.shutter.open_s) @ canonical
             if kind is Kind.SPHERE and not _is_similarity(placement[:3, :3]):
                 kind = Kind.ELLIPSOID
-            found.append(Primitive(kind, placement, item.material, index, course=_course(scene, item)))
+            found.append(Primitive(kind, placement, item.material, index, trajectory=_trajectory(scene, item)))
     return sorted(found, key=lambda primitive: primitive.kind)
 
 
 def _mesh_primitives(scene: Scene, item: MeshObject, index: int) -> list[Primitive]:
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
     parts = mesh_parts(scene, item)
-    course = _course(scene, item)
-    return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, course) for part in parts]
+    trajectory = _trajectory(scene, item)
+    return [Primitive(Kind.MESH, scale @ part.placement, part.material, index, part.mesh, trajectory) for part in parts]
 
 
-def _course(scene: Scene, item: PlacedObject) -> Trajectory | None:
+def _trajectory(scene: Scene, item: PlacedObject) -> Trajectory | None:
     """Return the way of an object, None where it stands still while the shutter is open."""
-    return item.course if item.course is not None and item.course.moves(*scene.shutter.span_s) else None
+    return item.trajectory if item.trajectory is not None and item.trajectory.moves(*scene.shutter.span_s) else None
 
 
 def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
@@ -148,7 +148,7 @@ def with_meshes(primitives: list[Primitive], scene: Scene) -> tuple[list[Primiti
     if not meshes:
         return solid, None
     placed = [
-        PlacedMesh(primitive.mesh, primitive.placement, moves=primitive.course is not None)
+        PlacedMesh(primitive.mesh, primitive.placement, moves=primitive.trajectory is not None)
         for primitive in meshes
         if primitive.mesh is not None
     ]

@@ -18,7 +18,7 @@ from rptcam_cl.scene import Scene
 
 Array = NDArray[np.float64]
 
-HUE_CELLS = 528  # a multiple of 3, for three wavelengths per path
+WAVELENGTH_CELLS = 528  # a multiple of 3, for three wavelengths per path
 GREEN_NM = 550.0
 WHITE_ON_AXIS = ("relative", "auto")  # exposures that divide out what the lens leaves of white
 
@@ -46,8 +46,8 @@ class Spectrum:
     metadata: dict[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        absent = {"HUE_CELLS": 0, "HUES": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "HAS_DISPERSION": 0}
-        cells = {"HUE_CELLS": HUE_CELLS} if self.kind else {}
+        absent = {"WAVELENGTH_CELLS": 0, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "HAS_DISPERSION": 0}
+        cells = {"WAVELENGTH_CELLS": WAVELENGTH_CELLS} if self.kind else {}
         object.__setattr__(self, "facts", absent | cells | self.facts | {"SPECTRUM": int(self.kind)})
 
 
@@ -62,8 +62,8 @@ def primary_spectra() -> Array:
     return np.asarray(spread / spread.sum(axis=0))
 
 
-def hue_table(spectra: Array, density: Array, low_nm: float, high_nm: float) -> NDArray[np.float32]:
-    """Return rows (wavelength where the cell starts, weights of red, green, blue): `HUE_CELLS` equally likely cells.
+def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: float) -> NDArray[np.float32]:
+    """Return `WAVELENGTH_CELLS` equally likely cells as rows: wavelength where it starts, weights of red, green, blue.
 
     Parameters
     ----------
@@ -79,9 +79,9 @@ def hue_table(spectra: Array, density: Array, low_nm: float, high_nm: float) -> 
     pieces = (columns[:, 1:] + columns[:, :-1]) / 2 * np.diff(grid)
     sums = np.concatenate([np.zeros((4, 1)), np.cumsum(pieces, axis=1)], axis=1)
     sums *= np.append(spectra.sum(axis=0), 1.0)[:, None] / sums[:, -1:]
-    starts = np.interp(np.arange(HUE_CELLS + 1) / HUE_CELLS, sums[3], grid)
+    starts = np.interp(np.arange(WAVELENGTH_CELLS + 1) / WAVELENGTH_CELLS, sums[3], grid)
     shares = np.array([np.interp(starts, grid, row) for row in sums[:3]])
-    weights = np.append(np.diff(shares, axis=1) * HUE_CELLS, np.zeros((3, 1)), axis=1)
+    weights = np.append(np.diff(shares, axis=1) * WAVELENGTH_CELLS, np.zeros((3, 1)), axis=1)
     return np.concatenate([starts[None], weights]).T.astype(np.float32)
 
 
@@ -118,8 +118,8 @@ def seen_by(
 def _dispersive(axial: AxialColour, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:
     """Return the spectrum of RGB light whose paths have a wavelength each."""
     spectra = primary_spectra()
-    table = hue_table(spectra, least_noise(spectra), *range_nm)
-    table[:, 1:] /= _left_of_white(table, np.ones(HUE_CELLS), axial)
+    table = wavelength_table(spectra, least_noise(spectra), *range_nm)
+    table[:, 1:] /= _left_of_white(table, np.ones(WAVELENGTH_CELLS), axial)
     return Spectrum(SpectrumKind.DISPERSIVE, table.ravel(), {"LENS_SPLITS": int(lens)})
 
 
@@ -148,16 +148,16 @@ def _spectral(
     The weights of cells are corrected, by about one part in a thousand, so that the primaries that colours are made of
     come out exactly.
     """
-    table = hue_table(matching, _density(matching, spectra.lights), *range_nm)
+    table = wavelength_table(matching, _density(matching, spectra.lights), *range_nm)
     edges = table[:, 0].astype(np.float64)
     colours = np.concatenate([rgb_basis().T, daylight_65()[None]])
     colours = cell_means(colours, edges)
-    seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / HUE_CELLS
+    seen = table[:-1, 1:].T.astype(np.float64) @ (colours[:3] * colours[3]).T / WAVELENGTH_CELLS
     table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
     table[:, 1:] /= _left_of_white(table, colours[3], axial)
-    known = cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, HUE_CELLS))
+    known = cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, WAVELENGTH_CELLS))
     parts = (table, colours.T, known)
-    facts = {"HUES": 1, "HAS_SPECTRA": int(len(known) > 0), "LENS_SPLITS": int(lens)}
+    facts = {"SPECTRAL_COLOURS": 1, "HAS_SPECTRA": int(len(known) > 0), "LENS_SPLITS": int(lens)}
     return Spectrum(SpectrumKind.SPECTRAL, np.concatenate([part.ravel() for part in parts]).astype(np.float32), facts)
 
 

@@ -26,7 +26,7 @@ class SceneBuffers:
         Wavelengths of paths; a single 0 where they have none.
     camera : tuple
         The first arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
-    course : tuple
+    trajectory : tuple
         Its last: when the shutter is open and where the camera is, if anything moves.
     """
 
@@ -48,7 +48,7 @@ class SceneBuffers:
             self.scene += (self.colours,)
         self.tree_facts: dict[str, int] = {}
         if plan.facts["HAS_MOTION"]:
-            self.scene += (upload(plan.movements.legs), upload(plan.movements.of_primitive))
+            self.scene += (upload(plan.movements.segments), upload(plan.movements.of_primitive))
         tree = primitive_tree(plan.primitives, plan.kind_end, session, plan.movements)
         if tree is not None:
             self.tree_facts |= tree.facts
@@ -59,7 +59,7 @@ class SceneBuffers:
             arrays = (trees.nodes, trees.blocks, plan.meshes.triangles, trees.vertices, trees.instances)
             low, high = (bound.tobytes() for bound in trees.bounds)
             self.scene += (*(upload(array, in_place=True) for array in arrays), np.int32(trees.root), low, high)
-        self.course = (upload(plan.course),) if plan.facts["MOVES"] else ()
+        self.trajectory = (upload(plan.trajectory),) if plan.facts["MOVES"] else ()
         self.filter = upload(plan.camera_filter.table)
         self.camera = camera_buffers(session, plan.camera)
 

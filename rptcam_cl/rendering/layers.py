@@ -96,7 +96,7 @@ class LayerPass:
         self._session, self._layout, self._planes = session, layout, planes
         self._eye_m = plan.eye_m
         facts = plan.facts | buffers.tree_facts | planes.facts | {"VW": lanes, "STREAM": int(stream)}
-        facts |= {"HUES": 0, "HAS_DISPERSION": 0}  # layers are of no wavelength
+        facts |= {"SPECTRAL_COLOURS": 0, "HAS_DISPERSION": 0}  # layers are of no wavelength
         if "uv" in planes.names:
             facts["HAS_TEXTURE"] = 1  # compiles the coordinates of round shapes
         program = session.program(["pass/layers.cl"], facts, device_declarations())
@@ -118,7 +118,7 @@ class LayerPass:
             np.uint32(capacity),
             np.uint32(layout.pixels),
             tiles,
-            *(buffers.course if plan.facts["CAMERA_LEGS"] else ()),
+            *(buffers.trajectory if plan.facts["CAMERA_SEGMENTS"] else ()),
         )
 
     def set_wave(self, wave: bytes) -> None:

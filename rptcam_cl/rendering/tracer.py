@@ -124,7 +124,7 @@ class Wavefront:
             "FILTER": plan.camera_filter.cells,
             **plan.spectrum.facts,
             "MOVES": plan.facts["MOVES"],
-            "CAMERA_LEGS": plan.facts["CAMERA_LEGS"],
+            "CAMERA_SEGMENTS": plan.facts["CAMERA_SEGMENTS"],
             "STREAM": int(self.organisation == "stream"),
             "CAMERA_PACKETS": self._packets,
             "VW": self._lanes["camera"],
@@ -175,7 +175,7 @@ class Wavefront:
             self._lens.use_camera(self._camera_buffers)
         self._generate = session.bind(
             self._camera, "generate", *self._camera_buffers, self._counters, self._state, capacity, empty,
-            self._tile_list, self._buffers.filter, self._buffers.colours, *self._buffers.course,
+            self._tile_list, self._buffers.filter, self._buffers.colours, *self._buffers.trajectory,
             *(() if self._lens is None else (self._lens.rays,)),
         )  # fmt: skip
         if self.organisation == "stream":
@@ -200,7 +200,7 @@ class Wavefront:
 
     def _limits(self) -> bytes:
         record = LIMITS.zeros(1)
-        record["max_edges"], record["roulette_edge"] = self.settings.max_depth, self.settings.roulette_depth
+        record["max_depth"], record["roulette_depth"] = self.settings.max_depth, self.settings.roulette_depth
         return record.tobytes()
 
     def warm_up(self) -> None:

@@ -178,5 +178,5 @@ def _motion_warnings(shutter: Shutter, objects: Sequence[Object]) -> list[str]:
     return [
         f"objects[{index}] shines and moves: light sampling leaves it out, so that what it lights is noisy"
         for index, item in enumerate(objects)
-        if item.course is not None and item.course.moves(*shutter.span_s) and _shines(item)
+        if item.trajectory is not None and item.trajectory.moves(*shutter.span_s) and _shines(item)
     ]

@@ -39,14 +39,14 @@ class PlacedObject(SceneModel):
         return matrix
 
     @property
-    def course(self) -> Trajectory | None:
+    def trajectory(self) -> Trajectory | None:
         """Return its way through the keyframes, None where it has none."""
         return Trajectory(self.motion) if self.motion else None
 
     def placed_at(self, time_s: float) -> NDArray[np.float64]:
         """Return the 4x4 matrix that places the object in the world at a moment: its transform, then its motion."""
         matrix = self.world_from_object
-        return matrix if self.course is None else self.course.at(time_s) @ matrix
+        return matrix if self.trajectory is None else self.trajectory.at(time_s) @ matrix
 
     def shown_materials(self) -> tuple[Material, ...]:
         """Return the materials that the object shows."""

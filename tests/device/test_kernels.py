@@ -22,7 +22,7 @@ PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_
 CAMERAS = sorted(
     path.stem
     for path in (kernels_dir() / "camera").glob("*.h")
-    if path.stem not in ("film_point", "filter", "course", "draw", "aimed")
+    if path.stem not in ("film_point", "filter", "trajectory", "draw", "aimed")
 )
 # How calls pass wide vectors is moot, as every helper is static. Compilers that are not clang ignore the pragma.
 NO_ABI = '#ifdef __clang__\n#pragma clang diagnostic ignored "-Wpsabi"\n#endif\n'
@@ -145,7 +145,12 @@ def test_pass_with_everything_compiles_alone_without_a_warning(session, file, la
 
 @pytest.mark.parametrize("file", ["pass/stream.cl", "pass/shade.cl", "pass/film.cl"])
 def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
-    facts = all_facts() | TREES | GLASS | {"SPECTRUM": 1, "HUES": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}
+    facts = (
+        all_facts()
+        | TREES
+        | GLASS
+        | {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}
+    )
     without_warnings(session, [file], facts)
 
 
@@ -170,8 +175,8 @@ def test_camera_compiles_alone_without_a_warning(session, camera, lanes, stream)
             "VW": lanes,
         }
         facts |= {"HAS_EMITTERS": rest, shape: 9, "SAMPLER_LATTICE": rest, "FILTER": 1024 * rest}
-        facts |= {"SPECTRUM": rest, "HUE_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
-        facts |= {"MOVES": rest, "CAMERA_LEGS": rest * (1 + stream), **dict.fromkeys(LOSSES, rest)}
+        facts |= {"SPECTRUM": rest, "WAVELENGTH_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
+        facts |= {"MOVES": rest, "CAMERA_SEGMENTS": rest * (1 + stream), **dict.fromkeys(LOSSES, rest)}
         facts |= {"MAP_ORDER": 1 + 3 * rest, "MAP_RIM_ORDER": 2 + rest, "MAP_RIMS": 1 + rest, "MAP_COLOURS": rest}
         without_warnings(session, ["pass/generate.cl"], facts)
 
@@ -186,7 +191,13 @@ def test_lens_tracer_compiles_alone_without_a_warning(session, lanes):
 def test_passes_about_a_lens_in_float64_compile_alone_without_a_warning(session, lanes):
     for rest in (0, 1):
         facts = {"CAMERA_FILE": "camera/realistic.h", "CAMERA_HAS_LENS": 1, "CAMERA_PACKETS": 1, "LENS_FLOAT64": 1}
-        facts |= {"VW": lanes, "SPECTRUM": rest, "HUE_CELLS": 528, "LENS_SPLITS": rest, "LENS_DISPERSION": 9 * rest}
+        facts |= {
+            "VW": lanes,
+            "SPECTRUM": rest,
+            "WAVELENGTH_CELLS": 528,
+            "LENS_SPLITS": rest,
+            "LENS_DISPERSION": 9 * rest,
+        }
         facts |= {"SAMPLER_LATTICE": rest, "FILTER": 1024 * rest, "STREAM": rest, **dict.fromkeys(LOSSES, rest)}
         without_warnings(session, ["pass/aim_rays.cl"], facts)
         without_warnings(session, ["pass/generate.cl"], facts)

@@ -12,7 +12,7 @@ def movements_of(frames, eye=(0, 0, 0)):
     ball = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": {"kind": "mirror"}, "motion": frames}
     camera = PINHOLE | {"eye": list(eye), "target": [eye[0], eye[1], eye[2] - 1]}
     scene = load_scene(scene_with([ball], camera, {"time_s": 1}))
-    return make_plan(scene).movements, scene.objects[0].course
+    return make_plan(scene).movements, scene.objects[0].trajectory
 
 
 def way(turns, travel=(0, 0, 0), middle=()):
@@ -40,12 +40,12 @@ WAYS = {
 
 @pytest.mark.parametrize("name", WAYS)
 def test_box_holds_the_body_at_every_moment(name):
-    movements, course = movements_of(WAYS[name])
+    movements, trajectory = movements_of(WAYS[name])
     rng = np.random.default_rng(3)
     points = rng.uniform(-1, 1, (20, 3)) + rng.uniform(-2, 2, 3)
     low, high = box_of_points(movements.places(0), points)
     seen = np.concatenate(
-        [points @ course.at(t)[:3, :3].T + course.at(t)[:3, 3] for t in [*rng.uniform(0, 1, 3000), 0, 1]]
+        [points @ trajectory.at(t)[:3, :3].T + trajectory.at(t)[:3, 3] for t in [*rng.uniform(0, 1, 3000), 0, 1]]
     )
     assert (seen >= low).all()
     assert (seen <= high).all()
@@ -54,20 +54,20 @@ def test_box_holds_the_body_at_every_moment(name):
 
 
 def test_device_has_the_way_of_the_scene_at_every_moment():
-    """The legs, evaluated as the kernels do it, against the keyframes; far from the origin of the scene as well."""
+    """The segments, evaluated as the kernels do it, against the keyframes; far from the origin of the scene as well."""
     for name, eye in (("a screw", (0, 0, 0)), ("keyframes", (5, -3, 2)), ("straight", (1e6, 0, 0))):
-        movements, course = movements_of(WAYS[name], eye)
+        movements, trajectory = movements_of(WAYS[name], eye)
         first, count = movements.of_primitive[0]
         point = np.array([0.3, -0.2, 0.5])
-        rest = course.at(0)
+        rest = trajectory.at(0)
         for t in np.linspace(0, 1, 41)[:-1]:
-            leg = [leg for leg in movements.legs[first : first + count] if leg["pivot"][3] <= t][-1]
-            share = (t - leg["pivot"][3]) * leg["shift"][3]
-            turn = _turn(leg["axis"][:3], 2 * np.pi * share * leg["travel"][3]) @ _matrix(leg["turn"])
+            segment = [segment for segment in movements.segments[first : first + count] if segment["pivot"][3] <= t][-1]
+            share = (t - segment["pivot"][3]) * segment["shift"][3]
+            turn = _turn(segment["axis"][:3], 2 * np.pi * share * segment["travel"][3]) @ _matrix(segment["turn"])
             at_rest = rest[:3, :3] @ point + rest[:3, 3] - eye
-            pivot = leg["pivot"][:3]
-            found = pivot + leg["shift"][:3] + share * leg["travel"][:3] + turn @ (at_rest - pivot)
-            expected = course.at(t)[:3, :3] @ point + course.at(t)[:3, 3] - eye
+            pivot = segment["pivot"][:3]
+            found = pivot + segment["shift"][:3] + share * segment["travel"][:3] + turn @ (at_rest - pivot)
+            expected = trajectory.at(t)[:3, :3] @ point + trajectory.at(t)[:3, 3] - eye
             np.testing.assert_allclose(found, expected, atol=2e-6, rtol=2e-7)
 
 

@@ -64,10 +64,10 @@ def long_render():
 
 RIM = "p.y * p.y <= surface->semi_diameter2"
 DEPTH = """#if !HAS_LAMPS
-    on = on & (path->edge < rules.max_edges);"""
+    on = on & (path->depth < rules.max_depth);"""
 MIS = "return own > 0.0f ? own2 / (own2 + other * other)"
 CLOSER = "EACH_PRIMITIVE(ray,\n        t = PAST_HOLES((t > 0.0f) & (t < best));\n        I closer = (t > 0.0f)"
-SELF = "F c = self ? ZERO : dot3(oc, oc) - r * r;"
+ORIGIN = "F c = origin ? ZERO : dot3(oc, oc) - r * r;"
 MUTANTS = [
     Mutant("cos^3 for cos^4", "cos2_over_length2 * cos2_over_length2;",
            "cos2_over_length2 / sqrt(ray.length2);", lens_corner),
@@ -114,8 +114,8 @@ MUTANTS = [
            lambda: random.test_unit_float_is_below_one_and_hits_zero(open_session())),
     Mutant("absolute epsilon", CLOSER, CLOSER.replace("= (t > 0.0f)", "= (t > 1e-4f)"),
            lambda: furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1e-3, 0.8, 5)),
-    Mutant("self-hits of a sphere", SELF, "F c = dot3(oc, oc) - r * r;", white_sphere),
-    Mutant("self-hits of a box", "(self ? other : outside)", "outside", white_box),
+    Mutant("self-hits of a sphere", ORIGIN, "F c = dot3(oc, oc) - r * r;", white_sphere),
+    Mutant("self-hits of a box", "(origin ? other : outside)", "outside", white_box),
     Mutant("cosine weight missing", "F z = root(1.0f - v);", "F z = 1.0f - v;",
            lambda: world.test_gradient_world_on_a_tilted_plane_has_its_closed_form(50)),
     Mutant("gradient half as steep", "F k = 0.5f + 0.5f * (d.x", "F k = 0.5f + 0.25f * (d.x",

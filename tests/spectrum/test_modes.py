@@ -13,7 +13,7 @@ from rptcam_cl.device import Session
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.plan import make_plan
-from rptcam_cl.plan.spectrum import HUE_CELLS, hue_table, least_noise, primary_spectra
+from rptcam_cl.plan.spectrum import WAVELENGTH_CELLS, least_noise, primary_spectra, wavelength_table
 from rptcam_cl.rendering import tracer
 from rptcam_cl.scene import load_scene
 from tests.device.probes import open_session
@@ -247,8 +247,8 @@ def test_weights_of_all_wavelengths_average_to_one():
     np.testing.assert_allclose(spectra.sum(axis=0), 1)
     assert (spectra >= 0).all()
     for low, high in ((380, 780), (420.5, 699.2)):
-        table = hue_table(spectra, least_noise(spectra), low, high)
-        assert table.shape == (HUE_CELLS + 1, 4)
+        table = wavelength_table(spectra, least_noise(spectra), low, high)
+        assert table.shape == (WAVELENGTH_CELLS + 1, 4)
         np.testing.assert_allclose(table[:-1, 1:].mean(axis=0), 1, rtol=1e-6)
         assert (np.diff(table[:, 0]) > 0).all()
         assert table[0, 0] == low
@@ -260,10 +260,10 @@ def test_weights_of_all_wavelengths_average_to_one():
 def test_wavelengths_are_drawn_by_their_density():
     spectra = primary_spectra()
     density = least_noise(spectra)
-    table = hue_table(spectra, density, 380, 780)
-    hues = np.random.default_rng(1).random(200_000)
+    table = wavelength_table(spectra, density, 380, 780)
+    samples = np.random.default_rng(1).random(200_000)
     starts = table[:, 0].astype(float)
-    place = hues * HUE_CELLS
+    place = samples * WAVELENGTH_CELLS
     cell = place.astype(int)
     drawn = starts[cell] + (place - cell) * np.diff(starts)[cell]
     edges = np.linspace(420, 680, 66)  # beyond, cells are wider than these
@@ -273,4 +273,4 @@ def test_wavelengths_are_drawn_by_their_density():
     assert chi_squared(counted, expected * len(drawn)) > 1e-4
     even = np.full(65, len(drawn) / 65)
     assert chi_squared(counted, even) < 1e-4
-    assert stats.kstest(hues, "uniform").pvalue > 1e-4
+    assert stats.kstest(samples, "uniform").pvalue > 1e-4

@@ -107,7 +107,7 @@ def _columns(scene: Scene) -> Array:
 
 def _over_time(scene: Scene, item: Object) -> list[Array]:
     """Return the places of an object while the shutter is open."""
-    if item.course is None:
+    if item.trajectory is None:
         return [item.world_from_object]
     shutter = scene.shutter
     return [item.placed_at(time_s) for time_s in np.linspace(shutter.open_s, shutter.open_s + shutter.time_s, MOMENTS)]

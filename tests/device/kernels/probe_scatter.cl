@@ -20,7 +20,7 @@ __kernel void probe_scatter(const __global Material *materials,
     vertex.parameter = ONE;
     vertex.kind = (I)(-1);
     vertex.tangent = f3(ONE, ZERO, ZERO);
-    vertex.finish = no_finish();
+    vertex.closure = empty_closure();
     take_material(&vertex, TRUE, materials + material, point, scene);
 #define IN(k) LOAD_F(in + (k) * capacity, i)
     F3 d = f3(IN(0), IN(1), IN(2));

@@ -1,12 +1,12 @@
 // Radiance of a lamp with a texture at the point that light sampling chose. Lanes are taken emitter by emitter.
-#ifndef PAINTED_H
-#define PAINTED_H
+#ifndef EMITTER_TEXTURE_H
+#define EMITTER_TEXTURE_H
 #include "common/angles.h"
 #include "material/texture.h"
 
 #if EMITTER_TEXTURES
 // `x` and `y` are along the edges of flat emitters, `to` is from the centre of round ones.
-static F3 painted_radiance(I e, I mine, F x, F y, F3 to, Scene scene)
+static F3 textured_radiance(I e, I mine, F x, F y, F3 to, Scene scene)
 {
     F3 radiance = f3(ZERO, ZERO, ZERO);
     while (ANY(mine)) {

@@ -1,6 +1,6 @@
 // What a vertex is made of besides its kind and colour. Members that no material of the scene needs are not there.
-#ifndef FINISH_H
-#define FINISH_H
+#ifndef CLOSURE_H
+#define CLOSURE_H
 #include "material/cover.h"
 #include "material/texture.h"
 
@@ -8,7 +8,7 @@
 #define HAS_REFRACTION  (HAS_ROUGH_DIELECTRIC || HAS_TRANSMISSION)    // by facets
 #define HAS_GLOSSY      (HAS_CONDUCTOR || HAS_METAL || HAS_ROUGH_DIELECTRIC || HAS_BASE)
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
-#define HAS_FINISH      (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_ABSORPTION || HAS_GLOW)
+#define HAS_CLOSURE      (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_ABSORPTION || HAS_GLOW)
 
 #include "material/ggx.h"
 
@@ -45,58 +45,58 @@ typedef struct {
 #if HAS_GLOW
     F3 glow;            // radiance that a surface emits besides what it scatters
 #endif
-} Finish;
+} Closure;
 
-#define TAKE(member, value)   (finish->member = mine ? (F)(value) : finish->member)
-#if HUES
+#define TAKE(member, value)   (closure->member = mine ? (F)(value) : closure->member)
+#if SPECTRAL_COLOURS
 #define TAKE_COLOUR(member, rgb, number) \
-    (finish->member = select3(mine, surface_colour(scene.hues, rgb, number, scene.colours), finish->member))
+    (closure->member = select3(mine, surface_colour(scene.spectral, rgb, number, scene.colours), closure->member))
 #else
-#define TAKE_COLOUR(member, rgb, number) (finish->member = select3(mine, rgb, finish->member))
+#define TAKE_COLOUR(member, rgb, number) (closure->member = select3(mine, rgb, closure->member))
 #endif
 
-static Finish no_finish(void)
+static Closure empty_closure(void)
 {
-    Finish finish;
+    Closure closure;
 #if HAS_GLOSSY
-    finish.alpha.x = ONE;
+    closure.alpha.x = ONE;
 #endif
 #if HAS_ANISOTROPY
-    finish.alpha.y = ONE;
+    closure.alpha.y = ONE;
 #endif
 #if HAS_METAL
-    finish.n = finish.k = f3(ONE, ONE, ONE);
+    closure.n = closure.k = f3(ONE, ONE, ONE);
 #endif
 #if HAS_PLASTIC || HAS_ROUGH_PLASTIC
-    finish.internal = ZERO;
+    closure.internal = ZERO;
 #endif
 #if HAS_ROUGH_PLASTIC
-    finish.cover.c0 = finish.cover.c1 = finish.cover.c2 = finish.cover.c3 = finish.cover.c4 = ZERO;
+    closure.cover.c0 = closure.cover.c1 = closure.cover.c2 = closure.cover.c3 = closure.cover.c4 = ZERO;
 #endif
 #if HAS_THIN_GLASS
-    finish.depth = f3(ZERO, ZERO, ZERO);
+    closure.depth = f3(ZERO, ZERO, ZERO);
 #endif
 #if HAS_PRINCIPLED
-    finish.metallic = finish.specular = ZERO;
+    closure.metallic = closure.specular = ZERO;
 #endif
 #if HAS_TRANSMISSION
-    finish.transmission = ZERO;
+    closure.transmission = ZERO;
 #endif
 #if HAS_CLEARCOAT
-    finish.coat = ZERO;
-    finish.coat_alpha = ONE;
+    closure.coat = ZERO;
+    closure.coat_alpha = ONE;
 #endif
 #if HAS_ABSORPTION
-    finish.absorption = f3(ZERO, ZERO, ZERO);
+    closure.absorption = f3(ZERO, ZERO, ZERO);
 #endif
 #if HAS_GLOW
-    finish.glow = f3(ZERO, ZERO, ZERO);
+    closure.glow = f3(ZERO, ZERO, ZERO);
 #endif
-    return finish;
+    return closure;
 }
 
 // Fills the lanes `mine`, which share a material, at texture coordinates.
-static void take_finish(Finish *finish, I mine, const __global Material *material, F u, F v, Scene scene)
+static void take_closure(Closure *closure, I mine, const __global Material *material, F u, F v, Scene scene)
 {
 #if HAS_GLOSSY
     F stretch = ONE;
@@ -153,10 +153,10 @@ static void take_finish(Finish *finish, I mine, const __global Material *materia
     if (material->glow_texture >= 0)
         glow = texture_color(material->glow_texture, u, v, scene);
 #endif
-#if HUES
-    glow = light_colour(scene.hues, glow, material->glow.w, scene.colours);
+#if SPECTRAL_COLOURS
+    glow = light_colour(scene.spectral, glow, material->glow.w, scene.colours);
 #endif
-    finish->glow = select3(mine, glow, finish->glow);
+    closure->glow = select3(mine, glow, closure->glow);
 #endif
 }
 
