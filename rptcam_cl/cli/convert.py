@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from rptcam_cl.cli.parser import Commands
+from rptcam_cl.cli.parser import Commands, add_missing
 from rptcam_cl.core.errors import InputError
 
 SOURCES = (".pbrt", ".pbrt.gz")
@@ -22,6 +22,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v2, v3 or v4")
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
     parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    add_missing(parser)
     parser.set_defaults(run=_run, parser=parser)
 
 
@@ -47,7 +48,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.importers.pbrt import convert_scene
 
     _check_names(arguments.source, arguments.target)
-    done = convert_scene(arguments.source, arguments.target)
+    done = convert_scene(arguments.source, arguments.target, missing=arguments.missing)
     warnings = done.write(arguments.target)
     if not arguments.quiet:
         for message in (*done.report, *(f"warning: {text}" for text in warnings)):

@@ -171,6 +171,15 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
+def add_missing(parser: argparse.ArgumentParser) -> None:
+    """Add what becomes of missing files."""
+    parser.add_argument(
+        "--missing", choices=("error", "grey"), default="error",
+        help="files that are not there: an error that names them all (default), or grey in place of pictures, and"
+        " meshes left out, each with a warning",
+    )  # fmt: skip
+
+
 def layers(text: str) -> tuple[str, ...]:
     """Names of auxiliary layers in ``a,b,c``; ``all`` stands for every one."""
     from rptcam_cl.scene import LAYER_NAMES

@@ -36,6 +36,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_picture(parser)
     values.add_devices(parser)
     values.add_overrides(parser)
+    values.add_missing(parser)
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write statistics of the render")
     parser.add_argument(
         "--strict", action="store_true",
@@ -244,7 +245,7 @@ def _render(arguments: argparse.Namespace, scene: "Scene", checkpoint: Path) -> 
 def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.api import load_scene
 
-    scene = load_scene(arguments.scene, arguments.overrides)
+    scene = load_scene(arguments.scene, arguments.overrides, missing=arguments.missing)
     _check_outputs(arguments, scene)
     for warning in scene.warnings:
         print(f"warning: {warning}", file=sys.stderr)

@@ -13,6 +13,10 @@ class InputError(RptcamError):
     exit_code = 2
 
 
+class MissingFileError(InputError):
+    """A file that a scene or another file names is not there."""
+
+
 class DeviceError(RptcamError):
     """No usable OpenCL device, or a kernel that did not build or run."""
 

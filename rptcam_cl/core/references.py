@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.errors import InputError, MissingFileError, StateError
 
 _WITHOUT_WAITING = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
@@ -56,7 +56,7 @@ class Folders:
             allowed = ", ".join(dict.fromkeys(map(str, roots)))
             raise InputError(f"lies outside the {self.owner}'s folder (got {path}; allowed: files in {allowed})")
         if not exists:
-            raise InputError(f"no such file (got {path})")
+            raise MissingFileError(f"no such file (got {path})")
         if not regular:
             raise InputError(f"is not a regular file (got {path})")
         return path

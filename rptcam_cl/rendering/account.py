@@ -181,6 +181,7 @@ def described(
         **plan.spectrum.metadata,
         **camera_geometry(scene),
         "window": window(scene),
+        **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
         **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
         **({"material_names": plan.owners.materials} if "material_id" in rendering.layers else {}),
         **told,

@@ -44,7 +44,7 @@ from rptcam_cl.scene.light import (
     SpotLight,
     SunLight,
 )
-from rptcam_cl.scene.load import load_scene, scene_json_schema, scene_json_schema_text
+from rptcam_cl.scene.load import Missing, load_scene, scene_json_schema, scene_json_schema_text
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic
 from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, NormalMap, alpha_pair, has_holes
 from rptcam_cl.scene.mesh import MeshObject, NamedMesh
@@ -129,6 +129,7 @@ __all__ = [
     "MetalSpectrum",
     "MetalTable",
     "Mirror",
+    "Missing",
     "Mix",
     "NamedMesh",
     "Noise",

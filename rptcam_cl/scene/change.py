@@ -76,6 +76,7 @@ def _checked(scene: Scene, data: dict[str, Any]) -> Scene:
         raise input_error(problem, data, lambda path, at_key: "") from None
     changed._folders = scene._folders
     changed._library = scene._library
+    changed._stand_ins = scene._stand_ins
     return changed
 
 

@@ -3,21 +3,38 @@
 from __future__ import annotations
 
 import hashlib
+import zlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, PrivateAttr
 
 from rptcam_cl.core.references import Folders, digest
 from rptcam_cl.scene.base import SceneModel
 
+
+def one_pixel(red: int, green: int, blue: int) -> bytes:
+    """Return the PNG file of a single pixel, 8 bits a channel (PNG specification, sections 5 and 11)."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return len(data).to_bytes(4, "big") + kind + data + zlib.crc32(kind + data).to_bytes(4, "big")
+
+    header = (1).to_bytes(4, "big") * 2 + bytes([8, 2, 0, 0, 0])
+    row = zlib.compress(bytes([0, red, green, blue]))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", row) + chunk(b"IEND", b"")
+
+
+GREY = one_pixel(188, 188, 188)  # 0.503 once decoded from sRGB
 LARGEST_FILE = 2 << 30  # bytes, of a picture, the largest kind of file that parts of a scene name
 FileName = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
 class FileReference(SceneModel):
     """A part of a scene whose content is in a file of the scene's folder, or was taken out of another file."""
+
+    stand_in: ClassVar[bytes | None] = None
+    """Content that takes the place of a missing file, where a scene may go on without it."""
 
     file: FileName
     """File in the scene's folder."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.file_reference import FileReference
+from rptcam_cl.scene.file_reference import GREY, FileReference
 from rptcam_cl.scene.quantities import NUMBER, Direction, Gain, LightColour, PatternAlbedo, Position, Radiance, Turn
 from rptcam_cl.scene.values import refuse
 
@@ -147,6 +147,8 @@ class GradientEnvironment(SceneModel):
 
 class ImageEnvironment(FileReference):
     """A picture of the whole sphere in longitude and latitude, 360 degrees across and 180 degrees down."""
+
+    stand_in: ClassVar[bytes | None] = GREY
 
     kind: Literal["image"]
     """Kind of environment."""

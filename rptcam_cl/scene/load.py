@@ -7,20 +7,23 @@ import json
 from collections.abc import Iterable, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pydantic import ValidationError
 from pydantic_core import PydanticCustomError
 
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.scene.checks import check_extent
 from rptcam_cl.scene.file_reference import file_references
-from rptcam_cl.scene.mesh import MeshObject
+from rptcam_cl.scene.mesh import MeshLibrary, MeshObject
 from rptcam_cl.scene.overrides import apply_overrides
 from rptcam_cl.scene.problems import Where, input_error, refusal_text, shown
 from rptcam_cl.scene.scene import Scene
+from rptcam_cl.scene.shape import Object
+
+Missing = Literal["error", "grey"]
 
 
 def load_scene(
@@ -29,6 +32,7 @@ def load_scene(
     *,
     base_dir: str | PathLike[str] | None = None,
     allow_folders: Iterable[str | PathLike[str]] = (),
+    missing: Missing = "error",
 ) -> Scene:
     """Return the scene of a YAML or JSON file, or of a mapping of the same form.
 
@@ -43,6 +47,9 @@ def load_scene(
         Folder where relative paths start; the scene file's own by default, the working folder for a mapping.
     allow_folders : iterable of path
         Further folders from which the scene may read files.
+    missing : "error" or "grey"
+        What becomes of files that are not there: an error that names them all, or a scene with grey in place of
+        pictures and without the objects whose meshes are missing, each of which is a warning.
 
     Raises
     ------
@@ -67,8 +74,7 @@ def load_scene(
     except ValidationError as problem:
         raise input_error(problem, data, where) from None
     scene._folders = folders
-    _check_files(scene, where)
-    return scene
+    return _with_files(scene, where, missing)
 
 
 def _as_scene_mapping(data: Any, document: Document | None) -> dict[Any, Any]:
@@ -98,22 +104,53 @@ def _locator(document: Document | None, labels: dict[KeyPath, str]) -> Where:
     return where
 
 
-def _check_files(scene: Scene, where: Where) -> None:
-    """Refuse a scene whose files are missing or lie where they must not."""
+def _with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
+    """Return a scene whose files are where they may be; refuse one with others, naming all that are missing."""
     try:
         scene.lens_source()
     except InputError as problem:
         raise InputError(f"{where(('camera', 'lens'), False)}camera.lens: {problem}") from None
-    for index, item in enumerate(scene.objects):
-        if isinstance(item, MeshObject):
-            _check_mesh(scene, item, index, where)
+    pictures: list[str] = []
+    kept, without = _checked_meshes(scene, where, pictures)
+    fatal: list[str] = []
     for path, reference in file_references(scene):
         key = (*path, "file")
         reference._place = reference._place or f"{where(key, False)}{dotted(key)}: "
         try:
             reference.source(scene._folders)
         except InputError as problem:
-            raise InputError(f"{reference.place}{problem}") from None
+            message = f"{reference.place}{problem}"
+            if not isinstance(problem, MissingFileError):
+                raise InputError(message) from None
+            (pictures if reference.stand_in is not None else fatal).append(message)
+            reference._data = reference.stand_in
+    if fatal or (missing == "error" and (without or pictures)):
+        raise MissingFileError("\n".join(dict.fromkeys((*without, *pictures, *fatal))))
+    if without:
+        scene = scene.model_copy(update={"objects": kept})
+    scene._stand_ins = (
+        *(f"{text}; the object is left out" for text in without),
+        *(f"{text}; grey stands for it" for text in dict.fromkeys(pictures)),
+    )
+    return scene
+
+
+def _checked_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[Object, ...], list[str]]:
+    """Return the objects without those whose mesh is missing, and what there is to say of these."""
+    absent: list[str] = []
+    scene._library = MeshLibrary(scene._folders, scene.meshes, absent)
+    kept: list[Object] = []
+    without: list[str] = []
+    for index, item in enumerate(scene.objects):
+        try:
+            if isinstance(item, MeshObject):
+                _check_mesh(scene, item, index, where)
+            kept.append(item)
+        except MissingFileError as problem:
+            without.append(str(problem))
+        pictures += [f"{where(('objects', index), False)}objects[{index}]: {text}" for text in absent]
+        absent.clear()
+    return tuple(kept), without
 
 
 def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> None:
@@ -125,7 +162,7 @@ def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> Non
         key = "transform" if item.transform else key
         check_extent(item, path)
     except InputError as problem:
-        raise InputError(f"{where((*path, key), False)}{dotted((*path, key))}: {problem}") from None
+        raise type(problem)(f"{where((*path, key), False)}{dotted((*path, key))}: {problem}") from None
     except PydanticCustomError as problem:
         raise InputError(f"{where((*path, key), False)}{dotted(path)}: {refusal_text(problem)}") from None
 

@@ -8,6 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.file_reference import one_pixel
 from rptcam_cl.scene.quantities import NUMBER, Fraction
 from rptcam_cl.scene.texture import ImageTexture, Share
 from rptcam_cl.scene.values import read_number, refuse
@@ -15,6 +16,8 @@ from rptcam_cl.scene.values import read_number, refuse
 
 class NormalMap(ImageTexture):
     """A picture of normals in the tangent frame, as glTF has them: red along u, green along v, blue outwards."""
+
+    stand_in: ClassVar[bytes | None] = one_pixel(128, 128, 255)  # the surface's own normal
 
     kind: Literal["image"] = "image"
     """Kind of texture."""

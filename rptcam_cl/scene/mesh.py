@@ -42,9 +42,12 @@ class MeshLibrary:
         Where files may lie.
     named : mapping of str to NamedMesh
         The scene's `meshes`.
+    absent : list of str, optional
+        Takes what there is to say of missing pictures, which grey stands for then; without it they are errors.
     """
 
-    def __init__(self, folders: Folders, named: Mapping[str, NamedMesh]) -> None:
+    def __init__(self, folders: Folders, named: Mapping[str, NamedMesh], absent: list[str] | None = None) -> None:
+        self._absent = absent
         self._folders = folders
         self._named = named
         self._known: dict[tuple[Path | _Same, NormalsMode], MeshContents] = {}
@@ -85,7 +88,7 @@ class MeshLibrary:
             raise InputError(f"needs the key material: {why} (allowed: a material mapping, or the name of one)")
         for material in given:
             if material not in self._materials:
-                self._materials[material] = material_of(material, self._folders)
+                self._materials[material] = material_of(material, self._folders, self._absent)
         return tuple(self._materials[material] for material in given)
 
 

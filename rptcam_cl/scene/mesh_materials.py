@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from rptcam_cl.assets.meshes import FileMaterial, FileTexture
 from rptcam_cl.assets.pictures import has_alpha
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.dielectric import LEAST_BEND, Attenuation, Dielectric, ThinGlass
@@ -23,8 +23,13 @@ from rptcam_cl.scene.texture import ImageTexture
 SMALLEST = 1e-30
 
 
-def material_of(given: FileMaterial, folders: Folders) -> Material:
+def material_of(given: FileMaterial, folders: Folders, absent: list[str] | None = None) -> Material:
     """Return the material that shows what a file says about a surface.
+
+    Parameters
+    ----------
+    absent
+        Takes what there is to say of missing pictures, which grey stands for then.
 
     Raises
     ------
@@ -32,7 +37,7 @@ def material_of(given: FileMaterial, folders: Folders) -> Material:
         When a picture is missing, or lies where the scene may not read.
     """
     try:
-        return _Translation(given, folders).material()
+        return _Translation(given, folders, absent).material()
     except ValidationError as problem:
         reason = problem.errors(include_url=False)[0]
         raise InputError(
@@ -43,7 +48,8 @@ def material_of(given: FileMaterial, folders: Folders) -> Material:
 class _Translation:
     """What a file says about a surface, on the way to a material of the scene."""
 
-    def __init__(self, given: FileMaterial, folders: Folders) -> None:
+    def __init__(self, given: FileMaterial, folders: Folders, absent: list[str] | None) -> None:
+        self._absent = absent
         self._given = given
         self._folders = folders
         self._cover = self._covering()
@@ -158,7 +164,12 @@ class _Translation:
         try:
             return self._folders.find(str(file_texture.source))
         except InputError as problem:
-            raise InputError(f"material {self._given.name!r}: {file_texture.name}: {problem}") from None
+            message = f"material {self._given.name!r}: {file_texture.name}: {problem}"
+            if self._absent is None or not isinstance(problem, MissingFileError):
+                raise type(problem)(message) from None
+        if message not in self._absent:
+            self._absent.append(message)
+        return b""
 
     def _texture(self, file_texture: FileTexture, **keys: Any) -> ImageTexture:
         found = ImageTexture(kind="image", **self._laid(file_texture), **keys)
@@ -180,8 +191,8 @@ class _Translation:
     def _fill(self, texture: ImageTexture, file_texture: FileTexture) -> None:
         """Give a texture its content, and errors about it their place."""
         texture._place = f"material {self._given.name!r}: {file_texture.name}: "
-        if isinstance(file_texture.source, bytes):
-            texture._data = file_texture.source
+        if isinstance(source := self._source(file_texture), bytes):
+            texture._data = source or texture.stand_in
 
 
 def _clipped(value: float, low: float, high: float) -> float:

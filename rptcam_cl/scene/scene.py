@@ -79,6 +79,7 @@ class Scene(SceneModel):
 
     _folders: Folders = PrivateAttr(default_factory=Folders)
     _library: MeshLibrary | None = PrivateAttr(default=None)
+    _stand_ins: tuple[str, ...] = PrivateAttr(default=())
 
     @field_validator("materials", mode="before")
     @classmethod
@@ -159,7 +160,13 @@ class Scene(SceneModel):
     def warnings(self) -> tuple[str, ...]:
         """What is allowed but probably not meant, one sentence each."""
         self.mesh_objects()
-        return scene_warnings(self.camera, self.film, self.shutter, self.objects, self.lights, self.environment)
+        found = scene_warnings(self.camera, self.film, self.shutter, self.objects, self.lights, self.environment)
+        return (*self._stand_ins, *found)
+
+    @property
+    def stand_ins(self) -> tuple[str, ...]:
+        """What is missing from the scene's files, and what stands in its place."""
+        return self._stand_ins
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
         """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Discriminator, Field, Tag
 
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.file_reference import FileReference
+from rptcam_cl.scene.file_reference import GREY, FileReference
 from rptcam_cl.scene.quantities import (
     NUMBER,
     WHOLE_NUMBER,
@@ -107,6 +107,8 @@ class Noise(Pattern):
 
 class ImageTexture(FileReference, Pattern):
     """A picture; its lower left corner is (0, 0) and its upper right corner (1, 1)."""
+
+    stand_in: ClassVar[bytes | None] = GREY
 
     kind: Literal["image"]
     """Kind of texture."""

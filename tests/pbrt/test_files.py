@@ -120,3 +120,22 @@ def test_a_scene_that_cannot_be_used_is_not_written(tmp_path: Path, capsys: Any)
     assert (text.count("\n"), ".rptcam" in text) == (1, False)
     assert everything(target.parent) == ["out.yaml"]
     assert target.read_text() == "before"
+
+
+def test_all_that_is_missing_is_named_at_once_or_stood_in_for(tmp_path: Path, capsys: Any) -> None:
+    source, target = places(tmp_path)
+    missing = {"plymesh": "a.ply", "picture": "b.png", "normal map": "c.png", "sky": "d.exr"}
+    source.write_text(HEAD + "\n".join(NAMED[kind].format(name) for kind, name in missing.items()))
+    assert main(["convert", str(source), str(target)]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == len(missing)
+    for name in missing.values():
+        assert sum(f"{name}: no such file (got {source.parent / name})" in line for line in lines) == 1
+    assert everything(target.parent) == []
+    assert main(["convert", str(source), str(target), "--missing", "grey"]) == 0
+    told = capsys.readouterr().err
+    for name in missing.values():
+        assert f"approximated: {name}: no such file; " in told
+    scene = load_scene(target)
+    assert len(scene.objects) == 3
+    assert scene.stand_ins == ()

@@ -138,7 +138,7 @@ class Data:
         try:
             return self._find(path)
         except InputError as problem:
-            raise InputError(f"{part.place}.uri: {problem}") from None
+            raise type(problem)(f"{part.place}.uri: {problem}") from None
 
     def view(self, index: int) -> tuple[Octets, int]:
         """Return the bytes of a view, and the distance of its entries (0: they lie side by side)."""

@@ -24,7 +24,7 @@ from rptcam_cl.importers.pbrt.scene_text import plain, scene_text
 from rptcam_cl.importers.pbrt.sky import convert_sky
 from rptcam_cl.importers.pbrt.state import PbrtScene
 from rptcam_cl.importers.pbrt.world import read_world
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene import Missing, load_scene
 
 # Parameters of every camera that have to do with motion, of which there is none.
 SHUTTER = ("shutteropen", "shutterclose")
@@ -91,7 +91,7 @@ class Conversion:
             raise InputError(f"{self.source}: became a scene that cannot be used: {reason}") from None
 
 
-def convert_scene(source: Path, target: Path) -> Conversion:
+def convert_scene(source: Path, target: Path, *, missing: Missing = "error") -> Conversion:
     """Return what a pbrt scene file says as a scene of ours.
 
     Parameters
@@ -100,6 +100,9 @@ def convert_scene(source: Path, target: Path) -> Conversion:
         A scene file of pbrt-v2, v3 or v4.
     target
         Where the scene of ours is to go; files that it names lie in the folder of it.
+    missing
+        What becomes of pictures and meshes that are not there: an error that names them all, or grey in place of
+        pictures and no object in place of meshes, which the report tells.
 
     Raises
     ------
@@ -108,8 +111,9 @@ def convert_scene(source: Path, target: Path) -> Conversion:
     """
     report = Report()
     pbrt = read_world(source, report)
-    context = Context(pbrt, report, source.parent, FileStore(target.parent, target.stem, report))
+    context = Context(pbrt, report, source.parent, FileStore(target.parent, target.stem, report), missing)
     scene = _scene_keys(context, source)
+    context.refuse_missing()
     _note_unused(context)
     if count_values(scene) > MAX_NODES:
         raise InputError(
@@ -145,6 +149,7 @@ def _scene_keys(context: Context, source: Path) -> dict[str, Any]:
     objects.add_all()
     sections = objects.keys()
     if "objects" not in sections:
+        context.refuse_missing()
         raise InputError(_no_objects(context, source))
     scene |= sections
     lights = convert_lights(context, frame)

@@ -46,7 +46,9 @@ def _note_bumps(context: Context, material: Entity, found: Keys) -> None:
     if not name:
         return
     place = parameters.items["normalmap"].place
-    path = context.find(name, place)
+    path = context.find_or_note(name, place, "the surface stays smooth")
+    if path is None:
+        return
     if is_readable(path) and found["kind"] not in ("mirror", "thin_glass", "mix"):
         found["normal_map"] = {"file": picture_name(context, path, place)}
     else:

@@ -170,9 +170,11 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
     return Piece({}, area, mesh) if rectangle is None else Piece(rectangle, area)
 
 
-def _ply(context: Context, placed: Placed) -> Piece:
-    """Return a mesh file by its name, or a copy of it where pbrt has its front on the other side."""
+def _ply(context: Context, placed: Placed) -> Piece | None:
+    """Return a mesh file by its name, or a copy of it where pbrt has its front on the other side; None without it."""
     name, place = ply_name(placed.use)
+    if (path := context.find_or_note(name, place, "the object is left out")) is None:
+        return None
     keys = transform_keys(placed.world)
     area = 0.0
     if placed.look.oriented or placed.use.lamp is not None:
@@ -181,4 +183,4 @@ def _ply(context: Context, placed: Placed) -> Piece:
         if changed and placed.look.oriented:
             context.report.noted(place, f"{name}: written anew with its front where pbrt has it")
             return Piece(keys, area, mesh)
-    return Piece({"shape": "mesh", "file": context.files.reference(context.find(name, place), place), **keys}, area)
+    return Piece({"shape": "mesh", "file": context.files.reference(path, place), **keys}, area)

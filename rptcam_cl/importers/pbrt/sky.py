@@ -19,6 +19,7 @@ from rptcam_cl.importers.pbrt.lights import Keys, Lights
 from rptcam_cl.importers.pbrt.pictures import OTHERS, is_readable, linear_pixels, picture_name, write_exr
 from rptcam_cl.importers.pbrt.source import Place
 from rptcam_cl.importers.pbrt.state import Entity
+from rptcam_cl.importers.pbrt.textures import GREY
 from rptcam_cl.importers.pbrt.transforms import is_similarity, reflects, tidy
 
 Array = NDArray[np.float64]
@@ -61,7 +62,10 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
     parameters = entity.parameters
     key = "filename" if parameters.has("filename") else "mapname"
     name, place = parameters.text(key, ""), parameters.items[key].place
-    path = context.find(name, place)
+    path = context.find_or_note(name, place, f"a sky of grey {GREY:g}")
+    if path is None:
+        parameters.used.update(parameters.items)
+        return {"kind": "constant", "radiance": np.full(3, GREY).tolist()}
     factor = scale_factor(context, entity) * (light(context, entity, "L") if key == "mapname" else 1.0)
     illuminance = parameters.number("illuminance", -1.0)
     if not is_readable(path):

@@ -180,7 +180,10 @@ def _image(context: Context, texture: Entity) -> Shade:
     if not name:
         raise texture.place.error(f'{texture.what} needs a parameter "string filename"')
     place = parameters.items["filename"].place
-    path = context.find(name, place)
+    path = context.find_or_note(name, place, f"grey {GREY:g}")
+    if path is None:
+        texture.parameters.used.update(texture.parameters.items)
+        return Shade(np.full(3, GREY))
     wrap = parameters.text("wrap", "repeat")
     found: Keys = {"kind": "image"}
     if parameters.boolean("invert", False):
