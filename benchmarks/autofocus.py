@@ -22,7 +22,7 @@ from benchmarks.report import arguments, machine, print_machine, print_table, wr
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.focusing import METHODS, NoContrast, Policy, ProbeRenderer, Zone
-from rptcam_cl.focusing.looks import Task
+from rptcam_cl.focusing.search import Task
 from rptcam_cl.scene import Scene, load_scene
 
 SEEKING = ("contrast", "laplacian", "phase", "hybrid", "depth")
@@ -103,16 +103,16 @@ def _target(rng: np.random.Generator, distance: float, focal_length: float, cont
 def outcome(case: Case, method: str, session: Session) -> dict[str, Any]:
     """Return how a method ends in a case."""
     probe = ProbeRenderer(case.scene, session)
-    low, high = (probe.coordinate(limit) for limit in probe.limits)
-    far, near = (low, high) if probe.nearer > 0 else (high, low)
-    probe.state = probe.state_at(far + case.start * (near - far))
+    low, high = (probe.drive.coordinate(limit) for limit in probe.drive.limits)
+    far, near = (low, high) if probe.drive.nearer > 0 else (high, low)
+    probe.state = probe.drive.state_at(far + case.start * (near - far))
     begun, used = time.perf_counter(), time.process_time()
     found: dict[str, Any] = {"case": case.words, "method": method, "blank": case.blank, "reason": "", "miss": math.nan}
     try:
         report = METHODS[method](Task(probe, (case.zone,), Policy.CLOSEST, 1))
-        best = probe.coordinate(probe.state_for(case.distance_m, case.zone))
-        found["miss"] = abs(probe.coordinate(report.state) - best) / probe.depth_of_focus
-        found["looks"] = len(report.probes)
+        best = probe.drive.coordinate(probe.drive.state_for(case.distance_m, case.zone))
+        found["miss"] = abs(probe.drive.coordinate(report.state) - best) / probe.drive.depth_of_focus
+        found["probes"] = len(report.probes)
     except (NoContrast, InputError) as problem:
         found["reason"] = str(problem)
     seconds, cpu = time.perf_counter() - begun, time.process_time() - used
@@ -121,15 +121,15 @@ def outcome(case: Case, method: str, session: Session) -> dict[str, Any]:
 
 
 def brute_force(case: Case, session: Session) -> dict[str, float]:
-    """Return the looks and samples of a full sweep, and how long it takes by that of one look [s]."""
+    """Return the probes and samples of a full sweep, and how long it takes by that of one probe [s]."""
     probe = ProbeRenderer(case.scene, session)
-    low, high = (probe.coordinate(limit) for limit in probe.limits)
-    looks = math.ceil(abs(high - low) / probe.depth_of_focus)
+    low, high = (probe.drive.coordinate(limit) for limit in probe.drive.limits)
+    probes = math.ceil(abs(high - low) / probe.drive.depth_of_focus)
     probe.measure(probe.state, [case.zone], BRUTE_SPP, 1)
     samples, begun = probe.samples, time.perf_counter()
     probe.measure(probe.state, [case.zone], BRUTE_SPP, 2)
     seconds = time.perf_counter() - begun
-    return {"looks": looks, "samples": looks * float(probe.samples - samples), "seconds": looks * seconds}
+    return {"probes": probes, "samples": probes * float(probe.samples - samples), "seconds": probes * seconds}
 
 
 def wilson(good: int, count: int, z: float = 1.96) -> tuple[float, float]:
@@ -158,11 +158,11 @@ def cost(found: list[dict[str, Any]], method: str) -> list[str]:
     rows = [row for row in found if row["method"] == method and not row["blank"] and row["good"]]
     if not rows:
         return [method, "", "", "", ""]
-    looks, samples, seconds, cpu = (
-        np.array([row[key] for row in rows]) for key in ("looks", "samples", "seconds", "cpu_seconds")
+    probes, samples, seconds, cpu = (
+        np.array([row[key] for row in rows]) for key in ("probes", "samples", "seconds", "cpu_seconds")
     )
     return [
-        method, f"{np.median(looks):.0f} (at most {looks.max()})", f"{np.median(samples) / 1e6:.2f}",
+        method, f"{np.median(probes):.0f} (at most {probes.max()})", f"{np.median(samples) / 1e6:.2f}",
         f"{np.median(seconds):.2f} (at most {seconds.max():.2f})", f"{np.median(cpu):.2f}",
     ]  # fmt: skip
 
@@ -184,9 +184,10 @@ def main() -> None:
     rows += [summary(found, method, blank=True) for method in methods if method != "depth"]  # which needs no texture
     print_table("Success", ["method", "wanted", "cases", "share", "95 % interval", "median miss / 2 N c"], rows)
     costs = [cost(found, method) for method in methods]
-    looks, samples, seconds = (float(np.median([one[key] for one in swept])) for key in ("looks", "samples", "seconds"))
-    costs.append(["brute force", f"{looks:.0f}", f"{samples / 1e6:.0f}", f"{seconds:.0f}", ""])
-    print_table("Cost", ["method", "looks", "Msamples", "seconds", "CPU seconds"], costs)
+    keys = ("probes", "samples", "seconds")
+    probes, samples, seconds = (float(np.median([one[key] for one in swept])) for key in keys)
+    costs.append(["brute force", f"{probes:.0f}", f"{samples / 1e6:.0f}", f"{seconds:.0f}", ""])
+    print_table("Cost", ["method", "probes", "Msamples", "seconds", "CPU seconds"], costs)
     for row in found:
         if not row["good"] and row["method"] != "depth":
             print(f"{row['method']}: {row['case']}: {row['reason'] or format(row['miss'], '.2f') + ' depths of focus'}")

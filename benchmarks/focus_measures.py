@@ -1,12 +1,12 @@
 """Measures of contrast compared: which one finds the focus best?
 
-Targets of several textures stand at the focus of a 50 mm double Gauss. Every measure looks at the same zone at places
-from 32 depths of focus before the sharpest to 32 behind it, as often as there are seeds. The tables tell, by measure:
+Targets of several textures stand at the focus of a 50 mm double Gauss. Every measure is taken of one zone at places from
+32 depths of focus before the sharpest to 32 behind it, as often as there are seeds. The tables tell, by measure:
 
 monotonic   share of the steps that fall on the way out from the top, over both sides (1 is a curve of one hill)
 half width  distance from the top at which half of it is left [depths of focus]
 noise       standard error of the greatest value, relative
-miss        root mean square distance, from the place of the least spot, of the top laid through three looks four
+miss        root mean square distance, from the place of the least spot, of the top laid through three probes four
             depths of focus apart, over targets and seeds [depths of focus]
 """
 
@@ -20,8 +20,7 @@ import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.focusing import ProbeRenderer, Zone
-from rptcam_cl.focusing.looks import Probe, peak_of
-from rptcam_cl.focusing.measures import MEASURES, Measured
+from rptcam_cl.focusing.measures import MEASURES, Measured, Probe, peak_of
 
 ZONE = Zone(0.47, 0.53, 0.46, 0.54)
 DISTANCE_M = 2.0
@@ -55,15 +54,15 @@ def scene_of(texture: dict[str, Any]) -> rptcam_cl.Scene:
     )
 
 
-def looks(probe: ProbeRenderer, steps: list[float], samples: int, seed: int) -> dict[str, list[Probe]]:
-    """Return looks at places around the focus, in depths of focus, by every measure."""
-    best, depth = probe.state_for(DISTANCE_M, ZONE), probe.depth_of_focus
+def probes_of(probe: ProbeRenderer, steps: list[float], samples: int, seed: int) -> dict[str, list[Probe]]:
+    """Return probes of places around the focus, in depths of focus, by every measure."""
+    best, depth = probe.drive.state_for(DISTANCE_M, ZONE), probe.drive.depth_of_focus
     found: dict[str, list[Probe]] = {name: [] for name in MEASURES}
     for step in sorted(steps):
         state = best + step * depth
         [image] = probe.measure(state, [ZONE], samples, seed, reference=best)
         for name, measure in MEASURES.items():
-            scale = probe.image_scale(state, best)
+            scale = probe.drive.image_scale(state, best)
             found[name].append(Probe(state, 1.0, best, scale, [measure.of(image)], 0, 0.0))
     return found
 
@@ -90,13 +89,13 @@ def half_width(steps: list[float], values: list[Measured]) -> float:
 def compared(session: Session, name: str, samples: int, seeds: int, sweep: list[float]) -> dict[str, dict[str, Any]]:
     """Return the figures of every measure on one target."""
     probe = ProbeRenderer(scene_of(TEXTURES[name]), session)
-    best, depth = probe.state_for(DISTANCE_M, ZONE), probe.depth_of_focus
-    curves = [looks(probe, sweep, samples, seed) for seed in range(seeds)]
+    best, depth = probe.drive.state_for(DISTANCE_M, ZONE), probe.drive.depth_of_focus
+    curves = [probes_of(probe, sweep, samples, seed) for seed in range(seeds)]
     found: dict[str, dict[str, Any]] = {}
     for measure in MEASURES:
-        values = [[look.found[0] for look in curve[measure]] for curve in curves]
+        values = [[one.found[0] for one in curve[measure]] for curve in curves]
         triples = [
-            [look for look in curve[measure] if np.isclose((look.place - best) / depth, TRIPLES).any()]
+            [one for one in curve[measure] if np.isclose((one.place - best) / depth, TRIPLES).any()]
             for curve in curves
         ]
         tops = np.array([value.value for row in values for value in row]).reshape(seeds, -1).max(axis=1)
@@ -117,7 +116,7 @@ def root_mean_square(values: list[float]) -> float:
 def main() -> None:
     """Compare, print and write."""
     parser = arguments(__doc__ or "")
-    parser.add_argument("--seeds", type=int, default=6, help="looks at every place (default 6)")
+    parser.add_argument("--seeds", type=int, default=6, help="probes of every place (default 6)")
     options = parser.parse_args()
     session = Session(choose_device(options.device))
     facts, results = machine(session.info), {}

@@ -22,7 +22,7 @@ def add_to(commands: Commands) -> None:
     parser = commands.add_parser(
         "focus",
         help="find the focus of a scene's camera",
-        description="Focus the camera of a scene by looking through it, and tell where the film has to be.",
+        description="Find the focus of a scene's camera by probing through its lens; prints where the film has to be.",
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
@@ -93,7 +93,7 @@ def _zones(arguments: argparse.Namespace) -> Any:
 
 
 def _print(report: "FocusReport") -> None:
-    """Print the looks and what came of them, for people."""
+    """Print the probes and the focus that was found."""
     rows = [
         [probe.film_distance_mm, probe.value, probe.error, probe.stop, probe.samples / 1e6, probe.seconds]
         for probe in report.probes

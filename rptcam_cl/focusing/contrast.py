@@ -1,15 +1,10 @@
-"""Contrast detection: the state in which a zone shows most detail, found in few looks.
+"""Contrast detection: the state in which a zone shows most detail, found in few probes.
 
 At full aperture a lens of 50 mm at f/2 has some 450 depths of focus between infinity and natural size, and more than
 a few of them away from the focus nothing is left of a texture. Stopped down the same texture shows over a good part of
-the reach. So the first looks go through a small opening, whose depth of focus spans the steps between them; each
-further round opens the stop by up to five and looks round the place where the last one found the top. The last round is
-made at the aperture of the picture, because spherical aberration moves the focus as a lens is stopped down.
-
-Walk along the object distance in steps while the variance of the picture's luminance grows; where it does not, halve
-the step and turn; stop when the step is small. Known weaknesses: the variance of a whole zone changes by less than a
-percent over a wide range (docs/autofocus.md), noise adds to it, a walk ends in the first hollow, and it takes many
-looks. Nothing here makes up for them: there is no bracketing, no correction of the noise, and no refusal.
+the reach. So the first probes go through a small opening, whose depth of focus spans the steps between them. Each
+further round opens the stop by up to five and probes around the place where the last one found the top. The last round
+is made at the aperture of the picture, because spherical aberration moves the focus as a lens is stopped down.
 """
 
 from __future__ import annotations
@@ -17,19 +12,18 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from rptcam_cl.core.errors import InputError
-from rptcam_cl.focusing.looks import Peak, Probe, Probes, Task, peak_of, wanted, within
-from rptcam_cl.focusing.measures import BEST, MEASURES
-from rptcam_cl.focusing.probe import Policy, Zone, chosen
+from rptcam_cl.focusing.measures import BEST, MEASURES, Peak, Probe, peak_of
+from rptcam_cl.focusing.probe import Policy, chosen
 from rptcam_cl.focusing.report import FocusReport, NoContrast
+from rptcam_cl.focusing.search import Probes, Task, within
 
-STEP = 8.0  # depths of focus between the looks of the first round: half of a texture's contrast remains that far away
-FIRST_LOOKS = 5
+STEP = 8.0  # depths of focus between the probes of the first round: half of a texture's contrast remains that far away
+FIRST_PROBES = 5
 OPENING = 5.2  # most by which a round opens the stop
 STRIDE = 1.5  # by which steps grow when the top lies beyond the places of a round
-SHARE = 0.6  # of the half width: steps of the last round, whose outer looks then see three quarters of the contrast
+SHARE = 0.6  # of the half width: steps of the last round, whose outer probes then see three quarters of the contrast
 WIDEST = 6.0  # depths of focus at the stop of a round: its widest step
-OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three looks
+OFF_MIDDLE = 0.45  # of a step: how far the top may lie from the middle one of three probes
 CLEAR = 4.0  # standard errors by which a top must rise above the rest
 COARSE, FINE = 0.05, 0.02  # relative standard error of the measure that rounds aim at
 FIRST_SAMPLES, MOST_SAMPLES = 128, 512  # per pixel
@@ -40,54 +34,54 @@ def nothing_to_see(why: str) -> NoContrast:
     return NoContrast(f"no contrast in the zone: {why}; the focus stays as it was (aim at something with texture)")
 
 
-def first_stop(looks: Probes) -> float:
+def first_stop(probes: Probes) -> float:
     """Return the share of the opening at which the steps of the first round are `STEP` depths of focus."""
-    low, high = looks.ends
-    return min(1.0, STEP * (FIRST_LOOKS - 1) * looks.probe.depth_of_focus / (high - low))
+    low, high = probes.ends
+    return min(1.0, STEP * (FIRST_PROBES - 1) * probes.drive.depth_of_focus / (high - low))
 
 
-def greatest_contrast(looks: Probes, policy: Policy, start: tuple[float, float] | None = None) -> tuple[Peak, int]:
+def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float] | None = None) -> tuple[Peak, int]:
     """Return the top of the contrast at full aperture, and the zone that decided.
 
     Parameters
     ----------
-    looks
+    probes
         The camera.
     policy
         Which zone decides when they differ.
     start : (place, reach) or None
-        Where to look for it and how far to either side [mm]; over the whole reach of the lens by default.
+        Where to search and how far to either side [mm]; over the whole reach of the lens by default.
 
     Raises
     ------
     NoContrast
         When nothing in the zones tells sharp from blurred.
     """
-    stop = first_stop(looks)
-    low, high = looks.ends
+    stop = first_stop(probes)
+    low, high = probes.ends
     if start is not None:
         place, reach = start
         low, high = max(place - reach, low), min(place + reach, high)
-        stop = min(1.0, STEP * 2 * looks.probe.depth_of_focus / (high - low))
-    count = FIRST_LOOKS if start is None else 3
+        stop = min(1.0, STEP * 2 * probes.drive.depth_of_focus / (high - low))
+    count = FIRST_PROBES if start is None else 3
     step = (high - low) / (count - 1)
-    zones = list(range(len(looks.zones)))
+    zones = list(range(len(probes.zones)))
     places = [low + k * step for k in range(count)]
     reference = None if start is None else start[0]
-    made, samples = _round(looks, places, stop, FIRST_SAMPLES, zones, COARSE, reference)
-    peaks = _widened(looks, made, zones, step, samples)
+    made, samples = _round(probes, places, stop, FIRST_SAMPLES, zones, COARSE, reference)
+    peaks = _widened(probes, made, zones, step, samples)
     rounds = math.ceil(math.log(1 / stop) / math.log(OPENING) - 1e-9)
     factor = stop ** (-1 / rounds) if rounds else 1.0
     for number in range(rounds):
         stop = 1.0 if number == rounds - 1 else stop * factor
-        zones = _still_possible(policy, looks, peaks, zones, step)
-        step = _next_step(looks, peaks, zones, stop, factor)
+        zones = _still_possible(policy, probes, peaks, zones, step)
+        step = _next_step(probes, peaks, zones, stop, factor)
         centre = _centre(peaks, zones)
-        made, samples = _round(looks, _about(looks, centre, step), stop, samples, zones, FINE, centre)
-        peaks = _widened(looks, made, zones, step, samples)
-    zone = chosen(policy, looks.zones, {k: peaks[k].place for k in zones})
-    peak = _refined(looks, made, zone, peaks[zone], samples)
-    if peak.place >= looks.ends[1] - 1e-9 * abs(looks.ends[1]):
+        made, samples = _round(probes, _about(probes, centre, step), stop, samples, zones, FINE, centre)
+        peaks = _widened(probes, made, zones, step, samples)
+    zone = chosen(policy, probes.zones, {k: peaks[k].place for k in zones})
+    peak = _refined(probes, made, zone, peaks[zone], samples)
+    if peak.place >= probes.ends[1] - 1e-9 * abs(probes.ends[1]):
         raise NoContrast(
             "what the zone shows is too near: it still gets sharper where the focus ends; it stays as it was"
         )
@@ -95,7 +89,7 @@ def greatest_contrast(looks: Probes, policy: Policy, start: tuple[float, float] 
 
 
 def _round(
-    looks: Probes,
+    probes: Probes,
     places: Sequence[float],
     stop: float,
     samples: int,
@@ -103,23 +97,23 @@ def _round(
     wanted: float,
     reference: float | None = None,
 ) -> tuple[list[Probe], int]:
-    """Look at some places; once more with four times the samples where noise hides what there may be to see."""
+    """Probe at some places; once more with four times the samples where noise hides what there may be to see."""
     while True:
-        made = [looks.at(place, samples, stop, reference) for place in places]
-        seen = [zone for zone in zones if _contrast(looks, made, zone)]
+        made = [probes.at(place, samples, stop, reference) for place in places]
+        seen = [zone for zone in zones if _contrast(probes, made, zone)]
         noise = min((_noise(made, zone) for zone in zones), default=math.inf)
-        if seen or samples >= MOST_SAMPLES or all(_surely_flat(looks, made, zone) for zone in zones):
+        if seen or samples >= MOST_SAMPLES or all(_surely_flat(probes, made, zone) for zone in zones):
             break
         samples = min(8 * samples, MOST_SAMPLES)
     if not seen:
-        raise nothing_to_see(_unseen(looks, made, zones, samples))
+        raise nothing_to_see(_unseen(probes, made, zones, samples))
     zones[:] = seen
     factor = max(1.0, min((noise / wanted) ** 2, 16.0))
     return made, min(int(samples * factor), MOST_SAMPLES)
 
 
 def _top(made: Sequence[Probe], zone: int) -> Probe:
-    return max(made, key=lambda look: look.found[zone].value)
+    return max(made, key=lambda probe: probe.found[zone].value)
 
 
 def _noise(made: Sequence[Probe], zone: int) -> float:
@@ -127,16 +121,16 @@ def _noise(made: Sequence[Probe], zone: int) -> float:
     return top.error / top.value if top.value > 0 else math.inf
 
 
-def _contrast(looks: Probes, made: Sequence[Probe], zone: int) -> bool:
+def _contrast(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
     top = _top(made, zone).found[zone]
-    return top.value > looks.measure.least and top.value > CLEAR * top.error
+    return top.value > probes.measure.least and top.value > CLEAR * top.error
 
 
-def _unseen(looks: Probes, made: Sequence[Probe], zones: list[int], samples: int) -> str:
+def _unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: int) -> str:
     """Return what was measured of zones in which there is too little to see."""
     top = max((_top(made, zone).found[zone] for zone in zones), key=lambda found: found.value)
     if top.value > CLEAR * top.error:
-        least = looks.measure.least
+        least = probes.measure.least
         return f"its details are faint: their measure is {top.value:.2g} at most, and more than {least:.2g} is needed"
     clear = f"{max(top.value, 0.0) / top.error:.1f} standard errors" if top.error > 0 else "0"
     return f"its details come to {clear} of the noise at {samples} samples per pixel, and {CLEAR:g} are needed"
@@ -144,37 +138,37 @@ def _unseen(looks: Probes, made: Sequence[Probe], zones: list[int], samples: int
 
 def _same_everywhere(peak: Peak) -> NoContrast:
     return nothing_to_see(
-        "it looks the same in and out of focus: from the least sharp look to the sharpest its measure rises by"
+        "it looks the same in and out of focus: from the least sharp probe to the sharpest its measure rises by"
         f" {peak.rise:.1f} standard errors, and {CLEAR:g} are needed"
     )
 
 
-def _surely_flat(looks: Probes, made: Sequence[Probe], zone: int) -> bool:
+def _surely_flat(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
     top = _top(made, zone).found[zone]
-    return top.value + CLEAR * top.error < looks.measure.least
+    return top.value + CLEAR * top.error < probes.measure.least
 
 
-def _widened(looks: Probes, made: list[Probe], zones: list[int], step: float, samples: int) -> dict[int, Peak]:
-    """Return the tops of the zones; look farther where a top lies at the end of what was looked at."""
-    low, high = looks.ends
-    for _ in range(FIRST_LOOKS):
+def _widened(probes: Probes, made: list[Probe], zones: list[int], step: float, samples: int) -> dict[int, Peak]:
+    """Return the tops of the zones; probe farther where a top lies at the end of what was probed."""
+    low, high = probes.ends
+    for _ in range(FIRST_PROBES):
         peaks = {zone: peak_of(made, zone) for zone in zones}
-        places = [look.place for look in made]
+        places = [probe.place for probe in made]
         first, last = min(places), max(places)
         tops = [_top(made, zone).place for zone in zones if peaks[zone].rise > CLEAR]
         if first in tops and first > low:
-            made.append(looks.at(max(first - step, low), samples, made[0].stop, made[0].reference))
+            made.append(probes.at(max(first - step, low), samples, made[0].stop, made[0].reference))
         elif last in tops and last < high:
-            made.append(looks.at(min(last + step, high), samples, made[0].stop, made[0].reference))
+            made.append(probes.at(min(last + step, high), samples, made[0].stop, made[0].reference))
         else:
             break
         step *= STRIDE
     return {zone: peak_of(made, zone) for zone in zones}
 
 
-def _still_possible(policy: Policy, looks: Probes, peaks: dict[int, Peak], zones: list[int], step: float) -> list[int]:
+def _still_possible(policy: Policy, probes: Probes, peaks: dict[int, Peak], zones: list[int], step: float) -> list[int]:
     """Return the zones that may decide in the end: those whose tops lie within a step of the one chosen by now."""
-    zone = chosen(policy, looks.zones, {k: peaks[k].place for k in zones})
+    zone = chosen(policy, probes.zones, {k: peaks[k].place for k in zones})
     if policy.by_place:
         return [k for k in zones if abs(peaks[k].place - peaks[zone].place) <= step / 2]
     return [zone]
@@ -185,24 +179,24 @@ def _centre(peaks: dict[int, Peak], zones: list[int]) -> float:
     return (min(places) + max(places)) / 2
 
 
-def _about(looks: Probes, centre: float, step: float) -> list[float]:
+def _about(probes: Probes, centre: float, step: float) -> list[float]:
     """Return three places a step apart, about a place where the reach of the lens has room for them."""
-    low, high = looks.ends
+    low, high = probes.ends
     centre = min(max(centre, low + step), high - step)
     return [centre - step, centre, centre + step]
 
 
-def _next_step(looks: Probes, peaks: dict[int, Peak], zones: list[int], stop: float, opened: float) -> float:
+def _next_step(probes: Probes, peaks: dict[int, Peak], zones: list[int], stop: float, opened: float) -> float:
     """Return the step of a round: a share of the half width, which shrinks as the stop opens."""
-    sharp = looks.probe.depth_of_focus / stop
+    sharp = probes.drive.depth_of_focus / stop
     width = min((peaks[zone].width for zone in zones), default=math.inf) / opened
     return min(max(SHARE * width, STEP / 4 * sharp), WIDEST * sharp)
 
 
-def _refined(looks: Probes, made: list[Probe], zone: int, peak: Peak, samples: int) -> Peak:
-    """Return the top from looks that lie evenly about it, with as many samples as its error asks for."""
-    sharp = looks.probe.depth_of_focus
-    low, high = looks.ends
+def _refined(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: int) -> Peak:
+    """Return the top from probes that lie evenly about it, with as many samples as its error asks for."""
+    sharp = probes.drive.depth_of_focus
+    low, high = probes.ends
     reference = made[0].reference
     for _ in range(4):
         if peak.rise < CLEAR and samples >= MOST_SAMPLES:
@@ -213,9 +207,9 @@ def _refined(looks: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
         if peak.rise < CLEAR or peak.error >= sharp / 8:
             samples, made, reference = min(4 * samples, MOST_SAMPLES), [], peak.place
             step = min(2 * step, WIDEST * sharp)
-        for place in _about(looks, peak.place, step):
-            if not any(abs(look.place - place) < 0.25 * step for look in made):
-                made.append(looks.at(place, samples, reference=reference))
+        for place in _about(probes, peak.place, step):
+            if not any(abs(probe.place - place) < 0.25 * step for probe in made):
+                made.append(probes.at(place, samples, reference=reference))
         peak = peak_of(made, zone)
     if peak.rise < CLEAR:
         raise _same_everywhere(peak)
@@ -224,7 +218,7 @@ def _refined(looks: Probes, made: list[Probe], zone: int, peak: Peak, samples: i
 
 def _is_even(made: Sequence[Probe], zone: int, peak: Peak, ends: tuple[float, float], widest: float) -> bool:
     """Whether the top lies in the middle of near neighbours, so that a lopsided curve does not pull it to a side."""
-    places = sorted(look.place for look in made)
+    places = sorted(probe.place for probe in made)
     if not peak.inside:
         return min(abs(peak.place - end) for end in ends) < 1e-9 * abs(peak.place)
     k = places.index(_top(made, zone).place)
@@ -255,72 +249,8 @@ def focus_by_laplacian(task: Task) -> FocusReport:
 
 
 def _by(method: str, measure: str, task: Task) -> FocusReport:
-    looks = task.looks(MEASURES[measure])
-    peak, zone = greatest_contrast(looks, task.policy, task.near_place(looks))
-    state = looks.state_of(peak.place)
-    sure = within(task.probe.depth_of_focus / 4, peak.error) if peak.inside else 0.0  # at the far end of the reach
-    return task.report(method, state, task.zones[zone], peak.error, sure, looks.records(zone))
-
-
-START, FIRST_STEP = 50.0, 5.0  # scene units, as the paper prints them: d = 50, s = 5
-LAST_STEP = 0.01  # of the distance
-SAMPLES = 128  # per pixel, as in the paper's pictures
-FARTHEST_FOCAL_LENGTHS = 100.0  # where it starts when that is out of reach, or the camera is focused at infinity
-MOST_STEPS = 38
-
-
-def focus_by_variance(task: Task) -> FocusReport:
-    """Return the focus at which the walk of the paper ends; its confidence is not known, hence 0.
-
-    It starts at 50 scene units with steps of 5, as the paper prints it; where a camera is focused already, from there
-    with steps of a tenth. The notes of the report say which.
-    """
-    looks = task.looks(MEASURES["variance"])
-    zone = task.zones[0]
-    start, why = _start(task, looks)
-    distance, step = start, FIRST_STEP / START * start
-    here = _look(looks, distance, zone)
-    assert here is not None
-    notes = {"start_m": distance, "step_m": step, "started": why}
-    for _ in range(MOST_STEPS):
-        if abs(step) < LAST_STEP * distance:
-            break
-        there = _look(looks, distance + step, zone)
-        if there is not None and there.found[0].value > here.found[0].value:
-            distance, here = distance + step, there
-        else:
-            step = -step / 2
-    state = looks.state_of(here.place)
-    report = task.report("variance", state, zone, math.inf, 0.0, looks.records(0))
-    report.notes.update(notes)
-    return report
-
-
-def _start(task: Task, looks: Probes) -> tuple[float, str]:
-    """Return the object distance at which the walk starts [m], and why there."""
-    scene, zone = task.probe.scene, task.zones[0]
-    far = FARTHEST_FOCAL_LENGTHS * task.probe.film_distance(task.probe.state) * 1e-3
-    if task.near is None and wanted(scene) is not None:
-        printed = f"d = {START:g}, s = {FIRST_STEP:g} scene units, as the paper prints it"
-        if _state(looks, START * scene.metres_per_unit, zone) is None:
-            return far, f"far away, as {printed}, is out of reach"
-        return START * scene.metres_per_unit, printed
-    distance = task.probe.object_distance(task.probe.state if task.near is None else task.near, zone)
-    if distance is None or math.isinf(distance) or _state(looks, distance, zone) is None:
-        return far, "far away, where the camera was focused"
-    return distance, "where the camera was focused"
-
-
-def _state(looks: Probes, distance_m: float, zone: Zone) -> float | None:
-    """Return the focus state of a distance; None beyond the reach of the camera."""
-    low, high = looks.probe.limits
-    try:
-        state = looks.probe.state_for(distance_m, zone)
-    except InputError:
-        return None
-    return state if low <= state <= high else None
-
-
-def _look(looks: Probes, distance_m: float, zone: Zone) -> Probe | None:
-    state = _state(looks, distance_m, zone)
-    return None if state is None else looks.at(looks.place_of(state), SAMPLES)
+    probes = task.probes(MEASURES[measure])
+    peak, zone = greatest_contrast(probes, task.policy, task.near_place(probes))
+    state = probes.state_of(peak.place)
+    sure = within(task.drive.depth_of_focus / 4, peak.error) if peak.inside else 0.0  # at the far end of the reach
+    return task.report(method, state, task.zones[zone], peak.error, sure, probes.records(zone))

@@ -1,4 +1,4 @@
-"""Autofocus of a scene: from what the scene asks for to the focus that was found."""
+"""Autofocus of a scene, from its settings to a camera in focus."""
 
 from __future__ import annotations
 
@@ -14,24 +14,25 @@ from pydantic import ValidationError
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, open_session
-from rptcam_cl.focusing.contrast import focus_by_contrast, focus_by_laplacian, focus_by_variance
-from rptcam_cl.focusing.distance import focus_by_depth
+from rptcam_cl.focusing.contrast import focus_by_contrast, focus_by_laplacian
+from rptcam_cl.focusing.distance import check_reach, focus_by_depth
 from rptcam_cl.focusing.doubts import judged
 from rptcam_cl.focusing.drives import focus_drive
-from rptcam_cl.focusing.lens_drive import Drive
-from rptcam_cl.focusing.looks import Probe, Task, wanted
-from rptcam_cl.focusing.phase import focus_by_hybrid, focus_by_phase
-from rptcam_cl.focusing.probe import Policy, Zone
-from rptcam_cl.focusing.reach import check_reach
+from rptcam_cl.focusing.hybrid import focus_by_hybrid
+from rptcam_cl.focusing.measures import Probe
+from rptcam_cl.focusing.phase import focus_by_phase
+from rptcam_cl.focusing.probe import Drive, Policy, Zone
 from rptcam_cl.focusing.renderer import ProbeRenderer
 from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach
+from rptcam_cl.focusing.search import Task, requested_autofocus
+from rptcam_cl.focusing.variance import focus_by_variance
 from rptcam_cl.imaging import MARKED
 from rptcam_cl.scene import AutoFocus, Scene, change_scene, input_error, listed, load_scene, near_name, read_zones
 
 LEAST_HALF = 0.01  # of the picture's shorter side: half a side of the smallest zone
 
 
-def zone_of_object(probe: ProbeRenderer, name: str) -> Zone:
+def zone_of_object(renderer: ProbeRenderer, name: str) -> Zone:
     """Return the largest square that fits into what is seen of an object, the first of that name.
 
     Raises
@@ -39,14 +40,14 @@ def zone_of_object(probe: ProbeRenderer, name: str) -> Zone:
     InputError
         When no object has that name, or none of it is seen.
     """
-    names = [item.name for item in probe.scene.objects]
+    names = [item.name for item in renderer.scene.objects]
     if name not in names:
         known = [item for item in names if item]
         raise InputError(
             f"camera.focus.auto.object: no object has this name{near_name(name, known)} (got {name};"
             f" allowed: {listed(known) or 'a name, once an object has one'})"
         )
-    seen = probe.objects() == names.index(name)
+    seen = renderer.objects() == names.index(name)
     if not seen.any():
         raise InputError(f"camera.focus.auto.object: {name} is not in the picture")
     row, column, half = _deepest(seen)
@@ -85,7 +86,7 @@ POINT_SIZE = 0.05  # of the diagonal: the side of the zone round a point
 
 
 def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, Any]) -> AutoFocus:
-    """Return the autofocus that a scene asks for, or the usual one, with some keys replaced.
+    """Return the autofocus settings of a scene, or the default ones, with some keys replaced.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, 
     InputError
         When the result is not valid.
     """
-    given = wanted(scene) or AutoFocus()
+    given = requested_autofocus(scene) or AutoFocus()
     known = {name: getattr(given, name) for name in given.model_fields_set}
     places = {key: value for key, value in where.items() if value is not None}
     if places:
@@ -112,7 +113,7 @@ def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, 
 
 
 def zones_of(scene: Scene, settings: AutoFocus) -> tuple[Zone, ...]:
-    """Return the zones that settings name, but for an object's, which only a look can tell."""
+    """Return the zones that settings name; the zone of an object is found by a probe instead (`zone_of_object`)."""
     if settings.zones is not None:
         return tuple(Zone(*zone) for zone in settings.zones)
     if settings.zones_from is not None:
@@ -140,7 +141,7 @@ def find_focus(
     *,
     zones: Sequence[Zone] | None = None,
     near: float | None = None,
-    on_look: Callable[[Probe], None] | None = None,
+    on_probe: Callable[[Probe], None] | None = None,
 ) -> FocusReport:
     """Return the focus of a scene's camera.
 
@@ -152,8 +153,8 @@ def find_focus(
         In place of those of the settings.
     near
         State near which the focus is expected; by default it is sought over the whole reach.
-    on_look
-        Told of every look.
+    on_probe
+        Called with every probe.
 
     Raises
     ------
@@ -164,21 +165,21 @@ def find_focus(
     InputError
         When the camera has no focus, or a zone or object is not there.
     """
-    probe = ProbeRenderer(scene, session)
+    renderer = ProbeRenderer(scene, session)
     if zones is None and settings.object is not None:
-        zones = [zone_of_object(probe, settings.object)]
+        zones = [zone_of_object(renderer, settings.object)]
     task = Task(
-        probe,
+        renderer,
         tuple(zones) if zones is not None else zones_of(scene, settings),
         Policy(settings.policy),
         scene.render.seed,
         near,
-        on_look,
+        on_probe,
     )
     try:
         report = METHODS[settings.method](task)
     except NoContrast:
-        check_reach(task, probe.state if near is None else near)
+        check_reach(task, renderer.state if near is None else near)
         raise
     return judged(task, report)
 
@@ -219,7 +220,7 @@ def follow_focus(scenes: Iterable[Scene], session: Session, settings: AutoFocus)
 def in_focus(
     scene: Scene, session: Session, known: dict[str, Any] | None = None
 ) -> tuple[Scene, dict[str, Any] | None]:
-    """Return a scene whose camera is in focus, and how that came about; as it was where it asks for no autofocus.
+    """Return a scene whose camera is in focus, and how that came about; unchanged where it has no autofocus.
 
     Parameters
     ----------
@@ -232,7 +233,7 @@ def in_focus(
     InputError
         When there is nothing to focus on.
     """
-    settings = wanted(scene)
+    settings = requested_autofocus(scene)
     if settings is None:
         return scene, None
     if known is None:
@@ -241,7 +242,7 @@ def in_focus(
 
 
 def _found(scene: Scene, session: Session, settings: AutoFocus) -> dict[str, Any]:
-    """Return the keys of the camera in focus, and metadata; where the focus ends when what is wanted lies beyond."""
+    """Return the keys of the camera in focus, and metadata; the end of the reach where the target lies beyond it."""
     drive = focus_drive(scene)
     try:
         report = find_focus(scene, session, settings)
@@ -309,7 +310,7 @@ def autofocus(
     device
         As for `render`.
     on_look
-        Called with every look.
+        Called with every probe.
 
     Raises
     ------
@@ -328,4 +329,4 @@ def autofocus(
     where = {"zones": zones, "point": point, "object": object}
     settings = focus_settings(scene, {"method": method, "policy": policy}, where)
     session = device if isinstance(device, Session) else open_session(device)
-    return find_focus(scene, session, settings, near=near, on_look=on_look)
+    return find_focus(scene, session, settings, near=near, on_probe=on_look)

@@ -10,19 +10,73 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.focusing.looks import Task
-from rptcam_cl.focusing.probe import chosen
-from rptcam_cl.focusing.reach import LEAST_SHARE, state_within_reach
-from rptcam_cl.focusing.report import FocusReport, NoContrast, ProbeRecord
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.focusing.probe import Drive, Zone, chosen
+from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach, ProbeRecord
+from rptcam_cl.focusing.search import Task
 
-MOST_LOOKS = 10
-SETTLED = 0.1  # depths of focus between two looks
+LEAST_SHARE = 0.25  # of a zone whose rays must meet something
+
+
+def state_within_reach(drive: Drive, distance_m: float, zone: Zone) -> float:
+    """Return the state that makes a plane sharpest in a zone.
+
+    Raises
+    ------
+    OutOfReach
+        When there is none, in the words of the lens.
+    InputError
+        When the lens cannot tell.
+    """
+    low, high = drive.limits
+    far, near = sorted(drive.limits, key=lambda end: drive.nearer * drive.coordinate(end))
+    try:
+        state = drive.state_for(distance_m, zone)
+    except InputError as problem:
+        nearest, farthest = (drive.object_distance(end, zone) for end in (near, far))
+        if nearest is not None and distance_m < nearest:
+            raise OutOfReach(str(problem), near, zone) from None
+        if farthest is not None and distance_m > farthest:
+            raise OutOfReach(str(problem), far, zone) from None
+        raise
+    if low <= state <= high:
+        return state
+    ends = [drive.object_distance(end, zone) for end in (near, far)]
+    known = ", ".join(f"{distance:.4g} m" for distance in ends if distance is not None)
+    words = f"what the zone shows is {distance_m:.4g} m away, out of reach of the focus (ends at {known})"
+    raise OutOfReach(words, min(max(state, low), high), zone)
+
+
+def check_reach(task: Task, state: float) -> None:
+    """Measure by rays how far away the zones are, for methods that see only how sharp they are.
+
+    Raises
+    ------
+    OutOfReach
+        When what decides is nearer than the camera can focus, or farther.
+    """
+    depths = task.renderer.depths(state, task.zones, task.seed)
+    met = {k: depth[np.isfinite(depth)] for k, depth in enumerate(depths) if np.isfinite(depth).mean() >= LEAST_SHARE}
+    if not met:
+        return
+    medians = {k: float(np.median(depth)) for k, depth in met.items()}
+    zone = chosen(task.policy, task.zones, {k: -median for k, median in medians.items()})
+    try:
+        state_within_reach(task.drive, medians[zone], task.zones[zone])
+    except OutOfReach:
+        raise
+    except InputError:  # no light there: nothing is known of the reach
+        return
+
+
+MOST_PROBES = 10
+CONVERGED = 0.1  # depths of focus between two probes
 
 
 def focus_by_depth(task: Task) -> FocusReport:
     """Return the focus on what the rays of the zones meet: each zone counts by the median of its distances.
 
-    As the picture grows when the film goes back, a zone then shows another part of what is near: it is looked at again
+    As the picture grows when the film goes back, a zone then shows another part of what is near: it is measured again
     until that changes no more.
 
     Raises
@@ -32,25 +86,25 @@ def focus_by_depth(task: Task) -> FocusReport:
     OutOfReach
         When what they meet is nearer than the lens can focus, or farther.
     """
-    probe = task.probe
-    state = probe.state if task.near is None else task.near
+    renderer, drive = task.renderer, task.drive
+    state = renderer.state if task.near is None else task.near
     zones = dict(enumerate(task.zones))
     records: list[ProbeRecord] = []
-    for number in range(MOST_LOOKS):
-        samples, seconds = probe.samples, probe.seconds
-        depths = probe.depths(state, list(zones.values()), task.seed)
+    for number in range(MOST_PROBES):
+        samples, seconds = renderer.samples, renderer.seconds
+        depths = renderer.depths(state, list(zones.values()), task.seed)
         met = {k: depth for k, depth in zip(zones, depths, strict=True) if np.isfinite(depth).mean() >= LEAST_SHARE}
         if not met:
             raise NoContrast("nothing in the zone: its rays meet no surface; the focus stays as it was")
         medians = {k: float(np.median(depth[np.isfinite(depth)])) for k, depth in met.items()}
         zone = chosen(task.policy, task.zones, {k: -median for k, median in medians.items()})
-        before = probe.coordinate(state)
-        state = state_within_reach(probe, medians[zone], task.zones[zone])
+        before = drive.coordinate(state)
+        state = state_within_reach(drive, medians[zone], task.zones[zone])
         zones = {zone: task.zones[zone]}
-        film = probe.film_distance(state)
-        taken = (probe.samples - samples, probe.seconds - seconds)
+        film = drive.film_distance(state)
+        taken = (renderer.samples - samples, renderer.seconds - seconds)
         records.append(ProbeRecord(state, film, medians[zone], _spread(met[zone]), 0.0, *taken, "distance"))
-        if number and abs(probe.coordinate(state) - before) < SETTLED * probe.depth_of_focus:
+        if number and abs(drive.coordinate(state) - before) < CONVERGED * drive.depth_of_focus:
             break
     share = _within_depth_of_field(task, state, met[zone])
     return task.report("depth", state, task.zones[zone], 0.0, share, records)
@@ -64,11 +118,12 @@ def _spread(depth: NDArray[np.float64]) -> float:
 
 def _within_depth_of_field(task: Task, state: float, depth: NDArray[np.float64]) -> float:
     """Return the share of what is met in a zone that a state shows sharply."""
-    probe, place = task.probe, task.probe.coordinate(state)
-    ends = [probe.state_at(place + side * probe.depth_of_focus / 2) for side in (-1, 1)]
-    low, high = probe.limits
-    distances = [probe.drive.first_order_distance(min(max(end, low), high)) for end in ends]
-    here = probe.drive.first_order_distance(state)
+    drive = task.drive
+    place = drive.coordinate(state)
+    ends = [drive.state_at(place + side * drive.depth_of_focus / 2) for side in (-1, 1)]
+    low, high = drive.limits
+    distances = [drive.first_order_distance(min(max(end, low), high)) for end in ends]
+    here = drive.first_order_distance(state)
     if here is None:
         return 0.0
     near, far = sorted((np.inf if distance is None else distance) / here for distance in distances)

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.focusing.half_looks import half_view
-from rptcam_cl.focusing.looks import Task
+from rptcam_cl.focusing.distance import check_reach
+from rptcam_cl.focusing.phase import half_view
 from rptcam_cl.focusing.probe import Zone
-from rptcam_cl.focusing.reach import check_reach
 from rptcam_cl.focusing.report import FocusReport
+from rptcam_cl.focusing.search import Task
 
 SURE = 0.5  # confidence below which a focus counts as not found
 SHARP_SHARE = 0.05  # of what the zone shows, that depth wants within the depth of field
@@ -53,27 +53,28 @@ def _failure(report: FocusReport) -> str | None:
 
 
 def _is_at_an_end(task: Task, state: float) -> bool:
-    probe = task.probe
-    place = probe.coordinate(state)
-    return min(abs(place - probe.coordinate(end)) for end in probe.limits) <= AT_AN_END * probe.depth_of_focus
+    drive = task.drive
+    place = drive.coordinate(state)
+    return min(abs(place - drive.coordinate(end)) for end in drive.limits) <= AT_AN_END * drive.depth_of_focus
 
 
 def _vergence(task: Task, state: float) -> float | None:
     """Return 1 over the distance that is sharp by first-order optics [1/m]."""
-    distance = task.probe.drive.first_order_distance(state)
+    distance = task.drive.first_order_distance(state)
     return None if distance is None else 1 / distance
 
 
 def _sharp_vergence(task: Task, state: float) -> float | None:
     """Return how many 1/m a depth of focus is worth."""
-    probe, (low, high) = task.probe, task.probe.limits
-    place = probe.coordinate(state)
-    ends = [min(max(probe.state_at(place + side * probe.depth_of_focus), low), high) for side in (-1, 1)]
+    drive = task.drive
+    low, high = drive.limits
+    place = drive.coordinate(state)
+    ends = [min(max(drive.state_at(place + side * drive.depth_of_focus), low), high) for side in (-1, 1)]
     seen = [_vergence(task, end) for end in ends]
-    span = abs(probe.coordinate(ends[1]) - probe.coordinate(ends[0]))
+    span = abs(drive.coordinate(ends[1]) - drive.coordinate(ends[0]))
     if seen[0] is None or seen[1] is None or span == 0:
         return None
-    return abs(seen[1] - seen[0]) / span * probe.depth_of_focus
+    return abs(seen[1] - seen[0]) / span * drive.depth_of_focus
 
 
 def _other_distance(task: Task, report: FocusReport) -> str | None:
@@ -82,7 +83,7 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
     The picture grows as the film goes back, so that a zone may show one thing while the focus is far and another while
     it is near, each sharp.
     """
-    probe, zone = task.probe, report.zone
+    drive, zone = task.drive, report.zone
     sharp = _sharp_vergence(task, report.state)
     if report.focus_distance_m is None or sharp is None:
         return None
@@ -93,17 +94,17 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
     # what the focus is on: by the distances of the zone, as astigmatism and curved fields move that of the lens
     large = [vergence for vergence, share in here if share >= LEAST_SHARE] or [max(here, key=lambda group: group[1])[0]]
     own = min(large, key=lambda vergence: abs(vergence - expected))
-    looks = [here]
-    if task.near is None and abs(probe.image_scale(*probe.limits) - 1) > 0.02:
-        looks += [_shown(task, state, zone, APART * sharp) for state in probe.limits]
+    probes = [here]
+    if task.near is None and abs(drive.image_scale(*drive.limits) - 1) > 0.02:
+        probes += [_shown(task, state, zone, APART * sharp) for state in drive.limits]
     tried = [own]
-    for look in looks:
-        for vergence, share in look:
+    for probe in probes:
+        for vergence, share in probe:
             if share < LEAST_SHARE or any(abs(vergence - other) < APART * sharp for other in tried):
                 continue
             tried.append(vergence)
             try:
-                there = probe.state_for(1 / vergence, zone)
+                there = drive.state_for(1 / vergence, zone)
             except InputError:  # out of reach
                 continue
             seen = [share for found, share in _shown(task, there, zone, APART * sharp)
@@ -121,7 +122,7 @@ def _shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float
 
     Two are told apart by a gap between them that nothing in the zone fills.
     """
-    depth = task.probe.depths(state, [zone], task.seed)[0]
+    depth = task.renderer.depths(state, [zone], task.seed)[0]
     met: NDArray[np.float64] = np.sort(1 / depth[np.isfinite(depth) & (depth > 0)])
     groups = np.split(met, np.flatnonzero(np.diff(met) > gap) + 1)
     return [(float(np.median(group)), len(group) / depth.size) for group in groups if len(group)]
@@ -131,7 +132,7 @@ def _astigmatism(task: Task, report: FocusReport) -> str | None:
     """Tell where lines across and lines down have focuses of their own."""
     sharp = _sharp_vergence(task, report.state)
     try:
-        across, down = half_view(task.probe, report.state, report.zone, "x").sharpest_along()
+        across, down = half_view(task.renderer, report.state, report.zone, "x").sharpest_along()
     except InputError:  # no light there
         return None
     if sharp is None or abs(across - down) < APART * sharp or min(across, down) <= 0:

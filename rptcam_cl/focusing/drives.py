@@ -1,4 +1,4 @@
-"""Which drive a scene's camera has; that of a thin lens moves its plane of focus."""
+"""The drive of a scene's camera; that of a thin lens moves its plane of focus."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, PupilRays, lens_to_focus, thin_lens, thin_lens_rays
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.focusing.lens_drive import Drive, GroupDrive, WholeLens, circle_of_confusion
-from rptcam_cl.focusing.probe import Zone
+from rptcam_cl.focusing.lens_drive import GroupDrive, WholeLens
+from rptcam_cl.focusing.probe import Drive, Zone, circle_of_confusion
 from rptcam_cl.scene import LensCamera, Scene, ThinLensCamera
 
 FARTHEST_M = 1e6
@@ -56,17 +56,17 @@ class ThinDrive(Drive):
         return min(1e-3 / max(vergence, 1e-30), FARTHEST_M)
 
     @cached_property
-    def limits(self) -> tuple[float, float]:  # type: ignore[override]
+    def limits(self) -> tuple[float, float]:
         """From natural size to the farthest."""
         return self.state_at(2 * self._focal_length_mm), FARTHEST_M
 
     @cached_property
-    def start(self) -> float:  # type: ignore[override]
+    def start(self) -> float:
         """Where the scene has it, or far away where autofocus is to find it."""
         return FARTHEST_M if self._camera.focus_distance_m is None else self._camera.focus_distance_m
 
     @cached_property
-    def depth_of_focus(self) -> float:  # type: ignore[override]
+    def depth_of_focus(self) -> float:
         """2 N c [mm]."""
         radius = self._camera.aperture_radius_m
         f_number = self._camera.f_number
@@ -96,7 +96,7 @@ class ThinDrive(Drive):
         return camera.model_copy(update={"focus_distance_m": state, **opening})
 
     def image_scale(self, state: float, reference: float) -> float:
-        """Return how large a state draws what is sharp in another one, against that one."""
+        """Return how large a state draws what is sharp in the state of reference, against that one."""
         return self.film_distance(state) / self.film_distance(reference)
 
     def film_distance(self, state: float) -> float:

@@ -1,8 +1,8 @@
-"""What moves when a camera with a lens focuses: the film distance, or the shift of a group."""
+"""Drives of cameras with a lens prescription: focusing moves the film, or a group of the lens."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -21,7 +21,7 @@ from rptcam_cl.cameras import (
     thick_lens,
 )
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.focusing.probe import Zone
+from rptcam_cl.focusing.probe import Drive, Zone, circle_of_confusion
 from rptcam_cl.optics import (
     Lens,
     best_film_distance,
@@ -35,63 +35,6 @@ from rptcam_cl.optics import (
     shift_of,
 )
 from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, ThickLensCamera
-
-CIRCLES_PER_DIAGONAL = 1500  # circle of confusion: 0.029 mm on 36 x 24 mm, the convention of depth-of-field scales
-
-
-def circle_of_confusion(scene: Scene) -> float:
-    """Return the diameter of a blur that counts as sharp [mm]."""
-    return scene.film.diagonal_m() * 1e3 / CIRCLES_PER_DIAGONAL
-
-
-class Drive(ABC):
-    """Focus states of one kind of camera; the words are those of `FocusProbe`."""
-
-    limits: tuple[float, float]
-    start: float
-    depth_of_focus: float
-    nearer: int
-
-    def coordinate(self, state: float) -> float:
-        """Return the coordinate of a state [mm]."""
-        return state
-
-    def state_at(self, coordinate: float) -> float:
-        """Return the state of a coordinate."""
-        return coordinate
-
-    @abstractmethod
-    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
-        """Return the camera in a state for the device; it need not see more than the zones."""
-
-    @abstractmethod
-    def image_scale(self, state: float, reference: float) -> float:
-        """Return how large a state draws what is sharp in another one, against that one."""
-
-    @abstractmethod
-    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
-        """Return the rays of places (m, 2) of the picture [pixels], in float64."""
-
-    @abstractmethod
-    def film_distance(self, state: float) -> float:
-        """Return the distance to the film [mm]."""
-
-    @abstractmethod
-    def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
-        """Return the distance of the plane that is sharpest in a zone, by default on the axis [m]."""
-
-    @abstractmethod
-    def first_order_distance(self, state: float) -> float | None:
-        """Return the distance of the plane in focus by first-order optics [m]; None where none is."""
-
-    @abstractmethod
-    def state_for(self, distance_m: float, zone: Zone) -> float:
-        """Return the state that makes a plane sharpest in a zone."""
-
-    @abstractmethod
-    def camera_keys(self, state: float) -> dict[str, object]:
-        """Return the keys of the scene's camera that set the state."""
-
 
 BEYOND_INFINITY = 0.06  # focal lengths that the film may go nearer than for infinity: curved fields focus there
 LEAST_DISTANCE = 0.02  # of the back focal distance, that the film keeps from the lens
@@ -163,7 +106,7 @@ class LensDrive(Drive):
         return min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
 
     def image_scale(self, state: float, reference: float) -> float:
-        """Return how large a state draws what is sharp in another one, against that one, by its chief rays."""
+        """Return how large a state draws what is sharp in the state of reference, against that one, by chief rays."""
         sharp = self._first_order_distance(*self.lens_at(reference))
         scales = [self._chief_ray_scale(*self.lens_at(at), sharp) for at in (state, reference)]
         scale = scales[0] / scales[1]
@@ -249,12 +192,12 @@ class WholeLens(LensDrive):
         return self.sharpest_film(self.lens, distance_m * 1e3, zone)
 
     @cached_property
-    def depth_of_focus(self) -> float:  # type: ignore[override]
+    def depth_of_focus(self) -> float:
         """2 N c [mm]."""
         return self.sharp_mm
 
     @cached_property
-    def limits(self) -> tuple[float, float]:  # type: ignore[override]
+    def limits(self) -> tuple[float, float]:
         """From a little beyond infinity to natural size."""
         wavelength = self.own_camera.wavelength_nm
         infinity = film_distance(self.lens, np.inf, wavelength_nm=wavelength)
@@ -264,7 +207,7 @@ class WholeLens(LensDrive):
         return max(low, LEAST_DISTANCE * infinity), infinity + focal_length
 
     @cached_property
-    def start(self) -> float:  # type: ignore[override]
+    def start(self) -> float:
         """Where the scene has it, or for infinity where autofocus is to find it."""
         if self.own_camera.focus.auto is not None:
             return film_distance(self.lens, np.inf, wavelength_nm=self.own_camera.wavelength_nm)
@@ -276,7 +219,7 @@ class WholeLens(LensDrive):
 
 
 ROUNDS = 12  # of the secant search, which needs three
-SETTLED = 1e-4  # of the depth of focus
+CONVERGED = 1e-4  # of the depth of focus
 
 
 class GroupDrive(LensDrive):
@@ -308,7 +251,7 @@ class GroupDrive(LensDrive):
         before, shift = start, start + self.depth_of_focus
         missed_before, missed = miss(before), miss(shift)
         for _ in range(ROUNDS):
-            if missed == missed_before or abs(missed) < SETTLED * self.sharp_mm:
+            if missed == missed_before or abs(missed) < CONVERGED * self.sharp_mm:
                 break
             before, shift = shift, shift - missed * (shift - before) / (missed - missed_before)
             missed_before, missed = missed, miss(shift)
@@ -320,20 +263,20 @@ class GroupDrive(LensDrive):
         return within
 
     @cached_property
-    def limits(self) -> tuple[float, float]:  # type: ignore[override]
+    def limits(self) -> tuple[float, float]:
         """The travel of the group."""
         assert self.lens.focusing is not None
         return self.lens.focusing.travel_mm
 
     @cached_property
-    def depth_of_focus(self) -> float:  # type: ignore[override]
+    def depth_of_focus(self) -> float:
         """2 N c over how far the image of infinity moves, per shift, against the film [mm]."""
         low, high = self.limits
         ends = [self._image_behind_film(state) for state in (low, high)]
         return self.sharp_mm * (high - low) / abs(ends[1] - ends[0])
 
     @cached_property
-    def nearer(self) -> int:  # type: ignore[override]
+    def nearer(self) -> int:
         """The sense in which the image of infinity moves towards the lens."""
         low, high = (self._image_behind_film(state) for state in self.limits)
         return 1 if high < low else -1
@@ -343,7 +286,7 @@ class GroupDrive(LensDrive):
         return lens.first_order(self.own_camera.wavelength_nm).back_focal_distance_mm - back
 
     @cached_property
-    def start(self) -> float:  # type: ignore[override]
+    def start(self) -> float:
         """Where the scene has it, or as in the lens file where autofocus is to find it."""
         if self.own_camera.focus.auto is not None:
             return 0.0

@@ -1,7 +1,7 @@
-"""Measures of contrast: a number that grows as a zone gets sharper.
+"""Measures of contrast: a number that grows as a zone gets sharper, and where it is greatest.
 
 Most are quadratic: the mean square of what a few linear filters make of the picture. The noise of a Monte Carlo picture
-would add its own square to them. As a look consists of independent parts, the products of *different* parts take the
+would add its own square to them. As a probe consists of independent parts, the products of *different* parts take the
 place of squares: noise then adds nothing on the average (`energy`), so that a noisy flat wall measures zero.
 
 The luminance is divided by its mean over the zone first and a quadratic surface is taken off, so that exposure,
@@ -10,7 +10,7 @@ vignetting and light that falls off smoothly change nothing.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -239,3 +239,125 @@ MEASURES: dict[str, Measure] = {
     "wavelet": Measure(energy(_wavelet), LEAST_DETAIL),
 }
 BEST = "wavelet"  # by benchmarks/focus_measures.py
+
+
+@dataclass(frozen=True)
+class Probe:
+    """What the zones show in one focus state, as measures.
+
+    Attributes
+    ----------
+    place : float
+        Coordinate [mm], see `Drive`; rising towards nearer objects.
+    stop : float
+        Share of the opening's diameter.
+    found : list of Measured
+        Of each zone.
+    reference : float or None
+        Place in which the zones are given; None where the film was not scaled with the image.
+    scale : float
+        Of the image against that place, or else against the lowest one.
+    samples : int
+        Of all pixels of all zones.
+    seconds : float
+    """
+
+    place: float
+    stop: float
+    reference: float | None
+    scale: float
+    found: list[Measured]
+    samples: int
+    seconds: float
+
+
+DETAIL = 1.5  # power of the image scale by which the contrast between pixels falls: 1 to 2 for natural textures
+FLOOR = 0.02  # of the greatest measure: smaller ones say no more than that they are small
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The top of a curve.
+
+    Attributes
+    ----------
+    place : float
+        Where it is [mm].
+    error : float
+        Its standard error, from noise.
+    width : float
+        Distance from it at which the measure is half of its greatest; infinite for a flat curve.
+    rise : float
+        By how many of its standard errors the greatest measure exceeds the least.
+    inside : bool
+        Whether the greatest measure has lesser ones on both sides.
+    """
+
+    place: float
+    error: float
+    width: float
+    rise: float
+    inside: bool
+
+
+def peak_of(probes: Sequence[Probe], zone: int) -> Peak:
+    """Return the top of the curve through some probes at one stop, for one zone.
+
+    A blur of diameter b takes the share 1 / (1 + (b / b0)^2) or so of the contrast of a texture of many scales, and b
+    grows evenly with the distance from the focus. So a parabola is laid through the *reciprocal* of the measure, at the
+    greatest and its neighbours. The error is that of the jackknife over the parts, which the probes have in common.
+
+    Where the film is scaled with the image, the blur grows evenly on that film with d / scale, d being the distance
+    from the place of reference; as the scale is 1 + k d, the parabola is laid over d / (1 + k d). Where it is not, the
+    details that pixels see shrink as the image grows.
+    """
+    probes = sorted(probes, key=lambda probe: probe.place)
+    scale = np.array([probe.scale for probe in probes])
+    is_scaled = probes[0].reference is not None
+    origin = probes[0].reference or 0.0
+    away = np.array([probe.place for probe in probes]) - origin
+    growth = _growth(away, scale) if is_scaled else 0.0
+    places = away / (1 + growth * away)
+    gain = np.ones_like(scale) if is_scaled else scale**DETAIL
+    values = gain * [probe.found[zone].value for probe in probes]
+    without = gain[:, None] * [probe.found[zone].leave_one_out for probe in probes]
+    top = int(values.argmax())
+    inside = 0 < top < len(probes) - 1
+    three = np.arange(max(min(top - 1, len(probes) - 3), 0), min(max(top + 2, 3), len(probes)))
+    place, width = _vertex(places[three], values[three])
+    others = np.array([_vertex(places[three], values)[0] for values in without[three].T])
+    error = _spread(others)
+    bottom = int(values.argmin())
+    difference = _spread(without[top] - without[bottom])
+    rise = float((values[top] - values[bottom]) / difference) if difference > 0 else np.inf
+    unscaled = 1 - growth * place
+    return Peak(
+        origin + place / unscaled, error / unscaled**2, width, rise if values[top] > values[bottom] else 0.0, inside
+    )
+
+
+def _growth(away: Array, scale: Array) -> float:
+    """Return by how much the scale grows with the distance from the place of reference [1/mm]."""
+    farthest = int(np.abs(away).argmax())
+    return float((scale[farthest] - 1) / away[farthest]) if away[farthest] else 0.0
+
+
+def _spread(without: Array) -> float:
+    """Return the standard error of a statistic from its values without each of the parts."""
+    count = len(without)
+    return float(np.sqrt((count - 1) / count * np.square(without - without.mean()).sum()))
+
+
+def _vertex(places: Array, values: Array) -> tuple[float, float]:
+    """Return where the reciprocal of three values is least, not beyond the places, and the half width there."""
+    top = int(values.argmax())
+    if len(places) < 3 or not values[top] > 0:
+        return float(places[top]), np.inf
+    middle, reach = places[top], float(np.ptp(places))
+    reciprocal = values[top] / np.maximum(values, FLOOR * values[top])
+    a, b, c = np.linalg.solve(np.vander((places - middle) / reach, 3), reciprocal)
+    if not a > 0:
+        return float(middle), np.inf
+    at = float(np.clip(middle - reach * b / (2 * a), places.min(), places.max()))
+    least = max(c - b * b / (4 * a), 1e-6)
+    return at, reach * float(np.sqrt(least / a))

@@ -1,39 +1,146 @@
-"""Phase detection: the move to the focus, predicted from the two halves of the pupil; contrast may finish it.
+"""Phase detection: the move to the focus, predicted from the two halves of the pupil.
 
-A look through both halves tells the distance of the target (`phase_match`), and the lens which state makes it sharpest.
-The first look goes through a stop so small that the displacement over the whole reach of the lens stays within the
-zone; the next ones through the opening of the picture, where displacements are large and the distance is precise.
+A probe through both halves shows how far away the target is (`phase_match`), and the lens knows the state that makes it
+sharpest. The first probe goes through a stop so small that the displacement over the whole reach of the lens stays
+within the zone; the next ones go through the opening of the picture, where displacements are large and the distance is
+precise.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rptcam_cl.cameras import Split
+from rptcam_cl.cameras import Split, halved
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.focusing.contrast import focus_by_contrast, greatest_contrast, nothing_to_see
-from rptcam_cl.focusing.half_looks import HalfProbe, half_probe, half_view
-from rptcam_cl.focusing.lens_drive import circle_of_confusion
-from rptcam_cl.focusing.looks import Probe, Probes, Task, within
-from rptcam_cl.focusing.measures import BEST, MEASURES, Measured
-from rptcam_cl.focusing.phase_match import LEAST_CONTRAST, LEAST_SIGNIFICANCE, Match, PhaseMatch
-from rptcam_cl.focusing.probe import Policy, Zone, chosen
+from rptcam_cl.focusing.contrast import nothing_to_see
+from rptcam_cl.focusing.measures import Measured, Probe
+from rptcam_cl.focusing.phase_match import (
+    LEAST_CONTRAST,
+    LEAST_SIGNIFICANCE,
+    STEP,
+    HalfView,
+    Halves,
+    Match,
+    PhaseMatch,
+    places_round,
+)
+from rptcam_cl.focusing.probe import Drive, Zone, ZoneImage, chosen, circle_of_confusion
 from rptcam_cl.focusing.renderer import ProbeRenderer
 from rptcam_cl.focusing.report import FocusReport, NoContrast, ProbeRecord
+from rptcam_cl.focusing.search import Task, within
 
-CAPTURE = 0.3  # of the zone's side: largest displacement that a look is to find
+MARGIN_STEP = 8  # margins are multiples of so many pixels, so that probes can share their buffers
+
+
+@dataclass(frozen=True)
+class HalfProbe:
+    """A probe at a zone through the two halves of the pupil.
+
+    Attributes
+    ----------
+    state, stop : float
+        As in `ProbeRenderer.measure`.
+    view : HalfView
+        What the halves do to the picture of a plane at any distance.
+    halves : Halves
+        The pictures.
+    samples : int
+        Camera rays of all pixels; half of them begin a path.
+    seconds : float
+    """
+
+    state: float
+    stop: float
+    view: HalfView
+    halves: Halves
+    samples: int
+    seconds: float
+
+
+def half_view(renderer: ProbeRenderer, state: float, zone: Zone, split: Split, stop: float = 1.0) -> HalfView:
+    """Return the halves of the pupil that the middle of a zone sees in a focus state."""
+    across, down = zone.centre
+    width, height = renderer.choose_zones([zone]).resolution
+    middle = min(max(across * width, STEP), width - STEP), min(max(down * height, STEP), height - STEP)
+    return HalfView.of(renderer.rays(state, places_round(middle), stop), split)
+
+
+def measure_halves(
+    renderer: ProbeRenderer, state: float, zones: Sequence[Zone], samples: int, seed: int, split: Split = "x"
+) -> list[tuple[ZoneImage, ZoneImage]]:
+    """Return what zones show through the left and the right half of the pupil, or the lower and the upper one.
+
+    The parameters are those of `ProbeRenderer.measure`. Halves are of equal light in the middle of each zone, and of
+    independent noise.
+    """
+    return [
+        _through(renderer, half_view(renderer, state, zone, split), state, zone, samples, seed, 1.0) for zone in zones
+    ]
+
+
+def half_probe(
+    renderer: ProbeRenderer,
+    view: HalfView,
+    state: float,
+    zone: Zone,
+    samples: int,
+    seed: int,
+    stop: float = 1.0,
+    margin: tuple[int, int] = (0, 0),
+) -> HalfProbe:
+    """Return a probe through halves.
+
+    Parameters
+    ----------
+    samples
+        Per pixel of both halves together.
+    margin
+        Pixels across and down to show beyond the zone, at least.
+    """
+    begun = time.perf_counter()
+    across, down = (-(-pixels // MARGIN_STEP) * MARGIN_STEP for pixels in margin)
+    margins = renderer.choose_zones([zone], (across, down)).margins(zone)
+    images = _through(renderer, view, state, zone, samples, seed, stop)
+    pictures: list[NDArray[np.float64]] = [image.luminance.mean(axis=0) for image in images]
+    light = [float(picture.mean()) for picture in pictures]
+    halves = Halves(
+        np.stack([picture / (mean or 1.0) for picture, mean in zip(pictures, light, strict=True)]),
+        np.array([image.variance.mean() / (mean or 1.0) ** 2 for image, mean in zip(images, light, strict=True)]),
+        margins,
+    )
+    taken = 2 * images[0].samples * pictures[0].size
+    return HalfProbe(state, stop, view, halves, taken, time.perf_counter() - begun)
+
+
+def _through(
+    renderer: ProbeRenderer, view: HalfView, state: float, zone: Zone, samples: int, seed: int, stop: float
+) -> tuple[ZoneImage, ZoneImage]:
+    """Return what a zone shows through the half before the line and that beyond it.
+
+    With the same random numbers the noise of the halves would be each other's negative: hence two seeds.
+    """
+    camera = renderer.camera(state, stop)
+    before, beyond = (
+        renderer.render(halved(camera, view.line, beyond=half), samples, 2 * seed + half)[0] for half in (False, True)
+    )
+    return before, beyond
+
+
+CAPTURE = 0.3  # of the zone's side: largest displacement that a probe is to find
 LEAST_STOP = 0.04  # share of the opening
 SAMPLES, MOST_SAMPLES = 64, 512  # per pixel
-DEVIATIONS = 6.0  # standard errors to either side that the next look is prepared for
+DEVIATIONS = 6.0  # standard errors to either side that the next probe is prepared for
 LEAST_REACH = 5.0  # displacement at full aperture that it is prepared for in any case [pixels]
-NEAR = 1.0  # depths of focus: a look so near to the focus that it found is the last one
+NEAR = 1.0  # depths of focus: a probe so near to the focus that it found is the last one
 PRECISE, ENOUGH = 0.08, 0.125  # depths of focus: standard error aimed at, and taken
-MOST_LOOKS = 12
+MOST_PROBES = 12
 SEPARATION = 8 / (3 * math.pi) / 2  # of the middles of the halves of a disk, over its diameter
 BLUR = 1.2  # radius of a blurred point over the displacement of its halves
 OTHER_STARTS = (0.12, 0.45, 0.8)  # of the reach, from far to near
@@ -52,38 +159,43 @@ class PhaseSearch:
 
     Attributes
     ----------
-    probe : ProbeRenderer
+    renderer : ProbeRenderer
     zone : Zone
     seed : int
-    on_look : callable or None
-        Told of every look.
-    looks : list
-        Every look so far and what was made of it; None where it shows nothing.
+    on_probe : callable or None
+        Called with every probe.
+    probes : list
+        Every probe so far and what was made of it; None where it shows nothing.
     others : list
         The same of zones that did not decide.
     """
 
-    probe: ProbeRenderer
+    renderer: ProbeRenderer
     zone: Zone
     seed: int = 0
-    on_look: Callable[[Probe], None] | None = None
-    looks: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
+    on_probe: Callable[[Probe], None] | None = None
+    probes: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
     others: list[tuple[HalfProbe, Match | None]] = field(default_factory=list)
 
     @property
-    def look(self) -> HalfProbe:
-        """The last look."""
-        return self.looks[-1][0]
+    def drive(self) -> Drive:
+        """What moves when the camera focuses."""
+        return self.renderer.drive
+
+    @property
+    def probe(self) -> HalfProbe:
+        """The last probe."""
+        return self.probes[-1][0]
 
     @property
     def match(self) -> Match:
         """What was made of it."""
-        match = self.looks[-1][1]
+        match = self.probes[-1][1]
         assert match is not None
         return match
 
     def begin(self, start: float) -> None:
-        """Look from a state, and from others where that shows too little, until there is a distance.
+        """Probe from a state, and from others where that shows too little, until there is a distance.
 
         Raises
         ------
@@ -94,20 +206,20 @@ class PhaseSearch:
         refusal = "flat"
         for number, state in enumerate(self._starts(start)):
             samples = SAMPLES if number == 0 else 4 * SAMPLES
-            match = self._look(state, "x", samples, reach)
+            match = self._probe(state, "x", samples, reach)
             if match is not None and match.refusal in ("vague", "ambiguous"):  # it may change along the other axis
                 refusal = str(match.refusal)
-                match = self._look(state, "y", samples, reach)
+                match = self._probe(state, "y", samples, reach)
             if match is not None and match.refusal is None:
                 return
             if match is not None and match.refusal in ("vague", "ambiguous"):
                 refusal = str(match.refusal)
-            if not self.look.halves.pictures.any():
+            if not self.probe.halves.pictures.any():
                 raise nothing_to_see(REASONS["dark"])
         raise nothing_to_see(REASONS[refusal])
 
     def finish(self) -> float:
-        """Return the state that makes the target sharpest, after as many looks as that takes.
+        """Return the state that makes the target sharpest, after as many probes as that takes.
 
         Raises
         ------
@@ -115,116 +227,116 @@ class PhaseSearch:
             When the target is lost on the way.
         """
         samples = SAMPLES
-        while len(self.looks) < MOST_LOOKS:
+        while len(self.probes) < MOST_PROBES:
             state = self.state
             if self.moved <= NEAR:
                 if self.error <= ENOUGH or samples == MOST_SAMPLES:
                     return state
-                samples *= 2 if self.look.stop == 1.0 else 1
+                samples *= 2 if self.probe.stop == 1.0 else 1
             samples = self.step(state, samples)
-        raise NoContrast(f"no focus found in the zone after {MOST_LOOKS} looks; the focus stays as it was")
+        raise NoContrast(f"no focus found in the zone after {MOST_PROBES} probes; the focus stays as it was")
 
     def step(self, state: float, samples: int) -> int:
-        """Look from a state near the focus, and return with how many samples per pixel."""
-        match, look = self.match, self.look
-        samples = int(min(max(samples, SAMPLES * self.error * look.stop / PRECISE), MOST_SAMPLES))
-        reach = max(DEVIATIONS * match.error, LEAST_REACH * look.stop * match.error / match.displacement_error)
-        found = self._look(state, look.view.split, samples, (match.vergence - reach, match.vergence + reach))
-        if found is None or found.refusal in ("flat", "vague"):  # the first look has told rivals apart
+        """Probe from a state near the focus, and return with how many samples per pixel."""
+        match, probe = self.match, self.probe
+        samples = int(min(max(samples, SAMPLES * self.error * probe.stop / PRECISE), MOST_SAMPLES))
+        reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
+        found = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
+        if found is None or found.refusal in ("flat", "vague"):  # the first probe has told rivals apart
             raise nothing_to_see(REASONS["flat" if found is None else str(found.refusal)])
         return samples
 
     def _starts(self, start: float) -> Iterator[float]:
         yield start
-        ends = sorted((self.probe.coordinate(limit) for limit in self.probe.limits), reverse=self.probe.nearer < 0)
+        ends = sorted((self.drive.coordinate(limit) for limit in self.drive.limits), reverse=self.drive.nearer < 0)
         for share in OTHER_STARTS:
-            yield self.probe.state_at(ends[0] + share * (ends[1] - ends[0]))
+            yield self.drive.state_at(ends[0] + share * (ends[1] - ends[0]))
 
     def _reach(self) -> tuple[float, float]:
         """Return the vergences [1/m] that are sharp at the ends of the focus."""
         try:
-            ends = [half_view(self.probe, state, self.zone, "x").sharpest() for state in self.probe.limits]
+            ends = [half_view(self.renderer, state, self.zone, "x").sharpest() for state in self.drive.limits]
         except InputError as problem:
             raise NoContrast(f"no contrast in the zone: {problem}") from None
         return min(ends), max(ends)
 
-    def _look(self, state: float, split: Split, samples: int, reach: tuple[float, float]) -> Match | None:
-        """Look from a state for a distance within a reach, through as small a stop as that needs."""
-        view = half_view(self.probe, state, self.zone, split)
+    def _probe(self, state: float, split: Split, samples: int, reach: tuple[float, float]) -> Match | None:
+        """Probe from a state for a distance within a reach, through as small a stop as that needs."""
+        view = half_view(self.renderer, state, self.zone, split)
         low, high = max(reach[0], -view.nearest), min(reach[1], view.nearest)
         largest = max(abs(view.displacement(low)), abs(view.displacement(high)))
         room = CAPTURE * self._side(view.axis)
         stop = min(max(room / largest, LEAST_STOP), 1.0)
         if stop < 1.0:
-            view = half_view(self.probe, state, self.zone, split, stop)
+            view = half_view(self.renderer, state, self.zone, split, stop)
         blur = math.ceil(BLUR * min(largest * stop, room)) + 2
-        look = half_probe(self.probe, view, state, self.zone, samples, self.seed, stop, (blur, blur))
-        match = PhaseMatch(look.halves, view).best(low, high) if look.halves.pictures.any() else None
-        self.looks.append((look, match))
-        if self.on_look is not None:
-            value, error = self._shown(look, match)
-            place = self.probe.nearer * self.probe.coordinate(state)
+        probe = half_probe(self.renderer, view, state, self.zone, samples, self.seed, stop, (blur, blur))
+        match = PhaseMatch(probe.halves, view).best(low, high) if probe.halves.pictures.any() else None
+        self.probes.append((probe, match))
+        if self.on_probe is not None:
+            value, error = self._shown(probe, match)
+            place = self.drive.nearer * self.drive.coordinate(state)
             found = [Measured(value, error, np.zeros(0))]
-            self.on_look(Probe(place, stop, None, 1.0, found, look.samples, look.seconds))
+            self.on_probe(Probe(place, stop, None, 1.0, found, probe.samples, probe.seconds))
         return match
 
     def _side(self, axis: int) -> float:
         """Return the side of the zone [pixels]."""
         share = (self.zone.right - self.zone.left, self.zone.bottom - self.zone.top)[axis]
-        return share * self.probe.film.resolution[axis]
+        return share * self.renderer.view.resolution[axis]
 
     @property
     def state(self) -> float:
-        """The state that makes the target sharpest, by the last look."""
-        low, high = self.probe.limits
+        """The state that makes the target sharpest, by the last probe."""
+        low, high = self.drive.limits
         vergence = self.match.vergence
         try:
-            state = self.probe.state_for(1 / vergence if vergence > 0 else math.inf, self.zone)
+            state = self.drive.state_for(1 / vergence if vergence > 0 else math.inf, self.zone)
         except InputError:  # out of reach
-            state = high if (self.probe.nearer > 0) == (vergence > 0) else low
+            state = high if (self.drive.nearer > 0) == (vergence > 0) else low
         return min(max(state, low), high)
 
     @property
     def moved(self) -> float:
-        """How far that state lies from the one looked from [depths of focus]."""
-        probe = self.probe
-        return abs(probe.coordinate(self.state) - probe.coordinate(self.look.state)) / probe.depth_of_focus
+        """How far that state lies from that of the last probe [depths of focus]."""
+        drive = self.drive
+        return abs(drive.coordinate(self.state) - drive.coordinate(self.probe.state)) / drive.depth_of_focus
 
     @property
     def error(self) -> float:
         """Standard error of that state [depths of focus]."""
-        axis = self.look.view.axis
-        pixel_mm = self.probe.film.size_m()[axis] * 1e3 / self.probe.film.resolution[axis]
-        per_pixel = pixel_mm / (2 * SEPARATION * circle_of_confusion(self.probe.scene))
-        return self.match.displacement_error * per_pixel / self.look.stop
+        axis = self.probe.view.axis
+        pixel_mm = self.renderer.view.scene.film.size_m()[axis] * 1e3 / self.renderer.view.resolution[axis]
+        per_pixel = pixel_mm / (2 * SEPARATION * circle_of_confusion(self.renderer.scene))
+        return self.match.displacement_error * per_pixel / self.probe.stop
 
-    def _shown(self, look: HalfProbe, match: Match | None) -> tuple[float, float]:
-        """Return the displacement that a look shows, and its standard error; the zone's side where it shows none."""
+    def _shown(self, probe: HalfProbe, match: Match | None) -> tuple[float, float]:
+        """Return the displacement that a probe shows, and its standard error; the zone's side where it shows none."""
         if match is None:
-            return 0.0, self._side(look.view.axis)
+            return 0.0, self._side(probe.view.axis)
         return match.displacement, match.displacement_error
 
     def records(self) -> list[ProbeRecord]:
-        """Return every look: its value is the displacement of the halves [pixels]."""
+        """Return every probe: its value is the displacement of the halves [pixels]."""
         return [
             ProbeRecord(
-                look.state,
-                self.probe.film_distance(look.state),
-                *self._shown(look, match),
-                look.stop,
-                look.samples,
-                look.seconds,
+                probe.state,
+                self.drive.film_distance(probe.state),
+                *self._shown(probe, match),
+                probe.stop,
+                probe.samples,
+                probe.seconds,
                 "displacement",
             )
-            for look, match in (*self.others, *self.looks)
+            for probe, match in (*self.others, *self.probes)
         ]
 
     def notes(self) -> dict[str, Any]:
-        """Return what else there is to say of the last look."""
+        """Return what else there is to say of the last probe."""
         match = self.match
         return {
             "displacement_pixels": match.displacement,
-            "split": {"x": "left and right", "y": "below and above"}[self.look.view.split],
+            "split": {"x": "left and right", "y": "below and above"}[self.probe.view.split],
             "contrast": match.contrast,
             "target_distance_m": 1 / match.vergence if match.vergence > 0 else None,
         }
@@ -241,24 +353,24 @@ def focus_by_phase(task: Task) -> FocusReport:
     search = phase_search(task)
     state = search.finish()
     sure = within(0.25, search.error)
-    report = task.report("phase", state, search.zone, search.error * task.probe.depth_of_focus, sure, search.records())
+    report = task.report("phase", state, search.zone, search.error * task.drive.depth_of_focus, sure, search.records())
     report.notes.update(search.notes())
     return report
 
 
 def phase_search(task: Task) -> PhaseSearch:
-    """Return the search of the zone that decides, after its first look.
+    """Return the search of the zone that decides, after its first probe.
 
     Raises
     ------
     NoContrast
         When no zone tells a distance.
     """
-    start = task.probe.state if task.near is None else task.near
+    start = task.renderer.state if task.near is None else task.near
     searches: dict[int, PhaseSearch] = {}
     refusal: NoContrast | None = None
     for k, zone in enumerate(task.zones):
-        search = PhaseSearch(task.probe, zone, task.seed, task.on_look)
+        search = PhaseSearch(task.renderer, zone, task.seed, task.on_probe)
         try:
             search.begin(start)
         except NoContrast as problem:
@@ -270,75 +382,5 @@ def phase_search(task: Task) -> PhaseSearch:
         raise refusal
     decides = chosen(task.policy, task.zones, {k: search.match.vergence for k, search in searches.items()})
     found = searches[decides]
-    found.others = [look for search in searches.values() if search is not found for look in search.looks]
+    found.others = [probe for search in searches.values() if search is not found for probe in search.probes]
     return found
-
-
-def still_to_move(search: PhaseSearch) -> float:
-    """Return how uncertain the state of a search is [depths of focus], its distance from the last look included.
-
-    Far from the focus the blur of the target's surroundings shifts the match by a few percent of the way.
-    """
-    return math.hypot(search.error, 0.03 * search.moved)
-
-
-NEAR_ENOUGH = 1.0  # depths of focus: uncertainty from which contrast finds the way
-REACH = 2.5  # depths of focus to either side that contrast looks at
-AGREEMENT = 3.0  # standard errors that it looks at in any case
-MOST_STEPS = 3
-DISAGREE = 0.5  # depths of focus between the two from which aberrations are to blame
-
-
-def focus_by_hybrid(task: Task) -> FocusReport:
-    """Return the focus: a look or two through half pupils, then the greatest contrast near where they point.
-
-    Where halves tell nothing, contrast has the whole reach. Where contrast tells nothing more, or is greatest elsewhere
-    because of aberrations, which phase detection knows from its rays, that one ends it.
-
-    Raises
-    ------
-    NoContrast
-        When neither tells anything.
-    """
-    try:
-        search = phase_search(task)
-        _approach(search)
-    except NoContrast:
-        report = replace(focus_by_contrast(task), method="hybrid")
-        report.notes["finished_by"] = "contrast alone"
-        return report
-    looks = task.looks(MEASURES[BEST])
-    looks.zones = [search.zone]
-    sharp = task.probe.depth_of_focus
-    reach = max(REACH, AGREEMENT * still_to_move(search)) * sharp
-    pointed = looks.place_of(search.state)
-    try:
-        peak, _ = greatest_contrast(looks, Policy.CENTRE, (pointed, reach))
-    except NoContrast:
-        return _by_phase(task, search, looks, "phase")
-    if abs(peak.place - pointed) > DISAGREE * sharp:
-        search.step(looks.state_of(peak.place), SAMPLES)
-        return _by_phase(task, search, looks, "phase, as contrast is greatest elsewhere")
-    sure = within(sharp / 4, peak.error)
-    records = search.records() + looks.records(0)
-    report = task.report("hybrid", looks.state_of(peak.place), search.zone, peak.error, sure, records)
-    report.notes["finished_by"] = "contrast"
-    return report
-
-
-def _by_phase(task: Task, search: PhaseSearch, looks: Probes, why: str) -> FocusReport:
-    """Return the focus to which phase detection comes by looks of its own."""
-    state = search.finish()
-    error = search.error * task.probe.depth_of_focus
-    sure = within(0.25, search.error)
-    report = task.report("hybrid", state, search.zone, error, sure, search.records() + looks.records(0))
-    report.notes["finished_by"] = why
-    return report
-
-
-def _approach(search: PhaseSearch) -> None:
-    """Look through half pupils until contrast finds the way."""
-    for _ in range(MOST_STEPS):
-        if still_to_move(search) <= NEAR_ENOUGH:
-            return
-        search.step(search.state, SAMPLES)

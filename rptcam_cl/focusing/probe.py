@@ -1,16 +1,21 @@
-"""What autofocus asks of a camera: set a focus state, look at zones of the film; and which zone decides."""
+"""What autofocus requires of a camera: zones of the film, focus states, and what a zone shows in a state.
+
+`Drive` is what moves when a camera focuses; `ProbeRenderer` shows what the zones look like in a state.
+"""
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.cameras import CameraModel, PupilRays
 from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.scene import Scene
 
 
 @dataclass(frozen=True)
@@ -65,8 +70,16 @@ class ZoneImage:
         return np.asarray(self.luminance.var(axis=0, ddof=1) / len(self.parts))
 
 
-class FocusProbe(Protocol):
-    """A camera whose focus can be moved and that shows what its zones look like.
+CIRCLES_PER_DIAGONAL = 1500  # circle of confusion: 0.029 mm on 36 x 24 mm, the convention of depth-of-field scales
+
+
+def circle_of_confusion(scene: Scene) -> float:
+    """Return the diameter of a blur that counts as sharp [mm]."""
+    return scene.film.diagonal_m() * 1e3 / CIRCLES_PER_DIAGONAL
+
+
+class Drive(ABC):
+    """Focus states of one kind of camera.
 
     A *state* is the film distance [mm] of a lens that is focused as a whole, the shift of its group towards the film
     [mm] where a group focuses, and the distance of the plane of focus [m] of a thin lens. Searches walk along a
@@ -75,64 +88,61 @@ class FocusProbe(Protocol):
     """
 
     @property
+    @abstractmethod
     def limits(self) -> tuple[float, float]:
         """Lowest and highest state."""
 
     @property
-    def state(self) -> float:
-        """Where the camera stands now."""
+    @abstractmethod
+    def start(self) -> float:
+        """State in which a search begins: that of the scene, or far away where autofocus is to find it."""
 
     @property
+    @abstractmethod
     def depth_of_focus(self) -> float:
         """2 N c in units of the coordinate: so far apart are the ends of what counts as sharp at full aperture."""
 
     @property
+    @abstractmethod
     def nearer(self) -> int:
         """1 or -1: the sense along the coordinate in which nearer objects become sharp."""
 
     def coordinate(self, state: float) -> float:
-        """Return the coordinate of a state."""
+        """Return the coordinate of a state [mm]."""
+        return state
 
     def state_at(self, coordinate: float) -> float:
         """Return the state of a coordinate."""
+        return coordinate
 
-    def measure(
-        self,
-        state: float,
-        zones: Sequence[Zone],
-        samples: int,
-        seed: int,
-        stop: float = 1.0,
-        reference: float | None = None,
-    ) -> list[ZoneImage]:
-        """Return what the zones show.
+    @abstractmethod
+    def camera(self, scene: Scene, state: float, stop: float, zones: Sequence[Zone]) -> CameraModel:
+        """Return the camera in a state for the device; it need not see more than the zones."""
 
-        Parameters
-        ----------
-        state
-            Within `limits`; the camera's own state stays as it is.
-        zones
-            Where to look.
-        samples
-            Per pixel.
-        seed
-            Of the random numbers: the same for two states makes their noise alike.
-        stop
-            Share of the diameter of the opening at which the camera takes its picture.
-        reference
-            State in which the zones lie where they say. The image grows as the film goes away from the lens, so the
-            film is scaled with it to show the same part of the scene in every state; by default it is not.
-        """
-
+    @abstractmethod
     def image_scale(self, state: float, reference: float) -> float:
         """Return how large a state draws what is sharp in the state of reference, against that one."""
 
-    def object_distance(self, state: float) -> float | None:
-        """Return the distance from the plane in focus to the film (thin lens: to the lens) [m]; None where none is."""
+    @abstractmethod
+    def rays(self, scene: Scene, state: float, stop: float, places: NDArray[np.float64]) -> PupilRays:
+        """Return the rays of places (m, 2) of the picture [pixels], in float64."""
 
+    @abstractmethod
     def film_distance(self, state: float) -> float:
         """Return the distance from the last vertex to the film, or of a thin lens to the film [mm]."""
 
+    @abstractmethod
+    def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
+        """Return the distance of the plane that is sharpest in a zone, by default on the axis [m].
+
+        It is measured to the film (thin lens: to the lens); None where no plane is in focus.
+        """
+
+    @abstractmethod
+    def first_order_distance(self, state: float) -> float | None:
+        """Return the distance of the plane in focus by first-order optics [m]; None where none is."""
+
+    @abstractmethod
     def state_for(self, distance_m: float, zone: Zone) -> float:
         """Return the state that makes a plane sharpest in the middle of a zone, by the lens alone.
 
@@ -146,6 +156,10 @@ class FocusProbe(Protocol):
         InputError
             When the plane is out of reach.
         """
+
+    @abstractmethod
+    def camera_keys(self, state: float) -> dict[str, object]:
+        """Return the keys of the scene's camera that set the state."""
 
 
 class Policy(StrEnum):

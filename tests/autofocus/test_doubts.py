@@ -14,8 +14,8 @@ from rptcam_cl.core.errors import NumericError
 from rptcam_cl.device import open_session
 from rptcam_cl.focusing import METHODS, FocusReport, OutOfReach, Zone, follow_focus
 from rptcam_cl.focusing.doubts import judged
-from rptcam_cl.focusing.looks import Task
 from rptcam_cl.focusing.probe import Policy
+from rptcam_cl.focusing.search import Task
 from rptcam_cl.scene import AutoFocus
 from tests.autofocus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.autofocus.test_probe import THIN, with_group
@@ -97,7 +97,7 @@ def test_command_line_warns_and_strict_exits_with_5(tmp_path, capsys):
 def report_of(probe, method, confidence, distance=4.0, zone=CENTRE):
     """Return a report as a method makes it, for a wall."""
     task = Task(probe, (zone,), Policy.CLOSEST)
-    return task, task.report(method, probe.state_for(distance, zone), zone, 0.1, confidence, [])
+    return task, task.report(method, probe.drive.state_for(distance, zone), zone, 0.1, confidence, [])
 
 
 @pytest.mark.parametrize(
@@ -112,7 +112,7 @@ def report_of(probe, method, confidence, distance=4.0, zone=CENTRE):
 def test_low_confidence_is_a_failure(method, confidence, message):
     probe = probe_of(scene_of([target(4.0, 4.0, checker(200))], lens_camera("dgauss-50mm", f_number=2.1)))
     task, report = report_of(probe, method, confidence)
-    failed = judged(task, replace(report, error=0.8 * probe.depth_of_focus))
+    failed = judged(task, replace(report, error=0.8 * probe.drive.depth_of_focus))
     assert re.search(message, failed.failure)
     assert failed.warnings == [failed.failure]
     if method != "variance":
@@ -139,7 +139,7 @@ def test_distance_that_a_zone_shows_only_once_the_focus_is_there_is_told():
         scene_of([target(0.26, 0.03, noise(40)), target(3.0, 3.0, noise(300))], lens_camera("dgauss-50mm"))
     )
     task, report = report_of(probe, "contrast", 0.99, 3.0, zone)
-    states = report.state, probe.state_for(0.26, zone)
+    states = report.state, probe.drive.state_for(0.26, zone)
     shown = [float(np.median(probe.depths(state, [zone], 0)[0])) for state in states]
     assert shown == pytest.approx([3.0, 0.26], rel=1e-3)
     (remark,) = judged(task, report).remarks

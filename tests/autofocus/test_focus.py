@@ -24,9 +24,9 @@ def wall(distance, focal_length_mm, material=noise):
 def missed(scene, distance, zone, **options):
     """Return by how many depths of focus autofocus misses the least spot, and its report."""
     probe = ProbeRenderer(scene, open_session(None))
-    best = probe.coordinate(probe.state_for(distance, zone))
+    best = probe.drive.coordinate(probe.drive.state_for(distance, zone))
     report = rptcam_cl.autofocus(scene, zones=[(zone.left, zone.right, zone.top, zone.bottom)], **options)
-    return (probe.coordinate(report.state) - best) / probe.depth_of_focus, report
+    return (probe.drive.coordinate(report.state) - best) / probe.drive.depth_of_focus, report
 
 
 CASES = {

@@ -7,10 +7,9 @@ import pytest
 
 from rptcam_cl.cameras.pupil_rays import pupil_rays
 from rptcam_cl.focusing import NoContrast, Policy, Zone
-from rptcam_cl.focusing.half_looks import half_probe, half_view, measure_halves
-from rptcam_cl.focusing.looks import Task
-from rptcam_cl.focusing.phase import focus_by_phase
+from rptcam_cl.focusing.phase import focus_by_phase, half_probe, half_view, measure_halves
 from rptcam_cl.focusing.phase_match import HalfView, Halves, PhaseMatch, places_round
+from rptcam_cl.focusing.search import Task
 from tests.autofocus.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.render.pictures import seed_of
 
@@ -30,8 +29,8 @@ def phase(probe, zone, name):
 
 def miss(probe, state, distance, zone=CENTRE):
     """How far a state lies from the sharpest real-ray spot of a plane [depths of focus]."""
-    best = probe.coordinate(probe.state_for(distance, zone))
-    return abs(probe.coordinate(state) - best) / probe.depth_of_focus
+    best = probe.drive.coordinate(probe.drive.state_for(distance, zone))
+    return abs(probe.drive.coordinate(state) - best) / probe.drive.depth_of_focus
 
 
 @pytest.mark.parametrize("vergence", [0.0, 0.2, 0.6, 1.5])
@@ -75,7 +74,7 @@ def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
 
 def test_halves_of_the_probe_show_the_target_side_by_side():
     probe = probe_of(scene_of([target(4.0, 3.0, noise(100))], DGAUSS))
-    state = probe.state_for(4.0, CENTRE) + 4 * probe.depth_of_focus
+    state = probe.drive.state_for(4.0, CENTRE) + 4 * probe.drive.depth_of_focus
     ((before, beyond),) = measure_halves(probe, state, [CENTRE], 256, seed_of("halves"))
     expected = half_view(probe, state, CENTRE, "x").displacement(0.25)
     assert abs(expected) > 1.5
@@ -90,10 +89,10 @@ def test_halves_of_the_probe_show_the_target_side_by_side():
     [(DGAUSS, 4.0, -20.0, SIDE), (DGAUSS, 0.7126, 90.0, CENTRE), (THIN, 2.0, 15.0, SIDE)],
     ids=["double Gauss, off the axis", "near", "thin lens"],
 )
-def test_phase_finds_the_least_spot_in_three_looks(camera, distance, start, zone):
+def test_phase_finds_the_least_spot_in_three_probes(camera, distance, start, zone):
     probe = probe_of(scene_of([target(distance, distance / 2, noise(60))], camera))
-    best = probe.coordinate(probe.state_for(distance, zone))
-    probe.state = probe.state_at(best + start * probe.depth_of_focus)
+    best = probe.drive.coordinate(probe.drive.state_for(distance, zone))
+    probe.state = probe.drive.state_at(best + start * probe.drive.depth_of_focus)
     report = phase(probe, zone, "three looks")
     assert miss(probe, report.state, distance, zone) < QUARTER
     assert len(report.probes) <= 3
@@ -125,16 +124,16 @@ def test_a_target_without_detail_is_refused(material, reason):
 def test_a_pattern_that_repeats_within_the_reach_is_refused():
     # Seen out of focus, cells of 3 pixels leave one wave across, which any number of waves displaces alike.
     probe = probe_of(scene_of([target(4.0, 4.0, checker(800))], DGAUSS))
-    probe.state = probe.state_for(4.0, CENTRE) + 20 * probe.depth_of_focus
+    probe.state = probe.drive.state_for(4.0, CENTRE) + 20 * probe.drive.depth_of_focus
     with pytest.raises(NoContrast, match="repeats itself"):
         phase(probe, CENTRE, "repeats")
 
 
-def test_looks_of_halves_differ_in_noise():
+def test_probes_of_halves_differ_in_noise():
     # With the same random numbers the halves' noise would be correlated, which shifts the match (measured: a pixel).
     probe = probe_of(scene_of([target(4.0, 4.0, {"kind": "matte", "reflectance": 0.5})], DGAUSS))
     view = half_view(probe, probe.state, CENTRE, "x")
-    look = half_probe(probe, view, probe.state, CENTRE, 16, seed_of("noise"))
-    one, other = (picture - picture.mean() for picture in look.halves.pictures)
+    through = half_probe(probe, view, probe.state, CENTRE, 16, seed_of("noise"))
+    one, other = (picture - picture.mean() for picture in through.halves.pictures)
     correlation = (one * other).mean() / np.sqrt((one**2).mean() * (other**2).mean())
     assert abs(correlation) < 3.89 / np.sqrt(one.size)

@@ -9,8 +9,8 @@ from tests.autofocus.scenes import CENTRE
 
 
 def report_of(method, quantities):
-    looks = [ProbeRecord(40 + k, 40.0 + k, 1.0 / (1 + k), 0.01, 1.0, 9, 0.1, q) for k, q in enumerate(quantities)]
-    return FocusReport(method, 41.0, 41.0, 1.0, 1.0, 0.01, 0.1, CENTRE, probes=looks)
+    probes = [ProbeRecord(40 + k, 40.0 + k, 1.0 / (1 + k), 0.01, 1.0, 9, 0.1, q) for k, q in enumerate(quantities)]
+    return FocusReport(method, 41.0, 41.0, 1.0, 1.0, 0.01, 0.1, CENTRE, probes=probes)
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ def test_plot_shows_what_the_method_looked_at(method, quantities, shown, hidden)
         assert "share of the greatest" in text
 
 
-def test_too_few_looks_are_no_curve():
+def test_too_few_probes_are_no_curve():
     for method, quantity in (("depth", "distance"), ("phase", "displacement")):
         with pytest.raises(InputError, match="no curve to draw"):
             focus_plot(report_of(method, [quantity]), "title")

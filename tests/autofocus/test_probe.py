@@ -44,9 +44,9 @@ def test_probe_sees_what_the_picture_shows(name):
     zones = [CENTRE, CORNER]
     # through the lens as it stands, in the pixels of the probe
     seen = probe.measure(probe.state, zones, 128, seed_of(name))
-    full = change_scene(probe._seen, film={"crop": None})
+    full = change_scene(probe.view.scene, film={"crop": None})
     for zone, image in zip(zones, seen, strict=True):
-        x0, x1, y0, y1 = probe._pixels_of(zone)
+        x0, x1, y0, y1 = probe.view.pixels_of(zone)
         width, height = full.film.resolution
         picture = rptcam_cl.render(full, spp=128, crop=(x0 / width, x1 / width, y0 / height, y1 / height))
         theirs = np.asarray(picture).mean(axis=2)
@@ -75,17 +75,18 @@ def test_a_look_leaves_the_camera_as_it_was_and_repeats_itself():
 def test_states_and_distances_invert_each_other(name):
     probe = probe_of(scene_of([target(2.0, 2.0, checker(200))], CAMERAS[name]))
     for distance in (3.2, 5.0, 30.0):
-        state = probe.state_for(distance, CENTRE)
-        assert probe.state_at(probe.coordinate(state)) == pytest.approx(state, rel=1e-9)
-        assert probe.object_distance(state, CENTRE) == pytest.approx(distance, rel=2e-3)
-    near, far = (probe.coordinate(probe.state_for(distance, CENTRE)) for distance in (3.2, 30.0))
-    assert probe.nearer * (near - far) > 0
+        state = probe.drive.state_for(distance, CENTRE)
+        assert probe.drive.state_at(probe.drive.coordinate(state)) == pytest.approx(state, rel=1e-9)
+        assert probe.drive.object_distance(state, CENTRE) == pytest.approx(distance, rel=2e-3)
+    near, far = (probe.drive.coordinate(probe.drive.state_for(distance, CENTRE)) for distance in (3.2, 30.0))
+    assert probe.drive.nearer * (near - far) > 0
 
 
 @pytest.mark.parametrize("name", CAMERAS)
 def test_smaller_stop_deepens_the_focus(name):
     probe = probe_of(scene_of([target(4.0, 4.0, checker(800))], CAMERAS[name]))
-    away = probe.state_at(probe.coordinate(probe.state_for(4.0, CENTRE)) + 5 * probe.nearer * probe.depth_of_focus)
+    drive = probe.drive
+    away = drive.state_at(drive.coordinate(drive.state_for(4.0, CENTRE)) + 5 * drive.nearer * drive.depth_of_focus)
 
     def contrast(stop):
         image = probe.measure(away, [CENTRE], 64, seed=3, stop=stop)[0].luminance.mean(axis=0)
@@ -100,18 +101,13 @@ def test_depth_of_focus_is_twice_the_f_number_times_the_circle_of_confusion():
         lens_camera("dgauss-50mm", f_number=4),
         THIN | {"f_number": 4, "eye": [0, 0, 0], "target": [0, 0, -1]},
     ):
-        assert probe_of(scene_of([], camera)).depth_of_focus == pytest.approx(8 * circle)
+        assert probe_of(scene_of([], camera)).drive.depth_of_focus == pytest.approx(8 * circle)
 
 
 def test_state_out_of_range_is_refused():
     probe = probe_of(scene_of([], lens_camera("dgauss-50mm")))
     with pytest.raises(InputError, match="focus state 500 lies outside its range"):
         probe.measure(500.0, [CENTRE], 4, seed=1)
-
-
-def test_package_is_the_function_that_interface_promises():
-    assert callable(rptcam_cl.focusing)
-    assert rptcam_cl.focusing.ProbeRenderer is type(probe_of(scene_of([], lens_camera("dgauss-50mm"))))
 
 
 @pytest.mark.parametrize(
@@ -124,7 +120,7 @@ def test_package_is_the_function_that_interface_promises():
 def test_camera_without_focus_is_refused(camera, message):
     scene = scene_of([], camera | {"eye": [0, 0, 0], "target": [0, 0, -1]})
     with pytest.raises(InputError, match=message):
-        _ = probe_of(scene).depth_of_focus
+        _ = probe_of(scene).drive.depth_of_focus
 
 
 FILMS = [
@@ -144,11 +140,11 @@ def test_film_is_the_same_whichever_way_its_size_is_said(film):
         for said in (sizes, {})
     )
     probe, same = probe_of(scene), probe_of(plain)
-    probe.look_at([CENTRE])
-    same.look_at([CENTRE])
-    assert probe.film.resolution == same.film.resolution
-    assert probe.film.size_m() == pytest.approx(same.film.size_m())
-    state, reference = probe.state_for(4.0, CENTRE), probe.limits[0]
+    probe.choose_zones([CENTRE])
+    same.choose_zones([CENTRE])
+    assert probe.view.scene.film.resolution == same.view.scene.film.resolution
+    assert probe.view.scene.film.size_m() == pytest.approx(same.view.scene.film.size_m())
+    state, reference = probe.drive.state_for(4.0, CENTRE), probe.drive.limits[0]
     values = [each.measure(state, [CENTRE], 4, 1, reference=reference)[0].parts for each in (probe, same)]
     assert np.allclose(*values)
     assert (probe.objects() == same.objects()).all()

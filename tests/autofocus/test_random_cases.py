@@ -1,4 +1,4 @@
-"""Random cases of the benchmark: every method that looks ends in focus, and refuses blank targets.
+"""Random cases of the benchmark: every method ends in focus, and refuses blank targets.
 
 python -m pytest -m slow tests/autofocus/test_random_cases.py
 """
