@@ -29,7 +29,7 @@ COMPARISONS: dict[str, tuple[str, list[str], dict[str, dict[str, Any]]]] = {
             "srgb": {},
             "srgb, gamut: desaturate": {"gamut": "desaturate"},
             "reinhard": {"tone": "reinhard"},
-            "filmic": {"tone": "filmic"},
+            "aces": {"tone": "aces"},
             "agx": {"tone": "agx"},
             "agx, white_balance: auto": {"tone": "agx", "white_balance": "auto"},
         },

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import pixel_luminance
-from rptcam_cl.imaging.tone import agx, filmic, reinhard, srgb_from_linear
+from rptcam_cl.imaging.tone import aces, agx, reinhard, srgb_from_linear
 from rptcam_cl.imaging.white_balance import WHOLE, Adaptation, Part, WhiteBalance, balance_matrix
 
 Pixels = NDArray[np.float32]
-Tone = Literal["srgb", "linear", "reinhard", "filmic", "agx"]
+Tone = Literal["srgb", "linear", "reinhard", "aces", "agx"]
 Gamut = Literal["clip", "desaturate"]
 
 BAND_PIXELS = 1 << 18  # developed at a time
@@ -114,8 +114,8 @@ def _exposed(pixels: Pixels, ev: float) -> Pixels:
 def _toned(linear: Pixels, picture: Development) -> Pixels:
     if picture.tone == "reinhard":
         return reinhard(linear, picture.tone_white)
-    if picture.tone == "filmic":
-        return filmic(linear)
+    if picture.tone == "aces":
+        return aces(linear)
     return agx(linear) if picture.tone == "agx" else linear
 
 

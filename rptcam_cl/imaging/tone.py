@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,10 +9,24 @@ from rptcam_cl.colour import pixel_luminance
 
 Pixels = NDArray[np.float32]
 
-FILMIC_WHITE = 7.25  # from here on the fit is above 1
-GREY = 0.18
-STOPS_BELOW, STOPS_ABOVE = 10.0, 6.5  # around grey, between the black and the white of `agx`
-INSET = 0.2  # share of the mean of the channels that `agx` mixes into each
+ACES_WHITE = 7.25  # from here on the fit is above 1
+
+# T. Sobotka, AgX, config.ocio at github.com/sobotka/AgX. The published rows sum to 1 within 1.4e-4; divided by their
+# sums they leave grey exactly grey.
+_PUBLISHED_INSET = np.array(
+    [
+        [0.842479062253094, 0.0784335999999992, 0.0792237451477643],
+        [0.0423282422610123, 0.878468636469772, 0.0791661274605434],
+        [0.0423756549057051, 0.0784336, 0.879142973793104],
+    ]
+)
+INSET = _PUBLISHED_INSET / _PUBLISHED_INSET.sum(axis=1, keepdims=True)
+OUTSET = np.linalg.inv(INSET)
+LEAST_LOG2, MOST_LOG2 = -12.47393, 4.026069  # 10 stops below a grey of 0.18, 6.5 above it
+AGX_WHITE = 2.0**MOST_LOG2
+_PIVOT, _PIVOT_SHOWN, _SLOPE = 10 / 16.5, 0.5, 2.0  # the grey in the range, what it becomes, and the slope there
+_TOE, _SHOULDER = 3.0, 3.25  # powers
+_DISPLAY_POWER = 2.2
 
 
 def srgb_from_linear(linear: NDArray[np.floating]) -> Pixels:
@@ -49,40 +61,46 @@ def reinhard(linear: Pixels, white: float) -> Pixels:
     return shown
 
 
-def filmic(linear: Pixels) -> Pixels:
+def aces(linear: Pixels) -> Pixels:
     """K. Narkowicz, "ACES Filmic Tone Mapping Curve", 2016: his fit of the ACES reference rendering, per channel."""
-    x = np.minimum(linear, np.float32(FILMIC_WHITE))
+    x = np.minimum(linear, np.float32(ACES_WHITE))
     fit: Pixels = x * (np.float32(2.51) * x + np.float32(0.03))
     fit /= x * (np.float32(2.43) * x + np.float32(0.59)) + np.float32(0.14)
     return np.minimum(fit, np.float32(1))
 
 
 def agx(linear: Pixels) -> Pixels:
-    """A curve in the manner of T. Sobotka's AgX, with constants of our own; docs/picture.md derives them.
+    """T. Sobotka's AgX with the outset of B. Wrensch, "Minimal AgX Implementation", 2023; docs/picture.md.
 
-    Some of the channels' mean is mixed into each, a sigmoid shapes the logarithm of each channel, and the mixing is
-    undone: colours lose saturation towards white instead of turning to the nearest primary. Grey stays grey, 0.18
-    stays 0.18; the result may leave 0..1 a little.
+    A matrix mixes the channels, a sigmoid shapes the logarithm of each, and the mixing is undone: bright colours pale
+    towards white and do not turn to the nearest primary. The result is the light of a display of power 2.2, as AgX
+    means it; it may leave 0..1 a little.
     """
-    mixed = linear + np.float32(INSET) * (linear.mean(axis=-1, keepdims=True) - linear)
-    shaped = linear_from_srgb(_sigmoid(mixed))
-    mean = shaped.mean(axis=-1, keepdims=True)
-    shown: Pixels = mean + (shaped - mean) / np.float32(1 - INSET)
-    return shown
-
-
-def _sigmoid(linear: Pixels) -> Pixels:
-    """Return encoded values: powers of the stops from black below grey, and of those from white above it.
-
-    Both branches meet in grey, as bright and as steep per stop as sRGB encodes it.
-    """
-    grey = 1.055 * GREY ** (1 / 2.4) - 0.055
-    steep = math.log(2) * (grey + 0.055) / 2.4  # per stop
+    mixed = linear @ INSET.T.astype(np.float32)
     with np.errstate(divide="ignore"):
-        stops = np.log2(linear / np.float32(GREY))
-    below = np.clip(1 + stops / np.float32(STOPS_BELOW), 0, 1)
-    above = np.clip(1 - stops / np.float32(STOPS_ABOVE), 0, 1)
-    toe = np.float32(grey) * below ** np.float32(steep * STOPS_BELOW / grey)
-    shoulder = 1 - np.float32(1 - grey) * above ** np.float32(steep * STOPS_ABOVE / (1 - grey))
-    encoded: Pixels = np.where(stops < 0, toe, shoulder).astype(np.float32, copy=False)
-    return encoded
+        stops = np.log2(mixed)
+    share = (stops - np.float32(LEAST_LOG2)) / np.float32(MOST_LOG2 - LEAST_LOG2)
+    encoded = agx_contrast(np.clip(share, 0, 1)) @ OUTSET.T.astype(np.float32)
+    # Below 0 there is no power: the sign is kept, and the gamut deals with it.
+    light: Pixels = np.copysign(np.abs(encoded) ** np.float32(_DISPLAY_POWER), encoded)
+    return light
+
+
+def agx_contrast(share: Pixels) -> Pixels:
+    """Return the encoded value for a share of the range of stops, both 0..1: AgX's default contrast.
+
+    Two hyperbolas d / (1 + d^p)^(1/p) leave the pivot with the slope there, scaled to end in 0 and 1: the curve of
+    J. Smith that Sobotka's table samples.
+    """
+    toe = _PIVOT_SHOWN - _hyperbola(np.maximum(_PIVOT - share, 0), _PIVOT, _PIVOT_SHOWN, _TOE)
+    shoulder = _hyperbola(np.maximum(share - _PIVOT, 0), 1 - _PIVOT, 1 - _PIVOT_SHOWN, _SHOULDER)
+    return (toe + shoulder).astype(np.float32, copy=False)
+
+
+def _hyperbola(distance: Pixels, reach: float, height: float, power: float) -> Pixels:
+    """Return how far the curve rises over a distance from the pivot; over the whole reach it is the height."""
+    rise = _SLOPE * reach
+    scale = rise / ((rise / height) ** power - 1) ** (1 / power)
+    ahead = np.float32(_SLOPE / scale) * distance
+    risen: Pixels = np.float32(scale) * ahead / (1 + ahead ** np.float32(power)) ** np.float32(1 / power)
+    return risen

@@ -15,7 +15,7 @@ from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.values import listed, near_name, refuse
 from rptcam_cl.scene.white_balance import LIGHTS, WhiteBalance
 
-Tone = Literal["srgb", "linear", "reinhard", "filmic", "agx"]
+Tone = Literal["srgb", "linear", "reinhard", "aces", "agx"]
 TONES: tuple[str, ...] = get_args(Tone)
 NO_BALANCE = "none"
 DEFAULT_TONE_WHITE = 4.0

@@ -16,8 +16,15 @@ REFUSED = "refused"
 
 _UNSET = object()
 
-# Words that mean a name without looking like it, or while looking more like its opposite.
-_MEANS = {"nearest": "closest", "near": "closest", "far": "farthest", "middle": "centre", "median": "weighted"}
+# Words that mean a name without looking like it, or while looking more like its opposite; and a name that was.
+_MEANS = {
+    "nearest": "closest",
+    "near": "closest",
+    "far": "farthest",
+    "middle": "centre",
+    "median": "weighted",
+    "filmic": "aces",
+}
 
 
 def refuse(

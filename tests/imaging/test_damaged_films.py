@@ -120,9 +120,9 @@ def test_film_developed_in_bands_is_the_same_as_in_one(monkeypatch: pytest.Monke
     module = sys.modules["rptcam_cl.imaging.developing"]  # the package has a function of the same name
     pixels = np.random.default_rng(3).random((50, 20, 3), dtype=np.float32) * 3
     for picture in (Development(tone="agx"), Development(white_balance=GreyWorld(), gamut="desaturate")):
-        whole = module.develop(pixels, picture)
+        whole = module.developed_values(pixels, picture)
         monkeypatch.setattr(module, "BAND_PIXELS", 7 * 20)
-        np.testing.assert_allclose(module.develop(pixels, picture), whole, rtol=0, atol=2e-7)
+        np.testing.assert_allclose(module.developed_values(pixels, picture), whole, rtol=0, atol=2e-7)
         codes = writers.developed_codes(pixels, picture, (0, 1, 0, 1), 16)
         np.testing.assert_allclose(codes, whole * 65535, atol=0.6)
         monkeypatch.undo()

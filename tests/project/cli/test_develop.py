@@ -15,10 +15,10 @@ Command = Callable[..., Any]
 
 @pytest.fixture
 def film(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Image:
-    """A film in a folder of its own, which is the working folder; its scene wanted a filmic picture."""
+    """A film in a folder of its own, which is the working folder; its scene asks for another tone curve."""
     monkeypatch.chdir(tmp_path)
     pixels = np.random.default_rng(1).random((5, 7, 3), dtype=np.float32) * 3
-    image = rptcam_cl.develop(Image(pixels, {"lens": "Tessar"}), tone="filmic", white_balance="A")
+    image = rptcam_cl.develop(Image(pixels, {"lens": "Tessar"}), tone="aces", white_balance="A")
     for name in ("film.exr", "film.npz"):
         image.save(name)
     return image
@@ -63,6 +63,8 @@ def test_settings_can_be_replaced_one_by_one(rptcam: Command, film: Image) -> No
         (["film.exr", "-o", "a.png", "--set", "camera.f_number=4"], "the film is there already"),
         (["film.exr", "-o", "a.png", "--set", "picture=agx"], "the film is there already"),
         (["film.exr", "-o", "a.png", "--set", "picture.tone=agy"], "did you mean agx?"),
+        (["film.exr", "-o", "a.png", "--set", "picture.tone=filmic"], "did you mean aces?"),
+        (["film.exr", "-o", "a.png", "--set", "picture.tone={kind: filmic}"], "did you mean aces?"),
         (["film.exr", "-o", "a.png", "--set", "picture.tne=agx"], "picture.tne: unknown key; did you mean tone?"),
         (["film.png", "-o", "a.png"], "film.png: is no linear film"),
         (["film.exr", "-o", "missing/a.png"], "there is no folder"),
