@@ -1,7 +1,7 @@
 """Measures of contrast compared: which one finds the focus best?
 
-Targets of several textures stand at the focus of a 50 mm double Gauss. Every measure is taken of one zone at places from
-32 depths of focus before the sharpest to 32 behind it, as often as there are seeds. The tables tell, by measure:
+Targets of several textures stand at the focus of a 50 mm double Gauss. Every measure is taken of one zone from
+32 depths of focus before the sharpest place to 32 behind it, as often as there are seeds. The tables tell, by measure:
 
 monotonic   share of the steps that fall on the way out from the top, over both sides (1 is a curve of one hill)
 half width  distance from the top at which half of it is left [depths of focus]
