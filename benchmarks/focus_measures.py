@@ -95,8 +95,7 @@ def compared(session: Session, name: str, samples: int, seeds: int, sweep: list[
     for measure in MEASURES:
         values = [[one.found[0] for one in curve[measure]] for curve in curves]
         triples = [
-            [one for one in curve[measure] if np.isclose((one.place - best) / depth, TRIPLES).any()]
-            for curve in curves
+            [one for one in curve[measure] if np.isclose((one.place - best) / depth, TRIPLES).any()] for curve in curves
         ]
         tops = np.array([value.value for row in values for value in row]).reshape(seeds, -1).max(axis=1)
         found[measure] = {
