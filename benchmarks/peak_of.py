@@ -6,8 +6,6 @@ import sys
 import time
 from pathlib import Path
 
-from rptcam_cl.cli import main
-
 STATUS = Path("/proc/self/status")
 
 
@@ -21,6 +19,8 @@ def greatest_memory() -> int:
 
 
 if __name__ == "__main__":
+    from rptcam_cl.cli import main
+
     begun = time.perf_counter()
     code = main(sys.argv[1:])
     used = resource.getrusage(resource.RUSAGE_SELF)

@@ -18,9 +18,9 @@ from PIL import Image
 from benchmarks.worker import Worker
 from rptcam_cl import load_scene
 from rptcam_cl.scene import Scene
+from tests.assets.gltf_writer import GltfWriter
 from tests.bench.comparing import BATCHES, assert_same_mean, assert_same_tiles, theirs
 from tests.light.pictures import save_exr
-from tests.mesh_files.gltf_writer import GltfWriter
 from tests.render.pictures import batches, lamp, looking
 from tests.support.statistics import Sampled
 

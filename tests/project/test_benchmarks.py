@@ -168,6 +168,15 @@ def test_rays_at_meshes_agree_with_those_of_others(checkout: Path, tmp_path: Pat
 
 
 @pytest.mark.slow
+def test_mesh_files_are_read_beside_trimesh(checkout: Path, tmp_path: Path) -> None:
+    _, results = quick(checkout, tmp_path, "mesh_files")
+    assert len(results["reading"]) == 4
+    assert all(found["cpu"] > 0 for pair in results["reading"].values() for found in pair.values())
+    ours = [counts for name, counts in results["damaged"].items() if name.endswith("rptcam")]
+    assert [list(counts) for counts in ours] == [["refused"], ["refused"]]
+
+
+@pytest.mark.slow
 def test_memory_of_meshes_is_told(checkout: Path, tmp_path: Path) -> None:
     _, results = quick(checkout, tmp_path, "mesh_memory")
     assert 40 < results["bytes_per_triangle"]["all"] < 200

@@ -8,7 +8,7 @@ import pytest
 from PIL import Image
 
 from rptcam_cl import load_scene
-from tests.mesh_files.gltf_writer import GltfWriter
+from tests.assets.gltf_writer import GltfWriter
 from tests.render.pictures import looking, pixels
 
 # Upper left, upper right; lower left, lower right.
