@@ -150,6 +150,9 @@ AttributeEnd
 NamedMaterial "m"
 Shape "sphere" "float radius" .5 "bool flag" true # end
 LightSource "point" "blackbody I" [3000] "float power" 10
+Texture "w" "color" "uv" Texture "s" "color" "scale" "texture tex1" "w" "color tex2" [.5 .4 .3]
+Texture "x" "spectrum" "mix" "texture tex1" "s" "rgb amount" [.1 .2 .3]
+Material "shinymetal" "color Ks" [.5 .4 .3] "texture Kr" "x" Scale 1 2 3 Shape "disk" "float radius" 1 "float radius" 2
 """
 )
 
