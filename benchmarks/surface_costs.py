@@ -21,7 +21,7 @@ from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.lenstools.device_tracing import PACKETS
-from rptcam_cl.optics import Lens, Surface
+from rptcam_cl.optics import Biconic, Lens, Surface, Toroid
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 
 COUNT = 16
@@ -38,8 +38,8 @@ KINDS = {
     "even asphere, 4 terms": Surface(conic=-1.0, aspheric=((4, 1e-6), (6, -2e-8), (8, 3e-11), (10, -1e-13))),
     "even asphere, strong": Surface(aspheric=((4, 2e-5), (6, -1e-7), (8, 3e-10), (10, -1e-12))),
     "odd asphere": Surface(aspheric=((3, 1e-5), (5, -1e-7))),
-    "biconic": Surface(curvature_x=1 / 90.0, conic=-0.5),
-    "toroid": Surface(curvature_x=1 / 90.0, is_toroid=True),
+    "biconic": Surface(conic=-0.5, form=Biconic(1 / 90.0)),
+    "toroid": Surface(form=Toroid(1 / 90.0)),
 }
 COLUMNS = ("surface", "CPU ns per ray and surface", "spheres' worth", "goal", "met")
 

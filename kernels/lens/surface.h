@@ -1,5 +1,5 @@
 // Where a ray meets one surface of a lens, in the frame of its vertex with z along the travel; the same steps as the
-// float64 reference in rptcam_cl/optics/shapes.py. Every kind goes to the vertex plane first and then to the surface, so that
+// float64 reference in rptcam_cl/optics/shapes. Every kind goes to the vertex plane first and then to the surface, so that
 // planes are exact and no large radius is ever subtracted. Facts: LENS_CONIC, LENS_GENERAL, LENS_ODD, LENS_CYLINDER,
 // LENS_REGION, LENS_RING.
 #ifndef LENS_SURFACE_H
@@ -105,34 +105,45 @@ static void profile(const __global Surface *surface, F s, F *z, F *slope)
     *slope = 0.5f * (q + r * q) + its_slope;
 }
 
-// A biconic or a toroid: z and its slopes.
+// z and its slopes of the kinds that have numbers of their own, as their `fill` in rptcam_cl/optics/shapes writes them.
+// Of a biconic these are the curvature and the conic constant in the x-z section.
+static void biconic(const __global Surface *surface, F x, F y, F *z, F *zx, F *zy)
+{
+    real cx = surface->own[0], cy = surface->curvature;
+    real qx = (1.0f + surface->own[1]) * cx * cx, qy = (1.0f + surface->conic) * cy * cy;
+    F top = cx * x * x + cy * y * y;
+    F r = sqrt(1.0f - qx * x * x - qy * y * y);
+    F q = 1.0f / (r * (1.0f + r));                  // one division for all
+    F inverse = r * q;                              // 1 / (1 + r)
+    F shared = top * q * inverse;
+    F more, slope;
+    polynomial(surface, x * x + y * y, &more, &slope);
+    *z = top * inverse + more;
+    *zx = x * (2.0f * cx * inverse + shared * qx + 2.0f * slope);
+    *zy = y * (2.0f * cy * inverse + shared * qy + 2.0f * slope);
+}
+
+// Of a toroid the curvature in the x-z section.
+static void toroid(const __global Surface *surface, F x, F y, F *z, F *zx, F *zy)
+{
+    real cx = surface->own[0];
+    F arc, slope;
+    profile(surface, y * y, &arc, &slope);
+    F w = 1.0f - cx * arc;
+    F r = sqrt(w * w - cx * cx * x * x);
+    F q = 1.0f / (r * (w + r));                     // one division for all
+    F inverse = (w + r) * q;                        // 1 / r
+    *z = arc + cx * x * x * (r * q);
+    *zx = cx * x * inverse;
+    *zy = 2.0f * y * slope * w * inverse;
+}
+
 static void sag_and_slopes(const __global Surface *surface, F x, F y, F *z, F *zx, F *zy)
 {
-    if (surface->kind == LENS_BICONIC) {
-        real cx = surface->curvature_x, cy = surface->curvature;
-        real qx = (1.0f + surface->conic_x) * cx * cx, qy = (1.0f + surface->conic) * cy * cy;
-        F top = cx * x * x + cy * y * y;
-        F r = sqrt(1.0f - qx * x * x - qy * y * y);
-        F q = 1.0f / (r * (1.0f + r));                  // one division for all
-        F inverse = r * q;                              // 1 / (1 + r)
-        F shared = top * q * inverse;
-        F more, slope;
-        polynomial(surface, x * x + y * y, &more, &slope);
-        *z = top * inverse + more;
-        *zx = x * (2.0f * cx * inverse + shared * qx + 2.0f * slope);
-        *zy = y * (2.0f * cy * inverse + shared * qy + 2.0f * slope);
-    } else {
-        real cx = surface->curvature_x;
-        F arc, slope;
-        profile(surface, y * y, &arc, &slope);
-        F w = 1.0f - cx * arc;
-        F r = sqrt(w * w - cx * cx * x * x);
-        F q = 1.0f / (r * (w + r));                     // one division for all
-        F inverse = (w + r) * q;                        // 1 / r
-        *z = arc + cx * x * x * (r * q);
-        *zx = cx * x * inverse;
-        *zy = 2.0f * y * slope * w * inverse;
-    }
+    if (surface->kind == LENS_BICONIC)
+        biconic(surface, x, y, z, zx, zy);
+    else
+        toroid(surface, x, y, z, zx, zy);
 }
 
 // Where Newton's iteration starts on the ray from the vertex plane: on the base conic, moved by the polynomial's value
@@ -151,8 +162,8 @@ static F first_guess(const __global Surface *surface, F x, F y, F3 d)
     return (discriminant >= 0.0f) & (1.0f - c * q * (t * d.z - z) > 0.0f) ? t : ZERO;
 }
 
-// Newton's step for a ray at a point, and on which side of the surface that lies, by its sign. With w = z - polynomial an asphere is the conic w = c (s + (1 + k) w^2) / 2, which
-// needs neither a root nor, but for the step itself, a division.
+// Newton's step for a ray at a point, and on which side of the surface that lies, by its sign. With w = z - polynomial an
+// asphere is the conic w = c (s + (1 + k) w^2) / 2, which needs neither a root nor, but for the step itself, a division.
 static F newton_step(const __global Surface *surface, F x, F y, F z, F3 d, F *side)
 {
     if (surface->kind != LENS_ASPHERE) {

@@ -92,13 +92,7 @@ def _fill_shape(record: np.void, surface: Surface, sense: float, where: str) -> 
     """Fill curvature, conic and polynomial; ``sense`` is -1 for a mirrored z."""
     record["curvature"], record["conic"] = sense * surface.curvature, surface.conic
     record["weight_x"], record["weight_y"] = surface.axes()
-    if surface.curvature_x is not None:
-        record["kind"] = SurfaceKind.TOROID if surface.is_toroid else SurfaceKind.BICONIC
-        record["curvature_x"], record["conic_x"] = sense * surface.curvature_x, surface.conic_x
-    elif surface.aspheric:
-        record["kind"] = SurfaceKind.ASPHERE
-    elif surface.conic or surface.cylinder:
-        record["kind"] = SurfaceKind.CONIC_KIND
+    surface.shape.fill(record, sense)
     for power, coefficient in surface.aspheric:
         name, place = ("odd", power // 2) if power % 2 else ("even", power // 2 - 1)
         if place >= (ODD_TERMS if power % 2 else EVEN_TERMS):
@@ -145,7 +139,8 @@ def _same_half_lens(previous: Surface, surface: Surface) -> bool:
 def _facts(lens: Lens, records: NDArray[np.void]) -> dict[str, int]:
     kinds = records["kind"]
     general = bool(np.any(kinds >= SurfaceKind.ASPHERE))
-    return {
+    of_forms = {fact: 1 for surface in lens.surfaces if surface.form for fact in surface.form.facts}
+    return of_forms | {
         "LENS_CONIC": int(bool(np.any(kinds == SurfaceKind.CONIC_KIND))),
         "LENS_GENERAL": int(general),
         "LENS_CYLINDER": int(any(surface.cylinder is not None for surface in lens.surfaces)),

@@ -245,8 +245,6 @@ SURFACE = Record(
         ("real", "semi_diameter2"),
         ("real", "eta"),  # index before over index after
         ("real", "conic"),
-        ("real", "curvature_x"),  # of a biconic or toroid in the x-z section
-        ("real", "conic_x"),
         ("real", "weight_x"),  # 1, or 0 where a cylinder is straight
         ("real", "weight_y"),
         ("real", "half_width"),  # region
@@ -267,8 +265,7 @@ SURFACE = Record(
         ("real", "gain"),  # of the transmittance over that of the bare surface
         ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
         ("real", "inner_semi_diameter2"),
-        ("real", "reserved_1"),
-        ("real", "reserved_2"),
+        ("real", "own[4]"),  # what a kind with numbers of its own writes in its `fill`
         ("int", "kind"),
         ("int", "even_terms"),
         ("int", "odd_terms"),

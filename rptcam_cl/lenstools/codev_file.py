@@ -11,10 +11,12 @@ from rptcam_cl.lenstools.foreign import WAVELENGTHS_NM, beam_of, maker_and_name,
 from rptcam_cl.optics import (
     AIR,
     AbbeCauchy,
+    Biconic,
     ConstantIndex,
     Lens,
     Medium,
     Surface,
+    Toroid,
     held_index,
     limiting_surface,
     plain_glass_name,
@@ -66,11 +68,11 @@ def _details(surface: Surface, is_stop: bool) -> Iterator[str]:
         yield f"REY {number(surface.region.half_height)}"
     if surface.cylinder:
         yield "CYL"
-    elif surface.is_toroid:
+    elif isinstance(surface.form, Toroid):
         yield "YTO"
-        yield f"CUX {number(surface.curvature_x or 0.0)}"
+        yield f"CUX {number(surface.form.curvature_x)}"
     if surface.aspheric:
-        if not surface.cylinder and not surface.is_toroid:
+        if not surface.cylinder and surface.form is None:
             yield "ASP"
         yield f"K {number(surface.conic)}"
         yield from (f"{POWERS[power]} {number(value)}" for power, value in surface.aspheric)
@@ -109,5 +111,5 @@ def _reasons(lens: Lens) -> Iterator[tuple[int, str]]:
     for k, surface in enumerate(lens.surfaces):
         if any(power not in POWERS for power, _ in surface.aspheric):
             yield k, "a power of r is odd, 2 or above 20"
-        if surface.cylinder == "x" or (surface.curvature_x is not None and not surface.is_toroid):
+        if surface.cylinder == "x" or isinstance(surface.form, Biconic):
             yield k, "it is a biconic, or a cylinder that curves in x"

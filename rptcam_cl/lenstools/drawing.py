@@ -114,7 +114,7 @@ def _draw_glass(picture: Drawing, frame: _Frame, setting: Setting, view: View) -
 
 def _draw_surfaces(picture: Drawing, frame: _Frame, setting: Setting, view: View) -> None:
     for k, surface in enumerate(setting.lens.surfaces):
-        flat_stop = surface.is_stop and surface.kind == "sphere" and not surface.curvature
+        flat_stop = surface.is_stop and surface.is_sphere and not surface.curvature
         block = obstruction(setting.lens, k, view.section)
         if block is not None:
             picture.add(Path(frame.places(block), INK, 3.5, note=f"obstruction, surface {k}"))

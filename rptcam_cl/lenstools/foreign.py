@@ -12,7 +12,18 @@ from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.fields import default_fields
 from rptcam_cl.lenstools.lens_state import setting
-from rptcam_cl.optics import Lens, Medium, Surface, SurfacePose, glass_named, glasses_of, named_glass, plain_glass_name
+from rptcam_cl.optics import (
+    Biconic,
+    Lens,
+    Medium,
+    Surface,
+    SurfacePose,
+    Toroid,
+    glass_named,
+    glasses_of,
+    named_glass,
+    plain_glass_name,
+)
 
 WAVELENGTHS_NM = (LINE_F_NM, LINE_D_NM, LINE_C_NM)
 IN_AIR = 1e-9
@@ -103,5 +114,7 @@ def _reasons(surface: Surface) -> Iterator[str]:
     region = surface.region
     if region is not None and (region.inverted or region.normal_degrees is not None or not region.blocks):
         yield "only a part of it is there"
-    if surface.curvature_x is not None and not surface.is_toroid and surface.aspheric:
+    if surface.form is not None and not isinstance(surface.form, Biconic | Toroid):
+        yield f"it is {surface.form.description}"
+    if isinstance(surface.form, Biconic) and surface.aspheric:
         yield "it is a biconic with powers of r"

@@ -12,8 +12,7 @@ import numpy as np
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.lens_state import setting
-from rptcam_cl.lenstools.prescription import short_radius
-from rptcam_cl.optics import Lens, Surface
+from rptcam_cl.optics import Lens, Surface, short_radius
 
 IN_AIR = 1e-9
 
@@ -67,7 +66,6 @@ def _surface_reasons(surface: Surface, before: float, after: float) -> Iterator[
         "conic": surface.conic,
         "aspheric": surface.aspheric,
         "cylindrical": surface.cylinder,
-        "of two curvatures": surface.curvature_x is not None,
         "tilted or decentred": surface.pose is not None,
         "not round": surface.region is not None or surface.stop_shape is not None,
         "without diameter": not np.isfinite(surface.semi_diameter),
@@ -76,6 +74,8 @@ def _surface_reasons(surface: Surface, before: float, after: float) -> Iterator[
         "a ring": surface.inner_semi_diameter > 0,
     }
     yield from (text for text, found in shapes.items() if found)
+    if surface.form is not None:
+        yield surface.form.description
     if surface.is_stop and surface.curvature:
         yield "a stop on curved glass"
     elif surface.is_stop and max(abs(before - 1), abs(after - 1)) > IN_AIR:

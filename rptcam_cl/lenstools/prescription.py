@@ -32,6 +32,7 @@ from rptcam_cl.optics import (
     SurfacePose,
     TabulatedIndex,
     glass_named,
+    short_radius,
 )
 
 WRITTEN_THICKNESS_MM = 10.0
@@ -75,16 +76,6 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
     return "\n".join([*lines, ""])
 
 
-def short_radius(curvature: float) -> float:
-    """Return the radius with the fewest digits whose inverse is exactly the curvature, else the nearest radius."""
-    exact = 1.0 / curvature
-    for digits in range(3, 18):
-        radius = float(f"{exact:.{digits}g}")
-        if 1.0 / radius == curvature:
-            return radius
-    return exact
-
-
 def _surface(lens: Lens, k: int, last: bool) -> dict[str, Any]:
     surface = lens.surfaces[k]
     where = f"{lens.name}: surface {k}"
@@ -124,13 +115,7 @@ def _shape(surface: Surface) -> dict[str, Any]:
         row["aspheric"] = dict(surface.aspheric)
     if surface.cylinder:
         row["cylinder"] = surface.cylinder
-    if surface.curvature_x is not None:
-        row["radius_x"] = short_radius(surface.curvature_x) if surface.curvature_x else math.inf
-        if surface.conic_x:
-            row["conic_x"] = surface.conic_x
-        if surface.is_toroid:
-            row["form"] = "toroid"
-    return row
+    return row | (surface.form.written() if surface.form else {})
 
 
 def _pose(pose: SurfacePose) -> dict[str, Any]:

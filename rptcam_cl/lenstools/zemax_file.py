@@ -11,10 +11,12 @@ from rptcam_cl.lenstools.foreign import WAVELENGTHS_NM, beam_of, maker_and_name,
 from rptcam_cl.optics import (
     AIR,
     AbbeCauchy,
+    Biconic,
     ConstantIndex,
     Lens,
     Medium,
     Surface,
+    Toroid,
     abbe_number,
     glass_named,
     limiting_surface,
@@ -111,10 +113,11 @@ def _kind(surface: Surface) -> tuple[str, dict[int, float]]:
     powers = dict(surface.aspheric)
     if surface.cylinder == "x":
         return "BICONICX", {1: 1 / surface.curvature if surface.curvature else 0.0, 2: surface.conic}
-    if surface.curvature_x is not None and not surface.is_toroid:
-        return "BICONICX", {1: 1 / surface.curvature_x if surface.curvature_x else 0.0, 2: surface.conic_x}
-    if surface.cylinder or surface.is_toroid:
-        radius = 1 / surface.curvature_x if surface.curvature_x else 0.0
+    form = surface.form
+    if isinstance(form, Biconic):
+        return "BICONICX", {1: 1 / form.curvature_x if form.curvature_x else 0.0, 2: form.conic_x}
+    if surface.cylinder or isinstance(form, Toroid):
+        radius = 1 / form.curvature_x if isinstance(form, Toroid) and form.curvature_x else 0.0
         return "TOROIDAL", {1: radius, **{power // 2 + 1: value for power, value in powers.items()}}
     if not powers:
         return "STANDARD", {}
@@ -139,11 +142,12 @@ def _glass(medium: Medium, makers: Sequence[str]) -> str:
 def _reasons(lens: Lens) -> Iterator[tuple[int, str]]:
     for k, surface in enumerate(lens.surfaces):
         powers = [power for power, _ in surface.aspheric]
+        straight = surface.cylinder or isinstance(surface.form, Toroid)
         even = all(power % 2 == 0 for power in powers)
-        highest = 2 * (HIGHEST - 1) if surface.cylinder or surface.is_toroid else 2 * HIGHEST if even else HIGHEST
+        highest = 2 * (HIGHEST - 1) if straight else 2 * HIGHEST if even else HIGHEST
         if max(powers, default=0) > highest:
             yield k, f"a power of r is above {highest}"
-        if powers and (surface.cylinder == "x" or (not even and (surface.cylinder or surface.is_toroid))):
+        if powers and (surface.cylinder == "x" or (not even and straight)):
             yield k, "it is a cylinder or toroid with such powers of r"
         if surface.pose is not None and surface.pose.offset[2] and k == 0:
             yield k, "the first surface is decentred along the axis"

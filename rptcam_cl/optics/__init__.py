@@ -51,6 +51,7 @@ from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, c
 from rptcam_cl.optics.pupil_shape import DIRECTIONS, FINE, PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
 from rptcam_cl.optics.ray_trace import Rays, Status, trace
 from rptcam_cl.optics.region import Region
+from rptcam_cl.optics.shapes import Biconic, Form, Toroid, short_radius
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
 from rptcam_cl.optics.summary import image_circle, lens_info
@@ -87,12 +88,14 @@ __all__ = [
     "AbbeLinear",
     "Absorption",
     "Beam",
+    "Biconic",
     "Coating",
     "ConstantIndex",
     "Crossings",
     "FieldError",
     "FilmProbe",
     "FirstOrder",
+    "Form",
     "GlassChoice",
     "Interface",
     "Law",
@@ -114,6 +117,7 @@ __all__ = [
     "Surface",
     "SurfacePose",
     "TabulatedIndex",
+    "Toroid",
     "Wavelengths",
     "abbe_number",
     "attenuation",
@@ -169,6 +173,7 @@ __all__ = [
     "pupil_shapes",
     "read_glass",
     "shift_of",
+    "short_radius",
     "singlet",
     "spread_points",
     "star",

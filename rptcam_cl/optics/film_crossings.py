@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.optics.ray_trace import refract
-from rptcam_cl.optics.shapes import meet
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -56,7 +55,7 @@ def crossings(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
     with np.errstate(all="ignore"):
         for k in range(len(lens.surfaces) - 1, -1, -1):
             vertex = np.array([[0.0], [0.0], [lens.vertices[k]]])
-            hits = meet(lens.surfaces[k], p - vertex, d)
+            hits = lens.surfaces[k].meet(p - vertex, d)
             lost |= ~(hits.met & np.isfinite(hits.distances) & (d[2] < 0))
             p = hits.points + vertex
             heights[k] = np.where(lost[:, None], np.nan, p[:2].T)

@@ -15,7 +15,7 @@ from rptcam_cl.optics.coating import Interface
 from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.prescription import Prescription
 from rptcam_cl.optics.region import Region, sides
-from rptcam_cl.optics.shapes import WORTH_MOVING, meet
+from rptcam_cl.optics.shapes import WORTH_MOVING
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.transmission import LensTransmission, Losses
 
@@ -141,7 +141,7 @@ def _crossed(
     """
     pose, shift = surface.pose, np.array([[0.0], [0.0], [vertex]])
     points, d = pose.inward(p - shift, d) if pose else (p - shift, d)
-    hits = meet(surface, points, d)
+    hits = surface.meet(points, d)
     good = hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0) & surface.clears(hits.points[0], hits.points[1])
     beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
     good &= apart
@@ -242,7 +242,7 @@ class _Beam:
         pose = surface.pose or IN_PLACE
         shift = np.array([[0.0], [0.0], [vertex]])
         points, directions = pose.inward(self.p - shift, self.d) if surface.pose else (self.p - shift, self.d)
-        hits = meet(surface, points, directions)
+        hits = surface.meet(points, directions)
         met = hits.met & np.isfinite(hits.distances) & (directions[2] * sense > 0)
         kept: tuple[Array, ...] = (hits.points, hits.distances, hits.normals, hits.cosines, directions)
         if hits.undecided is not None:

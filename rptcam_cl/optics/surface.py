@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.kinds import SurfaceKind
 from rptcam_cl.optics.coating import Coating
 from rptcam_cl.optics.glass import AIR, Medium
 from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.region import Region
+from rptcam_cl.optics.shapes import Form, Hits, Shape, shape_of_profile
 from rptcam_cl.optics.stop_shape import StopMask, StopShape
 
 Array = NDArray[np.float64]
@@ -47,12 +49,8 @@ class Surface:
         The a_p with their powers p of r, in millimetres.
     cylinder : "x", "y" or None
         The only axis along which the surface curves.
-    curvature_x : float or None
-        Curvature in the x-z section when it differs from that in y-z: a biconic or toroid.
-    conic_x : float
-        Conic constant in the x-z section of a biconic.
-    is_toroid : bool
-        The y-z profile turned about an axis parallel to y at 1 / curvature_x, instead of a biconic.
+    form : Form or None
+        What makes it more than this profile, such as a `Biconic` or a `Toroid`.
     pose : SurfacePose or None
         Decentre and tilt against the nominal vertex frame.
     region : Region or None
@@ -73,9 +71,7 @@ class Surface:
     conic: float = 0.0
     aspheric: tuple[tuple[int, float], ...] = ()
     cylinder: str | None = None
-    curvature_x: float | None = None
-    conic_x: float = 0.0
-    is_toroid: bool = False
+    form: Form | None = None
     pose: SurfacePose | None = None
     region: Region | None = None
     stop_shape: StopShape | StopMask | None = None
@@ -87,16 +83,19 @@ class Surface:
         return 1.0 / self.curvature if self.curvature else np.inf
 
     @property
-    def kind(self) -> str:
-        """What must be solved to meet it: "sphere" (or plane), "conic" (or cylinder), or "general", by iteration."""
-        if self.aspheric or self.curvature_x is not None:
-            return "general"
-        return "conic" if self.conic or self.cylinder else "sphere"
+    def shape(self) -> Shape:
+        """The kind of surface that it is."""
+        return self.form or shape_of_profile(self)
+
+    @property
+    def is_sphere(self) -> bool:
+        """Whether it is a sphere or a plane."""
+        return self.shape.kind == SurfaceKind.SPHERE
 
     @property
     def is_rotational(self) -> bool:
         """Whether the surface and its clear region, but for the shape of a stop, look the same from every azimuth."""
-        return not (self.cylinder or self.curvature_x is not None or self.pose or self.region)
+        return not (self.cylinder or self.form or self.pose or self.region)
 
     def clears(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which points of the vertex plane light is not blocked at."""
@@ -116,18 +115,20 @@ class Surface:
 
     def paraxial_curvature(self, section: str = "y") -> float:
         """Return the curvature at the vertex in the y-z or x-z section [1/mm], the r^2 term of an asphere included."""
-        if section == "x" and self.curvature_x is not None:
-            base = self.curvature_x
-        else:
-            base = self.curvature * self.axes()[0 if section == "x" else 1]
-        weight = self.axes()[0 if section == "x" else 1] if not self.is_toroid or section == "y" else 0.0
-        return base + 2.0 * weight * sum(a for power, a in self.aspheric if power == 2)
+        return self.shape.paraxial_curvature(self, section)
+
+    def meet(self, points: Array, directions: Array) -> Hits:
+        """Return where rays, points and directions (3, n), meet the part of the surface about its vertex."""
+        return self.shape.meet(self, points, directions)
+
+    def sag_and_slopes(self, x: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Return z, dz/dx and dz/dy above points of the vertex plane; NaN where the surface does not reach."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return self.shape.sag_and_slopes(self, x, y)
 
     def sag(self, x: Array, y: Array) -> Array:
         """Return z of the surface above points of its vertex plane [mm]; NaN where it does not reach."""
-        from rptcam_cl.optics.shapes import sag_and_slopes
-
-        return sag_and_slopes(self, x, y)[0]
+        return self.sag_and_slopes(x, y)[0]
 
     def rim_sag(self, height: float | None = None) -> float:
         """Return the sag [mm] at a height from the axis, by default at the rim, along the axis where it curves."""

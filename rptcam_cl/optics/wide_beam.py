@@ -83,7 +83,7 @@ def enter(lens: Lens, field_degrees: float, points: Array, wavelength_nm: float)
 
 def _takes_steep_light(lens: Lens) -> bool:
     first = lens.surfaces[0]
-    plain = first.is_rotational and first.pose is None and first.region is None and first.kind == "sphere"
+    plain = first.is_rotational and first.pose is None and first.region is None and first.is_sphere
     return len(lens.surfaces) > 1 and plain and first.curvature > 0 and lens.stop_index != 0
 
 

@@ -9,8 +9,8 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.pbrt_table import loses_dispersion, pbrt_text
-from rptcam_cl.lenstools.prescription import lens_text, short_radius
-from rptcam_cl.optics import Lens, Surface, list_lenses, load_lens
+from rptcam_cl.lenstools.prescription import lens_text
+from rptcam_cl.optics import Lens, Surface, list_lenses, load_lens, short_radius
 from rptcam_cl.optics.glass import PowerSeries, TabulatedIndex
 
 PLAIN: list[dict[str, Any]] = [
@@ -94,8 +94,8 @@ def test_writer_knows_every_field_of_a_lens() -> None:
         "floating", "warnings",
     }  # fmt: skip
     assert {field.name for field in fields(Surface)} == {
-        "curvature", "thickness", "glass", "semi_diameter", "is_stop", "conic", "aspheric", "cylinder", "curvature_x",
-        "conic_x", "is_toroid", "pose", "region", "stop_shape", "coating", "inner_semi_diameter", "is_mirror",
+        "curvature", "thickness", "glass", "semi_diameter", "is_stop", "conic", "aspheric", "cylinder", "form",
+        "pose", "region", "stop_shape", "coating", "inner_semi_diameter", "is_mirror",
     }  # fmt: skip
 
 

@@ -8,7 +8,6 @@ import pytest
 from rptcam_cl.optics import Lens, Status, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.ray_trace import refract
-from rptcam_cl.optics.shapes import meet
 from tests.optics.truth import truth, truth_lens
 
 EXTREMES = truth("extremes_open")
@@ -31,7 +30,7 @@ def test_intersections(group):
             continue
         surface = Surface(curvature=1 / radius(case))
         with np.errstate(all="ignore"):
-            hits = meet(surface, np.array(case["p"], dtype=float)[:, None], column(case["d"]))
+            hits = surface.meet(np.array(case["p"], dtype=float)[:, None], column(case["d"]))
         expected = case["expected"]
         assert bool(hits.met[0]) == (expected["status"] == "hit"), case["id"]
         if expected["status"] == "hit":
@@ -153,7 +152,7 @@ def test_weierstrass_points_are_stigmatic():
     angles = np.radians(np.linspace(-56, 56, 20))
     source = np.array([[0.0], [0.0], [-r - r / n]]) * np.ones(20)
     directions = np.stack([np.zeros(20), np.sin(angles), np.cos(angles)])
-    hits = meet(Surface(curvature=-1 / r), source, directions)
+    hits = Surface(curvature=-1 / r).meet(source, directions)
     bent, through = refract(directions, hits.normals, hits.cosines, np.array(n))
     assert np.all(through) and np.all(hits.met)
     crossing = hits.points[2] - hits.points[1] / bent[1] * bent[2]

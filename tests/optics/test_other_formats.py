@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics import Toroid, load_lens
 from rptcam_cl.optics.variable import configured
 
 
@@ -166,7 +166,7 @@ def test_zemax_sequence(tmp_path, encoding):
     assert lens.surfaces[0].glass.name == "N-BK7"
     assert lens.surfaces[1].aspheric == ((4, 1.1e-5), (6, -2e-8))
     assert lens.surfaces[1].conic == -0.5
-    assert lens.surfaces[2].is_toroid and lens.surfaces[2].curvature_x == pytest.approx(1 / 40)
+    assert lens.surfaces[2].form == Toroid(pytest.approx(1 / 40))
     assert [float(lens.surfaces[k].glass.index(587.5618)) for k in (2, 3)] == pytest.approx([1.62, 1.7])
     assert [surface.semi_diameter for surface in lens.surfaces] == [10, 9, 9, 9, 9]
     assert not any("ODDKEY" in note for note in lens.warnings)  # what decides no ray is passed over

@@ -9,7 +9,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, Status, Surface, load_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex
 from rptcam_cl.optics.placement import SurfacePose
-from rptcam_cl.optics.shapes import meet, sag_and_slopes
+from rptcam_cl.optics.shapes import Biconic, Toroid
 
 RNG = np.random.default_rng(17)
 
@@ -33,9 +33,9 @@ SHAPES = {
     "with r^2": Surface(1 / 30, aspheric=((2, 0.01), (4, 1e-5))),
     "odd asphere": Surface(1 / 20, aspheric=((3, 1e-3), (5, -1e-5))),
     "acylinder": Surface(1 / 20, cylinder="y", aspheric=((4, 1e-4),)),
-    "biconic": Surface(1 / 20, conic=-0.7, curvature_x=1 / 33, conic_x=0.4),
-    "toroid": Surface(1 / 20, conic=-0.7, curvature_x=-1 / 33, is_toroid=True),
-    "flat toroid": Surface(1 / 20, curvature_x=0.0, is_toroid=True),
+    "biconic": Surface(1 / 20, conic=-0.7, form=Biconic(1 / 33, 0.4)),
+    "toroid": Surface(1 / 20, conic=-0.7, form=Toroid(-1 / 33)),
+    "flat toroid": Surface(1 / 20, form=Toroid(0.0)),
 }
 
 
@@ -44,9 +44,9 @@ SHAPES = {
 def test_hits_lie_on_the_surface_and_on_the_ray(name, sense):
     surface = SHAPES[name]
     points, directions = beam(sense=sense)
-    hits = meet(surface, points, directions)
+    hits = surface.meet(points, directions)
     assert hits.met.all()
-    z, zx, zy = sag_and_slopes(surface, hits.points[0], hits.points[1])
+    z, zx, zy = surface.sag_and_slopes(hits.points[0], hits.points[1])
     np.testing.assert_allclose(hits.points[2], z, atol=2e-14)
     np.testing.assert_allclose(points + hits.distances * directions, hits.points, atol=2e-13)
     normal = np.stack([-zx, -zy, np.ones_like(zx)]) / np.sqrt(1 + zx**2 + zy**2)
@@ -58,7 +58,7 @@ def test_hits_lie_on_the_surface_and_on_the_ray(name, sense):
 def test_slopes_are_the_derivatives_of_the_sag(name):
     surface, step = SHAPES[name], 1e-5
     x, y = RNG.uniform(-4, 4, (2, 200))
-    _, zx, zy = sag_and_slopes(surface, x, y)
+    _, zx, zy = surface.sag_and_slopes(x, y)
     ahead, behind = surface.sag(x + step, y), surface.sag(x - step, y)
     np.testing.assert_allclose(zx, (ahead - behind) / (2 * step), atol=1e-8)
     ahead, behind = surface.sag(x, y + step), surface.sag(x, y - step)
@@ -77,13 +77,13 @@ def test_paraxial_curvature_is_that_of_the_sag(name):
 
 def test_a_sphere_written_in_other_ways_is_the_same():
     points, directions = beam()
-    sphere = meet(Surface(1 / 20), points, directions)
+    sphere = Surface(1 / 20).meet(points, directions)
     for other in (
         Surface(1 / 20, aspheric=((4, 1e-300),)),
-        Surface(1 / 20, curvature_x=1 / 20),
-        Surface(1 / 20, curvature_x=1 / 20, is_toroid=True),
+        Surface(1 / 20, form=Biconic(1 / 20)),
+        Surface(1 / 20, form=Toroid(1 / 20)),
     ):
-        hits = meet(other, points, directions)
+        hits = other.meet(points, directions)
         np.testing.assert_allclose(hits.points, sphere.points, atol=1e-13)
         np.testing.assert_allclose(hits.normals, sphere.normals, atol=1e-13)
 
@@ -120,7 +120,7 @@ def test_marginal_ray_of_the_telephone_lens():
 def test_an_asphere_that_folds_back_is_not_decided_wrongly():
     wild = Surface(1 / 10, aspheric=((4, 0.5), (6, -0.3)), semi_diameter=4)
     points, directions = beam(count=4000, slope=2.0)
-    hits = meet(wild, points, directions)
+    hits = wild.meet(points, directions)
     decided = hits.met
     assert hits.undecided is not None
     z = wild.sag(hits.points[0][decided], hits.points[1][decided])

@@ -63,10 +63,7 @@ OPEN = {
     "importers",
 }  # rooms of several faces: core's modules, the packages in the others
 INNER = {"assets": 2, "importers": 2, "core": 2, "cli": 9, "api": 9}  # names below rptcam_cl that others may say
-CIRCLES: list[str] = [
-    "rptcam_cl.optics.shapes",
-    "rptcam_cl.optics.surface",
-]  # none is to be added
+CIRCLES: list[str] = []  # none is to be added
 OPENCL = {"pyopencl", "pytools", "siphash24"}
 
 

@@ -39,7 +39,7 @@ def _check_reach(surface: Surface, index: int, report: Report) -> None:
     if np.all(np.isfinite(surface.sag(rim * np.cos(angles), rim * np.sin(angles)))) or not np.isfinite(rim):
         return
     diameter = f"the diameter {2 * surface.semi_diameter:g} mm"
-    if surface.kind == "sphere":
+    if surface.is_sphere:
         raise report(
             index,
             "diameter",

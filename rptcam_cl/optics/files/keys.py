@@ -5,9 +5,8 @@ The readers take their allowed keys from here, and so does `lens_json_schema`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
-from typing import Any
+from rptcam_cl.optics.files.key import NUMBER, POSITIVE, TEXT, Key, mapping, numbers
+from rptcam_cl.optics.shapes import FORMS
 
 UNITS_MM = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "in": 25.4, "km": 1e6}
 HIGHEST_POWER = 40
@@ -15,21 +14,6 @@ LOWEST_INDEX, HIGHEST_INDEX = 0.5, 5.0
 SHORTEST_MM, LONGEST_MM = 1e-9, 1e15  # beyond these, squares and reciprocals leave the range of numbers
 
 
-@dataclass(frozen=True)
-class Key:
-    """A key: its meaning in one line, and the JSON schema of its value."""
-
-    text: str
-    schema: Mapping[str, Any]
-
-
-def _numbers(least: int, most: int | None = None) -> dict[str, Any]:
-    return {"type": "array", "items": NUMBER, "minItems": least} | ({} if most is None else {"maxItems": most})
-
-
-NUMBER = {"type": "number"}
-POSITIVE = {"type": "number", "exclusiveMinimum": 0}
-TEXT = {"type": "string"}
 INDEX = {"type": "number", "minimum": LOWEST_INDEX, "maximum": HIGHEST_INDEX}
 SPAN = {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 2, "maxItems": 2}
 GLASS_VALUE = {"$ref": "#/$defs/Glass"}
@@ -41,22 +25,15 @@ LINEAR_ABBE = {
 }
 
 SELLMEIER = {
-    "b": Key("Strengths.", _numbers(1)),
-    "c": Key("Squared wavelengths of resonance [um^2], as many as b.", _numbers(1)),
+    "b": Key("Strengths.", numbers(1)),
+    "c": Key("Squared wavelengths of resonance [um^2], as many as b.", numbers(1)),
     "c0": Key("A constant added to 1; 0 by default.", NUMBER),
 }
 
 INDEX_TABLE = {
-    "wavelengths_nm": Key("Rising wavelengths [nm].", _numbers(1)),
+    "wavelengths_nm": Key("Rising wavelengths [nm].", numbers(1)),
     "values": Key("Index at each; straight lines join them.", {"type": "array", "items": INDEX, "minItems": 1}),
 }
-
-
-def mapping(keys: Mapping[str, Key], required: tuple[str, ...] = (), **more: Any) -> dict[str, Any]:
-    """Return the schema of a mapping with these keys and no others."""
-    properties = {name: {"description": key.text, **key.schema} for name, key in keys.items()}
-    entry: dict[str, Any] = {"type": "object", "additionalProperties": False, "properties": properties}
-    return entry | ({"required": list(required)} if required else {}) | more
 
 
 LAWS = {
@@ -64,8 +41,8 @@ LAWS = {
     "nd": Key("Index at 587.56 nm, with vd: a two-term Cauchy law through both.", INDEX),
     "linear_abbe": Key("Index linear in wavelength, after the rptcam paper.", mapping(LINEAR_ABBE, ("n", "v"))),
     "sellmeier": Key("n^2 = 1 + c0 + sum of b L^2 / (L^2 - c), L in um.", mapping(SELLMEIER, ("b", "c"))),
-    "cauchy": Key("n = a + b / L^2 + c / L^4 + ..., L in um.", _numbers(1)),
-    "schott": Key("n^2 = a0 + a1 L^2 + a2 / L^2 + ... + a5 / L^8, L in um.", _numbers(6, 6)),
+    "cauchy": Key("n = a + b / L^2 + c / L^4 + ..., L in um.", numbers(1)),
+    "schott": Key("n^2 = a0 + a1 L^2 + a2 / L^2 + ... + a5 / L^8, L in um.", numbers(6, 6)),
     "table": Key("Measured indices.", mapping(INDEX_TABLE, ("wavelengths_nm", "values"))),
     "catalogue": Key("A Zemax catalogue (.agf) beside the lens file; name picks the glass.", TEXT),
     "refractiveindex": Key("A file of refractiveindex.info beside the lens file.", TEXT),
@@ -73,7 +50,7 @@ LAWS = {
 
 SHARES = {"type": "array", "items": {"type": "number", "minimum": 0, "maximum": 1}, "minItems": 2}
 REFLECTANCE = {
-    "wavelengths_nm": Key("Rising wavelengths [nm].", _numbers(2)),
+    "wavelengths_nm": Key("Rising wavelengths [nm].", numbers(2)),
     "values": Key("Share of the light at each, 0 to 1.", SHARES),
 }
 TRANSMITTANCE = REFLECTANCE | {"thickness_mm": Key("Length of the way in the glass [mm].", POSITIVE)}
@@ -100,14 +77,14 @@ GLASS = LAWS | {
         "Internal transmittance, surfaces left out, over a thickness.",
         mapping(TRANSMITTANCE, ("thickness_mm", "wavelengths_nm", "values")),
     ),
-    "range_nm": Key("Shortest and longest wavelength at which the law holds [nm].", _numbers(2, 2)),
+    "range_nm": Key("Shortest and longest wavelength at which the law holds [nm].", numbers(2, 2)),
     "name": Key("Label; of a catalogue the glass.", TEXT),
 }
 
 SHAPE = {
     "blades": Key("Number of blades.", {"type": "integer", "minimum": 3}),
     "star": Key("Number of points of a star.", {"type": "integer", "minimum": 2}),
-    "polygon": Key("Corners [x, y] in units of the stop's radius.", {"type": "array", "items": _numbers(2, 2)}),
+    "polygon": Key("Corners [x, y] in units of the stop's radius.", {"type": "array", "items": numbers(2, 2)}),
     "rotation_degrees": Key("Turn of the blades or the star.", NUMBER),
     "curvature": Key("Of the blades: 0 straight to 1 round.", {"type": "number", "minimum": 0, "maximum": 1}),
     "inner": Key("Of a star: its inner over its outer radius.", POSITIVE),
@@ -121,12 +98,12 @@ CLEAR = {
 
 QCON = {
     "radius": Key("Distance from the axis at which u is 1 [unit].", POSITIVE),
-    "coefficients": Key("a_0, a_1, ... of the sum u^4 a_m Q_m(u^2) [unit].", _numbers(1, (HIGHEST_POWER - 2) // 2)),
+    "coefficients": Key("a_0, a_1, ... of the sum u^4 a_m Q_m(u^2) [unit].", numbers(1, (HIGHEST_POWER - 2) // 2)),
 }
 
 POSE = {
-    "decentre": Key("[x, y] or [x, y, z] by which the vertex is moved [unit].", _numbers(2, 3)),
-    "tilt_degrees": Key("Turns about x, then y, then z, right handed.", _numbers(2, 3)),
+    "decentre": Key("[x, y] or [x, y, z] by which the vertex is moved [unit].", numbers(2, 3)),
+    "tilt_degrees": Key("Turns about x, then y, then z, right handed.", numbers(2, 3)),
 }
 
 SHAPED = {
@@ -141,9 +118,7 @@ SHAPED = {
     ),
     "qcon": Key("Forbes's Qcon polynomials, added to the rest.", mapping(QCON, ("radius", "coefficients"))),
     "cylinder": Key("The only axis along which the surface curves.", {"enum": ["x", "y"]}),
-    "radius_x": Key("Radius in the x-z section where it differs [unit].", NUMBER),
-    "conic_x": Key("k in the x-z section of a biconic.", NUMBER),
-    "form": Key("What a surface with radius_x is; biconic by default.", {"enum": ["biconic", "toroid"]}),
+    **{name: key for form in FORMS for name, key in form.keys.items()},
     **POSE,
     "clear": Key("Part of the surface that light may cross.", mapping(CLEAR)),
     "outside": Key("Beyond clear: block, or pass where there is no glass.", {"enum": ["block", "pass"]}),
@@ -187,7 +162,7 @@ FLOATING = {
 
 FOCUSING = {
     "surfaces": Key("First and last surface of the group that moves, counted from 0.", SPAN),
-    "travel": Key("Least and greatest shift towards the film [unit].", _numbers(2, 2)),
+    "travel": Key("Least and greatest shift towards the film [unit].", numbers(2, 2)),
 }
 
 LENS = {

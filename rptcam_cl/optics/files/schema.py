@@ -6,12 +6,15 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, GLASS, LAWS, LENS, SURFACE, Key, mapping
+from rptcam_cl.optics.files.key import Key, mapping
+from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, GLASS, LAWS, LENS, SURFACE
+from rptcam_cl.optics.shapes import FORMS
 
 
 def lens_json_schema() -> dict[str, Any]:
     """Return the JSON schema of a lens file in our own form (draft 2020-12)."""
-    needs = {"outside": ["clear"], "form": ["radius_x"], "conic_x": ["radius_x"], "shape": ["stop"]}
+    of_forms = {key: beside for form in FORMS for key, beside in form.needs.items()}
+    needs = {"outside": ["clear"], **of_forms, "shape": ["stop"]}
     surface = mapping(SURFACE, ("diameter",), dependentRequired=needs)
     surface["not"] = {"required": ["cylinder", "radius_x"]}
     coating = mapping(COATING, minProperties=1, maxProperties=1)

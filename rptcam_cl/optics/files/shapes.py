@@ -11,35 +11,32 @@ from rptcam_cl.optics.files.keys import CLEAR, HIGHEST_POWER, QCON, SHAPE
 from rptcam_cl.optics.files.qcon import FIRST_POWER, even_powers
 from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.region import Region
+from rptcam_cl.optics.shapes import FORMS, Form
 from rptcam_cl.optics.stop_shape import StopShape, blades, heart, polygon, star
 
 
 def read_shape(fields: Fields, scale: float) -> dict[str, Any]:
     """Return the arguments of `Surface` that describe its shape, place and clear part."""
-    radius_x = fields.number("radius_x", math.inf, infinite=True)
-    if radius_x == 0:
-        raise fields.fail("radius_x", "must not be 0")
-    form = fields.text("form", "biconic")
-    if form not in ("biconic", "toroid"):
-        raise fields.fail("form", "allowed: biconic, toroid")
-    if "radius_x" not in fields and ("form" in fields or "conic_x" in fields):
-        raise fields.fail("form" if "form" in fields else "conic_x", "needs radius_x beside it")
     cylinder = fields.get("cylinder")
     if cylinder not in (None, "x", "y"):
         raise fields.fail("cylinder", "allowed: x (power in x only), y (power in y only)")
-    if cylinder and "radius_x" in fields:
-        raise fields.fail("cylinder", "a cylinder has one radius; leave out radius_x")
     return {
         "conic": fields.number("conic", 0.0),
         "aspheric": _with_qcon(fields, scale, _aspheric(fields, scale)),
         "cylinder": cylinder,
-        "curvature_x": 1.0 / (radius_x * scale) if "radius_x" in fields else None,
-        "conic_x": fields.number("conic_x", 0.0),
-        "is_toroid": form == "toroid",
+        "form": _form(fields, scale),
         "pose": read_pose(fields, scale),
         "region": _region(fields, scale),
         "stop_shape": _stop_shape(fields),
     }
+
+
+def _form(fields: Fields, scale: float) -> Form | None:
+    """Return the one kind of surface with numbers of its own that the keys speak of, None where they do not."""
+    found = [form for kind in FORMS if (form := kind.read(fields, scale)) is not None]
+    if len(found) > 1:
+        raise fields.fail(None, f"is {' and '.join(form.description for form in found)}: leave the keys of one out")
+    return found[0] if found else None
 
 
 def read_pose(fields: Fields, scale: float) -> SurfacePose | None:
