@@ -36,7 +36,7 @@ COMPARISONS: dict[str, tuple[str, list[str], dict[str, dict[str, Any]]]] = {
     ),
     "white_balance": (
         "examples/materials.yaml",
-        ["picture={tone: agx, ev: 1}", *TUNGSTEN],
+        ["picture={tone: reinhard, ev: 1}", *TUNGSTEN],
         {
             "none": {},
             "A": {"white_balance": "A"},

@@ -1,0 +1,35 @@
+"""The Python interface: load a scene, choose a device, focus, render, develop.
+
+A render has three stages, each of which can be called alone: `prepare`, `run` and `report`.
+"""
+
+from rptcam_cl.api.interface import devices, load_lens, render
+from rptcam_cl.api.settings import RenderSettings
+from rptcam_cl.api.stages import Prepared, prepare, report, run
+from rptcam_cl.device import choose_device
+from rptcam_cl.focusing import FocusReport, autofocus, focused_scene
+from rptcam_cl.imaging import Image, develop
+from rptcam_cl.rendering import Progress
+from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.tradeoff import measure_tradeoff
+
+__all__ = [
+    "FocusReport",
+    "Image",
+    "Prepared",
+    "Progress",
+    "RenderSettings",
+    "Scene",
+    "autofocus",
+    "choose_device",
+    "develop",
+    "devices",
+    "focused_scene",
+    "load_lens",
+    "load_scene",
+    "measure_tradeoff",
+    "prepare",
+    "render",
+    "report",
+    "run",
+]

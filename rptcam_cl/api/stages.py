@@ -1,0 +1,214 @@
+"""The stages of a render: prepare (focus, camera model, exposure, plan, kernels), run, report."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl.api.settings import RenderSettings
+from rptcam_cl.core.errors import NumericError
+from rptcam_cl.device import Session, means_all, open_sessions
+from rptcam_cl.focusing import in_focus
+from rptcam_cl.imaging import GUIDES, Image, check_denoiser, check_sensor, developed_as, sensor_of
+from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.rendering import (
+    GEOMETRY,
+    AnyWavefront,
+    FilmLayout,
+    Part,
+    Progress,
+    Rendering,
+    SavedState,
+    Saver,
+    SharedWavefront,
+    Wavefront,
+    anomalies,
+    described,
+    joined,
+    lens_margin,
+    render_plan,
+    resolve_exposure,
+    split_of,
+    split_text,
+    statistics,
+    window,
+)
+from rptcam_cl.scene import Scene, change_scene, load_scene
+from rptcam_cl.tradeoff import choose_camera
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scene that is ready to be rendered.
+
+    Attributes
+    ----------
+    settings : RenderSettings
+    scene : Scene
+        As requested: with the settings applied, and with the layers that a denoiser needs.
+    layers : tuple of str
+        Those that the image is to have.
+    resolved : Scene
+        In focus, with its camera model and its exposure.
+    metadata : dict
+        How focus, camera model and exposure were found.
+    plan : Plan
+    wavefront : AnyWavefront
+        Compiled for the devices.
+    saver, saved
+        The checkpoint and the state in it, where there are any.
+    begun : float
+        When preparing began, by `time.perf_counter` [s].
+    seconds : dict
+        What preparing took: ``start`` and ``compile`` [s].
+    """
+
+    settings: RenderSettings
+    scene: Scene
+    layers: tuple[str, ...]
+    resolved: Scene
+    metadata: dict[str, Any]
+    plan: Plan
+    wavefront: AnyWavefront
+    saver: Saver | None
+    saved: SavedState | None
+    begun: float
+    seconds: dict[str, float]
+
+
+def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSettings) -> Prepared:
+    """Return a scene, or anything that `load_scene` takes, ready to be rendered.
+
+    Raises
+    ------
+    InputError, DeviceError, StateError
+        As `render` does.
+    """
+    begun = time.perf_counter()
+    # Check what can be checked before any device is opened
+    scene = settings.applied_to(scene if isinstance(scene, Scene) else load_scene(scene))
+    check_sensor(scene, *window(scene)[2:])
+    layers = scene.render.layers
+    if settings.denoise:
+        check_denoiser()
+        scene = change_scene(scene, render={"layers": tuple(dict.fromkeys((*layers, *GUIDES)))})
+
+    # Open the devices, and the state of an earlier render
+    sessions, shares = open_sessions(settings.device, settings.split)
+    saver = None
+    if settings.checkpoint is not None:
+        saver = Saver(settings.checkpoint, scene, [session.info.name for session in sessions])
+    saved = saver.load() if saver is not None and settings.resume else None
+
+    # Resolve what the scene leaves open, plan, compile
+    resolved, metadata = _resolved(scene, sessions[0], saver)
+    plan = make_plan(resolved)
+    started = time.perf_counter()
+    if settings.on_progress is not None:
+        settings.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
+    if shares is None and saver is not None:
+        shares = _saved_shares(saver.parts, sessions)
+    wavefront = _wavefront(scene, plan, sessions, shares, settings)
+    if saver is not None:
+        saver.parts_since = lambda done: _parts(wavefront, saved, done)
+    seconds = {"start": started - begun, "compile": time.perf_counter() - started}
+    return Prepared(settings, scene, layers, resolved, metadata, plan, wavefront, saver, saved, begun, seconds)
+
+
+def run(prepared: Prepared) -> Rendering:
+    """Return the film of a prepared scene, rendered to its end or until it is stopped."""
+    settings, saver = prepared.settings, prepared.saver
+    return render_plan(
+        prepared.wavefront,
+        spp=settings.most_spp(prepared.scene),
+        seconds=settings.seconds,
+        has_lens=prepared.plan.camera.has_lens,
+        noise=prepared.scene.render.noise,
+        saved=prepared.saved,
+        save=None if saver is None else saver.save_now_and_then,
+        on_progress=settings.on_progress,
+        should_stop=settings.should_stop,
+    )
+
+
+def report(prepared: Prepared, rendering: Rendering) -> Image:
+    """Return the image of a rendering with its metadata and statistics.
+
+    Raises
+    ------
+    NumericError
+        With ``strict``; its ``image`` is the picture.
+    """
+    settings, saver = prepared.settings, prepared.saver
+    total = time.perf_counter() - prepared.begun
+    times = prepared.seconds | {"render": rendering.seconds, "total": total}
+    measured = settings.numerics or settings.strict
+    margin = lens_margin(prepared.resolved, prepared.wavefront.session) if measured else None
+    parts = _parts(prepared.wavefront, prepared.saved, rendering.done)
+    work = joined([] if saver is None else saver.parts, parts)
+    stats = statistics(prepared.plan, prepared.wavefront, rendering, times, margin) | {"work": work}
+    metadata = described(prepared.scene, prepared.plan, rendering, stats, prepared.metadata)
+    if (sensor := sensor_of(prepared.resolved, metadata)) is not None:
+        metadata["sensor"] = sensor.described()
+    if saver is not None:
+        stats["checkpoint"] = saver.end(rendering.state, keep=settings.resume or rendering.interrupted)
+        metadata["device"] = saver.devices
+    stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
+    stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
+    image = developed_as(Image(rendering.pixels, metadata, stats, layers=rendering.layers), prepared.scene.picture)
+    if settings.denoise:
+        image = replace(image.denoised(), layers={name: image[name] for name in prepared.layers})
+    if settings.strict and (faults := anomalies(stats["numerics"]) + _failed_focus(metadata)):
+        raise NumericError(f"strict: {'; '.join(faults)}", image)
+    return image
+
+
+def _resolved(scene: Scene, session: Session, saver: Saver | None) -> tuple[Scene, dict[str, Any]]:
+    """Return the scene in focus, with the camera model and the exposure that it leaves to be found, and its metadata.
+
+    What was found for an earlier part of the render is kept.
+    """
+    sharp, focus = in_focus(scene, session, None if saver is None else saver.focus)
+    chosen = choose_camera(sharp)
+    exposed = resolve_exposure(chosen.scene, session, None if saver is None else saver.metered_cd_m2)
+    if saver is not None:
+        saver.metered_cd_m2, saver.focus = exposed.metered_cd_m2, focus
+    return exposed.scene, exposed.metadata | chosen.metadata | ({} if focus is None else focus["metadata"])
+
+
+def _wavefront(
+    scene: Scene, plan: Plan, sessions: list[Session], shares: list[float] | None, settings: RenderSettings
+) -> AnyWavefront:
+    """Return what renders the scene, compiled and ready: on one device, or on several that share it."""
+    layout = FilmLayout.of(scene.film)
+    if len(sessions) > 1:
+        return SharedWavefront(
+            sessions, plan, layout, scene.render, settings.wave_size, shares=shares, lenient=means_all(settings.device)
+        )
+    wavefront = Wavefront(sessions[0], plan, layout, scene.render, settings.wave_size)
+    wavefront.warm_up()
+    return wavefront
+
+
+def _saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | None:
+    """Return the shares that the same devices had when the render was saved; None where they were others."""
+    last = split_of(parts[-1]["split"]) if parts else {}
+    ids = [session.info.id for session in sessions]
+    return [last[identity] for identity in ids] if last.keys() == set(ids) else None
+
+
+def _parts(wavefront: AnyWavefront, saved: SavedState | None, done: int) -> list[Part]:
+    """Return which device has taken which samples since a render began or went on."""
+    if isinstance(wavefront, SharedWavefront):
+        return wavefront.parts(done)
+    first = 0 if saved is None else saved.done
+    return [{"samples": [first, done], "split": split_text({wavefront.session.info.id: 1.0})}] if done > first else []
+
+
+def _failed_focus(metadata: Mapping[str, Any]) -> list[str]:
+    """Return why autofocus failed; nothing where it did not."""
+    failure = metadata.get("autofocus", {}).get("failure")
+    return [] if failure is None else [f"autofocus: {failure}"]

@@ -1,0 +1,67 @@
+"""The stages of a render, each called alone, and the settings that they share."""
+
+import inspect
+from dataclasses import FrozenInstanceError, fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.api import RenderSettings, prepare, report, run
+from rptcam_cl.core.errors import InputError
+
+SCENE: dict[str, Any] = {
+    "film": {"resolution": [8, 6]},
+    "camera": {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40},
+    "objects": [
+        {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": {"kind": "matte", "reflectance": 0.5}}
+    ],
+    "environment": {"kind": "constant", "radiance": 1},
+    "exposure": {"mode": "auto"},
+}
+
+
+def test_stages_one_by_one_make_the_picture_of_render() -> None:
+    stages: list[str] = []
+    settings = RenderSettings(spp=3, seed=5, layers=["depth"], on_progress=lambda state: stages.append(state.stage))
+    prepared = prepare(SCENE, settings)
+    assert stages == ["compile"]
+    assert prepared.resolved.exposure.mode != "auto"
+    assert prepared.metadata["metered_cd_m2"] > 0
+    rendering = run(prepared)
+    assert rendering.spp == 3
+    image = report(prepared, rendering)
+    whole = rptcam_cl.render(SCENE, spp=3, seed=5, layers=["depth"])
+    assert np.array_equal(image.pixels, whole.pixels)
+    assert np.array_equal(image["depth"], whole["depth"])
+    assert image.metadata == whole.metadata
+    assert image.stats.keys() == whole.stats.keys()
+    assert image.stats["seconds"].keys() == {"start", "compile", "render", "total"}
+
+
+def test_settings_are_the_keywords_of_render() -> None:
+    keywords = inspect.signature(rptcam_cl.render).parameters
+    assert [each.name for each in fields(RenderSettings)] == [name for name in keywords if name != "scene"]
+    assert all(each.default == keywords[each.name].default for each in fields(RenderSettings))
+
+
+def test_settings_do_not_change() -> None:
+    with pytest.raises(FrozenInstanceError):
+        RenderSettings().spp = 4  # type: ignore[misc]
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("inf"), float("nan")])
+def test_time_that_is_none_is_refused(seconds: float) -> None:
+    with pytest.raises(InputError, match=r"seconds: is out of range .*allowed: a finite number above 0"):
+        RenderSettings(seconds=seconds)
+
+
+@pytest.mark.parametrize(
+    ("given", "most"),
+    [({}, 7), ({"seconds": 1.0}, None), ({"noise": 0.1}, 16384), ({"noise": 0.1, "seconds": 1.0}, 16384),
+     ({"spp": 5, "seconds": 1.0}, 5), ({"spp": 5, "noise": 0.1}, 5)],
+)  # fmt: skip
+def test_samples_are_limited_by_what_is_given(given: dict[str, Any], most: int | None) -> None:
+    scene = rptcam_cl.load_scene(SCENE | {"render": {"spp": 7}})
+    assert RenderSettings(**given).most_spp(scene) == most
