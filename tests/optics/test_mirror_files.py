@@ -1,0 +1,148 @@
+"""Mirrors, rings and folds as files of Zemax, CODE V and our own have them, read and written."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.lenstools.codev_file import codev_text
+from rptcam_cl.lenstools.prescription import lens_text
+from rptcam_cl.lenstools.zemax_file import zemax_text
+from rptcam_cl.optics import load_lens
+
+N_BK7 = 1.5168000345
+
+
+ZEMAX = """\
+MODE SEQ
+UNIT MM
+SURF 0
+  TYPE STANDARD
+  DISZ INFINITY
+SURF 1
+  TYPE STANDARD
+  CURV 0
+  DISZ 140
+  DIAM 60
+  OBSC 0 21 0
+SURF 2
+  STOP
+  TYPE STANDARD
+  CURV -0.0025
+  CONI -1
+  DISZ -140
+  GLAS MIRROR 0 0 1.5 40 0 0 0 0 0 0
+  DIAM 50
+  CLAP 15 50 0
+SURF 3
+  TYPE STANDARD
+  CURV -0.00625
+  CONI -2.7777777777777777
+  DISZ 240
+  GLAS MIRROR 0 0 1.5 40 0 0 0 0 0 0
+  DIAM 20
+SURF 4
+  TYPE STANDARD
+  CURV 0
+"""
+CODE_V = """\
+LEN
+RDM
+SO 0 1e11
+S 0 140
+  CIR 60
+  CIR OBS 21
+S -400 -140 REFL
+  STO
+  CIR 50
+  CIR HOL 15
+  CON
+  K -1
+S -160 240
+  RMD REFL
+  CIR 20
+  CON
+  K -2.7777777777777777
+SI 0 0
+"""
+
+
+@pytest.mark.parametrize(("suffix", "text"), [("zmx", ZEMAX), ("seq", CODE_V)])
+def test_other_programs_mirrors_and_holes_are_read(tmp_path, suffix, text):
+    path = tmp_path / f"cassegrain.{suffix}"
+    path.write_text(text)
+    found = load_lens(path)
+    assert [s.inner_semi_diameter for s in found.surfaces] == [21, 15, 0]
+    assert found.first_order().focal_length_mm == pytest.approx(800, abs=1e-10)
+    np.testing.assert_allclose(crossing(found.trace(*axial(BEAM[6:]), start="scene")), 240, atol=1e-10)
+
+
+def test_mirrors_read_back_from_the_text_of_a_lens(tmp_path):
+    ring = cassegrain(400.0, 160.0, 140.0, 240.0, obstruction=42.0)
+    path = tmp_path / "again.yaml"
+    path.write_text(lens_text(ring))
+    assert load_lens(path).surfaces == ring.surfaces
+
+
+@pytest.mark.parametrize(("suffix", "write"), [("zmx", zemax_text), ("seq", codev_text)])
+def test_mirrors_read_back_from_other_programs_files(tmp_path, suffix, write):
+    ring = cassegrain(400.0, 160.0, 140.0, 240.0, obstruction=42.0)
+    path = tmp_path / f"ring.{suffix}"
+    path.write_text(write(ring))
+    again = load_lens(path)
+    keys = ("curvature", "thickness", "conic", "semi_diameter", "inner_semi_diameter", "is_mirror")
+    for key in keys:
+        np.testing.assert_allclose(
+            [getattr(s, key) for s in again.surfaces], [getattr(s, key) for s in ring.surfaces], rtol=1e-14, atol=1e-14
+        )
+
+
+FOLDED = """\
+LEN
+RDM N
+SO 0 1e11
+S 0 5
+  CIR 4
+S 0 -2.25 REFL
+  CIR 4
+  ADE 60; BEN
+S -.67 -.3 NBK7_SCHOTT
+  CIR 1
+S 0 -.05
+  CIR 1
+S 0 -.2 NBK7_SCHOTT
+  CIR 1
+S -.77095 -2.25
+  CIR 1
+S 0 2.25 REFL
+  CIR 4
+  ADE -60; BEN
+S -.67 .2 NBK7_SCHOTT
+  CIR 1
+S 0 .05
+  CIR 1
+S 0 .3 NBK7_SCHOTT
+  CIR 1
+S -.59225 2.25
+  CIR 1
+S 0 -5 REFL
+  CIR 4
+  ADE -45; BEN
+SI 0 0
+"""
+
+
+def test_rays_through_folded_lenses_are_those_of_ray_optics(tmp_path):
+    """Point and direction on the last mirror, in its frame; the prescription is that of its file folded_lenses.seq."""
+    path = tmp_path / "folded.seq"
+    path.write_text(FOLDED)
+    folded = load_lens(path)
+    slope = np.tan(np.radians(0.5))
+    rays = folded.trace([[0.1, 0.3, 0], [0.2, -0.25, 0]], [[0, 0, 1], [0, slope, 1]], 555.0, start="scene")
+    points, directions = folded.surfaces[-1].pose.inward((rays.origins - [0, 0, folded.length]).T, rays.directions.T)
+    expected = [[0.09740373506910906, 0.41324904948158886, 0], [0.1951910244370261, -0.14774518311476026, 0]]
+    np.testing.assert_allclose(points.T, expected, atol=1e-13)
+    expected = [
+        [-0.00011954227907051002, 0.7068531431939981, -0.7073603181310137],
+        [-0.0001884995764714903, 0.7134718187434236, -0.700683900433613],
+    ]
+    np.testing.assert_allclose(directions.T, expected, atol=1e-13)
+    assert any("mirrors fold the axis" in text for text in folded.warnings)
