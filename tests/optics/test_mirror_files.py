@@ -7,6 +7,7 @@ from rptcam_cl.lenstools.codev_file import codev_text
 from rptcam_cl.lenstools.prescription import lens_text
 from rptcam_cl.lenstools.zemax_file import zemax_text
 from rptcam_cl.optics import load_lens
+from tests.optics.test_mirrors import BEAM, axial, cassegrain, crossing
 
 N_BK7 = 1.5168000345
 
