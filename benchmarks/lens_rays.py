@@ -70,7 +70,9 @@ def kernel_times(
         session.upload(records.stop),
     )
     number = np.int32(len(lens.surfaces))
-    launch = session.bind(program, "trace_rays", surfaces, number, stop, memory, np.uint32(count))
+    launch = session.bind(
+        program, "trace_rays", surfaces=surfaces, count=number, stop=stop, rays=memory, capacity=np.uint32(count)
+    )
 
     def refill() -> None:
         session.write(memory, rays)

@@ -54,7 +54,7 @@ class Ours:
         self._session, self._buffers = session, SceneBuffers(session, plan)
         facts = plan.facts | self._buffers.tree_facts | {"VW": session.lanes}
         self._program = session.program([str(KERNEL)], facts, device_declarations())
-        self._bound: dict[str, tuple[Any, Any, Any]] = {}  # a launch does not keep its buffers
+        self._bound: dict[str, tuple[Any, Any]] = {}  # launches and what they write to
         self.trees = scene_trees(plan.meshes, session)
         self.triangles = plan.meshes.triangles
 
@@ -64,11 +64,11 @@ class Ours:
             out = self._session.allocate(8 * rays.count)
             held = self._session.upload(rays.rows)
             launch = self._session.bind(
-                self._program, "ray_queries", *self._buffers.scene, held, out, np.int32(rays.shadow),
-                np.uint32(rays.count),
+                self._program, "ray_queries", **self._buffers.scene, rays=held, hits=out,
+                shadow=np.int32(rays.shadow), count=np.uint32(rays.count),
             )  # fmt: skip
-            self._bound[rays.name] = launch, out, held
-        launch, *_ = self._bound[rays.name]
+            self._bound[rays.name] = launch, out
+        launch, _ = self._bound[rays.name]
 
         def work() -> None:
             launch.enqueue(rays.count, GROUP)

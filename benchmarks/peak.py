@@ -27,10 +27,12 @@ def peak_flops(session: Session, seconds: float) -> float:
     head = f"typedef float{lanes if lanes > 1 else ''} F;\n#define CHAINS {CHAINS}\n"
     program = Program(session.context, session.info.handle, head + KERNEL.read_text(encoding="ascii"))
     out = session.allocate(4 * items * lanes)
-    launch = session.bind(program, "multiply_add", out, np.float32(0.999), np.float32(1e-3), np.int32(1))
+    launch = session.bind(
+        program, "multiply_add", out=out, factor=np.float32(0.999), summand=np.float32(1e-3), rounds=np.int32(1)
+    )
 
     def run(rounds: int) -> float:
-        launch.set(3, np.int32(rounds))
+        launch.set(rounds=np.int32(rounds))
 
         def work() -> None:
             launch.enqueue(items, GROUP)

@@ -79,9 +79,16 @@ class Row:
         facts = records.facts | {"VW": lanes, "DOUBLE": 0, "LENS_KEEP_FAILED": 0}
         program = session.program(["pass/trace_rays.cl"], facts, device_declarations())
         self.memory = session.allocate(beam.nbytes)
-        self.items, count = beam.shape[1] // (PACKETS * lanes), np.int32(len(records.surfaces))
-        self.tables = (session.upload(records.surfaces), count, session.upload(records.stop))
-        self.launch = session.bind(program, "trace_rays", *self.tables, self.memory, np.uint32(beam.shape[1]))
+        self.items = beam.shape[1] // (PACKETS * lanes)
+        self.launch = session.bind(
+            program,
+            "trace_rays",
+            surfaces=session.upload(records.surfaces),
+            count=np.int32(len(records.surfaces)),
+            stop=session.upload(records.stop),
+            rays=self.memory,
+            capacity=np.uint32(beam.shape[1]),
+        )
         self.refill()
         self.work()
         out = session.read(self.memory, np.float32, beam.size).reshape(beam.shape)

@@ -10,11 +10,13 @@ import os
 import re
 import tempfile
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Any
 
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.resources import kernels_dir
 from rptcam_cl.device.built_programs import build_program
+from rptcam_cl.device.signature import kernel_parameters
 from rptcam_cl.device.trial import AVX512_ARCH, first_error, target_pragma
 
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
@@ -84,10 +86,16 @@ class Program:
         import pyopencl as cl
 
         self.identity = hashlib.sha256(source.encode()).hexdigest()
+        self._source = source
         try:
             self.handle = build_program(context, device, source, list(BUILD_OPTIONS))
         except cl.Error as error:
             raise DeviceError(_build_failure(source, str(error), self.identity)) from error
+
+    @cached_property
+    def parameters(self) -> dict[str, tuple[str, ...]]:
+        """The names of the parameters of each kernel, in their order."""
+        return kernel_parameters(self._source)
 
 
 def _build_failure(source: str, log: str, identity: str) -> str:

@@ -31,9 +31,26 @@ def _session(device_id: str) -> Session:
 
 
 class Launch:
-    """A kernel with its arguments: bound once, enqueued many times (setting them anew costs more than a launch)."""
+    """A kernel with its arguments: bound once, enqueued many times (setting them anew costs more than a launch).
 
-    def __init__(self, session: Session, program: Program, name: str, arguments: tuple[Any, ...]) -> None:
+    It keeps the buffers that it is bound to, as a kernel does not.
+
+    Parameters
+    ----------
+    session, program, name
+        The device, what was built for it, and the kernel in it.
+    arguments : dict
+        A buffer, a numpy scalar or a record's bytes for every parameter of the kernel, by its name.
+
+    Raises
+    ------
+    DeviceError
+        When the program has no such kernel.
+    TypeError
+        When an argument is missing, or the kernel has no parameter of its name.
+    """
+
+    def __init__(self, session: Session, program: Program, name: str, arguments: Mapping[str, Any]) -> None:
         import pyopencl as cl
 
         self.name = name
@@ -43,12 +60,28 @@ class Launch:
             self._kernel = cl.Kernel(program.handle, name)
         except cl.Error as error:
             raise DeviceError(f"device {session.info.id} has no kernel {name} in what it built: {error}") from error
-        for index, value in enumerate(arguments):
-            self.set(index, value)
+        self._index = {parameter: index for index, parameter in enumerate(program.parameters[name])}
+        assert len(self._index) == self._kernel.num_args, f"kernel {name}: its parameters were not read as they are"
+        self._arguments: dict[str, Any] = {}
+        if missing := [parameter for parameter in self._index if parameter not in arguments]:
+            raise TypeError(f"kernel {name}: no argument for {', '.join(missing)}")
+        self.set(**arguments)
 
-    def set(self, index: int, value: Any) -> None:
-        """Replace one argument: a buffer, a numpy scalar or a record's bytes."""
-        self._kernel.set_arg(index, value)
+    def set(self, **arguments: Any) -> None:
+        """Replace arguments, given by the names of the kernel's parameters.
+
+        Raises
+        ------
+        TypeError
+            When the kernel has no parameter of a name; none is replaced then.
+        """
+        if strangers := [name for name in arguments if name not in self._index]:
+            raise TypeError(
+                f"kernel {self.name} has no parameter {', '.join(strangers)} (it has {', '.join(self._index)})"
+            )
+        for name, value in arguments.items():
+            self._kernel.set_arg(self._index[name], value)
+        self._arguments |= arguments
 
     def enqueue(self, items: int, group: int) -> Any:
         """Run over ``items`` work items in groups of ``group``; return the event."""
@@ -167,9 +200,9 @@ class Session:
             cl.enqueue_copy(self.queue, out, buffer)
         return out
 
-    def bind(self, program: Program, name: str, *arguments: Any) -> Launch:
-        """Return kernel ``name`` of ``program`` with its arguments in place."""
-        return Launch(self, program, name, arguments)
+    def bind(self, program: Program, kernel: str, /, **arguments: Any) -> Launch:
+        """Return a kernel of ``program`` with its arguments in place, which are given by name; see `Launch`."""
+        return Launch(self, program, kernel, arguments)
 
     def finish(self) -> None:
         """Wait until everything enqueued has run."""

@@ -183,7 +183,11 @@ class _Tracer:
             lens, wavelength_nm, side, 0.0, double=double, dispersive=dispersive, transmission=transmission
         )
         self.facts = traced.facts | {"VW": self.lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
-        self.tables = (session.upload(traced.surfaces), np.int32(len(traced.surfaces)), session.upload(traced.stop))
+        self.lens = {
+            "surfaces": session.upload(traced.surfaces),
+            "count": np.int32(len(traced.surfaces)),
+            "stop": session.upload(traced.stop),
+        }
 
     def trace(
         self,
@@ -201,7 +205,7 @@ class _Tracer:
         table = np.zeros((ROWS if rays.transmittance is None else ROWS + 1, capacity), self.real)
         table[ROWS:] = 1.0  # what a lens leaves that loses nothing
         memory = self.session.allocate(table.nbytes)
-        launch = self.session.bind(program, "trace_rays", *self.tables, memory, np.uint32(capacity))
+        launch = self.session.bind(program, "trace_rays", **self.lens, rays=memory, capacity=np.uint32(capacity))
         for low in range(0, count, BLOCK):
             high = min(low + BLOCK, count)
             part = slice(low, high) if isinstance(rows, slice) else rows[low:high]

@@ -103,27 +103,26 @@ class LayerPass:
         self._nbytes = planes.bytes_per_pixel * layout.pixels
         self._buffer = session.allocate(self._nbytes, zeroed=True)
         view, blur = plan.camera.view.packed(with_blur="coc" in planes.names)
-        self._held = (  # kernels do not keep their buffers alive
-            *buffers.scene, session.upload(plan.owners.of_primitive), buffers.camera[0], session.upload(blur),
-            session.upload(view), state,
-        )  # fmt: skip
-        self._tiles = tiles
-        self._wave_argument = len(self._held)
         self.launch = session.bind(
             program,
             "layers",
-            *self._held,
-            bytes(WAVE.dtype.itemsize),
-            self._buffer,
-            np.uint32(capacity),
-            np.uint32(layout.pixels),
-            tiles,
-            *(buffers.trajectory if plan.facts["CAMERA_SEGMENTS"] else ()),
+            **buffers.scene,
+            owners=session.upload(plan.owners.of_primitive),
+            camera=buffers.camera["camera"],
+            blur=session.upload(blur),
+            view=session.upload(view),
+            state=state,
+            wave=bytes(WAVE.dtype.itemsize),
+            planes=self._buffer,
+            capacity=np.uint32(capacity),
+            pixels=np.uint32(layout.pixels),
+            tiles=tiles,
+            **(buffers.trajectory if plan.facts["CAMERA_SEGMENTS"] else {}),
         )
 
     def set_wave(self, wave: bytes) -> None:
         """Choose the wave whose rays are added next."""
-        self.launch.set(self._wave_argument, wave)
+        self.launch.set(wave=wave)
 
     def clear(self) -> None:
         """Empty the layers."""

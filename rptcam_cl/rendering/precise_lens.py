@@ -5,7 +5,7 @@ The first chooses film point and aim in float32, as `generate` does; the second,
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,6 @@ from rptcam_cl.device import Launch, Session
 DOUBLE_LANES = 8  # per work item of a CPU
 PACKETS = 2  # of lanes that a work item traces side by side
 BYTES_PER_SLOT = 32  # see kernels/lens/float64.h
-WAVE_OF_AIM = 2  # argument index
 
 
 def traces_in_float64(camera: CameraModel) -> bool:
@@ -54,6 +53,8 @@ class PreciseLens:
         Of the pass ``generate``, whose random numbers, film points and aims are to be met.
     capacity
         Slots of a wave.
+    buffers
+        Of the camera, as `rptcam_cl.rendering.buffers.camera_buffers` returns them.
     tiles, filter_table, colours : buffers
         As ``generate`` takes them.
 
@@ -69,6 +70,7 @@ class PreciseLens:
         camera: CameraModel,
         facts: dict[str, int | str],
         capacity: int,
+        buffers: Mapping[str, Any],
         tiles: Any,
         filter_table: Any,
         colours: Any,
@@ -83,20 +85,26 @@ class PreciseLens:
             ["pass/trace_lens.cl"], camera.facts | {"VW": lanes, "DOUBLE": 1}, device_declarations()
         )
         slots, empty = np.uint32(capacity), bytes(WAVE.dtype.itemsize)
-        self._aim = session.bind(aiming, "aim_rays", None, None, empty, tiles, filter_table, colours, self.rays, slots)
-        count = np.int32(len(camera.surfaces))
-        self._trace = session.bind(tracing, "trace_lens", None, count, None, self.rays, slots)
+        self._aim = session.bind(
+            aiming, "aim_rays", **_of(buffers, "camera", "tables"), wave=empty, tiles=tiles, filter=filter_table,
+            colours=colours, rays=self.rays, capacity=slots,
+        )  # fmt: skip
+        self._trace = session.bind(
+            tracing, "trace_lens", **_of(buffers, "surfaces", "stop"), count=np.int32(len(camera.surfaces)),
+            rays=self.rays, capacity=slots,
+        )  # fmt: skip
 
-    def use_camera(self, buffers: tuple[Any, ...]) -> None:
-        """Trace for a camera: its record, tables, surfaces and stop on the device."""
-        record, tables, surfaces, stop = buffers
-        for launch, index, buffer in (
-            (self._aim, 0, record), (self._aim, 1, tables), (self._trace, 0, surfaces), (self._trace, 2, stop),
-        ):  # fmt: skip
-            launch.set(index, buffer)
+    def use_camera(self, buffers: Mapping[str, Any]) -> None:
+        """Trace for another camera: its record, tables, surfaces and stop on the device."""
+        self._aim.set(**_of(buffers, "camera", "tables"))
+        self._trace.set(**_of(buffers, "surfaces", "stop"))
 
     def enqueue(self, wave: bytes, slots: int, run: Callable[[Launch, int], None]) -> None:
         """Enqueue both passes over a wave; ``run`` takes a launch and the number of its work items."""
-        self._aim.set(WAVE_OF_AIM, wave)
+        self._aim.set(wave=wave)
         run(self._aim, slots // self._aim_lanes)
         run(self._trace, slots // self._trace_lanes)
+
+
+def _of(buffers: Mapping[str, Any], *names: str) -> dict[str, Any]:
+    return {name: buffers[name] for name in names}

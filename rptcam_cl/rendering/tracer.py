@@ -36,7 +36,6 @@ GROUP = {"cpu": 4, "gpu": 64}  # work items per group; small ones spread evenly 
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
 STEPS_OF_SAMPLE = 4096  # that all loops of a kernel take for one sample, at most: those of trees and lenses
-WAVE_OF_GENERATE, WAVE_OF_FILM = 7, 3  # argument indices
 
 
 class Wavefront:
@@ -154,8 +153,6 @@ class Wavefront:
         self._tile_list = session.allocate(self.tiles.nbytes)
         session.write(self._tile_list, self.tiles)
         self._buffers = buffers or SceneBuffers(session, plan)
-        self._camera_buffers = self._buffers.camera
-        self._after_scene = len(self._buffers.scene)  # index of the first argument behind the scene
         self._layers = None
         if planes.names:
             self._layers = LayerPass(
@@ -169,33 +166,34 @@ class Wavefront:
         self._lens = None
         if self._precise:
             self._lens = PreciseLens(
-                session, plan.camera, self._camera_facts, self.capacity, self._tile_list, self._buffers.filter,
-                self._buffers.colours,
+                session, plan.camera, self._camera_facts, self.capacity, self._buffers.camera, self._tile_list,
+                self._buffers.filter, self._buffers.colours,
             )  # fmt: skip
-            self._lens.use_camera(self._camera_buffers)
         self._generate = session.bind(
-            self._camera, "generate", *self._camera_buffers, self._counters, self._state, capacity, empty,
-            self._tile_list, self._buffers.filter, self._buffers.colours, *self._buffers.trajectory,
-            *(() if self._lens is None else (self._lens.rays,)),
+            self._camera, "generate", **self._buffers.camera, counters=self._counters, state=self._state,
+            capacity=capacity, wave=empty, tiles=self._tile_list, filter=self._buffers.filter,
+            colours=self._buffers.colours, **self._buffers.trajectory,
+            **({} if self._lens is None else {"traced": self._lens.rays}),
         )  # fmt: skip
         if self.organisation == "stream":
             self._stream = session.bind(
-                self._trace, "stream", *scene, self._state, empty, self._limits(), self._film, self._counters, pixels,
-                self._tile_list,
+                self._trace, "stream", **scene, rays=self._state, wave=empty, limits=self._limits(), sums=self._film,
+                counters=self._counters, pixels=pixels, tiles=self._tile_list,
             )  # fmt: skip
             return
-        self._intersect = session.bind(self._trace, "intersect", *scene, self._state, capacity)
-        self._shadow = session.bind(self._trace, "shadow", *scene, self._state, capacity)
+        self._intersect = session.bind(self._trace, "intersect", **scene, state=self._state, capacity=capacity)
+        self._shadow = session.bind(self._trace, "shadow", **scene, state=self._state, capacity=capacity)
         self._shade = [
             session.bind(
-                self._trace, "shade", *scene, self._state, capacity, empty, self._limits(), np.uint32(edge),
-                self._tile_list,
+                self._trace, "shade", **scene, state=self._state, capacity=capacity, wave=empty, limits=self._limits(),
+                depth=np.uint32(depth), tiles=self._tile_list,
             )
-            for edge in range(1, self.settings.max_depth + 1)
+            for depth in range(1, self.settings.max_depth + 1)
         ]  # fmt: skip
-        self._develop = session.bind(
-            self._trace, "film", self._state, self._film, self._counters, empty, capacity, pixels, self._tile_list,
-            *((self._buffers.colours,) if plan.facts["SPECTRUM"] else ()),
+        self._add_to_film = session.bind(
+            self._trace, "film", state=self._state, sums=self._film, counters=self._counters, wave=empty,
+            capacity=capacity, pixels=pixels, tiles=self._tile_list,
+            **({"colours": self._buffers.colours} if plan.facts["SPECTRUM"] else {}),
         )  # fmt: skip
 
     def _limits(self) -> bytes:
@@ -228,11 +226,10 @@ class Wavefront:
 
     def use_camera(self, camera: CameraModel) -> None:
         """Look through another state of the camera from now on; its kernel and its facts are those of the plan."""
-        self._camera_buffers = camera_buffers(self.session, camera)
-        for index, buffer in enumerate(self._camera_buffers):
-            self._generate.set(index, buffer)
+        buffers = camera_buffers(self.session, camera)
+        self._generate.set(**buffers)
         if self._lens is not None:
-            self._lens.use_camera(self._camera_buffers)
+            self._lens.use_camera(buffers)
 
     def waves(self, first_sample: int, samples: int) -> list[tuple[int, int, int, int]]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
@@ -256,25 +253,25 @@ class Wavefront:
         self._enqueued += samples * int(self.layout.pixels_of_tile[tiles].sum())
         if self._lens is not None:
             self._lens.enqueue(wave, slots, self._run)
-        self._generate.set(WAVE_OF_GENERATE, wave)
+        self._generate.set(wave=wave)
         self._run(self._generate, slots // (self._packets * self._lanes["camera"]))
         if self._layers is not None and first_sample < self.settings.layers_spp:
             seen = min(samples, self.settings.layers_spp - first_sample)
             self._layers.set_wave(self._wave_bytes(first_pixel, pixels, first_sample, seen))
             self._run(self._layers.launch, pixels // self._lanes["trace"])
         if self.organisation == "stream":
-            self._stream.set(self._after_scene + 1, wave)
+            self._stream.set(wave=wave)
             self._run(self._stream, pixels // self._lanes["trace"])
             return
         items = slots // self._lanes["trace"]
         for shade in self._shade:
             self._run(self._intersect, items)
-            shade.set(self._after_scene + 2, wave)
+            shade.set(wave=wave)
             self._run(shade, items)
             if self._emitters and shade is not self._shade[-1]:
                 self._run(self._shadow, items)
-        self._develop.set(WAVE_OF_FILM, wave)
-        self._run(self._develop, pixels // self._lanes["trace"])
+        self._add_to_film.set(wave=wave)
+        self._run(self._add_to_film, pixels // self._lanes["trace"])
 
     def _run(self, launch: Launch, items: int) -> None:
         event = launch.enqueue(items, min(self._group, items))

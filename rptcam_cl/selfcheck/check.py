@@ -58,10 +58,10 @@ def needs_float64(name: str, unit: str) -> Check:
 GROUP = 16
 
 
-def run_probe(session: Session, name: str, facts: Mapping[str, int | str], items: int, *arguments: Any) -> None:
-    """Run the kernel ``name`` of ``kernels/probe`` over ``items`` work items."""
-    program = session.program([f"probe/{name}.cl"], facts, device_declarations())
-    session.bind(program, name, *arguments).enqueue(items, min(GROUP, items))
+def run_probe(session: Session, probe: str, facts: Mapping[str, int | str], items: int, /, **arguments: Any) -> None:
+    """Run a kernel of ``kernels/probe`` over ``items`` work items; its arguments are given by name."""
+    program = session.program([f"probe/{probe}.cl"], facts, device_declarations())
+    session.bind(program, probe, **arguments).enqueue(items, min(GROUP, items))
     session.finish()
 
 
@@ -77,11 +77,13 @@ def random_numbers(
 ) -> NDArray[np.float32]:
     """Return the four random numbers (n, 4) of each counter; ``n`` must be a multiple of ``lanes`` times 16."""
     counters = [np.ascontiguousarray(part.ravel(), np.uint32) for part in np.broadcast_arrays(pixel, sample, dimension)]
+    pixels, samples, dimensions = map(session.upload, counters)
     count = counters[0].size
     out = session.allocate(16 * count)
     facts = {"VW": lanes, "SAMPLER_LATTICE": int(lattice)}
     words = np.array(seed, np.uint32).tobytes()
     run_probe(
-        session, "probe_random", facts, count // lanes, *map(session.upload, counters), out, np.uint32(count), words
-    )
+        session, "probe_random", facts, count // lanes, pixels=pixels, samples=samples, dimensions=dimensions, out=out,
+        capacity=np.uint32(count), seed=words,
+    )  # fmt: skip
     return session.read(out, np.float32, 4 * count).reshape(4, count).T

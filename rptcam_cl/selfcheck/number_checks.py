@@ -65,7 +65,7 @@ def arithmetic_checks(session: Session) -> list[Check]:
     out = session.allocate(12 * count)
     run_probe(
         session, "probe_arithmetic", {"VW": session.lanes}, count // session.lanes,
-        session.upload(a), session.upload(b), out, np.uint32(count),
+        a=session.upload(a), b=session.upload(b), out=out, count=np.uint32(count),
     )  # fmt: skip
     root, quotient, flags = session.read(out, np.float32, 3 * count).reshape(3, count)
     wrong = int(((flags != 0) != ~np.isfinite(a)).sum())
@@ -94,7 +94,8 @@ def film_errors(session: Session, additions: int = ADDITIONS) -> tuple[float, in
         count = np.uint32(min(PER_LAUNCH, additions - first))
         run_probe(
             session, "probe_film", {"VW": lanes, "CLAMP": 0}, FILM_PIXELS // lanes,
-            sums, counters, np.uint32(FILM_PIXELS), np.uint32(first), count, last,
+            sums=sums, counters=counters, pixels=np.uint32(FILM_PIXELS), first=np.uint32(first),
+            samples=count, last=last,
         )  # fmt: skip
     planes = session.read(sums, np.float32, 6 * FILM_PIXELS).reshape(6, FILM_PIXELS).astype(np.float64)
     counted = session.read(counters, np.uint32, 16)[len(RayStatus)]
@@ -121,7 +122,7 @@ def loop_check(session: Session) -> Check:
     steps = 1 << 20 if session.loop_limit is None else session.loop_limit - 1
     outer = steps // (LOOPS + 1)  # a step of the outer loop counts, too
     out = session.allocate(4)
-    run_probe(session, "probe_loops", {"VW": 1}, 1, out, np.uint32(outer), np.uint32(LOOPS))
+    run_probe(session, "probe_loops", {"VW": 1}, 1, out=out, outer=np.uint32(outer), inner=np.uint32(LOOPS))
     done = int(session.read(out, np.uint32, 1)[0])
     return Check(f"loops: {outer * LOOPS} steps", abs(outer * LOOPS - done), 0, "not taken")
 

@@ -53,9 +53,9 @@ class MeshScene:
         assert self.plan.meshes is not None
         self.trees = scene_trees(self.plan.meshes, session)
 
-    def _run(self, name: str, items: int, lanes: int, *arguments: Any) -> None:
+    def _run(self, probe: str, items: int, lanes: int, **arguments: Any) -> None:
         facts = self.plan.facts | self.buffers.tree_facts | {"VW": lanes}
-        run_probe(self.session, name, facts, items, *self.buffers.scene, *arguments)
+        run_probe(self.session, probe, facts, items, **self.buffers.scene, **arguments)
 
     def trace(self, o: Any, d: Any, reach: Any = 3e38, self_part: Any = None, lanes: int = 8) -> MeshHits:
         """Return what the rays (n, 3) meet."""
@@ -70,7 +70,7 @@ class MeshScene:
         rays[8, :n] = reach
         out, dark = self.session.allocate(48 * count), self.session.allocate(4 * count)
         held = self.session.upload(rays)
-        self._run("probe_hits", count // lanes, lanes, held, out, dark, np.uint32(count))
+        self._run("probe_hits", count // lanes, lanes, rays=held, hits=out, blocked=dark, count=np.uint32(count))
         rows = self.session.read(out, np.float32, 12 * count).reshape(12, count)[:, :n]
         blocked = self.session.read(dark, np.int32, count)[:n] != 0
         return MeshHits(
@@ -83,9 +83,9 @@ class MeshScene:
         count = len(o)
         rays = np.zeros((9, count), np.float32)
         rays[:3], rays[3:6] = np.asarray(o).T, np.asarray(d).T
-        out = self.session.allocate(8 * count)
+        out, blocks = self.session.allocate(8 * count), np.uint32(len(self.trees.blocks))
         held = self.session.upload(rays)
-        self._run("probe_brute", count, 1, held, out, np.uint32(len(self.trees.blocks)), np.uint32(count))
+        self._run("probe_brute", count, 1, rays=held, hits=out, block_count=blocks, count=np.uint32(count))
         rows = self.session.read(out, np.float32, 2 * count).reshape(2, count)
         return rows[0], rows[1].view(np.int32)
 
@@ -95,11 +95,12 @@ class MeshScene:
         rays = np.concatenate([np.asarray(rows, np.float32).T for rows in (o, d, onward)])
         out = self.session.allocate(4 * count)
         held = self.session.upload(np.ascontiguousarray(rays))
-        self._run("probe_departure", count // lanes, lanes, held, out, np.uint32(count))
+        self._run("probe_departure", count // lanes, lanes, rays=held, again=out, count=np.uint32(count))
         return self.session.read(out, np.int32, count)
 
 
 NOTHING = -1
+TREE_ARGUMENTS = ("primitive_nodes", "primitive_leaves")
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,8 @@ class ObjectRays:
         assert self.plan.meshes is None
         other = copy.copy(self)
         other.buffers = copy.copy(self.buffers)
-        other.buffers.scene, other.buffers.tree_facts = self.buffers.scene[:-2], {}
+        other.buffers.scene = {name: value for name, value in self.buffers.scene.items() if name not in TREE_ARGUMENTS}
+        other.buffers.tree_facts = {}
         return other
 
     def trace(
@@ -158,7 +160,9 @@ class ObjectRays:
         facts = self.plan.facts | self.buffers.tree_facts | {"VW": lanes}
         held = self.session.allocate(rays.nbytes)  # aligned for packs, as the host's array need not be
         self.session.write(held, rays)
-        arguments = (*self.buffers.scene, held, hits, dark, np.uint32(count))
-        run_probe(self.session, "probe_primitives", facts, count // lanes, *arguments)
+        run_probe(
+            self.session, "probe_primitives", facts, count // lanes, **self.buffers.scene, rays=held, hits=hits,
+            blocked=dark, count=np.uint32(count),
+        )  # fmt: skip
         t, primitive = self.session.read(hits, np.float32, 2 * count).reshape(2, count)[:, :n]
         return Met(t, primitive.view(np.int32), self.session.read(dark, np.int32, count)[:n] != 0)

@@ -28,10 +28,10 @@ def open_session() -> Session:
     return Session(choose_device())
 
 
-def run(session: Session, name: str, facts: Mapping[str, Any], items: int, *arguments: Any) -> None:
-    """Run the probe ``name`` over ``items`` work items."""
-    program = session.program([str(FOLDER / f"{name}.cl")], facts, device_declarations())
-    session.bind(program, name, *arguments).enqueue(items, min(GROUP, items))
+def run(session: Session, probe: str, facts: Mapping[str, Any], items: int, /, **arguments: Any) -> None:
+    """Run a probe over ``items`` work items; its arguments are given by name."""
+    program = session.program([str(FOLDER / f"{probe}.cl")], facts, device_declarations())
+    session.bind(program, probe, **arguments).enqueue(items, min(GROUP, items))
     session.finish()
 
 
@@ -79,9 +79,10 @@ def camera_slots(
     tables = np.concatenate([camera.tables, np.full(1 << 20, beyond, np.float32)])
     out = session.allocate(12 * 4 * slots)
     run(
-        session, "probe_camera", facts, slots // lanes, session.upload(camera.record), session.upload(tables),
-        session.upload(camera.surfaces), session.upload(camera.stop), out,
-        np.uint32(slots), wave_record(layout, samples, seed).tobytes(), session.upload(layout.whole_list()),
+        session, "probe_camera", facts, slots // lanes, camera=session.upload(camera.record),
+        tables=session.upload(tables), surfaces=session.upload(camera.surfaces), stop=session.upload(camera.stop),
+        out=out, capacity=np.uint32(slots), wave=wave_record(layout, samples, seed).tobytes(),
+        tiles=session.upload(layout.whole_list()),
     )  # fmt: skip
     return session.read(out, np.float32, 12 * slots).reshape(12, slots).astype(np.float64)
 

@@ -53,8 +53,8 @@ def scatter(session: Session, material, wi, wo=None, numbers=None) -> Scattered:
     records = pack_materials([scene.materials["tested"]], TextureTable(scene), KnownSpectra()).records
     out = session.allocate(11 * 4 * padded)
     run(
-        session, "probe_scatter", FACTS, padded // LANES, session.upload(records), np.int32(0),
-        session.upload(table), out, np.uint32(padded),
+        session, "probe_scatter", FACTS, padded // LANES, materials=session.upload(records),
+        material=np.int32(0), out=out, capacity=np.uint32(padded), **{"in": session.upload(table)},
     )  # fmt: skip
     rows = session.read(out, np.float32, 11 * padded).reshape(11, padded)[:, :count].astype(np.float64)
     return Scattered(rows[:3].T, rows[3], rows[4:7].T, rows[7:10].T, rows[10])

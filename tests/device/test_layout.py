@@ -38,7 +38,7 @@ def test_device_lays_out_records_as_the_host(session, record, tmp_path: Path):
     source.write_text(probe_source(record))
     program = session.program([str(source)], {"VW": 1}, device_declarations())
     out = session.allocate(4 * (1 + len(record.members)))
-    session.bind(program, "probe_layout", out).enqueue(1, 1)
+    session.bind(program, "probe_layout", out=out).enqueue(1, 1)
     size, *offsets = session.read(out, np.uint32, 1 + len(record.members))
     assert size == record.dtype.itemsize
     fields = record.dtype.fields

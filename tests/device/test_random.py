@@ -43,7 +43,7 @@ def test_device_computes_the_published_permutation(session, lanes):
 def test_unit_float_is_below_one_and_hits_zero(session):
     words = np.array([0, 255, 256, 0x7FFFFFFF, 0x80000000, 0xFFFFFF00, 0xFFFFFF80, 0xFFFFFFFF], np.uint32)
     out = session.allocate(32)
-    run_probe(session, "probe_unit_float", {"VW": 1}, 8, session.upload(words), out)
+    run_probe(session, "probe_unit_float", {"VW": 1}, 8, words=session.upload(words), out=out)
     got = session.read(out, np.float32, 8)
     np.testing.assert_array_equal(got, (words >> 8).astype(np.float64) * 2.0**-24)
     assert got.max() < 1

@@ -30,8 +30,8 @@ def sampled(session, folder, sky, count, lanes=8, **keys):
     # 24 bits as the kernels' random numbers have
     numbers = np.random.default_rng(5).integers(0, 1 << 24, (2, count)).astype(np.float32) / np.float32(1 << 24)
     out = session.allocate(4 * 11 * count)
-    run(session, "probe_environment", plan.facts | {"VW": lanes}, count // lanes, *SceneBuffers(session, plan).scene,
-        session.upload(numbers), out, np.uint32(count))  # fmt: skip
+    run(session, "probe_environment", plan.facts | {"VW": lanes}, count // lanes, **SceneBuffers(session, plan).scene,
+        numbers=session.upload(numbers), out=out, count=np.uint32(count))  # fmt: skip
     rows = session.read(out, np.float32, 11 * count).reshape(11, count).astype(np.float64)
     return rows[:3].T, rows[3:6].T, rows[6], rows[7:10].T, rows[10]
 

@@ -114,7 +114,7 @@ def test_boxes_too_small_by_a_twentieth_lose_hits(session, monkeypatch):
     with_tree(monkeypatch, True)
     arrays = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
     arrays.nodes[:, 4:7] *= 0.95
-    tree.buffers.scene = (*loop.buffers.scene, session.upload(arrays.nodes), session.upload(arrays.leaves))
+    tree.buffers.scene["primitive_nodes"] = session.upload(arrays.nodes)
     o, d = (array.astype(np.float32) for array in random_rays(rng, 100_000))
     assert tree.trace(o, d).unlike(loop.trace(o, d)).sum() > 20
 

@@ -22,8 +22,8 @@ class Fragile(Session):
         super().__init__(info)
         self.healthy_launches: int | None = None
 
-    def bind(self, program: Any, name: str, *arguments: Any) -> Launch:
-        launch = super().bind(program, name, *arguments)
+    def bind(self, program: Any, kernel: str, /, **arguments: Any) -> Launch:
+        launch = super().bind(program, kernel, **arguments)
         whole = launch.enqueue
 
         def enqueue(items: int, group: int) -> Any:

@@ -48,7 +48,7 @@ def test_programs_of_dispersive_without_dispersion_are_those_of_rgb(monkeypatch)
     def program(self, files, facts, declarations=""):
         built.append((files, dict(facts), declarations))
 
-    def bind(self, *given):
+    def bind(self, *_, **__):
         raise EnoughError
 
     monkeypatch.setattr(Session, "program", program)

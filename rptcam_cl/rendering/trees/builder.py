@@ -57,16 +57,16 @@ class Builder:
         self._shrink = np.float32(scale_of(np.concatenate([lower.min(axis=0), upper.max(axis=0)])))
         self._boxes = session.allocate(32 * self._count)
         self._spare: Any = None
-        corners = session.upload(lower), session.upload(upper)
-        self._run("gather", self._count, 64, *corners, self._boxes)
+        self._run("gather", self._count, 64, lower=session.upload(lower), upper=session.upload(upper))
         session.finish()
 
-    def _run(self, name: str, items: int, group: int, *arguments: Any) -> None:
-        launch = self._session.bind(self._program, name, *arguments, np.int32(items))
+    def _run(self, kernel: str, items: int, group: int, **arguments: Any) -> None:
+        """Run a kernel of the build over ``items``; all take the boxes."""
+        launch = self._session.bind(self._program, kernel, boxes=self._boxes, **arguments, count=np.int32(items))
         launch.enqueue(-(-items // group) * group, group)
 
-    def _run_heavy(self, name: str, items: int, *arguments: Any) -> None:
-        self._run(name, items, GROUP[self._session.kind], *arguments)
+    def _run_heavy(self, kernel: str, items: int, **arguments: Any) -> None:
+        self._run(kernel, items, GROUP[self._session.kind], **arguments)
 
     def is_small(self, count: NDArray[np.int64], depth: NDArray[np.int64]) -> NDArray[np.bool_]:
         """Return which nodes are left to one work item: small ones, and those deep enough to need exact halves."""
@@ -78,8 +78,8 @@ class Builder:
         shape = (len(chunks), 3, BINS, 2, 4)
         size = int(np.prod(shape))
         bins = self._session.allocate(4 * size)
-        given = self._session.upload(chunks), self._session.upload(grids)
-        self._run_heavy("histogram", len(chunks), self._boxes, *given, bins)
+        given = {"chunks": self._session.upload(chunks), "grids": self._session.upload(grids)}
+        self._run_heavy("histogram", len(chunks), **given, bins=bins)
         return self._session.read(bins, np.float32, size).reshape(shape)
 
     def partition(self, chunks: NDArray[np.int32], splits: NDArray[np.int32]) -> NDArray[np.float32]:
@@ -93,8 +93,8 @@ class Builder:
         if self._spare is None:
             self._spare = self._session.allocate(32 * self._count)
         spans = self._session.allocate(64 * len(chunks))
-        given = self._session.upload(chunks), self._session.upload(splits)
-        self._run_heavy("partition", len(chunks), self._boxes, self._spare, *given, spans)
+        given = {"chunks": self._session.upload(chunks), "splits": self._session.upload(splits)}
+        self._run_heavy("partition", len(chunks), sorted=self._spare, **given, spans=spans)
         self._boxes, self._spare = self._spare, self._boxes
         return self._session.read(spans, np.float32, 16 * len(chunks)).reshape(-1, 2, 2, 4)
 
@@ -103,9 +103,15 @@ class Builder:
         self._spare = None
         memory = self._session.allocate(self._count)
         self._session.write(memory, marks)
-        given = self._session.upload(ranges)
-        limits = np.int32(self.leaf_size.bit_length() - 1), np.int32(self.max_depth)
-        self._run_heavy("subtree", len(ranges), self._boxes, memory, given, self._shrink, *limits)
+        self._run_heavy(
+            "subtree",
+            len(ranges),
+            marks=memory,
+            ranges=self._session.upload(ranges),
+            shrink=self._shrink,
+            leaf_bits=np.int32(self.leaf_size.bit_length() - 1),
+            max_depth=np.int32(self.max_depth),
+        )
         return self._session.read(memory, np.uint8, self._count)
 
     def leaves(self, starts: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
@@ -113,8 +119,8 @@ class Builder:
         count = len(starts) - 1
         blocks = self._session.allocate(4 * self.leaf_size * count)
         bounds = self._session.allocate(32 * count)
-        size = np.int32(self.leaf_size)
-        self._run("leaves", count, 64, self._boxes, self._session.upload(starts), blocks, bounds, size)
+        given = {"starts": self._session.upload(starts), "leaf_size": np.int32(self.leaf_size)}
+        self._run("leaves", count, 64, **given, blocks=blocks, bounds=bounds)
         corners = self._session.read(bounds, np.float32, 8 * count).reshape(-1, 2, 4)[:, :, :3]
         primitives = self._session.read(blocks, np.int32, self.leaf_size * count)
         return primitives.reshape(-1, self.leaf_size), corners.reshape(-1, 6)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,12 +29,16 @@ def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree
     nodes = len(tree.bounds)
     boxes = np.zeros((nodes, 2, 4), np.float32)
     boxes[:, :, :3] = tree.bounds.reshape(-1, 2, 3)
-    memory = [session.allocate(boxes.nbytes), session.allocate(8 * len(tree.children)), session.allocate(4 * nodes)]
-    for buffer, array in zip(memory, (boxes, tree.children, _parents(tree)), strict=True):
-        session.write(buffer, array)
-    rest = np.int32(tree.leaves), np.int32(tree.root), np.float32(scale_of(tree.bounds[tree.root]))
+    on_device = {
+        "boxes": _written(session, boxes),
+        "children": _written(session, tree.children),
+        "parents": _written(session, _parents(tree)),
+        "leaves": np.int32(tree.leaves),
+        "root": np.int32(tree.root),
+        "shrink": np.float32(scale_of(tree.bounds[tree.root])),
+    }
     places, gains = session.allocate(4 * nodes), session.allocate(4 * nodes)
-    search = session.bind(program, "search", *memory, places, gains, *rest, np.int32(nodes))
+    search = session.bind(program, "search", **on_device, places=places, gains=gains, count=np.int32(nodes))
     group = GROUP[session.kind]
     most = MOST_MOVES if session.loop_limit is None else session.loop_limit // STEPS_OF_MOVE
     for _ in range(ROUNDS):
@@ -44,12 +49,19 @@ def reinserted(tree: BinaryTree, max_depth: int, session: Session) -> BinaryTree
             break
         moving = moving[np.argsort(-gain[moving], kind="stable")][:MOST_MOVES]
         for part in np.array_split(moving, -(-len(moving) // most)):
-            given = session.upload(part.astype(np.int32)), session.upload(found[part])
-            session.bind(program, "reinsert", *memory, *given, *rest, np.int32(len(part))).enqueue(1, 1)
-    better = session.read(memory[0], np.float32, boxes.size).reshape(boxes.shape)[:, :, :3].reshape(-1, 6)
-    children = session.read(memory[1], np.int32, tree.children.size).reshape(-1, 2)
+            moves = {"nodes": session.upload(part.astype(np.int32)), "places": session.upload(found[part])}
+            session.bind(program, "reinsert", **on_device, **moves, count=np.int32(len(part))).enqueue(1, 1)
+    better = session.read(on_device["boxes"], np.float32, boxes.size).reshape(boxes.shape)[:, :, :3].reshape(-1, 6)
+    children = session.read(on_device["children"], np.int32, tree.children.size).reshape(-1, 2)
     height = heights(children, tree.root, max_depth)
     return tree if height is None else replace(tree, children=children, bounds=better, height=height)
+
+
+def _written(session: Session, array: NDArray[Any]) -> Any:
+    """Return a buffer that holds an array and may be written."""
+    buffer = session.allocate(array.nbytes)
+    session.write(buffer, array)
+    return buffer
 
 
 def _parents(tree: BinaryTree) -> NDArray[np.int32]:
