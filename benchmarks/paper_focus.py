@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.focusing import ProbeRenderer, Zone, requested_autofocus
 from rptcam_cl.focusing.measures import BEST, MEASURES
@@ -26,7 +27,6 @@ from rptcam_cl.scene import change_scene
 
 SCENE = Path(__file__).parents[1] / "examples" / "paper" / "autofocus.yaml"
 DISTANCES = [15, 16, 18, 20, 22.5, 24, 25, 26, 27.5, 30, 32.5, 35, 40, 45, 50, 55, 60]  # units: mm
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 Curve = NDArray[np.float64]
 
 

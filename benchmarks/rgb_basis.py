@@ -13,7 +13,7 @@ import argparse
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour.observer import cie_1931, daylight_65, srgb_from_xyz
+from rptcam_cl.colour import cie_1931, daylight_65, srgb_from_xyz
 from rptcam_cl.colour.spectrum import WAVELENGTHS_NM
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.resources import spectra_dir

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import REFERENCE, reference_scene, render_samples, wavefront_of
 from benchmarks.stopwatch import timed
+from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.plan import make_plan
@@ -25,7 +26,6 @@ from rptcam_cl.rendering import Wavefront
 from rptcam_cl.scene import Scene, change_scene, load_scene
 
 MODES = ("rgb", "dispersive", "spectral")
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 GLASS = {"kind": "dielectric", "glass": "SF11"}
 LENS = {"spectral": {"lens": "on"}}  # however small its colour error
 TURNS = 3

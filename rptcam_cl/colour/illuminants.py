@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rptcam_cl.colour.observer import cie_1931
-from rptcam_cl.colour.spectrum import WAVELENGTHS_NM, Spectrum, columns, table
+from rptcam_cl.colour.spectrum import WAVELENGTHS_NM, Spectrum, cie_1931, columns, table
+from rptcam_cl.core.constants import BOLTZMANN, LIGHT_SPEED, PLANCK
 from rptcam_cl.core.errors import InputError
-
-# CODATA 2018, exact in the SI: Planck constant [J s], speed of light [m/s], Boltzmann constant [J/K].
-PLANCK, LIGHT_SPEED, BOLTZMANN = 6.62607015e-34, 299792458.0, 1.380649e-23
 
 COOLEST_DAYLIGHT, HOTTEST_DAYLIGHT = 4000.0, 25000.0  # [K], CIE 15
 
@@ -34,6 +33,12 @@ def illuminant(name: str) -> Spectrum:
     if name not in ILLUMINANTS:
         raise InputError(f"is not a known illuminant (got {name!r}; allowed: {', '.join(ILLUMINANTS)})")
     return _of_luminance_1(columns("illuminants")[name])
+
+
+@cache
+def daylight_65() -> Spectrum:
+    """Return illuminant D65 of luminance 1 (401,) [1/nm]."""
+    return illuminant("D65")
 
 
 def daylight(kelvin: float) -> Spectrum:

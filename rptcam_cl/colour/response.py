@@ -10,19 +10,18 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour.observer import daylight_65
+from rptcam_cl.colour.illuminants import daylight_65
 from rptcam_cl.colour.spectrum import WAVELENGTHS_NM, on_grid, rgb_basis
+from rptcam_cl.core.constants import LIGHT_SPEED, PLANCK
 from rptcam_cl.core.resources import response_curves_dir
 
 Array = NDArray[np.float64]
 
 RESPONSES = ("nikon_d5100", "canon_eos_5d_mark_ii", "sigma_sd_merrill")
 
-# Wavelengths that stand for the channels where no curves are given [nm]: near the hues of sRGB's primaries, and near
-# those at which data sheets tell the efficiencies of colour sensors.
+# Wavelengths that stand for the channels where no curves are given [nm]: near sRGB's primaries, and near
+# those at which data sheets give the efficiencies of colour sensors.
 CHANNEL_NM = np.array([610.0, 545.0, 465.0])
-
-PLANCK, LIGHT_SPEED = 6.62607015e-34, 299792458.0  # [J s], [m/s], exact in the SI
 
 
 @cache

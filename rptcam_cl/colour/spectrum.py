@@ -79,6 +79,11 @@ def table(name: str) -> Spectrum:
     return stacked
 
 
+def cie_1931() -> Spectrum:
+    """Return the colour matching functions x, y, z of the CIE 1931 observer (401, 3); sums over 1 nm give X, Y, Z."""
+    return table("cie_1931")
+
+
 def rgb_basis() -> NDArray[np.float64]:
     """Return the reflectance spectra of linear sRGB's red, green and blue (401, 3).
 

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour import pixel_luminance
+from rptcam_cl.colour import luminance
 from rptcam_cl.imaging.tone import aces, agx, reinhard, srgb_from_linear
 from rptcam_cl.imaging.white_balance import WHOLE, Adaptation, Part, WhiteBalance, balance_matrix
 
@@ -122,7 +122,7 @@ def _toned(linear: Pixels, picture: Development) -> Pixels:
 def _without_negatives(linear: Pixels, gamut: Gamut) -> Pixels:
     if gamut == "clip":
         return np.maximum(linear, np.float32(0))
-    grey = np.maximum(pixel_luminance(linear), np.float32(0))
+    grey = np.maximum(luminance(linear, np.float32)[..., None], np.float32(0))
     depth = grey - linear.min(axis=-1, keepdims=True)
     return np.maximum(_towards(grey, linear, room=grey, reach=depth), np.float32(0))
 
@@ -130,7 +130,7 @@ def _without_negatives(linear: Pixels, gamut: Gamut) -> Pixels:
 def _below_one(linear: Pixels, gamut: Gamut) -> Pixels:
     if gamut == "clip":
         return np.minimum(linear, np.float32(1))
-    grey = np.minimum(pixel_luminance(linear), np.float32(1))
+    grey = np.minimum(luminance(linear, np.float32)[..., None], np.float32(1))
     height = linear.max(axis=-1, keepdims=True) - grey
     return np.minimum(_towards(grey, linear, room=1 - grey, reach=height), np.float32(1))
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour import pixel_luminance
+from rptcam_cl.colour import luminance
 
 Pixels = NDArray[np.float32]
 
@@ -56,7 +56,7 @@ def reinhard(linear: Pixels, white: float) -> Pixels:
     white
         Luminance that becomes 1.
     """
-    brightness = pixel_luminance(linear)
+    brightness = luminance(linear, np.float32)[..., None]
     shown: Pixels = linear * ((1 + brightness / np.float32(white**2)) / (1 + brightness))
     return shown
 

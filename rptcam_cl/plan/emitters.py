@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour import colour_luminance
+from rptcam_cl.colour import luminance
 from rptcam_cl.core.curves import curves
 from rptcam_cl.core.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.core.records import EMITTER, Kind
@@ -129,7 +129,7 @@ class _Glow:
     @property
     def strength(self) -> float:
         """Radiance times sides [W/(m² sr), luminance]."""
-        return colour_luminance(self.radiance) * (2 if self.two_sided else 1)
+        return float(luminance(self.radiance)) * (2 if self.two_sided else 1)
 
     def fill(self, records: NDArray[np.void] | np.void) -> None:
         """Write it into records."""

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.luminaire import Luminaire, read_luminaire
-from rptcam_cl.colour import LUMINANCE, colour_luminance
+from rptcam_cl.colour import LUMINANCE, luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kinds import EmitterKind, TexelFormat
 from rptcam_cl.core.records import EMITTER
@@ -30,14 +30,14 @@ def light_emitter(
     match light:
         case PointLight():
             record["kind"], record["radiance"][:3] = EmitterKind.POINT, light.intensity
-            power = 4 * np.pi * colour_luminance(light.intensity)
+            power = 4 * np.pi * luminance(light.intensity)
         case SpotLight():
             power = _spot(record, light)
         case ProfileLight():
             power = _profile(record, light, scene, textures)
         case DirectionalLight():
             record["kind"], record["radiance"][:3] = EmitterKind.DIRECTIONAL, light.irradiance
-            power = np.pi * reach**2 * colour_luminance(light.irradiance)
+            power = np.pi * reach**2 * luminance(light.irradiance)
         case SunLight():
             power = fill_sun(record, light.irradiance, light.diameter_degrees / 2) * np.pi * reach**2
     record["radiance"][3] = _number(light, record, spectra)
@@ -68,7 +68,7 @@ def fill_sun(record: np.void, irradiance: tuple[float, float, float], radius_deg
     record["kind"] = EmitterKind.SUN
     record["a"][3] = sin2
     record["radiance"][:3] = np.asarray(irradiance) / (np.pi * sin2)
-    return colour_luminance(irradiance)
+    return float(luminance(irradiance))
 
 
 def sun_emitter(sun: DistantSun, reach: float) -> tuple[np.void, float]:
@@ -90,7 +90,7 @@ def _spot(record: np.void, light: SpotLight) -> float:
     record["kind"], record["radiance"][:3] = EmitterKind.SPOT, light.intensity
     record["normal"][:3] = _unit(light.direction)
     record["u"][3], record["v"][3] = outer, 1 / (outer - inner)
-    return float(np.pi * (outer + inner) * colour_luminance(light.intensity))
+    return float(np.pi * (outer + inner) * luminance(light.intensity))
 
 
 def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: TextureTable) -> float:
@@ -103,7 +103,7 @@ def _profile(record: np.void, light: ProfileLight, scene: Scene, textures: Textu
     texels = np.repeat(intensity.astype(np.float32)[::-1, :, None], 3, axis=2)
     record["texture"] = textures.add_sphere(Colours.of(texels, TexelFormat.HALF, f"luminaire {scene.digest_of(light)}"))
     record["kind"] = EmitterKind.PROFILE
-    colour = np.array(light.color) * (light.gain / max(colour_luminance(light.color), 1e-30))
+    colour = np.array(light.color) * (light.gain / max(float(luminance(light.color)), 1e-30))
     record["radiance"][:3] = colour
     turn = turn_to(-_unit(light.direction))
     angle = np.deg2rad(light.rotation_degrees)

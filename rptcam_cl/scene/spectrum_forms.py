@@ -13,11 +13,11 @@ from rptcam_cl.colour import (
     Spectrum,
     blackbody,
     daylight,
+    exact_luminance,
     illuminant,
     lines_on_grid,
     on_grid,
 )
-from rptcam_cl.colour import luminance as luminance_of
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.scene.base import Alternatives, SceneModel
@@ -137,7 +137,7 @@ class LightSpectrum(TabulatedSpectrum):
             return own.scaled(self.scale)
         if self.luminance is None and self.watts is None:
             return own
-        amount = float(luminance_of(own)) if self.luminance is not None else float(samples.sum())
+        amount = float(exact_luminance(own)) if self.luminance is not None else float(samples.sum())
         if amount <= 0:
             raise refuse("is dark, and cannot be made bright", allowed="a spectrum with light from 380 to 780 nm")
         return own.scaled((self.luminance or self.watts or 1.0) / amount)
@@ -187,7 +187,7 @@ def radiance(spectrum: LightSpectrum, folders: Folders) -> SpectralColour:
 def tint(spectrum: LightSpectrum, folders: Folders) -> SpectralColour:
     """Return light of luminance 1."""
     made = spectrum.light(folders)
-    bright = float(luminance_of(made))
+    bright = float(exact_luminance(made))
     if bright <= 0:
         raise refuse("is dark, and has no colour", allowed="a spectrum with light from 380 to 780 nm")
     return made.scaled(1 / bright)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour import METALS, WAVELENGTHS_NM, lines_on_grid, metal_optics, on_grid, within_srgb
-from rptcam_cl.colour import luminance as luminance_of
+from rptcam_cl.colour import METALS, WAVELENGTHS_NM, exact_luminance, lines_on_grid, metal_optics, on_grid, within_srgb
 
 
 def test_grid_goes_from_380_to_780_nm():
@@ -38,7 +37,7 @@ def test_colours_outside_srgb_keep_their_luminance():
     laser = np.array([-0.3, 1.2, -0.05])
     kept = within_srgb(laser)
     assert kept.min() >= 0
-    assert luminance_of(kept) == pytest.approx(float(luminance_of(laser)))
+    assert exact_luminance(kept) == pytest.approx(float(exact_luminance(laser)))
     np.testing.assert_allclose(within_srgb([0.2, 0.5, 1.7]), [0.2, 0.5, 1.7])
     assert within_srgb([0.0, 0.0, 0.0]).tolist() == [0, 0, 0]
 

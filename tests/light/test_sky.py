@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.colour.constants import LUMINANCE
+from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.plan.sky import COLUMNS, LUMENS_PER_WATT, ROWS, SUN_RADIUS_DEGREES, bake_sky, sun_irradiance
 from rptcam_cl.scene import SkyEnvironment
 from tests.light.pictures import irradiance

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.colour.constants import LUMINANCE
+from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.plan.spectrum import least_noise, primary_spectra
 from tests.render.pictures import WHITE, looking, pixels, scene_of, seed_of
 from tests.spectrum.scenes import SINGLET_BACK_MM, room, singlet, white_wall

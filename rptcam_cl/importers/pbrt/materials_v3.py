@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from rptcam_cl.colour import colour_luminance
+from rptcam_cl.colour import luminance
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.media import index_of, metal_keys
 from rptcam_cl.importers.pbrt.state import Entity
@@ -58,7 +58,7 @@ def _covered(
         context.report.approximated(
             material.place, f"{material.what}: its gloss as that of a clear cover with the same reflectance"
         )
-    normal = ((index - 1) / (index + 1)) ** 2 * colour_luminance(gloss.colour)
+    normal = ((index - 1) / (index + 1)) ** 2 * float(luminance(gloss.colour))
     root = math.sqrt(normal)
     index = max((1 + root) / (1 - root), 1.001)
     return {"kind": "plastic", "reflectance": diffuse.keys(), "index": index, **alpha_keys(pair)}
@@ -96,7 +96,7 @@ def _shiny_metal(context: Context, material: Entity) -> Keys:
     rough, smooth = shade(context, material, "Ks", 1.0), shade(context, material, "Kr", 1.0)
     exponent = 1 / max(value(context, material, "roughness", 0.1), 1e-4)
     context.report.approximated(material.place, f"{material.what}: the stronger of its reflections Ks and Kr")
-    if colour_luminance(smooth.colour) > colour_luminance(rough.colour):
+    if float(luminance(smooth.colour)) > float(luminance(rough.colour)):
         return conductor({"reflectance": smooth.keys()}, None)
     alpha = math.sqrt(2 / (exponent + 2))  # of Blinn's lobe with that exponent (Walter et al. 2007)
     return conductor({"reflectance": rough.keys()}, (alpha, alpha))
@@ -114,12 +114,12 @@ def _uber(context: Context, material: Entity) -> Keys:
     if has_effect(rough) and has_effect(smooth):
         context.report.approximated(material.place, f"{material.what}: the stronger gloss of Ks and Kr")
     holes = opacity_keys(context, material, "opacity", number_or_colour(context, material, "opacity"))
-    passing = min(colour_luminance(through.colour), 1.0)
+    passing = min(float(luminance(through.colour)), 1.0)
     glass: Keys = {"kind": "dielectric", "index": index}
     if passing > NOTHING and not has_effect(diffuse):
         material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
         return glass | holes
-    if colour_luminance(smooth.colour) > colour_luminance(rough.colour):
+    if float(luminance(smooth.colour)) > float(luminance(rough.colour)):
         material.parameters.skip("roughness", "uroughness", "vroughness", "remaproughness")
         pair = None
         gloss = smooth
@@ -158,7 +158,7 @@ def _substrate(context: Context, material: Entity) -> Keys:
     """Return a matte base under a clear cover whose reflectance at right angles is Ks (Ashikhmin and Shirley)."""
     diffuse, gloss = shade(context, material, "Kd", 0.5), shade(context, material, "Ks", 0.5)
     rough = alphas(context, material, 0.1)
-    normal = min(colour_luminance(gloss.colour), 0.4)
+    normal = min(float(luminance(gloss.colour)), 0.4)
     context.report.approximated(material.place, f"{material.what}: a clear cover that reflects {normal:.3g} head-on")
     if normal < 1e-4:
         return matte(diffuse)
