@@ -61,7 +61,7 @@ class MeshContents:
     notes: tuple[str, ...] = ()
 
     def with_normals(self, mode: NormalsMode) -> MeshContents:
-        """Return the contents with the normals that a mode asks for; parts that shared a mesh still do."""
+        """Return the contents with the normals of a mode; parts that shared a mesh still do."""
         if mode == "auto":
             return self
         return self._with_meshes({mesh: mesh.with_normals(mode) for mesh in {part.mesh for part in self.parts}})

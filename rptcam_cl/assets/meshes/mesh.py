@@ -61,7 +61,7 @@ class Mesh:
         return self.origin + self.positions.min(axis=0), self.origin + self.positions.max(axis=0)
 
     def with_normals(self, mode: NormalsMode) -> Mesh:
-        """Return the mesh with the normals that a mode asks for, sharing all other arrays; `auto` leaves them."""
+        """Return the mesh with the normals of a mode, sharing all other arrays; `auto` leaves them."""
         if mode == "auto" or (mode == "flat" and self.normals is None):
             return self
         normals = smooth_normals(self.positions, self.faces) if mode == "smooth" else None

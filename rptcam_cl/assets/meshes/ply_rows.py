@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from itertools import islice
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
@@ -10,6 +9,7 @@ from typing import Any, BinaryIO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.assets.meshes.obj_lines import parsed
 from rptcam_cl.assets.meshes.ply_header import Element, Property
 from rptcam_cl.core.errors import InputError
 
@@ -202,17 +202,16 @@ class TextRows:
 
     def _rows(self, lines: list[bytes], element: Element, first: int) -> Rows:
         """Return the rows of some lines, the first of which has a number, after checking that each line has its own."""
+        numbers = parsed(b" ".join(lines))
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("error")
-                numbers = np.fromstring(b" ".join(lines), np.float64, sep=" ")
+            if numbers is None:
+                raise ValueError
             return _taken_apart(element, numbers, len(lines), first)
-        except (ValueError, DeprecationWarning):
-            self._refuse(lines, element)
-            raise
+        except ValueError:
+            raise self._wrong_row(lines, element) from None
 
-    def _refuse(self, lines: list[bytes], element: Element) -> None:
-        """Find the first line that is wrong, and say so."""
+    def _wrong_row(self, lines: list[bytes], element: Element) -> InputError:
+        """Return the error for the first line that is wrong."""
         for number, line in enumerate(lines, start=self._line + 1):
             place = f"{self._path}:{number}"
             shown = line.decode("latin-1").strip()[:60]
@@ -220,10 +219,8 @@ class TextRows:
                 _taken_apart(element, np.array([float(word) for word in line.split()]), 1, 0)
             except ValueError:
                 names = " ".join(_form(item) for item in element.properties)
-                raise InputError(
-                    f"{place}: is not a row of {element.name} (got {shown!r}; allowed: numbers {names})"
-                ) from None
-        raise InputError(f"{self._path}:{self._line + 1}: holds rows of {element.name} that cannot be read")
+                return InputError(f"{place}: is not a row of {element.name} (got {shown!r}; allowed: numbers {names})")
+        return InputError(f"{self._path}:{self._line + 1}: holds rows of {element.name} that cannot be read")
 
 
 def _form(item: Property) -> str:
