@@ -1,4 +1,4 @@
-"""What a render is asked for beside its scene."""
+"""What a render takes beside its scene."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.core.errors import NumericError
 from rptcam_cl.device import Session, means_all, open_sessions
 from rptcam_cl.focusing import in_focus
-from rptcam_cl.imaging import GUIDES, Image, check_denoiser, check_sensor, developed_as, sensor_of
+from rptcam_cl.imaging import GUIDES, Image, check_denoiser, check_sensor, sensor_of, with_picture_settings
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.rendering import (
     GEOMETRY,
@@ -158,7 +158,9 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
         metadata["device"] = saver.devices
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
-    image = developed_as(Image(rendering.pixels, metadata, stats, layers=rendering.layers), prepared.scene.picture)
+    image = with_picture_settings(
+        Image(rendering.pixels, metadata, stats, layers=rendering.layers), prepared.scene.picture
+    )
     if settings.denoise:
         image = replace(image.denoised(), layers={name: image[name] for name in prepared.layers})
     if settings.strict and (faults := anomalies(stats["numerics"]) + _failed_focus(metadata)):

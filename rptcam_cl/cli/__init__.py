@@ -1,6 +1,6 @@
-"""The command ``rptcam``: data goes to standard output, everything said along the way to standard error.
+"""The command ``rptcam``: data goes to standard output, messages to standard error.
 
-Exit codes: 0 done, 1 a fault of rptcam itself, 2 wrong input, 3 no usable device, 4 a file could not be read or
+Exit codes: 0 done, 1 a bug in rptcam, 2 wrong input, 3 no usable device, 4 a file could not be read or
 written, 5 numbers that cannot be trusted or autofocus that failed in a strict run, 130 interrupted.
 """
 
@@ -21,7 +21,7 @@ from rptcam_cl.core.errors import InputError, RptcamError, StateError
 
 DEBUG = "--debug"
 STANDARD_OUTPUT = "standard output"
-FAULT = 1  # exit code of what nobody foresaw
+FAULT = 1  # exit code of an unexpected error
 
 
 def build_parser() -> Parser:
@@ -59,9 +59,9 @@ def _run(arguments: Sequence[str]) -> int:
 
 
 def _unexpected(error: Exception) -> int:
-    """Say what nobody foresaw, keep its traceback in a file for a report, and return the exit code."""
-    told = f"{type(error).__name__}: {error}".splitlines()[0][:500]
-    print(f"error: unexpected {told}", file=sys.stderr)
+    """Print an unexpected error, write its traceback to a file, and return the exit code."""
+    what = f"{type(error).__name__}: {error}".splitlines()[0][:500]
+    print(f"error: unexpected {what}", file=sys.stderr)
     try:
         descriptor, path = tempfile.mkstemp(prefix="rptcam-", suffix=".log")
         with os.fdopen(descriptor, "w", encoding="utf-8", errors="replace") as file:

@@ -16,12 +16,12 @@ def add_to(commands: Commands) -> None:
     parser = commands.add_parser(
         "convert",
         help="make a scene file from one of pbrt",
-        description="Make a scene file from one of pbrt-v2, v3 or v4. What is ignored or approximated is told line by "
-        "line; meshes and pictures go to folders beside the scene file.",
+        description="Make a scene file from one of pbrt-v2, v3 or v4. What is ignored or approximated is listed; "
+        "meshes and pictures go to folders beside the scene file.",
     )
     parser.add_argument("source", type=Path, metavar="SCENE.pbrt", help="scene file of pbrt-v2, v3 or v4")
     parser.add_argument("target", type=Path, metavar="SCENE.yaml", help="scene file to write")
-    parser.add_argument("--quiet", action="store_true", help="say nothing but errors")
+    parser.add_argument("--quiet", action="store_true", help="print only errors")
     add_missing(parser)
     parser.set_defaults(run=_run, parser=parser)
 
@@ -30,7 +30,7 @@ def _check_names(source: Path, target: Path) -> None:
     from rptcam_cl.core.atomic import check_writable
 
     if not source.name.lower().endswith(SOURCES):
-        hint = " (a mesh belongs into a scene as an object of shape mesh)" if source.suffix.lower() in _MESHES else ""
+        hint = " (put a mesh into a scene as an object of shape mesh)" if source.suffix.lower() in _MESHES else ""
         raise InputError(
             f"{source}: only scenes of pbrt can be converted{hint} (got {source.suffix or 'no suffix'}; "
             f"allowed: {', '.join(SOURCES)})"

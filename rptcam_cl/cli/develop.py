@@ -28,7 +28,7 @@ def add_to(commands: Commands) -> None:
         "--set", action="append", default=[], metavar="picture.key=value", dest="overrides",
         help="replace a setting that the film was rendered with, as picture.tone=agx; may be repeated",
     )  # fmt: skip
-    parser.add_argument("--quiet", action="store_true", help="say nothing but warnings and errors")
+    parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
 

@@ -62,8 +62,8 @@ def _numerics(devices: list[dict[str, Any]], show: bool) -> dict[str, list[dict[
         if show:
             made = [check for check in found[device["id"]] if not check["skipped"]]
             skipped = len(found[device["id"]]) - len(made)
-            told = f", {skipped} skipped" if skipped else ""
-            print(f"  {sum(check['passed'] for check in made)} of {len(made)} checks passed{told}")
+            rest = f", {skipped} skipped" if skipped else ""
+            print(f"  {sum(check['passed'] for check in made)} of {len(made)} checks passed{rest}")
     return found
 
 

@@ -105,5 +105,5 @@ def _print(report: "FocusReport") -> None:
         print(f"from {start:.6g} m in steps of {step:.6g} m: {report.notes['started']}")
     distance = "nothing" if report.focus_distance_m is None else f"{report.focus_distance_m:.6g} m"
     film = f"film {report.film_distance_mm:.6g} mm behind the lens"
-    told = "" if report.failure is None else ", NOT KNOWN TO BE IN FOCUS"
-    print(f"{film}, sharp at {distance}, confidence {report.confidence:.2f}{told}")
+    doubt = "" if report.failure is None else ", NOT KNOWN TO BE IN FOCUS"
+    print(f"{film}, sharp at {distance}, confidence {report.confidence:.2f}{doubt}")

@@ -99,7 +99,7 @@ def _lines(facts: dict[str, Any], indent: str = "") -> list[str]:
 
 
 def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmission":
-    """The losses that the options ask for."""
+    """The losses by the options."""
     from rptcam_cl.optics import BY_NAME, has_coatings
 
     name = arguments.transmission or ("ideal" if arguments.coating is None else "coated")

@@ -121,7 +121,7 @@ def add_coating(parser: argparse.ArgumentParser) -> None:
 
 
 def coated_lens(arguments: argparse.Namespace, lens: "Lens") -> "Lens":
-    """The lens with the coating that the options ask for."""
+    """The lens with the coating by the options."""
     from rptcam_cl.optics import with_coating
 
     return lens if arguments.coating is None else with_coating(lens, arguments.coating)
@@ -159,7 +159,7 @@ def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM)
 
 
 def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
-    """The lens at the focal length that the options ask for; doubts about it go to standard error."""
+    """The lens at the focal length by the options; doubts about it go to standard error."""
     from rptcam_cl.optics import configured, zoomed
 
     lens = load(arguments.lens, arguments.catalogue)
@@ -231,7 +231,7 @@ def write(data: bytes, output: Path) -> None:
 
 
 def write_picture(picture: "Drawing", output: Path | None) -> None:
-    """Write a picture, if a file was asked for."""
+    """Write a picture, if a file is given."""
     from rptcam_cl.lenstools import encoded
 
     if output is not None:

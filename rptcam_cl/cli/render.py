@@ -129,7 +129,7 @@ def _checkpoint(arguments: argparse.Namespace) -> Path:
 
 
 def _layers(arguments: argparse.Namespace) -> list[str] | None:
-    """The layers to record: those asked for, none where no output could hold the scene's, else the scene's."""
+    """The layers to record: those requested, none where no output could hold the scene's, else the scene's."""
     from rptcam_cl.imaging import holds_layers
 
     if arguments.layers is not None:
@@ -162,12 +162,12 @@ def _save(image: "Image", arguments: argparse.Namespace) -> None:
         raise failures[0]
 
 
-def _metered(told: dict[str, Any]) -> str:
+def _metered(metadata: dict[str, Any]) -> str:
     """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
-    chosen = f"metered {told['metered_cd_m2']:.4g} cd/m²"
-    if "exposure_time_s" in told:
-        time_s = told["exposure_time_s"]
-        chosen += f", {f'1/{1 / time_s:.0f}' if time_s < 0.1 else f'{time_s:.3g}'} s at ISO {told['iso']:.4g}"
+    chosen = f"metered {metadata['metered_cd_m2']:.4g} cd/m²"
+    if "exposure_time_s" in metadata:
+        time_s = metadata["exposure_time_s"]
+        chosen += f", {f'1/{1 / time_s:.0f}' if time_s < 0.1 else f'{time_s:.3g}'} s at ISO {metadata['iso']:.4g}"
     return chosen
 
 

@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
     parser = commands.add_parser(
         "tradeoff",
         help="measure what each approximation of a scene's picture costs and gains",
-        description="Render a scene in many ways by turns, and tell which is worth its time.",
+        description="Render a scene in many ways by turns, and advise which one to use.",
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
@@ -58,7 +58,7 @@ def add_to(commands: Commands) -> None:
     )
     values.add_device(parser)
     values.add_overrides(parser)
-    parser.add_argument("--quiet", action="store_true", help="say nothing along the way but warnings and errors")
+    parser.add_argument("--quiet", action="store_true", help="print only the result, warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
 

@@ -1,11 +1,11 @@
 """Pictures: the linear film as an array, what is developed from it, and the files both are kept in."""
 
 from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
-from rptcam_cl.imaging.developing import Development, developed_values, quantised
+from rptcam_cl.imaging.development import Development, developed_values, quantised
 from rptcam_cl.imaging.film_files import read_film
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.layers import MARKED
-from rptcam_cl.imaging.picture_settings import develop, developed_as
+from rptcam_cl.imaging.picture_settings import develop, with_picture_settings
 from rptcam_cl.imaging.raw import RawImage, check_raw_output
 from rptcam_cl.imaging.scene_sensor import check_sensor, sensor_of
 from rptcam_cl.imaging.tone import srgb_from_linear
@@ -30,11 +30,11 @@ __all__ = [
     "check_raw_output",
     "check_sensor",
     "develop",
-    "developed_as",
     "developed_values",
     "holds_layers",
     "quantised",
     "read_film",
     "sensor_of",
     "srgb_from_linear",
+    "with_picture_settings",
 ]

@@ -41,8 +41,8 @@ def read_film(path: str | os.PathLike[str]) -> Image:
     try:
         _check_memory(_size(path, suffix))
         pixels, metadata = _exr(path) if suffix == ".exr" else _numpy(path)
-        told = metadata if isinstance(metadata, dict) else {}
-        return Image(pixels, {key: value for key, value in told.items() if _NAME.fullmatch(key)})
+        known = metadata if isinstance(metadata, dict) else {}
+        return Image(pixels, {key: value for key, value in known.items() if _NAME.fullmatch(key)})
     except InputError as problem:
         raise InputError(f"{path}: {problem}") from None
     except OSError as problem:
@@ -113,5 +113,5 @@ def _exr(path: str | os.PathLike[str]) -> tuple[NDArray[Any], dict[str, Any]]:
     if primaries is not None and not np.allclose(np.ravel(primaries), expected, atol=_CLOSE):
         got = ", ".join(f"{number:.4g}" for number in np.ravel(primaries))
         raise InputError(f"has other primaries than sRGB (got {got}; allowed {', '.join(map(str, expected))})")
-    told = header.get(ALL_METADATA)
-    return np.stack(planes, axis=-1), json.loads(told) if isinstance(told, str) else from_exr_attributes(header)
+    metadata = header.get(ALL_METADATA)
+    return np.stack(planes, axis=-1), json.loads(metadata) if isinstance(metadata, str) else from_exr_attributes(header)

@@ -1,4 +1,4 @@
-"""A rendered picture with the account of how it came about."""
+"""A rendered film with its metadata, statistics and layers, and the pictures that are developed from it."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import writers
 from rptcam_cl.imaging.denoise import GUIDES, denoised
-from rptcam_cl.imaging.developing import PLAIN, Development, developed_values
+from rptcam_cl.imaging.development import PLAIN, Development, developed_values
 from rptcam_cl.imaging.layers import Layer, checked_layers
 from rptcam_cl.imaging.raw import RawImage
 from rptcam_cl.imaging.sensor import SensorModel, exposed
@@ -36,7 +36,7 @@ class Image:
     """Where the picture comes from (scene hash, seed, spp, lens, device, version, ...); kept in the files."""
     stats: dict[str, Any] = field(default_factory=dict)
     """What the render took and met (samples, seconds, rays that the lens blocked, ...)."""
-    picture: Development = PLAIN
+    development: Development = PLAIN
     """How the film is developed where it is shown or saved as a picture."""
     layers: Mapping[str, Layer] = field(default_factory=dict)
     """Auxiliary layers by name, (height, width) or (height, width, channels); read-only."""
@@ -92,11 +92,11 @@ class Image:
             The file cannot be written.
         """
         pixels = self.seen if writers.is_developed(path) else self.pixels
-        writers.write(path, pixels, self.metadata, self.picture, self.layers)
+        writers.write(path, pixels, self.metadata, self.development, self.layers)
 
     def developed(self) -> NDArray[np.float32]:
         """Return the picture as a screen shows it, (height, width, 3) from 0 to 1; see docs/picture.md."""
-        return developed_values(self.seen, self.picture, writers.film_part(self.metadata, self.seen))
+        return developed_values(self.seen, self.development, writers.film_part(self.metadata, self.seen))
 
     def denoised(self) -> Image:
         """Return the image with its noise removed, guided by its layers ``albedo`` and ``normal``; see docs/layers.md.
@@ -109,14 +109,14 @@ class Image:
         if missing := [name for name in GUIDES if name not in self.layers]:
             raise InputError(f"denoising needs the layers {' and '.join(GUIDES)} (missing: {', '.join(missing)})")
         pixels, how = denoised(self.pixels, self["albedo"], self["normal"])
-        told = {"denoised": how}
-        return replace(self, pixels=pixels, metadata=self.metadata | told, stats=self.stats | told)
+        stated = {"denoised": how}
+        return replace(self, pixels=pixels, metadata=self.metadata | stated, stats=self.stats | stated)
 
     def __getitem__(self, name: str) -> Layer:
         try:
             return self.layers[name]
         except KeyError:
-            held = ", ".join(self.layers) or 'none; ask for them when rendering, as layers=["depth"]'
+            held = ", ".join(self.layers) or 'none; name them when rendering, as layers=["depth"]'
             raise KeyError(f"no layer {name!r} (layers of this image: {held})") from None
 
     def __array__(self, dtype: DTypeLike | None = None, copy: bool | None = None) -> NDArray[Any]:
@@ -126,7 +126,7 @@ class Image:
 
     def _repr_png_(self) -> bytes:
         stream = io.BytesIO()
-        writers.png_to(stream, self.seen, self.metadata, self.picture, writers.PNG_BITS)
+        writers.png_to(stream, self.seen, self.metadata, self.development, writers.PNG_BITS)
         return stream.getvalue()
 
     def __repr__(self) -> str:

@@ -3,81 +3,10 @@
 from __future__ import annotations
 
 import math
-import struct
-from collections.abc import Mapping, Sequence
-from fractions import Fraction
-from typing import Any, NamedTuple
+from collections.abc import Mapping
+from typing import Any
 
-from rptcam_cl.imaging import photographic as ifd
-
-HEADER = b"II*\0" + struct.pack("<I", 8)  # the first directory follows at once
-_ASCII, _SHORT, _LONG, _RATIONAL, _UNDEFINED = 2, 3, 4, 5, 7
-_LARGEST = 2**32 - 1
-
-
-class TagField(NamedTuple):
-    """A value: its type in TIFF, the number of items, and their bytes."""
-
-    kind: int
-    number: int
-    data: bytes
-
-
-Directory = Mapping[int, "TagField | Directory"]
-
-
-def ascii_text(text: str) -> TagField:
-    """Return text, which beyond ASCII is UTF-8 (Metadata Working Group, guidelines 2.0)."""
-    data = text.replace("\0", " ").encode() + b"\0"
-    return TagField(_ASCII, len(data), data)
-
-
-def short(*values: int) -> TagField:
-    """Return integers of 16 bits."""
-    return TagField(_SHORT, len(values), struct.pack(f"<{len(values)}H", *values))
-
-
-def long(values: Sequence[int]) -> TagField:
-    """Return integers of 32 bits."""
-    return TagField(_LONG, len(values), struct.pack(f"<{len(values)}I", *values))
-
-
-def rational(value: float) -> TagField:
-    """Return a fraction near a number above 0; infinity has the largest numerator, as EXIF says of distances."""
-    return TagField(_RATIONAL, 1, struct.pack("<2I", *_fraction(value)))
-
-
-def undefined(data: bytes) -> TagField:
-    """Return bytes whose meaning the tag alone tells."""
-    return TagField(_UNDEFINED, len(data), data)
-
-
-def directory_bytes(fields: Directory, offset: int) -> bytes:
-    """Return a directory, and those inside it, as they are stored from an offset in the file on."""
-    entries, beyond = [], b""
-    after = offset + 2 + 12 * len(fields) + 4
-    for tag, field in sorted(fields.items()):
-        place = after + len(beyond)
-        if not isinstance(field, TagField):
-            beyond += directory_bytes(field, place)
-            field = long([place])
-        value = field.data
-        if len(value) > 4:
-            beyond += value + b"\0" * (len(value) % 2)
-            value = struct.pack("<I", place)
-        entries.append(struct.pack("<HHI4s", tag, field.kind, field.number, value))
-    return struct.pack("<H", len(entries)) + b"".join(entries) + struct.pack("<I", 0) + beyond
-
-
-def _fraction(value: float) -> tuple[int, int]:
-    if value >= _LARGEST or math.isinf(value):
-        return _LARGEST, 1
-    if value < 1:
-        upper, lower = _fraction(min(1 / value, _LARGEST - 1.0))
-        return lower, upper
-    near = Fraction(value).limit_denominator(max(1, min(1_000_000, int(_LARGEST / value) - 1)))
-    return near.numerator, near.denominator
-
+from rptcam_cl.imaging import tag_directory as tags
 
 Metadata = Mapping[str, Any]
 
@@ -105,19 +34,19 @@ _SOFTWARE, _EXIF = 0x0131, 0x8769
 
 
 def exr_attributes(metadata: Metadata) -> dict[str, str | float]:
-    """Return the standard attributes of OpenEXR that the metadata tell."""
+    """Return the standard attributes of OpenEXR for what the metadata hold."""
     numbers = {name: _positive(metadata, key) for key, name in _EXR_NUMBERS.items()}
     texts = {name: str(metadata[key]) for key, name in _EXR_TEXTS.items() if metadata.get(key)}
     return {name: number for name, number in numbers.items() if number is not None} | texts
 
 
 def from_exr_attributes(attributes: Metadata) -> dict[str, Any]:
-    """Return the metadata that standard attributes of OpenEXR tell."""
+    """Return the metadata that standard attributes of OpenEXR hold."""
     return {key: attributes[name] for key, name in (_EXR_NUMBERS | _EXR_TEXTS).items() if name in attributes}
 
 
-def exif_fields(metadata: Metadata, *, encoded: bool) -> dict[int, ifd.TagField]:
-    """Return the EXIF directory that the metadata tell; what they lack is left out.
+def exif_fields(metadata: Metadata, *, encoded: bool) -> dict[int, tags.TagField]:
+    """Return the EXIF directory of the metadata; what they lack is left out.
 
     Parameters
     ----------
@@ -126,27 +55,27 @@ def exif_fields(metadata: Metadata, *, encoded: bool) -> dict[int, ifd.TagField]
     encoded
         Whether the picture is encoded as sRGB.
     """
-    found = {_VERSION: ifd.undefined(b"0232"), _COLOUR_SPACE: ifd.short(_SRGB if encoded else _UNCALIBRATED)}
+    found = {_VERSION: tags.undefined(b"0232"), _COLOUR_SPACE: tags.short(_SRGB if encoded else _UNCALIBRATED)}
     for key, tag in _EXIF_NUMBERS.items():
         if (number := _positive(metadata, key)) is not None:
-            found[tag] = ifd.rational(number)
+            found[tag] = tags.rational(number)
     if (iso := _positive(metadata, "iso")) is not None:
-        found[_ISO] = ifd.short(min(round(iso), _LARGEST_SHORT))
-        found[_SENSITIVITY_TYPE] = ifd.short(_ISO_SPEED_ALONE)
-        found[_ISO_SPEED] = ifd.long([min(round(iso), 2**32 - 1)])
+        found[_ISO] = tags.short(min(round(iso), _LARGEST_SHORT))
+        found[_SENSITIVITY_TYPE] = tags.short(_ISO_SPEED_ALONE)
+        found[_ISO_SPEED] = tags.long([min(round(iso), 2**32 - 1)])
     if metadata.get("lens"):
-        found[_LENS_MODEL] = ifd.ascii_text(str(metadata["lens"]))
+        found[_LENS_MODEL] = tags.ascii_text(str(metadata["lens"]))
     if (equivalent := _equivalent_focal_length(metadata)) is not None:
-        found[_FOCAL_LENGTH_35] = ifd.short(equivalent)
+        found[_FOCAL_LENGTH_35] = tags.short(equivalent)
     return found
 
 
 def exif_bytes(metadata: Metadata, *, encoded: bool) -> bytes:
     """Return EXIF data as files of other formats hold them: a TIFF header, and directories."""
-    fields: dict[int, ifd.TagField | ifd.Directory] = {_EXIF: exif_fields(metadata, encoded=encoded)}
+    fields: dict[int, tags.TagField | tags.Directory] = {_EXIF: exif_fields(metadata, encoded=encoded)}
     if metadata.get("software"):
-        fields[_SOFTWARE] = ifd.ascii_text(str(metadata["software"]))
-    return ifd.HEADER + ifd.directory_bytes(fields, len(ifd.HEADER))
+        fields[_SOFTWARE] = tags.ascii_text(str(metadata["software"]))
+    return tags.HEADER + tags.directory_bytes(fields, len(tags.HEADER))
 
 
 def _positive(metadata: Metadata, key: str) -> float | None:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from rptcam_cl.imaging.developing import Development
+from rptcam_cl.imaging.development import Development
 from rptcam_cl.imaging.film_files import read_film
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.white_balance import Adaptation, Gains, Grey, GreyWorld, KnownLight
@@ -17,7 +17,7 @@ SETTINGS = "picture"  # where metadata keep what a scene says of the picture
 
 
 def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (), **settings: Any) -> Image:
-    """Return the same film to be developed otherwise.
+    """Return an image of the same film that develops with other settings.
 
     Parameters
     ----------
@@ -38,19 +38,21 @@ def develop(film: Image | str | os.PathLike[str], overrides: Iterable[str] = (),
     """
     image = film if isinstance(film, Image) else read_film(film)
     known = image.metadata.get(SETTINGS)
-    return developed_as(image, load_picture({**(known if isinstance(known, dict) else {}), **settings}, overrides))
+    return with_picture_settings(
+        image, load_picture({**(known if isinstance(known, dict) else {}), **settings}, overrides)
+    )
 
 
-def developed_as(image: Image, picture: PictureSettings) -> Image:
-    """Return an image with the picture settings of a scene, which its metadata tell too."""
-    told = picture.model_dump(mode="json", exclude_defaults=True)
-    kept = {key: value for key, value in image.metadata.items() if key != SETTINGS}
-    metadata = kept | ({SETTINGS: told} if told else {})
-    return replace(image, metadata=metadata, picture=development(picture, metadata))
+def with_picture_settings(image: Image, picture: PictureSettings) -> Image:
+    """Return an image that develops by the picture settings of a scene, which its metadata keep."""
+    kept = picture.model_dump(mode="json", exclude_defaults=True)
+    others = {key: value for key, value in image.metadata.items() if key != SETTINGS}
+    metadata = others | ({SETTINGS: kept} if kept else {})
+    return replace(image, metadata=metadata, development=development_of(picture, metadata))
 
 
-def development(picture: PictureSettings, metadata: Mapping[str, Any]) -> Development:
-    """Return what picture settings mean in numbers, for a film of which the metadata tell."""
+def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> Development:
+    """Return the numbers of picture settings, for a film with such metadata."""
     wanted = picture.white_balance
     # Light of RGB has multiplied reflectances channel by channel, and dividing so undoes it exactly; light of spectra
     # has not.

@@ -85,7 +85,7 @@ def _suffix(path: str | os.PathLike[str]) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in _WRITERS:
         allowed = " ".join(_WRITERS)
-        raise InputError(f"{path}: the suffix decides the raw format (got {suffix or 'none'}; allowed {allowed})")
+        raise InputError(f"{path}: the suffix sets the raw format (got {suffix or 'none'}; allowed {allowed})")
     return suffix
 
 

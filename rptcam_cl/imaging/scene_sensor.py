@@ -19,34 +19,32 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
     """Return the scene's sensor, ready for the film of a render; None when the scene has none.
 
     With ``exposure: relative`` the film's 1 of white just saturates the sensor. Otherwise the film is an irradiance in
-    the scale that the metadata tell, over the time of the exposure.
+    the scale that the metadata give, over the time of the exposure.
 
     Parameters
     ----------
     scene : Scene
-        With its exposure settled.
+        With its exposure resolved.
     metadata : mapping
         Of the rendered image: its window, and what the exposure came to.
     """
     settings = scene.sensor
     if settings is None:
         return None
-    time_s = scene.shutter.time_s
     per_joule = electrons_per_joule(settings.response, settings.quantum_efficiency)
     area = _pixel_area_m2(scene)
-    top, black = 2**settings.bit_depth - 1, settings.black_dn
     well = settings.full_well_e or max(1.0, WELL_E_PER_UM2 * area * 1e12)
     saturation = well
     if (iso := metadata.get("iso")) is not None:
         saturation = min(well, white_electrons_at_iso(per_joule, area, float(iso)))
+    top, black = 2**settings.bit_depth - 1, settings.black_dn
     gain = settings.system_gain_dn_per_e or system_gain(top, black, saturation)
     if scene.exposure.mode == "relative":
         if settings.system_gain_dn_per_e is not None:
             saturation = min(well, (top - black) / gain)
         electrons = per_joule * (saturation / per_joule.sum(axis=0).max())
     else:
-        filtered = 2.0**-scene.exposure.neutral_density_stops
-        electrons = per_joule * (area * time_s * filtered / float(metadata["values_per_irradiance"]))
+        electrons = per_joule * _joules_per_value(scene, metadata, area)
     x, y, _, _ = metadata["window"]
     return SensorModel(
         electrons=np.asarray(electrons),
@@ -56,7 +54,7 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
         black_level_dn=black,
         bit_depth=settings.bit_depth,
         bayer=settings.bayer,
-        dark_e=settings.dark_current() * time_s,
+        dark_e=settings.dark_current() * scene.shutter.time_s,
         prnu=settings.prnu,
         dsnu_e=settings.dsnu_e,
         demosaic=settings.demosaic,
@@ -64,6 +62,13 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
         pattern_seed=settings.pattern_seed,
         origin=(int(x), int(y)),
     )
+
+
+def _joules_per_value(scene: Scene, metadata: Mapping[str, Any], area_m2: float) -> float:
+    """Return the energy [J] that a film of value 1 brings to a pixel during the exposure."""
+    filtered = 2.0**-scene.exposure.neutral_density_stops
+    joules: float = area_m2 * scene.shutter.time_s * filtered / float(metadata["values_per_irradiance"])
+    return joules
 
 
 def check_sensor(scene: Scene, width: int, height: int) -> None:

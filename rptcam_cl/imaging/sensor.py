@@ -105,15 +105,7 @@ class SensorModel:
             value = getattr(self, name)
             if type(value) is not int or not least <= value <= most:
                 raise ValueError(f"{name} is {value!r}")
-        for name in (
-            "full_well_e",
-            "read_noise_e",
-            "system_gain_dn_per_e",
-            "black_level_dn",
-            "dark_e",
-            "prnu",
-            "dsnu_e",
-        ):
+        for name in _AMOUNTS:
             value = getattr(self, name)
             if type(value) not in (int, float) or not 0 <= value < 1e30:
                 raise ValueError(f"{name} is {value!r}")

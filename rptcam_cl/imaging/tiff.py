@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import StateError
-from rptcam_cl.imaging import photographic as ifd
+from rptcam_cl.imaging import tag_directory as tags
 from rptcam_cl.imaging.icc import profile
 from rptcam_cl.imaging.photographic import exif_fields
 
@@ -25,7 +25,7 @@ _SOFTWARE, _PREDICTOR, _EXIF, _ICC = 305, 317, 34665, 34675
 _DEFLATE, _RGB, _DIFFERENCES = 8, 2, 2
 _LARGEST_FILE = 2**32 - 1  # bytes, as offsets have 32 bits
 _STRIP = 1 << 18  # bytes before compression, about
-_DENSITY = 72.0  # pixels per inch; the format asks for one
+_DENSITY = 72.0  # pixels per inch; the format requires one
 
 
 def write_tiff_to(
@@ -42,31 +42,31 @@ def write_tiff_to(
     rows = max(1, _STRIP // (3 * width * codes.itemsize))
     strips = list(_strips(codes, rows))
     sizes = [len(strip) for strip in strips]
-    fields: dict[int, ifd.TagField | ifd.Directory] = {
-        _WIDTH: ifd.long([width]),
-        _LENGTH: ifd.long([height]),
-        _BITS: ifd.short(*[8 * codes.itemsize] * 3),
-        _COMPRESSION: ifd.short(_DEFLATE),
-        _PHOTOMETRIC: ifd.short(_RGB),
-        _DESCRIPTION: ifd.ascii_text(json.dumps(dict(metadata), default=str)),
-        _SAMPLES: ifd.short(3),
-        _ROWS_PER_STRIP: ifd.long([rows]),
-        _STRIP_SIZES: ifd.long(sizes),
-        _X_DENSITY: ifd.rational(_DENSITY),
-        _Y_DENSITY: ifd.rational(_DENSITY),
-        _SOFTWARE: ifd.ascii_text(str(metadata.get("software", "rptcam_cl"))),
-        _PREDICTOR: ifd.short(_DIFFERENCES),
+    fields: dict[int, tags.TagField | tags.Directory] = {
+        _WIDTH: tags.long([width]),
+        _LENGTH: tags.long([height]),
+        _BITS: tags.short(*[8 * codes.itemsize] * 3),
+        _COMPRESSION: tags.short(_DEFLATE),
+        _PHOTOMETRIC: tags.short(_RGB),
+        _DESCRIPTION: tags.ascii_text(json.dumps(dict(metadata), default=str)),
+        _SAMPLES: tags.short(3),
+        _ROWS_PER_STRIP: tags.long([rows]),
+        _STRIP_SIZES: tags.long(sizes),
+        _X_DENSITY: tags.rational(_DENSITY),
+        _Y_DENSITY: tags.rational(_DENSITY),
+        _SOFTWARE: tags.ascii_text(str(metadata.get("software", "rptcam_cl"))),
+        _PREDICTOR: tags.short(_DIFFERENCES),
         _EXIF: exif_fields(metadata, encoded=encoded),
-        _ICC: ifd.undefined(profile(encoded=encoded)),
+        _ICC: tags.undefined(profile(encoded=encoded)),
     }
-    without_places = ifd.directory_bytes(fields | {_STRIP_OFFSETS: ifd.long(sizes)}, len(ifd.HEADER))
-    start = len(ifd.HEADER) + len(without_places)
+    without_places = tags.directory_bytes(fields | {_STRIP_OFFSETS: tags.long(sizes)}, len(tags.HEADER))
+    start = len(tags.HEADER) + len(without_places)
     if start + sum(sizes) > _LARGEST_FILE:
         raise StateError(
             f"the picture takes {(start + sum(sizes)) / 1e9:.3g} GB, and TIFF files at most 4.29; use .exr"
         )
-    fields[_STRIP_OFFSETS] = ifd.long([start + sum(sizes[:index]) for index in range(len(sizes))])
-    stream.write(ifd.HEADER + ifd.directory_bytes(fields, len(ifd.HEADER)))
+    fields[_STRIP_OFFSETS] = tags.long([start + sum(sizes[:index]) for index in range(len(sizes))])
+    stream.write(tags.HEADER + tags.directory_bytes(fields, len(tags.HEADER)))
     stream.writelines(strips)
 
 

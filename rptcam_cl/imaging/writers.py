@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.atomic import check_writable, replacing
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.developing import Development, developed_codes
+from rptcam_cl.imaging.development import Development, developed_codes
 from rptcam_cl.imaging.layers import MARKED, Layer, exr_channels, with_rectangles
 from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes
 from rptcam_cl.imaging.png import write_png_to
@@ -93,26 +93,26 @@ def film_part(metadata: Metadata, pixels: Pixels) -> Part:
     return (x / columns, (x + width) / columns, y / rows, (y + height) / rows)
 
 
-def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, picture: Development, bits: int) -> None:
+def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, development: Development, bits: int) -> None:
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
     part = film_part(metadata, pixels)
-    codes = developed_codes(pixels, picture, part, bits)
+    codes = developed_codes(pixels, development, part, bits)
     if zones := _rectangles(metadata.get(MARKED)):
         codes = with_rectangles(codes, zones, part)
-    texts = {key: _text(value) for key, value in {**metadata, "ev": picture.ev}.items()}
-    encoded = picture.tone != "linear"
+    texts = {key: _text(value) for key, value in {**metadata, "ev": development.ev}.items()}
+    encoded = development.tone != "linear"
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
 
 
-def _write_png(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
+def _write_png(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
     with path.open("xb") as stream:
-        png_to(stream, pixels, metadata, picture, picture.bits or PNG_BITS)
+        png_to(stream, pixels, metadata, development, development.bits or PNG_BITS)
 
 
-def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
-    codes = developed_codes(pixels, picture, film_part(metadata, pixels), picture.bits or TIFF_BITS)
+def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
+    codes = developed_codes(pixels, development, film_part(metadata, pixels), development.bits or TIFF_BITS)
     with path.open("xb") as stream:
-        write_tiff_to(stream, codes, {**metadata, "ev": picture.ev}, encoded=picture.tone != "linear")
+        write_tiff_to(stream, codes, {**metadata, "ev": development.ev}, encoded=development.tone != "linear")
 
 
 def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.int32], NDArray[np.int32]]]:
@@ -125,7 +125,7 @@ def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.i
     return {"dataWindow": (first, last), "displayWindow": (np.zeros(2, np.int32), whole)}
 
 
-def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
+def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
     """Write film and layers in float32 with each piece of metadata as an attribute, some also by standard names.
 
     How the picture is developed is left to the viewer.
@@ -150,13 +150,13 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, picture: Developm
         file.write(str(path))
 
 
-def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
+def _write_npy(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
     """Write the linear film alone; the format has no place for metadata."""
     with path.open("xb") as stream:
         np.save(stream, pixels, allow_pickle=False)
 
 
-def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, picture: Development, layers: Layers) -> None:
+def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
     """Write the linear film, its layers and the metadata as JSON text, each an array by its name."""
     with path.open("xb") as stream:
         arrays: dict[str, Any] = {"rgb": pixels, "metadata": np.array(_text(dict(metadata))), **layers}
@@ -180,7 +180,7 @@ def _suffix(path: str | os.PathLike[str]) -> str:
     suffix = Path(path).suffix.lower()
     if suffix not in _WRITERS:
         allowed = " ".join(SUFFIXES)
-        raise InputError(f"{path}: the suffix decides the format (got {suffix or 'none'}; allowed {allowed})")
+        raise InputError(f"{path}: the suffix sets the format (got {suffix or 'none'}; allowed {allowed})")
     return suffix
 
 
@@ -212,7 +212,7 @@ def write(
     path: str | os.PathLike[str],
     pixels: Pixels,
     metadata: Metadata,
-    picture: Development,
+    development: Development,
     layers: Layers = MappingProxyType({}),
 ) -> None:
     """Write a picture in the format of its suffix, whole or not at all.
@@ -225,7 +225,7 @@ def write(
         (height, width, 3), linear, top row first.
     metadata
         What the file should know of its origin.
-    picture
+    development
         How the formats in `DEVELOPED_SUFFIXES` are developed.
     layers
         Arrays by name, for the formats in `LAYER_SUFFIXES`.
@@ -233,4 +233,4 @@ def write(
     writer = _WRITERS[_suffix(path)]
     check_writable(path)
     with replacing(path) as temporary:
-        writer(temporary, pixels, metadata, picture, layers)
+        writer(temporary, pixels, metadata, development, layers)

@@ -140,10 +140,10 @@ class LayerPass:
     def arrays(self, planes: NDArray[np.float32]) -> dict[str, NDArray[Any]]:
         """Return the layers of such planes by name, (height, width) or (height, width, channels)."""
         flat = self._layout.in_rows(planes)
-        return Developed(self._planes, flat, self._eye_m).arrays()
+        return LayerArrays(self._planes, flat, self._eye_m).arrays()
 
 
-class Developed:
+class LayerArrays:
     """Layers from their planes on the host.
 
     Parameters

@@ -117,7 +117,7 @@ def test_large_film_in_a_small_file_is_refused_before_it_is_unpacked(tmp_path: P
 
 
 def test_film_developed_in_bands_is_the_same_as_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
-    module = sys.modules["rptcam_cl.imaging.developing"]  # the package has a function of the same name
+    module = sys.modules["rptcam_cl.imaging.development"]  # the package has a function of the same name
     pixels = np.random.default_rng(3).random((50, 20, 3), dtype=np.float32) * 3
     for picture in (Development(tone="agx"), Development(white_balance=GreyWorld(), gamut="desaturate")):
         whole = module.developed_values(pixels, picture)

@@ -42,5 +42,5 @@ def test_array_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
 
 def test_notebook_shows_the_developed_picture(pixels: np.ndarray) -> None:
     picture = Development(ev=1.0, tone="aces")
-    with PIL.Image.open(io.BytesIO(Image(pixels, picture=picture)._repr_png_())) as shown:
+    with PIL.Image.open(io.BytesIO(Image(pixels, development=picture)._repr_png_())) as shown:
         assert np.array_equal(np.asarray(shown), quantised(developed_values(pixels, picture), 8))

@@ -18,7 +18,7 @@ from PIL.ExifTags import IFD, Base
 
 from rptcam_cl.imaging import Development, Image, quantised
 from rptcam_cl.imaging.icc import profile
-from rptcam_cl.imaging.photographic import rational
+from rptcam_cl.imaging.tag_directory import rational
 
 METADATA: dict[str, Any] = {
     "software": "rptcam_cl 1.2",
@@ -52,7 +52,7 @@ def pixels() -> np.ndarray:
 
 
 def saved(path: Path, metadata: dict[str, Any] = METADATA, **settings: Any) -> Image:
-    image = Image(pixels(), metadata, picture=Development(**settings))
+    image = Image(pixels(), metadata, development=Development(**settings))
     image.save(path)
     return image
 

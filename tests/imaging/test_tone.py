@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.imaging import Development, developed_values, quantised, srgb_from_linear
-from rptcam_cl.imaging.developing import Tone
+from rptcam_cl.imaging.development import Tone
 from rptcam_cl.imaging.tone import AGX_WHITE, agx, agx_contrast, linear_from_srgb
 
 TONES = get_args(Tone)

@@ -5,7 +5,7 @@ import pytest
 
 from rptcam_cl.colour import WAVELENGTHS_NM, blackbody, illuminant, srgb_from_reflectance, srgb_from_spectrum
 from rptcam_cl.imaging import Development, Grey, GreyWorld, Image, KnownLight, developed_values
-from rptcam_cl.imaging.picture_settings import development
+from rptcam_cl.imaging.picture_settings import development_of
 from rptcam_cl.scene import load_picture
 from rptcam_cl.scene.white_balance import LIGHTS
 
@@ -17,7 +17,9 @@ def wall(colour: np.ndarray, shape: tuple[int, int] = (4, 5)) -> np.ndarray:
 
 
 def linear(pixels: np.ndarray, *, spectrum: str = "rgb", **settings: object) -> np.ndarray:
-    return developed_values(pixels, development(load_picture({"tone": "linear", **settings}), {"spectrum": spectrum}))
+    return developed_values(
+        pixels, development_of(load_picture({"tone": "linear", **settings}), {"spectrum": spectrum})
+    )
 
 
 @pytest.mark.parametrize("name", [name for name in LIGHTS if name != "auto"])
@@ -124,8 +126,8 @@ def test_place_is_of_the_whole_film_also_in_a_part_of_it(place: tuple[float, ...
     picture = Development(tone="linear", white_balance=Grey(place))
     metadata = {"resolution": [20, 10], "window": [8, 2, 12, 7]}
     pixels = np.random.default_rng(4).random((10, 20, 3), dtype=np.float32)
-    part = Image(pixels[2:9, 8:], metadata, picture=picture).developed()
-    np.testing.assert_allclose(part, Image(pixels, picture=picture).developed()[2:9, 8:], atol=1e-6)
+    part = Image(pixels[2:9, 8:], metadata, development=picture).developed()
+    np.testing.assert_allclose(part, Image(pixels, development=picture).developed()[2:9, 8:], atol=1e-6)
 
 
 def test_mean_of_the_picture_becomes_grey_without_its_lamps() -> None:

@@ -26,7 +26,7 @@ METADATA = {
 @pytest.fixture
 def image() -> Image:
     pixels = np.random.default_rng(1).random((5, 7, 3), dtype=np.float32) * 4
-    return Image(pixels, metadata=METADATA, picture=Development(ev=-1.0))
+    return Image(pixels, metadata=METADATA, development=Development(ev=-1.0))
 
 
 def test_npy_holds_the_film_bit_for_bit(tmp_path: Path, image: Image) -> None:

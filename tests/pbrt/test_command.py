@@ -47,7 +47,7 @@ def test_quiet_says_nothing(source: Path, capsys: Any) -> None:
     ("words", "message"),
     [
         (("in.blend", "out.yaml"), "in.blend: only scenes of pbrt can be converted (got .blend; allowed: .pbrt"),
-        (("in.obj", "out.yaml"), "a mesh belongs into a scene as an object of shape mesh"),
+        (("in.obj", "out.yaml"), "put a mesh into a scene as an object of shape mesh"),
         (("in.pbrt", "out.json"), "out.json: a scene file is YAML (got .json; allowed: .yaml, .yml)"),
         (("in.pbrt", "no/out.yaml"), "there is no folder"),
         (("none.pbrt", "out.yaml"), "none.pbrt: no such file"),

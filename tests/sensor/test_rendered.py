@@ -137,7 +137,7 @@ def test_saved_film_gives_the_same_picture_and_raw_file(tmp_path: Path, suffix: 
 @pytest.mark.parametrize(
     ("extra", "message"),
     [
-        (["--raw", "x.png"], "the suffix decides the raw format"),
+        (["--raw", "x.png"], "the suffix sets the raw format"),
         (["--raw", "x.dng", "--set", "sensor=null"], "--raw: the scene has no sensor"),
         (["--raw", "nowhere/x.dng"], "there is no folder"),
         (["--size", "1x5"], "sensor.bayer: a mosaic needs more pixels (got 1 x 5; allowed: at least 2 x 2, or"),

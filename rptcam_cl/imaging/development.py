@@ -56,46 +56,48 @@ class Development:
 PLAIN = Development()
 
 
-def developed_values(pixels: NDArray[np.floating], picture: Development = PLAIN, part: Part = WHOLE) -> Pixels:
+def developed_values(pixels: NDArray[np.floating], development: Development = PLAIN, part: Part = WHOLE) -> Pixels:
     """Return the display-encoded picture, (height, width, 3) in 0..1.
 
     Parameters
     ----------
     pixels
         (height, width, 3), linear; 1 is white with `srgb` and `linear` at ``ev`` 0. Not-a-number becomes 0.
-    picture
+    development
         How to develop; by default as sRGB, clipped.
     part
         Which part of the film the pixels are: x0, x1, y0, y1 in fractions from its left and top.
     """
-    bands = [band for _, band in _bands(np.asarray(pixels), picture, part)]
+    bands = [band for _, band in _bands(np.asarray(pixels), development, part)]
     return np.concatenate(bands) if len(bands) > 1 else bands[0]
 
 
 def developed_codes(
-    pixels: NDArray[np.floating], picture: Development, part: Part, bits: int
+    pixels: NDArray[np.floating], development: Development, part: Part, bits: int
 ) -> NDArray[np.uint8] | NDArray[np.uint16]:
     """Return the developed picture in codes of 8 or 16 bits; in memory there is never more of it than some rows."""
     codes = np.empty(pixels.shape, np.uint8 if bits == 8 else np.uint16)
-    for rows, band in _bands(pixels, picture, part):
+    for rows, band in _bands(pixels, development, part):
         codes[rows] = quantised(band, bits)
     return codes
 
 
-def _bands(pixels: NDArray[np.floating], picture: Development, part: Part) -> Iterator[tuple[slice, Pixels]]:
+def _bands(pixels: NDArray[np.floating], development: Development, part: Part) -> Iterator[tuple[slice, Pixels]]:
     """Yield runs of rows, developed; the white balance is that of the whole."""
     matrix = None
-    if picture.white_balance is not None:
-        whole = _exposed(np.asarray(pixels, np.float32), picture.ev)
-        matrix = balance_matrix(picture.white_balance, whole, part, picture.adaptation).T.astype(np.float32)
+    if development.white_balance is not None:
+        whole = _exposed(np.asarray(pixels, np.float32), development.ev)
+        matrix = balance_matrix(development.white_balance, whole, part, development.adaptation).T.astype(np.float32)
         del whole
     step = max(1, BAND_PIXELS // max(1, pixels.shape[1]))
     for start in range(0, len(pixels), step):
         rows = slice(start, start + step)
-        exposed = _exposed(np.asarray(pixels[rows], np.float32), picture.ev)
-        toned = _toned(_without_negatives(exposed if matrix is None else exposed @ matrix, picture.gamut), picture)
-        shown = _below_one(_without_negatives(toned, picture.gamut), picture.gamut)
-        yield rows, shown if picture.tone == "linear" else srgb_from_linear(shown)
+        exposed = _exposed(np.asarray(pixels[rows], np.float32), development.ev)
+        toned = _toned(
+            _without_negatives(exposed if matrix is None else exposed @ matrix, development.gamut), development
+        )
+        shown = _below_one(_without_negatives(toned, development.gamut), development.gamut)
+        yield rows, shown if development.tone == "linear" else srgb_from_linear(shown)
 
 
 def quantised(encoded: Pixels, bits: int) -> NDArray[np.uint8] | NDArray[np.uint16]:
@@ -111,12 +113,12 @@ def _exposed(pixels: Pixels, ev: float) -> Pixels:
     return clipped
 
 
-def _toned(linear: Pixels, picture: Development) -> Pixels:
-    if picture.tone == "reinhard":
-        return reinhard(linear, picture.tone_white)
-    if picture.tone == "aces":
+def _toned(linear: Pixels, development: Development) -> Pixels:
+    if development.tone == "reinhard":
+        return reinhard(linear, development.tone_white)
+    if development.tone == "aces":
         return aces(linear)
-    return agx(linear) if picture.tone == "agx" else linear
+    return agx(linear) if development.tone == "agx" else linear
 
 
 def _without_negatives(linear: Pixels, gamut: Gamut) -> Pixels:
