@@ -103,6 +103,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 {
     ShadowRay shadow;
     shadow.reach = ZERO;
+    // Take the light of the environment on paths that leave the scene.
     I living = path->ray.origin != PATH_ENDED;
 #if ENVIRONMENT || EMITTER_SUNS
     I escaped = living & (hit.primitive == NO_PRIMITIVE);
@@ -110,6 +111,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         path->radiance = add(path->radiance,
                              keep3(escaped, mul(path->beta, light_from_infinity(path->ray.d, path->pdf, scene))));
 #endif
+    // Go on with those that hit something and may be continued or meet a lamp.
     I on = living & (hit.primitive >= 0);
 #if !HAS_LAMPS
     on = on & (path->depth < rules.max_depth);
@@ -118,6 +120,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         path->ray.origin = (I)(PATH_ENDED);
         return shadow;
     }
+    // Look up the vertex and its material.
 #if HAS_MIX
     F choice = random4(path->pixel, path->sample, 2u * path->depth, rules.seed).c;
 #else
@@ -125,7 +128,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #endif
     Vertex vertex = vertex_of(path->ray, hit, on, choice, scene);
 #if HAS_DISPERSION && !LENS_SPLITS
-    // Glass that bends each wavelength by itself leaves a path one of them, which stands for all.
+    // Leave a path one wavelength, which stands for all, where glass bends each by itself.
     I splits = on & vertex.splits & (AS_I(path->wavelength_sample) >= 0);
     if (ANY(splits)) {
 #if SPECTRAL_COLOURS
@@ -137,9 +140,11 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         path->wavelength_sample = splits ? AS_F(AS_I(path->wavelength_sample) | SIGN_BIT) : path->wavelength_sample;
     }
 #endif
+    // Absorb light on the way inside a solid.
 #if HAS_ABSORPTION
     path->beta = mul(path->beta, transmittance(vertex, path->ray.d, hit.t));
 #endif
+    // Add the emission of what was hit.
 #if HAS_EMISSIVE
     I lamp = on & (vertex.kind == MATERIAL_EMISSIVE);
     if (ANY(lamp)) {
@@ -155,6 +160,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     if (ANY(glows))
         path->radiance = add(path->radiance, emission(*path, vertex, vertex.closure.glow, glows, hit.t, front, scene));
 #endif
+    // End paths of full length.
 #if HAS_LAMPS
     on = on & (path->depth < rules.max_depth);
     if (!ANY(on)) {
@@ -162,19 +168,23 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         return shadow;
     }
 #endif
+    // Sample a light, for a shadow ray.
 #if HAS_EMITTERS
     shadow = light_sample(*path, vertex, on, hit, scene, rules);
 #endif
+    // Sample the BSDF for the next direction.
     F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);
     Scattered next = scatter_sample(vertex, path->ray.d, u.a, u.b, u.c);
     path->beta = mul(path->beta, next.weight);
     on = on & (max3(path->beta) > 0.0f);
+    // Play Russian roulette.
     if (rules.roulette_depth > 0u) {
         I plays = path->depth >= rules.roulette_depth;
         F survive = plays ? MIN(max3(path->beta), ONE) : ONE;
         on = on & (u.d < survive);
         path->beta = scale(path->beta, ONE / MAX(survive, (F)(1e-20f)));
     }
+    // Continue the path, or end it.
     path->ray.o = departure(vertex, next.direction);
     path->ray.d = next.direction;
     path->ray.triangle = hit.triangle;

@@ -53,9 +53,147 @@ static F emitter_pdf(const __global Emitter *es, I e, F3 o, F t, F cos_there)
     return pdf;
 }
 
+#if EMITTER_FLATS
+static I is_flat(I kind)
+{
+    I flat = (kind == EMITTER_RECTANGLE) | (kind == EMITTER_DISK);
+#if EMITTER_TRIANGLES
+    flat |= kind == EMITTER_TRIANGLE;
+#endif
+    return flat;
+}
+
+// The place on a flat emitter, along its edges or axes, that two random numbers choose.
+static void place_on_flat(I kind, F u, F v, F *x, F *y)
+{
+    *x = u;
+    *y = v;
+#if EMITTER_DISKS
+    I disk = kind == EMITTER_DISK;
+    if (ANY(disk)) {
+        F sn, cs;
+        sincos_turns(u, &sn, &cs);
+        F r = sqrt(v);
+        *x = disk ? r * cs : *x;
+        *y = disk ? r * sn : *y;
+    }
+#endif
+#if EMITTER_TRIANGLES
+    I triangle = kind == EMITTER_TRIANGLE;      // by folding the square along its diagonal
+    I beyond = triangle & (*x + *y > 1.0f);
+    F folded_x = ONE - *y;
+    *y = beyond ? ONE - *x : *y;
+    *x = beyond ? folded_x : *x;
+#endif
+}
+
+// Density and weight of the point at the squared distance d2; s->direction leads there.
+static void sample_flat(const __global Emitter *es, I e, I flat, F d2, LightSample *s, F *weight)
+{
+    F pick = OF_EMITTER(F, pick);
+    F extent = OF_EMITTER(F, a.w);
+    F cos_there = -dot3(gather_normal(es, e), s->direction);
+    I two_sided = OF_EMITTER(I, two_sided) != 0;
+    cos_there = two_sided ? absolute(cos_there) : cos_there;
+    I faces = flat & (cos_there > 0.0f);
+    s->pdf = faces ? pick * d2 / (extent * cos_there) : s->pdf;
+    *weight = faces ? ONE / s->pdf : *weight;
+}
+#endif
+
+#if EMITTER_SPHERES || EMITTER_SUNS
+// A direction within the cone of a sphere or a sun, whose axis is s->direction; the centre is `distance` away.
+static void sample_round(const __global Emitter *es, I e, I kind, F distance, F d2, F u, F v, LightSample *s, F *weight)
+{
+    I round = (kind == EMITTER_SPHERE) | (kind == EMITTER_SUN);
+    if (!ANY(round))
+        return;
+    F pick = OF_EMITTER(F, pick);
+    F extent = OF_EMITTER(F, a.w);
+    F sin2_max = extent * extent / d2;
+#if EMITTER_SUNS
+    I sun = kind == EMITTER_SUN;
+    sin2_max = sun ? extent : sin2_max;
+    s->direction = select3(sun, gather_normal(es, e), s->direction);
+#endif
+    F versine = u * sin2_max / (1.0f + root(1.0f - sin2_max));      // 1 - cos of the sampled angle
+    F sin2 = versine * (2.0f - versine);
+    F sn, cs;
+    sincos_turns(v, &sn, &cs);
+    F sine = root(sin2);
+    F3 tx, ty;
+    frame(s->direction, &tx, &ty);
+    F3 w = from_frame(tx, ty, s->direction, f3(sine * cs, sine * sn, 1.0f - versine));
+    F near = distance * (1.0f - versine) - root(extent * extent - d2 * sin2);
+    I outside = round & (sin2_max < 1.0f);
+    F density = pick * (1.0f + root(1.0f - sin2_max)) / (2.0f * PI_F * sin2_max);
+    s->direction = select3(round, w, s->direction);
+    s->reach = round ? near : s->reach;
+#if EMITTER_SUNS
+    s->reach = sun ? (F)(NEVER) : s->reach;
+    outside |= sun;
+#endif
+    s->pdf = outside ? density : s->pdf;
+    *weight = outside ? ONE / density : *weight;
+}
+#endif
+
+#if EMITTER_POINTS || EMITTER_SPOTS || EMITTER_PROFILES
+// Weight of lamps without size at the squared distance d2.
+static void sample_point(Scene scene, I e, I kind, F d2, LightSample *s, F *weight)
+{
+    const __global Emitter *es = scene.emitters;
+    F pick = OF_EMITTER(F, pick);
+#if EMITTER_POINTS
+    I point = kind == EMITTER_POINT;
+    *weight = point ? ONE / (d2 * pick) : *weight;
+#endif
+#if EMITTER_SPOTS
+    I spot = kind == EMITTER_SPOT;
+    if (ANY(spot))
+        *weight = spot ? spot_share(es, e, s->direction) / (d2 * pick) : *weight;
+#endif
+#if EMITTER_PROFILES
+    I measured = kind == EMITTER_PROFILE;
+    if (ANY(measured))
+        *weight = measured ? profile_intensity(scene, e, measured, s->direction) / (d2 * pick) : *weight;
+#endif
+}
+#endif
+
+#if EMITTER_DIRECTIONS
+static void sample_directional(const __global Emitter *es, I e, I kind, LightSample *s, F *weight)
+{
+    I parallel = kind == EMITTER_DIRECTIONAL;
+    s->direction = select3(parallel, gather_normal(es, e), s->direction);
+    s->reach = parallel ? (F)(NEVER) : s->reach;
+    *weight = parallel ? ONE / OF_EMITTER(F, pick) : *weight;
+}
+#endif
+
+#if ENVIRONMENT_SAMPLED
+static void sample_environment(Scene scene, I e, I kind, F u, F v, LightSample *s, F *weight)
+{
+    I sky = kind == EMITTER_ENVIRONMENT;
+    if (!ANY(sky))
+        return;
+    const __global Emitter *es = scene.emitters;
+    F3 arriving;
+    F density;
+    F3 w = environment_sample(u, v, scene, &arriving, &density);
+    s->direction = select3(sky, w, s->direction);
+    s->reach = sky ? (F)(NEVER) : s->reach;
+    s->radiance = select3(sky, arriving, s->radiance);
+    s->pdf = sky ? OF_EMITTER(F, pick) * density : s->pdf;
+    *weight = (sky & (density > 0.0f)) ? ONE / s->pdf : *weight;
+}
+#endif
+
+// One emitter for each lane, and one direction towards it.
 static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 {
     const __global Emitter *es = scene.emitters;
+    // Pick an emitter by its power.
 #if ONE_EMITTER
     I e = FALSE;
 #else
@@ -63,8 +201,6 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
     I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &inside, &share);
 #endif
     I kind = OF_EMITTER(I, kind);
-    F pick = OF_EMITTER(F, pick);
-    F extent = OF_EMITTER(F, a.w);
     F3 a = gather_a(es, e);
     LightSample s;
     s.primitive = OF_EMITTER(I, primitive);
@@ -74,120 +210,48 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
     s.triangle = (I)(NO_TRIANGLE);
 #endif
     s.radiance = f3(OF_EMITTER(F, radiance.x), OF_EMITTER(F, radiance.y), OF_EMITTER(F, radiance.z));
-    F3 to = sub(a, p);
-    F weight = ZERO;
     s.pdf = ZERO;
+    F weight = ZERO;
+    // Go to its centre or position, of a flat one to a point on it.
+    F3 to = sub(a, p);
+#if EMITTER_FLATS || EMITTER_TEXTURES
+    F x = ZERO, y = ZERO;
+#endif
 #if EMITTER_FLATS
     F3 bu = f3(OF_EMITTER(F, u.x), OF_EMITTER(F, u.y), OF_EMITTER(F, u.z));
     F3 bv = f3(OF_EMITTER(F, v.x), OF_EMITTER(F, v.y), OF_EMITTER(F, v.z));
-    F x = u;
-    F y = v;
-#if EMITTER_DISKS
-    I disk = kind == EMITTER_DISK;
-    if (ANY(disk)) {
-        F sn, cs;
-        sincos_turns(u, &sn, &cs);
-        F r = sqrt(v);
-        x = disk ? r * cs : x;
-        y = disk ? r * sn : y;
-    }
-#endif
-    I flat = (kind == EMITTER_RECTANGLE) | (kind == EMITTER_DISK);
-#if EMITTER_TRIANGLES
-    I triangle = kind == EMITTER_TRIANGLE;      // by folding the square along its diagonal
-    I beyond = triangle & (x + y > 1.0f);
-    F folded_x = ONE - y;
-    y = beyond ? ONE - x : y;
-    x = beyond ? folded_x : x;
-    flat |= triangle;
-#endif
+    I flat = is_flat(kind);
+    place_on_flat(kind, u, v, &x, &y);
     to = select3(flat, add(to, add(scale(bu, x), scale(bv, y))), to);
 #endif
     F d2 = dot3(to, to);
     F distance = sqrt(d2);
     s.direction = scale(to, ONE / distance);
     s.reach = distance;
+    // Weigh the sample by its density, and turn towards what has no such point.
 #if EMITTER_FLATS
-    F cos_there = -dot3(gather_normal(es, e), s.direction);
-    I two_sided = OF_EMITTER(I, two_sided) != 0;
-    cos_there = two_sided ? absolute(cos_there) : cos_there;
-    I faces = flat & (cos_there > 0.0f);
-    s.pdf = faces ? pick * d2 / (extent * cos_there) : s.pdf;
-    weight = faces ? ONE / s.pdf : weight;
+    sample_flat(es, e, flat, d2, &s, &weight);
 #endif
 #if EMITTER_SPHERES || EMITTER_SUNS
-    I round = (kind == EMITTER_SPHERE) | (kind == EMITTER_SUN);
-    if (ANY(round)) {
-        F sin2_max = extent * extent / d2;
-#if EMITTER_SUNS
-        I sun = kind == EMITTER_SUN;
-        sin2_max = sun ? extent : sin2_max;
-        s.direction = select3(sun, gather_normal(es, e), s.direction);
-#endif
-        F versine = u * sin2_max / (1.0f + root(1.0f - sin2_max));      // 1 - cos of the sampled angle
-        F sin2 = versine * (2.0f - versine);
-        F sn, cs;
-        sincos_turns(v, &sn, &cs);
-        F sine = root(sin2);
-        F3 tx, ty;
-        frame(s.direction, &tx, &ty);
-        F3 w = from_frame(tx, ty, s.direction, f3(sine * cs, sine * sn, 1.0f - versine));
-        F near = distance * (1.0f - versine) - root(extent * extent - d2 * sin2);
-        I outside = round & (sin2_max < 1.0f);
-        F density = pick * (1.0f + root(1.0f - sin2_max)) / (2.0f * PI_F * sin2_max);
-        s.direction = select3(round, w, s.direction);
-        s.reach = round ? near : s.reach;
-#if EMITTER_SUNS
-        s.reach = sun ? (F)(NEVER) : s.reach;
-        outside |= sun;
-#endif
-        s.pdf = outside ? density : s.pdf;
-        weight = outside ? ONE / density : weight;
-    }
+    sample_round(es, e, kind, distance, d2, u, v, &s, &weight);
 #endif
 #if EMITTER_TEXTURES
     I textured = (OF_EMITTER(I, texture) >= 0) & (s.primitive >= 0) & (weight > 0.0f);
     if (ANY(textured)) {
-#if !EMITTER_FLATS
-        F x = ZERO, y = ZERO;
-#endif
         F3 there = sub(along(p, s.direction, s.reach), a);
         s.radiance = select3(textured, textured_radiance(e, textured, x, y, there, scene), s.radiance);
     }
 #endif
-#if EMITTER_POINTS
-    I point = kind == EMITTER_POINT;
-    weight = point ? ONE / (d2 * pick) : weight;
-#endif
-#if EMITTER_SPOTS
-    I spot = kind == EMITTER_SPOT;
-    if (ANY(spot))
-        weight = spot ? spot_share(es, e, s.direction) / (d2 * pick) : weight;
-#endif
-#if EMITTER_PROFILES
-    I measured = kind == EMITTER_PROFILE;
-    if (ANY(measured))
-        weight = measured ? profile_intensity(scene, e, measured, s.direction) / (d2 * pick) : weight;
+#if EMITTER_POINTS || EMITTER_SPOTS || EMITTER_PROFILES
+    sample_point(scene, e, kind, d2, &s, &weight);
 #endif
 #if EMITTER_DIRECTIONS
-    I parallel = kind == EMITTER_DIRECTIONAL;
-    s.direction = select3(parallel, gather_normal(es, e), s.direction);
-    s.reach = parallel ? (F)(NEVER) : s.reach;
-    weight = parallel ? ONE / pick : weight;
+    sample_directional(es, e, kind, &s, &weight);
 #endif
 #if ENVIRONMENT_SAMPLED
-    I sky = kind == EMITTER_ENVIRONMENT;
-    if (ANY(sky)) {
-        F3 arriving;
-        F density;
-        F3 w = environment_sample(u, v, scene, &arriving, &density);
-        s.direction = select3(sky, w, s.direction);
-        s.reach = sky ? (F)(NEVER) : s.reach;
-        s.radiance = select3(sky, arriving, s.radiance);
-        s.pdf = sky ? pick * density : s.pdf;
-        weight = (sky & (density > 0.0f)) ? ONE / s.pdf : weight;
-    }
+    sample_environment(scene, e, kind, u, v, &s, &weight);
 #endif
+    // Take the radiance at the wavelengths of the path.
 #if SPECTRAL_COLOURS
     s.radiance = lamp_colour(scene.spectral, s.radiance, OF_EMITTER(F, radiance.w), scene.colours);
 #endif

@@ -1,104 +1,70 @@
-// What a vertex is made of besides its kind and colour. Members that no material of the scene needs are not there.
+// The closure parameters of a vertex: what its BSDF takes from the material besides kind, colour and `parameter`.
+// Each is one row of CLOSURE; those that no material of the scene needs are not compiled.
 #ifndef CLOSURE_H
 #define CLOSURE_H
+#include "common/facts.h"
 #include "material/cover.h"
 #include "material/texture.h"
 
-#define HAS_BASE        (HAS_ROUGH_PLASTIC || HAS_PRINCIPLED)         // diffuse light from under a rough cover
-#define HAS_REFRACTION  (HAS_ROUGH_DIELECTRIC || HAS_TRANSMISSION)    // by facets
-#define HAS_GLOSSY      (HAS_CONDUCTOR || HAS_METAL || HAS_ROUGH_DIELECTRIC || HAS_BASE)
+#if HAS_ROUGH_PLASTIC || HAS_PRINCIPLED
+#define HAS_BASE 1              // diffuse light from under a rough cover
+#else
+#define HAS_BASE 0
+#endif
+#if HAS_ROUGH_DIELECTRIC || HAS_TRANSMISSION
+#define HAS_REFRACTION 1        // by facets
+#else
+#define HAS_REFRACTION 0
+#endif
+#if HAS_CONDUCTOR || HAS_METAL || HAS_ROUGH_DIELECTRIC || HAS_BASE
+#define HAS_GLOSSY 1
+#else
+#define HAS_GLOSSY 0
+#endif
+#if HAS_PLASTIC || HAS_ROUGH_PLASTIC
+#define HAS_UNDERCOVER 1        // a base under a cover of known internal reflection
+#else
+#define HAS_UNDERCOVER 0
+#endif
 #define HAS_LAMPS       (HAS_EMISSIVE || HAS_GLOW)
-#define HAS_CLOSURE      (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_ABSORPTION || HAS_GLOW)
+#define HAS_CLOSURE     (HAS_GLOSSY || HAS_PLASTIC || HAS_THIN_GLASS || HAS_ABSORPTION || HAS_GLOW)   // any row below
 
 #include "material/ggx.h"
 
 #define SMALLEST_ALPHA  1e-3f       // what float32 still resolves about a highlight
 
-typedef struct {
-#if HAS_GLOSSY
-    Alpha alpha;
-#endif
-#if HAS_METAL
-    F3 n, k;            // refractive index n + i k
-#endif
-#if HAS_PLASTIC || HAS_ROUGH_PLASTIC
-    F  internal;        // share of diffuse light that the cover sends back down
-#endif
-#if HAS_ROUGH_PLASTIC
-    Cover cover;
-#endif
-#if HAS_THIN_GLASS
-    F3 depth;           // optical depth of the pane at normal incidence
-#endif
-#if HAS_PRINCIPLED
-    F  metallic, specular;
-#endif
-#if HAS_TRANSMISSION
-    F  transmission;
-#endif
-#if HAS_CLEARCOAT
-    F  coat, coat_alpha;
-#endif
-#if HAS_ABSORPTION
-    F3 absorption;      // [1/m] behind the surface
-#endif
-#if HAS_GLOW
-    F3 glow;            // radiance that a surface emits besides what it scatters
-#endif
-} Closure;
+#define BLACK_3 f3(ZERO, ZERO, ZERO)
+#define WHITE_3 f3(ONE, ONE, ONE)
 
-#define TAKE(member, value)   (closure->member = mine ? (F)(value) : closure->member)
-#if SPECTRAL_COLOURS
-#define TAKE_COLOUR(member, rgb, number) \
-    (closure->member = select3(mine, surface_colour(scene.spectral, rgb, number, scene.colours), closure->member))
-#else
-#define TAKE_COLOUR(member, rgb, number) (closure->member = select3(mine, rgb, closure->member))
-#endif
+// EACH(type, member, value of lanes without a material, value that a material gives).
+#define CLOSURE(EACH) \
+    WHEN(HAS_GLOSSY,       EACH(Alpha, alpha,        same_alpha(ONE),  alpha_of(material, u, v, scene))) \
+    WHEN(HAS_METAL,        EACH(F3,    n,            WHITE_3,          coefficient(material->metal_n, scene))) /* n + i k */ \
+    WHEN(HAS_METAL,        EACH(F3,    k,            WHITE_3,          coefficient(material->metal_k, scene))) \
+    WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal)))  /* share of diffuse light */ \
+    WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material)))    /* its cover sends back */ \
+    WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
+    WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             metallic_of(material, u, v, scene))) \
+    WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             (F)(material->specular))) \
+    WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             (F)(material->transmission))) \
+    WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             (F)(material->coat))) \
+    WHEN(HAS_CLEARCOAT,    EACH(F,     coat_alpha,   ONE,              (F)(material->coat_alpha))) \
+    WHEN(HAS_ABSORPTION,   EACH(F3,    absorption,   BLACK_3,          coefficient(material->absorption, scene))) /* 1/m */ \
+    WHEN(HAS_GLOW,         EACH(F3,    glow,         BLACK_3,          glow_of(material, u, v, scene)))  /* own radiance */
 
-static Closure empty_closure(void)
+// A coefficient at the wavelengths of the path; w is the number of its spectrum.
+static F3 coefficient(float4 rgb, Scene scene)
 {
-    Closure closure;
-#if HAS_GLOSSY
-    closure.alpha.x = ONE;
+#if SPECTRAL_COLOURS
+    return surface_colour(scene.spectral, f3_of(rgb), rgb.w, scene.colours);
+#else
+    return f3_of(rgb);
 #endif
-#if HAS_ANISOTROPY
-    closure.alpha.y = ONE;
-#endif
-#if HAS_METAL
-    closure.n = closure.k = f3(ONE, ONE, ONE);
-#endif
-#if HAS_PLASTIC || HAS_ROUGH_PLASTIC
-    closure.internal = ZERO;
-#endif
-#if HAS_ROUGH_PLASTIC
-    closure.cover.c0 = closure.cover.c1 = closure.cover.c2 = closure.cover.c3 = closure.cover.c4 = ZERO;
-#endif
-#if HAS_THIN_GLASS
-    closure.depth = f3(ZERO, ZERO, ZERO);
-#endif
-#if HAS_PRINCIPLED
-    closure.metallic = closure.specular = ZERO;
-#endif
-#if HAS_TRANSMISSION
-    closure.transmission = ZERO;
-#endif
-#if HAS_CLEARCOAT
-    closure.coat = ZERO;
-    closure.coat_alpha = ONE;
-#endif
-#if HAS_ABSORPTION
-    closure.absorption = f3(ZERO, ZERO, ZERO);
-#endif
-#if HAS_GLOW
-    closure.glow = f3(ZERO, ZERO, ZERO);
-#endif
-    return closure;
 }
 
-// Fills the lanes `mine`, which share a material, at texture coordinates.
-static void take_closure(Closure *closure, I mine, const __global Material *material, F u, F v, Scene scene)
-{
 #if HAS_GLOSSY
+static Alpha alpha_of(const __global Material *material, F u, F v, Scene scene)
+{
     F stretch = ONE;
 #if HAS_ROUGHNESS_TEXTURE
     if (material->roughness_texture >= 0) {
@@ -106,48 +72,42 @@ static void take_closure(Closure *closure, I mine, const __global Material *mate
         stretch = MAX(roughness * roughness, (F)(SMALLEST_ALPHA));
     }
 #endif
-    TAKE(alpha.x, material->alpha * stretch);
-#endif
+    Alpha alpha;
+    alpha.x = material->alpha * stretch;
 #if HAS_ANISOTROPY
-    TAKE(alpha.y, MAX(material->alpha_across * stretch, (F)(SMALLEST_ALPHA)));
+    alpha.y = MAX(material->alpha_across * stretch, (F)(SMALLEST_ALPHA));
 #endif
-#if HAS_METAL
-    TAKE_COLOUR(n, f3_of(material->metal_n), material->metal_n.w);
-    TAKE_COLOUR(k, f3_of(material->metal_k), material->metal_k.w);
+    return alpha;
+}
 #endif
-#if HAS_PLASTIC || HAS_ROUGH_PLASTIC
-    TAKE(internal, material->internal);
-#endif
+
 #if HAS_ROUGH_PLASTIC
-    TAKE(cover.c0, material->cover.x);
-    TAKE(cover.c1, material->cover.y);
-    TAKE(cover.c2, material->cover.z);
-    TAKE(cover.c3, material->cover.w);
-    TAKE(cover.c4, material->cover_last);
+static Cover known_cover(const __global Material *material)
+{
+    Cover e;
+    e.c0 = (F)(material->cover.x);
+    e.c1 = (F)(material->cover.y);
+    e.c2 = (F)(material->cover.z);
+    e.c3 = (F)(material->cover.w);
+    e.c4 = (F)(material->cover_last);
+    return e;
+}
 #endif
-#if HAS_THIN_GLASS
-    TAKE_COLOUR(depth, f3_of(material->absorption), material->absorption.w);
-#endif
+
 #if HAS_PRINCIPLED
-    F metallic = (F)(material->metallic);
+static F metallic_of(const __global Material *material, F u, F v, Scene scene)
+{
 #if HAS_METALLIC_TEXTURE
     if (material->metallic_texture >= 0)
-        metallic = texture_scalar(material->metallic_texture, u, v, scene);
+        return texture_scalar(material->metallic_texture, u, v, scene);
 #endif
-    TAKE(metallic, metallic);
-    TAKE(specular, material->specular);
+    return (F)(material->metallic);
+}
 #endif
-#if HAS_TRANSMISSION
-    TAKE(transmission, material->transmission);
-#endif
-#if HAS_CLEARCOAT
-    TAKE(coat, material->coat);
-    TAKE(coat_alpha, material->coat_alpha);
-#endif
-#if HAS_ABSORPTION
-    TAKE_COLOUR(absorption, f3_of(material->absorption), material->absorption.w);
-#endif
+
 #if HAS_GLOW
+static F3 glow_of(const __global Material *material, F u, F v, Scene scene)
+{
     F3 glow = f3_of(material->glow);
 #if HAS_TEXTURE
     if (material->glow_texture >= 0)
@@ -156,8 +116,34 @@ static void take_closure(Closure *closure, I mine, const __global Material *mate
 #if SPECTRAL_COLOURS
     glow = light_colour(scene.spectral, glow, material->glow.w, scene.colours);
 #endif
-    closure->glow = select3(mine, glow, closure->glow);
-#endif
+    return glow;
 }
+#endif
+
+#if HAS_CLOSURE
+#define select_F(mine, a, b) ((mine) ? (a) : (b))
+#define select_F3            select3
+
+#define AS_CLOSURE_MEMBER(type, member, without, given) type member;
+#define AS_EMPTY_MEMBER(type, member, without, given)   closure.member = without;
+#define AS_TAKEN_MEMBER(type, member, without, given)   closure->member = select_##type(mine, given, closure->member);
+
+typedef struct {
+    CLOSURE(AS_CLOSURE_MEMBER)
+} Closure;
+
+static Closure empty_closure(void)
+{
+    Closure closure;
+    CLOSURE(AS_EMPTY_MEMBER)
+    return closure;
+}
+
+// Fills the lanes `mine`, which share a material, at texture coordinates.
+static void take_closure(Closure *closure, I mine, const __global Material *material, F u, F v, Scene scene)
+{
+    CLOSURE(AS_TAKEN_MEMBER)
+}
+#endif
 
 #endif

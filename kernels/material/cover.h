@@ -6,6 +6,23 @@
 
 typedef struct { F c0, c1, c2, c3, c4; } Cover;
 
+static Cover no_cover(void)
+{
+    Cover e;
+    e.c0 = e.c1 = e.c2 = e.c3 = e.c4 = ZERO;
+    return e;
+}
+
+static Cover select_Cover(I mine, Cover a, Cover b)
+{
+    a.c0 = mine ? a.c0 : b.c0;
+    a.c1 = mine ? a.c1 : b.c1;
+    a.c2 = mine ? a.c2 : b.c2;
+    a.c3 = mine ? a.c3 : b.c3;
+    a.c4 = mine ? a.c4 : b.c4;
+    return a;
+}
+
 static F cover_albedo(Cover e, F mu)
 {
     F y = 1.0f - mu;

@@ -13,6 +13,25 @@ typedef struct {
 #endif
 } Alpha;
 
+static Alpha same_alpha(F alpha)
+{
+    Alpha a;
+    a.x = alpha;
+#if HAS_ANISOTROPY
+    a.y = alpha;
+#endif
+    return a;
+}
+
+static Alpha select_Alpha(I mine, Alpha a, Alpha b)
+{
+    a.x = mine ? a.x : b.x;
+#if HAS_ANISOTROPY
+    a.y = mine ? a.y : b.y;
+#endif
+    return a;
+}
+
 #if HAS_ANISOTROPY
 #define ACROSS(alpha) ((alpha).y)
 #else

@@ -3,7 +3,10 @@
 #ifndef THIN_GLASS_H
 #define THIN_GLASS_H
 #include "common/exponential.h"
-#include "material/fresnel.h"
+#include "material/bsdf.h"
+
+#if HAS_THIN_GLASS
+static I thin_glass_is(I kind) { return kind == MATERIAL_THIN_GLASS; }
 
 typedef struct { F3 reflected, passed; } Pane;
 
@@ -27,5 +30,21 @@ static Pane pane_of(F cos_i, F index, F3 depth)
     through_pane(r, depth.z * longer, &pane.reflected.z, &pane.passed.z);
     return pane;
 }
+
+static Scattered thin_glass_sample(Vertex vertex, F3 d, Side side, F u, F v, F lobe)
+{
+    Pane pane = pane_of(side.cosine, vertex.parameter, vertex.closure.depth);
+    F back = max3(pane.reflected);
+    F share = back / (back + max3(pane.passed));
+    I reflects = lobe < share;
+    F3 way = select3(reflects, along(d, side.n, 2.0f * side.cosine), d);
+    F3 weight = select3(reflects, scale(pane.reflected, 1.0f / share), scale(pane.passed, 1.0f / (1.0f - share)));
+    Scattered out;
+    out.direction = normalized(way);
+    out.weight = mul(vertex.color, weight);
+    out.pdf = ZERO;
+    return out;
+}
+#endif
 
 #endif

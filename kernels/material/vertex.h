@@ -126,6 +126,7 @@ static SurfacePoint other_point(int index, F3 p, int textured, Scene scene)
 // Of the lanes `on`. `choice` is the random number that chooses among mixed materials and lobes.
 static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 {
+    // Begin with what lanes without a hit keep.
     Vertex vertex;
     F3 p = along(ray.o, ray.d, hit.t);
     vertex.p = p;
@@ -155,12 +156,14 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 #if HAS_MIX
     vertex.lobe = choice;
 #endif
+    // Take the lanes primitive by primitive.
     I rest = on;
     while (ANY(rest)) {
         int index = first_of(hit.primitive, rest);
         I mine = hit.primitive == index;
         const __global Primitive *primitive = scene.primitives + index;
         const __global Material *material = scene.materials + primitive->material;
+        // Find the point on the primitive at rest, and bring it back to the world.
         F3 there = p;
 #if HAS_MOTION
         Placing placing;
@@ -182,6 +185,7 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
         if (moves(index, scene))
             point = surface_in_world(placing, point);
 #endif
+        // Keep position and normals.
 #if HAS_MESH
         vertex.offset = mine ? point.offset : vertex.offset;
 #endif
@@ -191,6 +195,7 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 #if HAS_TANGENT
         vertex.tangent = select3(mine, point.tangent, vertex.tangent);
 #endif
+        // Take the material, and the emitter that light sampling knows the primitive by.
 #if HAS_MIX
         if (material->kind == MATERIAL_MIX)
             take_mix(&vertex, mine, material, point, scene);

@@ -36,6 +36,7 @@ static F3 in_world(const __global Camera *c, F3 v)
 static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __global Camera *camera,
                        __global uint *counters, __global float *state, uint capacity TRAJECTORY_PARAMETER)
 {
+    // Count the rays that the lens stops.
     Lane lane = draw.lane;
     I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
@@ -46,6 +47,7 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
                 atomic_add(counters + status, n);
         }
 #endif
+    // Place the ray in the world, at its time.
 #if MOVES
     F time = moment_of(lane, path_numbers(lane.pixel, lane.sample, wave.seed).b, trajectory);
 #endif
@@ -57,6 +59,7 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
     F3 o = in_world(camera, ray.o);
     F3 d = in_world(camera, ray.d);
 #endif
+    // Weigh it, and write the record of the stream or the state of the path.
     F weight = alive ? ray.weight * camera->exposure : ZERO;
 #if FILTER
     weight *= draw.sign;

@@ -41,6 +41,7 @@ __kernel void layers(SCENE_PARAMETERS
 #endif
     for (uint k = 0; k < wave.samples; ++k) {
         uint slot = first + k * wave.pixels;
+        // Read the camera ray.
         Ray ray;
         ray.origin = (I)(NO_PRIMITIVE);
         ray.triangle = (I)(NO_TRIANGLE);
@@ -63,6 +64,7 @@ __kernel void layers(SCENE_PARAMETERS
         Pose pose = pose_at(time, trajectory);
         F3 right = pose.right, up = pose.up, back = pose.back;
 #endif
+        // Find what it meets.
         I passed = weight > 0.0f;
         if (!ANY(passed))
             continue;
@@ -85,6 +87,7 @@ __kernel void layers(SCENE_PARAMETERS
         F3 from = ray.o;
 #endif
         F depth = -dot3(seen_at, back);
+        // Add what has a mean.
         add_weighted(&sums, SUM_OF_PASSED, passed ? weight : ZERO, ONE);
         add_weighted(&sums, SUM_OF_HITS, seen, ONE);
 #if LAYER_DEPTH >= 0
@@ -111,6 +114,7 @@ __kernel void layers(SCENE_PARAMETERS
         F vergence = on ? ONE / MAX(away, (F)(SMALLEST_DISTANCE)) : ZERO;
         add_weighted(&sums, LAYER_COC, passed ? weight : ZERO, circle_of_confusion(here, vergence, view));
 #endif
+        // Keep what has none of the first ray.
         if (!ANY(fresh))
             continue;
 #if LAYER_OBJECT_ID >= 0

@@ -13,6 +13,7 @@ __kernel void shade(SCENE_PARAMETERS
                     const __global uint *tiles) // that are rendered
 {
     uint slot = get_global_id(0) * VW;
+    // Read the path and its hit.
     Path path;
     path.ray.origin = READ_I(ORIGIN, slot);
     if (!ANY(path.ray.origin != PATH_ENDED))
@@ -43,6 +44,7 @@ __kernel void shade(SCENE_PARAMETERS
     hit.b1 = READ_F(B1, slot);
     hit.b2 = READ_F(B2, slot);
 #endif
+    // Shade the vertex at the wavelengths of the path.
     Scene scene = SCENE;
 #if SPECTRAL_COLOURS
     scene.spectral = spectral_colours_of(path.wavelength_sample, scene.colours);
@@ -51,6 +53,7 @@ __kernel void shade(SCENE_PARAMETERS
     scene.inverse = inverse_wavelength(path.wavelength_sample, scene.colours);
 #endif
     ShadowRay shadow = shade_vertex(&path, hit, scene, rules_of(wave, limits));
+    // Write the path, and the shadow ray.
 #if HAS_DISPERSION
     WRITE_F(WAVELENGTH_SAMPLE, slot, path.wavelength_sample);
 #endif

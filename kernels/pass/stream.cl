@@ -43,6 +43,7 @@ __kernel void stream(SCENE_PARAMETERS
     path.pixel = lane_of(first, wave, tiles).pixel;
     path.sample = (U)(wave.first_sample - 1u);
     for (;;) {
+        // Start camera rays in lanes whose path has ended.
         I start = NOT(running) & (slot < end);
         if (ANY(start)) {
             I started = FALSE;
@@ -83,7 +84,9 @@ __kernel void stream(SCENE_PARAMETERS
         }
         if (!ANY(running))
             break;
+        // Intersect and shade one vertex of every path.
         ShadowRay shadow = shade_vertex(&path, nearest_hit(path.ray, scene), scene, rules);
+        // Add the light samples that nothing blocks.
 #if HAS_EMITTERS
         I wanted = shadow.reach > 0.0f;
         if (ANY(wanted)) {
@@ -91,6 +94,7 @@ __kernel void stream(SCENE_PARAMETERS
             path.radiance = add(path.radiance, keep3(wanted & NOT(dark), shadow.light));
         }
 #endif
+        // Add paths that ended to the film.
         I ended = running & (path.ray.origin == PATH_ENDED);
         if (ANY(ended)) {
 #if SPECTRUM

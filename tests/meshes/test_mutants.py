@@ -45,7 +45,7 @@ MUTANTS = [
     Mutant("no step off the surface", "with_sign(vertex.offset, dot3(vertex.ng, d))", "ZERO", departures),
     Mutant("normals by the matrix of points", "ox.x * ng.x + oy.x * ng.y + oz.x * ng.z",
            "x.x * ng.x + x.y * ng.y + x.z * ng.z", instances),
-    Mutant("square folded wrongly", "y = beyond ? ONE - x : y;", "y = beyond ? x : y;", lamp),
+    Mutant("square folded wrongly", "*y = beyond ? ONE - *x : *y;", "*y = beyond ? *x : *y;", lamp),
     Mutant("holes where the surface is", "chance < opacity;", "chance > opacity;",
            lambda: opacity.test_share_of_rays_that_pass_is_what_opacity_leaves(opacity.SHEET, 0.3)),
 ]  # fmt: skip

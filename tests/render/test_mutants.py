@@ -92,7 +92,7 @@ MUTANTS = [
            "return own > 0.0f ? own / (own + other)", emitters.test_rectangle_above_its_corner),
     Mutant("MIS without emission's weight", MIS, "return own > 0.0f ? ONE",
            emitters.test_disk_beside_the_normal),
-    Mutant("light density lacks the pick", "s.pdf = faces ? pick * d2", "s.pdf = faces ? d2",
+    Mutant("light density lacks the pick", "s->pdf = faces ? pick * d2", "s->pdf = faces ? d2",
            emitters.test_emitters_of_every_kind_add_up),
     Mutant("point light lacks the pick", "ONE / (d2 * pick)", "ONE / d2", emitters.test_emitters_of_every_kind_add_up),
     Mutant("cone of a sphere lamp too wide", "F versine = u * sin2_max", "F versine = u * 1.1f * sin2_max",

@@ -1,0 +1,287 @@
+// Materials of GGX facets: conductor, metal, rough dielectric, rough plastic, principled. Directions in the frame of the
+// normal on the side of `wi`. One facet normal is drawn for all of them; what light takes to leave it, and the diffuse base
+// and the clear coat that some have, are chosen by one number, and the density is that of the whole mixture.
+#ifndef FACETS_H
+#define FACETS_H
+#include "material/bsdf.h"
+
+// What is the same for every `wo`.
+typedef struct {
+    F3    wi;
+    F     eta;              // index beyond the surface over the index before it
+    I     clear;            // lanes that refract
+#if HAS_BASE
+    F3    base;             // diffuse reflectance that the way in leaves
+    Cover cover;
+    F     under;            // probability of choosing the base
+#endif
+#if HAS_CLEARCOAT
+    Alpha coat_alpha;
+    Cover coat_cover;
+    F     coat;             // probability of choosing the coat, if not the base
+#endif
+} Lobes;
+
+typedef struct {
+    F3 reflected, refracted;
+    F  reflects;            // probability of reflecting where both are possible
+} Facet;
+
+#if HAS_PRINCIPLED
+static F normal_reflectance(F index)
+{
+    F r = (index - 1.0f) / (index + 1.0f);
+    return r * r;
+}
+
+// Schlick's Fresnel between a dielectric and a metal of the base colour (glTF 2.0, appendix B.3.5).
+static Facet principled_facet(Vertex vertex, F eta, F c)
+{
+    Facet facet;
+    F steep = schlick(c);
+    F f0 = vertex.closure.specular * normal_reflectance(vertex.parameter);
+    F f = f0 + (vertex.closure.specular - f0) * steep;
+#if HAS_TRANSMISSION
+    // The transparent part, seen from inside, reflects by the angle outside, and totally beyond the critical one.
+    F clear = vertex.closure.transmission;
+    F sin2 = (1.0f - c * c) / (eta * eta);
+    F beyond = eta < 1.0f ? schlick(root(1.0f - sin2)) : steep;
+    F of_clear = sin2 >= 1.0f ? ONE : f0 + (vertex.closure.specular - f0) * beyond;
+    f += clear * (of_clear - f);
+#endif
+    F3 metal = along(scale(vertex.color, 1.0f - steep), f3(ONE, ONE, ONE), steep);
+    F dielectric = 1.0f - vertex.closure.metallic;
+    F share = f * dielectric;
+    facet.reflected = along(f3(share, share, share), metal, vertex.closure.metallic);
+    facet.reflects = ONE;
+    facet.refracted = f3(ZERO, ZERO, ZERO);
+#if HAS_TRANSMISSION
+    facet.refracted = scale(vertex.color, dielectric * clear * (1.0f - of_clear));
+    F other = max3(facet.refracted);
+    F own = max3(facet.reflected);
+    facet.reflects = other > 0.0f ? own / (own + other) : ONE;
+#endif
+    return facet;
+}
+#endif
+
+// What a facet that `wi` meets with cosine `c` does to the light.
+static Facet facet_of(Vertex vertex, Lobes lobes, F c)
+{
+    Facet facet;
+    facet.reflected = vertex.color;
+    facet.refracted = f3(ZERO, ZERO, ZERO);
+    facet.reflects = ONE;
+#if HAS_METAL
+    I metal = vertex.kind == MATERIAL_METAL;
+    if (ANY(metal)) {
+        F3 n = vertex.closure.n;
+        F3 k = vertex.closure.k;
+        F3 f = f3(metal_fresnel(c, n.x, k.x), metal_fresnel(c, n.y, k.y), metal_fresnel(c, n.z, k.z));
+        facet.reflected = select3(metal, mul(vertex.color, f), facet.reflected);
+    }
+#endif
+#if HAS_ROUGH_DIELECTRIC || HAS_ROUGH_PLASTIC
+    I glass = (vertex.kind == MATERIAL_ROUGH_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_PLASTIC);
+    if (ANY(glass)) {
+        F ct;
+        F f = fresnel(c, lobes.eta, &ct);
+        F g = 1.0f - f;
+        facet.reflected = select3(glass, f3(f, f, f), facet.reflected);
+        facet.refracted = select3(glass & lobes.clear, f3(g, g, g), facet.refracted);
+        facet.reflects = (glass & lobes.clear) ? f : facet.reflects;
+    }
+#endif
+#if HAS_PRINCIPLED
+    I principled = vertex.kind == MATERIAL_PRINCIPLED;
+    if (ANY(principled)) {
+        Facet own = principled_facet(vertex, lobes.eta, c);
+        facet.reflected = select3(principled, own.reflected, facet.reflected);
+        facet.refracted = select3(principled, own.refracted, facet.refracted);
+        facet.reflects = principled ? own.reflects : facet.reflects;
+    }
+#endif
+    return facet;
+}
+
+#define LEAST_COAT 0.25f    // the coat is chosen at least so often: it shows lamps, which outshine what lights the base
+
+#if HAS_BASE
+// The diffuse base (Kelemen and Szirmay-Kalos 2001): rho (1 - E(wi)) (1 - E(wo)) / (pi (1 - mean of E)) is symmetric, and
+// with rho = 1 gives back all that the cover does not. `weight` is about the albedo of all other lobes.
+static void add_base(Lobes *lobes, Vertex vertex)
+{
+    F3 rho = f3(ZERO, ZERO, ZERO);
+    F mean = ZERO;
+    F others = ONE;
+    lobes->cover = no_cover();
+#if HAS_ROUGH_PLASTIC
+    lobes->cover = vertex.closure.cover;
+    mean = cover_mean(lobes->cover);
+    rho = keep3(vertex.kind == MATERIAL_ROUGH_PLASTIC, lit_from_below(vertex.color, vertex.closure.internal));
+    others = cover_albedo(lobes->cover, lobes->wi.z);
+#endif
+#if HAS_PRINCIPLED
+    I principled = vertex.kind == MATERIAL_PRINCIPLED;
+    if (ANY(principled)) {
+        F metallic = vertex.closure.metallic;
+#if HAS_TRANSMISSION
+        F clear = vertex.closure.transmission;
+#else
+        F clear = ZERO;
+#endif
+        Cover cover = cover_of(normal_reflectance(vertex.parameter), vertex.closure.alpha.x, vertex.closure.specular);
+        F share = cover_albedo(cover, lobes->wi.z);
+        F rest = (1.0f - metallic) * (share + (1.0f - share) * clear) + metallic * max3(vertex.color);
+        rho = select3(principled, scale(vertex.color, (1.0f - metallic) * (1.0f - clear)), rho);
+        mean = principled ? cover_mean(cover) : mean;
+        others = principled ? rest : others;
+        lobes->cover = select_Cover(principled, cover, lobes->cover);
+    }
+#endif
+    F gets = 1.0f - cover_albedo(lobes->cover, lobes->wi.z);
+    F whole = 1.0f - mean;
+    lobes->base = scale(rho, gets / MAX(whole, (F)(1e-6f)));
+    F own = max3(lobes->base) * whole;
+    lobes->under = own > 0.0f ? own / (own + others) : ZERO;
+}
+#endif
+
+static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
+{
+    Lobes lobes;
+    lobes.wi = wi;
+    lobes.eta = vertex.parameter;
+    lobes.clear = FALSE;
+#if HAS_ROUGH_DIELECTRIC
+    lobes.clear = vertex.kind == MATERIAL_ROUGH_DIELECTRIC;
+#endif
+#if HAS_TRANSMISSION
+    lobes.clear = lobes.clear | ((vertex.kind == MATERIAL_PRINCIPLED) & (vertex.closure.transmission > 0.0f));
+#endif
+#if HAS_REFRACTION
+    lobes.eta = (lobes.clear & behind) ? 1.0f / lobes.eta : lobes.eta;
+#endif
+#if HAS_BASE
+    add_base(&lobes, vertex);
+#endif
+#if HAS_CLEARCOAT
+    I coated = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes.clear & behind);
+    F coat = coated ? vertex.closure.coat : ZERO;
+    F alpha = coated ? vertex.closure.coat_alpha : ONE;
+    lobes.coat_alpha = same_alpha(alpha);
+    lobes.coat_cover = cover_of((F)(COAT_REFLECTANCE), alpha, coat);
+    F share = cover_albedo(lobes.coat_cover, wi.z);
+    lobes.coat = share > 0.0f ? MAX(share, (F)(LEAST_COAT)) : ZERO;
+#endif
+    return lobes;
+}
+
+// BSDF times cosine and the density of choosing `wo`, for the facet normal `h` between `wi` and `wo`.
+static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
+{
+    F c = MAX(dot3(lobes.wi, h), ZERO);
+    Facet facet = facet_of(vertex, lobes, c);
+    F density;
+    F mirrored = ggx_reflect(lobes.wi, wo, h, vertex.closure.alpha, &density);
+    F3 sum = scale(facet.reflected, mirrored);
+#if HAS_REFRACTION
+    density *= facet.reflects;
+    I below = lobes.clear & (wo.z < 0.0f);
+    if (ANY(below)) {
+        F other;
+        F bent = ggx_refract(lobes.wi, wo, h, vertex.closure.alpha, lobes.eta, &other);
+        sum = select3(below, scale(facet.refracted, bent), sum);
+        density = below ? other * (1.0f - facet.reflects) : density;
+    }
+#endif
+#if HAS_CLEARCOAT
+    F taken = (1.0f - cover_albedo(lobes.coat_cover, lobes.wi.z)) * (1.0f - cover_albedo(lobes.coat_cover, absolute(wo.z)));
+    F coat_density;
+    F coat = ggx_reflect(lobes.wi, wo, h, lobes.coat_alpha, &coat_density);
+    coat *= vertex.closure.coat * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * schlick(c));
+    coat = lobes.coat > 0.0f ? coat : ZERO;
+    density += lobes.coat * (coat_density - density);
+#endif
+#if HAS_BASE
+    F up = MAX(wo.z, ZERO) * INV_PI_F;
+    sum = along(sum, lobes.base, up * (1.0f - cover_albedo(lobes.cover, MAX(wo.z, ZERO))));
+    density += lobes.under * (up - density);
+#endif
+#if HAS_CLEARCOAT
+    sum = add(scale(sum, taken), f3(coat, coat, coat));
+#endif
+    *pdf = density;
+    return sum;
+}
+
+// The facet normal that takes `wi` to `wo`.
+static F3 facet_normal(Lobes lobes, F3 wo)
+{
+    F3 h = add(lobes.wi, wo);
+#if HAS_REFRACTION
+    h = select3(lobes.clear & (wo.z < 0.0f), along(lobes.wi, wo, lobes.eta), h);
+    F up = with_sign(ONE, h.z);
+    h = scale(h, up);
+#endif
+    F length2 = dot3(h, h);
+    F3 unit = scale(h, 1.0f / sqrt(MAX(length2, (F)(SMALLEST))));
+    return select3(length2 > SMALLEST, unit, f3(ZERO, ZERO, ONE));      // of light that grazes from the other side
+}
+
+static F3 facets_eval(Vertex vertex, F3 wi, F3 wo, I behind, F *pdf)
+{
+    Lobes lobes = lobes_of(vertex, wi, behind);
+    return lobes_eval(vertex, lobes, wo, facet_normal(lobes, wo), pdf);
+}
+
+// Chooses `wo`; returns BSDF times cosine over the density, zero where nothing goes on.
+static F3 facets_sample(Vertex vertex, F3 wi, I behind, F u, F v, F lobe, F3 *wo, F *pdf)
+{
+    // Choose the base, the coat or the facets by one number.
+    Lobes lobes = lobes_of(vertex, wi, behind);
+    Alpha alpha = vertex.closure.alpha;
+#if HAS_BASE
+    I under = lobe < lobes.under;
+    lobe = under ? lobe : (lobe - lobes.under) / (1.0f - lobes.under);
+#endif
+#if HAS_CLEARCOAT
+    I coated = lobe < lobes.coat;
+    lobe = coated ? lobe : (lobe - lobes.coat) / (1.0f - lobes.coat);
+    alpha = select_Alpha(coated, lobes.coat_alpha, alpha);
+#endif
+    // Reflect at a visible facet, refract through it, or leave the base.
+    F3 h = ggx_visible_normal(wi, alpha, u, v);
+    F c = dot3(wi, h);
+    F3 to = sub(scale(h, 2.0f * c), wi);
+    I good = to.z > 0.0f;
+#if HAS_REFRACTION
+    Facet facet = facet_of(vertex, lobes, c);
+    I passes = lobes.clear & (lobe >= facet.reflects);
+#if HAS_CLEARCOAT
+    passes = passes & NOT(coated);
+#endif
+    if (ANY(passes)) {
+        F inverse = 1.0f / lobes.eta;
+        F ct = root(1.0f - (1.0f - c * c) * inverse * inverse);
+        F3 bent = normalized(along(scale(wi, -inverse), h, inverse * c - ct));
+        to = select3(passes, bent, to);
+        good = passes ? bent.z < 0.0f : good;
+    }
+#endif
+#if HAS_BASE
+    if (ANY(under)) {
+        to = select3(under, cosine_direction(u, v), to);
+        h = select3(under, facet_normal(lobes, to), h);
+        good = good | under;
+    }
+#endif
+    // Weigh the direction by the density of the whole mixture.
+    F3 value = lobes_eval(vertex, lobes, to, h, pdf);
+    good = good & (*pdf > 0.0f);
+    *pdf = good ? *pdf : ZERO;
+    *wo = to;
+    return keep3(good, scale(value, 1.0f / (good ? *pdf : ONE)));
+}
+
+#endif
