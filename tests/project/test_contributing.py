@@ -1,0 +1,45 @@
+"""The map of CONTRIBUTING shows every package, and what it names is there."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOTS = (
+    "", "kernels", "kernels/pass", "rptcam_cl", "rptcam_cl/focusing", "rptcam_cl/cameras", "rptcam_cl/api",
+    "rptcam_cl/optics/shapes",
+)  # fmt: skip
+TO_BE_WRITTEN = re.compile(r"(^|/)name\.")  # files of whoever adds something
+
+
+@pytest.fixture
+def page(checkout: Path) -> str:
+    return (checkout / "CONTRIBUTING.md").read_text("utf-8")
+
+
+def packages(checkout: Path) -> list[str]:
+    """Every package below rptcam_cl, as ``optics/files``."""
+    root = checkout / "rptcam_cl"
+    return sorted(str(path.parent.relative_to(root)) for path in root.rglob("__init__.py") if path.parent != root)
+
+
+def test_every_package_stands_in_the_map(checkout: Path, page: str) -> None:
+    rooms = page.partition("### The rooms")[2].partition("\n###")[0]
+    assert [name for name in packages(checkout) if f"`{name}`" not in rooms] == []
+
+
+def test_rooms_of_the_map_are_packages_in_the_order_of_the_import_table(page: str) -> None:
+    from tests.project.test_imports import ROOMS
+
+    rooms = page.partition("### The rooms")[2].partition("\n###")[0]
+    assert re.findall(r"^\| `(\w+)` \|", rooms, re.MULTILINE) == [name for name in ROOMS if not name.startswith("_")]
+
+
+def test_files_that_the_page_names_are_there(checkout: Path, page: str) -> None:
+    named = set(re.findall(r"`([\w./]+(?:/|\.(?:py|h|cl|md|json)))`", page))
+    assert len(named) > 20
+    lost = [
+        name for name in sorted(named)
+        if not TO_BE_WRITTEN.search(name) and not any((checkout / root / name).exists() for root in ROOTS)
+    ]  # fmt: skip
+    assert lost == []
