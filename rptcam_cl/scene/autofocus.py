@@ -10,10 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self, get_args
 from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, listed, near_name, refuse
 from rptcam_cl.scene.file_reference import FileReference
 from rptcam_cl.scene.quantities import Fraction, list_of
-from rptcam_cl.scene.values import listed, near_name, refuse
 
 LARGEST = 1 << 20  # bytes
 MOST_ZONES = 1000

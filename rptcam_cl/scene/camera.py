@@ -12,7 +12,7 @@ from pydantic import BeforeValidator, Field, model_validator
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.autofocus import AutoFocusOrMethod, OnlyAuto
-from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.lens_settings import (
     AUTO,
     EVERY_FORM,
@@ -25,7 +25,6 @@ from rptcam_cl.scene.lens_settings import (
 )
 from rptcam_cl.scene.motion import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Fraction, Position, list_of
-from rptcam_cl.scene.values import refuse
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
 SMALLEST_ROLL_SINE = 1e-6

@@ -1,16 +1,119 @@
-"""Changes to a scene that is loaded already, among them the moment when the shutter opens."""
+"""Changes to a scene: to its data before it is checked (``camera.f_number=4``), or to a loaded scene."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import re
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from pydantic import ValidationError
 
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import KeyPath, dotted, read_yaml
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.camera import Pose
-from rptcam_cl.scene.problems import input_error
+from rptcam_cl.scene.camera import Focus, LensCamera, Pose, ThinLensCamera
+from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.picture import WhiteBalance
+from rptcam_cl.scene.problems import input_error, shown
 from rptcam_cl.scene.scene import Scene
+
+# Where keys that exclude each other live, and the models that say which they are.
+_EXCLUSIVE: dict[KeyPath, tuple[type[SceneModel], ...]] = {
+    ("film",): (Film,),
+    ("camera",): (ThinLensCamera, LensCamera),
+    ("camera", "focus"): (Focus,),
+    ("picture", "white_balance"): (WhiteBalance,),
+}
+
+# Parts that a word stands for, and the key whose value that word is.
+_WORDS: dict[KeyPath, str] = {("exposure",): "mode", ("spectrum",): "mode"}
+
+
+def apply_overrides(data: dict[Any, Any], overrides: Iterable[str]) -> dict[KeyPath, str]:
+    """Change a scene's data in place; return the text of each override by the key path that it set.
+
+    Each override is ``key.path=value`` with a YAML value: ``camera.f_number=4``, ``objects.0.radius=2`` or
+    ``film.resolution=[320, 180]``. Mappings on the way are made when missing. A key that excludes others replaces them:
+    ``camera.f_number=4`` removes ``camera.stop_diameter_mm``. The value ``null`` removes the key.
+    """
+    labels: dict[KeyPath, str] = {}
+    for text in overrides:
+        path, value = _parse(text)
+        parent = _parent(data, path, text)
+        _assign(parent, path, value, text)
+        # An entry taken out of a list moves the others away from their places in the file.
+        moved = isinstance(parent, list) and value is None
+        labels[path[:-1] if moved else path] = text
+    return labels
+
+
+def _parse(text: str) -> tuple[KeyPath, Any]:
+    key, equals, value = text.partition("=")
+    dots = re.sub(r"\[(\d+)\]", r".\1", key.strip())
+    if not equals or not dots or "" in dots.split("."):
+        raise InputError(f"--set {text}: is not of the form key.path=value (for instance camera.f_number=4)")
+    path = tuple(int(part) if re.fullmatch(r"\d{1,9}", part) else part for part in dots.split("."))
+    return path, (read_yaml(value, name=f"--set {text}").data if value.strip() else None)
+
+
+def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
+    """Return the mapping or list that holds the last key of a path, making mappings that are missing."""
+    value: Any = data
+    for length, key in enumerate(path[:-1], start=1):
+        if isinstance(value, dict):
+            if value.get(_key(value, key)) is None:
+                value[_key(value, key)] = {}
+            if path[:length] in _WORDS and isinstance(value[key], str):
+                value[key] = {_WORDS[path[:length]]: value[key]}
+            value = value[_key(value, key)]
+        else:
+            value = value[_index(value, key, path[: length - 1], text)]
+        if not isinstance(value, (dict, list)):
+            problem = f"is {shown(value)} and has no keys{_hint(path, value)}"
+            raise InputError(f"--set {text}: {dotted(path[:length])}: {problem}")
+    return value
+
+
+def _hint(path: KeyPath, value: Any) -> str:
+    """Return where the keys of a material that is given by its name are found."""
+    if "material" in path[:-1] and isinstance(value, str):
+        return f"; set materials.{value}.{path[-1]} instead"
+    return ""
+
+
+def _key(mapping: dict[Any, Any], key: str | int) -> Any:
+    """Return a path's key as it is written in a mapping, whose keys are words."""
+    return str(key) if isinstance(key, int) and key not in mapping else key
+
+
+def _index(items: list[Any], key: str | int, path: KeyPath, text: str) -> int:
+    if not isinstance(key, int) or key >= len(items):
+        span = f"0 to {len(items) - 1}" if items else "nothing, it is empty"
+        raise InputError(f"--set {text}: {dotted(path)}: no such entry (got {key}; allowed: {span})")
+    return key
+
+
+def _assign(parent: Any, path: KeyPath, value: Any, text: str) -> None:
+    if isinstance(parent, list):
+        index = _index(parent, path[-1], path[:-1], text)
+        if value is None:
+            del parent[index]
+        else:
+            parent[index] = value
+        return
+    key = _key(parent, path[-1])
+    if value is None:
+        parent.pop(key, None)
+        return
+    for rival in _rivals(path):
+        parent.pop(rival, None)
+    parent[key] = value
+
+
+def _rivals(path: KeyPath) -> set[str]:
+    """Return the keys that the last key of a path excludes."""
+    groups = [group for model in _EXCLUSIVE.get(path[:-1], ()) for group in model.alternatives]
+    return {name for group in groups if path[-1] in group.keys for name in group.keys} - {str(path[-1])}
 
 
 def at_opening(scene: Scene) -> Scene:

@@ -8,8 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.scene.base import refuse
 from rptcam_cl.scene.camera import Camera, LensCamera
-from rptcam_cl.scene.colours import Colour
+from rptcam_cl.scene.exposure import Shutter
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import (
     ConstantEnvironment,
@@ -24,14 +25,11 @@ from rptcam_cl.scene.light import (
     SpotLight,
     SunLight,
 )
-from rptcam_cl.scene.material import Emissive
+from rptcam_cl.scene.material import Emissive, Principled
 from rptcam_cl.scene.mesh import MeshObject
-from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH
+from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.scene_object import PlacedObject
 from rptcam_cl.scene.shape import Object, Plane
-from rptcam_cl.scene.shutter import Shutter
-from rptcam_cl.scene.values import refuse
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
 LARGEST_EXTENT_RATIO = 1e7

@@ -13,12 +13,10 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.references import Folders, References
 from rptcam_cl.core.strict_yaml import Document
 from rptcam_cl.optics import GLASS, FieldError, Law, glass_json_schema, held_index, known_range, read_glass
-from rptcam_cl.scene.base import Alternatives, SceneModel
-from rptcam_cl.scene.colours import Colour
+from rptcam_cl.scene.base import Alternatives, SceneModel, refuse
 from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, RoughMaterial
-from rptcam_cl.scene.quantities import NUMBER, Albedo, Coefficient
+from rptcam_cl.scene.quantities import NUMBER, Albedo, Coefficient, Colour
 from rptcam_cl.scene.spectrum import SpectralColour
-from rptcam_cl.scene.values import refuse
 
 SMALLEST_INDEX, LARGEST_INDEX = 0.2, 5.0
 

@@ -1,4 +1,4 @@
-"""The exposure: what a value of 1 on the film stands for."""
+"""Exposure and shutter: what a value of 1 on the film stands for, and when light falls on it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,53 @@ from typing import Annotated, Any, Literal, Self, get_args
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from rptcam_cl.scene.base import AlsoAccepts, SceneModel
+from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, near_name, refuse
 from rptcam_cl.scene.camera import Camera, FNumber, LensCamera, ThinLensCamera
-from rptcam_cl.scene.quantities import NUMBER, Fraction, list_of
-from rptcam_cl.scene.values import listed, near_name, refuse
+from rptcam_cl.scene.quantities import NUMBER, Duration, Fraction, Moment, list_of
+
+
+class Shutter(SceneModel):
+    """The shutter. What moves is smeared over the time that it is open."""
+
+    time_s: Duration = 1 / 60
+    """How long it is open [s]: a number, or a fraction such as 1/125."""
+
+    open_s: Moment = 0.0
+    """When it opens [s], on the clock of the keyframes."""
+
+    kind: Literal["global", "rolling"] = "global"
+    """Whether all of the picture is exposed at once, or row after row."""
+
+    readout_s: Duration | None = None
+    """With a rolling shutter: how much later the last row is exposed than the first [s]."""
+
+    direction: Literal["top_down", "bottom_up", "left_right", "right_left"] = "top_down"
+    """With a rolling shutter: which way the rows follow each other in the picture."""
+
+    @model_validator(mode="after")
+    def _check_readout(self) -> Self:
+        if self.kind == "rolling" and self.readout_s is None:
+            raise refuse(
+                "needs readout_s, the time from the first to the last row",
+                got=self.kind,
+                allowed="readout_s beside it, for instance 1/30",
+                path=("kind",),
+            )
+        for key in ("readout_s", "direction"):
+            if self.kind == "global" and getattr(self, key) != type(self).model_fields[key].default:
+                raise refuse(
+                    "belongs to a rolling shutter",
+                    got=getattr(self, key),
+                    allowed="kind: rolling beside it",
+                    path=(key,),
+                )
+        return self
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """When the first light falls on the film, and the last [s]."""
+        return self.open_s, self.open_s + (self.readout_s or 0.0) + self.time_s
+
 
 Mode = Literal["relative", "irradiance", "physical", "auto"]
 MODES: tuple[Mode, ...] = get_args(Mode)

@@ -12,9 +12,8 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel
+from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Fraction, list_of
-from rptcam_cl.scene.values import refuse
 
 DEFAULT_RADIUS_PX = {"box": 0.5, "tent": 1.0, "gaussian": 1.5, "blackman_harris": 1.5, "mitchell": 2.0}
 

@@ -7,10 +7,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.base import SceneModel, read_number, refuse
 from rptcam_cl.scene.file_reference import FileName, FileReference
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, list_of
-from rptcam_cl.scene.values import read_number, refuse
 
 MAX_TEXT = 1000
 MAX_DEPTH = 16

@@ -6,10 +6,9 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import Field, model_validator
 
-from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.base import SceneModel, refuse
 from rptcam_cl.scene.file_reference import GREY, FileReference
 from rptcam_cl.scene.quantities import NUMBER, Direction, Gain, LightColour, PatternAlbedo, Position, Radiance, Turn
-from rptcam_cl.scene.values import refuse
 
 
 class PointLight(SceneModel):

@@ -1,4 +1,4 @@
-"""From a scene file to a validated scene, and the JSON schema of such files."""
+"""From a scene file to a validated scene, from keys to picture settings; and the JSON schema of scene files."""
 
 from __future__ import annotations
 
@@ -15,10 +15,11 @@ from pydantic_core import PydanticCustomError
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
+from rptcam_cl.scene.change import apply_overrides
 from rptcam_cl.scene.checks import check_extent
 from rptcam_cl.scene.file_reference import file_references
 from rptcam_cl.scene.mesh import MeshLibrary, MeshObject
-from rptcam_cl.scene.overrides import apply_overrides
+from rptcam_cl.scene.picture import PictureSettings
 from rptcam_cl.scene.problems import Where, input_error, refusal_text, shown
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shape import Object
@@ -165,6 +166,30 @@ def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> Non
         raise type(problem)(f"{where((*path, key), False)}{dotted((*path, key))}: {problem}") from None
     except PydanticCustomError as problem:
         raise InputError(f"{where((*path, key), False)}{dotted(path)}: {refusal_text(problem)}") from None
+
+
+def load_picture(settings: Mapping[str, Any], overrides: Iterable[str] = ()) -> PictureSettings:
+    """Return picture settings of a mapping, changed by overrides such as ``picture.tone=agx``.
+
+    Raises
+    ------
+    InputError
+        A key or a value is wrong, or an override is not of `picture`.
+    """
+    data: dict[Any, Any] = {"picture": dict(settings)}
+    labels = apply_overrides(data, overrides)
+    for path, text in labels.items():
+        if path[0] != "picture" or len(path) < 2:
+            raise InputError(f"--set {text}: the film is there already (allowed: keys of picture, as picture.tone=agx)")
+
+    def where(path: tuple[str | int, ...], at_key: bool) -> str:
+        made = [text for key, text in labels.items() if key[1 : 1 + len(path)] == path[: len(key) - 1]]
+        return f"--set {made[-1]}: picture." if made else "picture."
+
+    try:
+        return PictureSettings.model_validate(data["picture"])
+    except ValidationError as problem:
+        raise input_error(problem, data["picture"], where) from None
 
 
 def scene_json_schema() -> dict[str, Any]:

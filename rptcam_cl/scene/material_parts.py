@@ -7,11 +7,10 @@ from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import BeforeValidator, Field, WithJsonSchema
 
-from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.base import Alternatives, SceneModel, read_number, refuse
 from rptcam_cl.scene.file_reference import one_pixel
 from rptcam_cl.scene.quantities import NUMBER, Fraction
 from rptcam_cl.scene.texture import ImageTexture, Share
-from rptcam_cl.scene.values import read_number, refuse
 
 
 class NormalMap(ImageTexture):

@@ -24,13 +24,12 @@ from rptcam_cl.assets.meshes import (
 )
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders
-from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.base import Alternatives, SceneModel, refuse
 from rptcam_cl.scene.file_reference import described
 from rptcam_cl.scene.material import Material
 from rptcam_cl.scene.mesh_materials import material_of
 from rptcam_cl.scene.mesh_rows import FaceRows, Normals, Pairs, Points, Vectors
 from rptcam_cl.scene.scene_object import MATERIAL_NAME, Bounds, PlacedObject
-from rptcam_cl.scene.values import refuse
 
 
 class MeshLibrary:

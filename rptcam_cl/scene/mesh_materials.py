@@ -11,12 +11,10 @@ from rptcam_cl.assets.meshes import FileMaterial, FileTexture
 from rptcam_cl.assets.pictures import has_alpha
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.references import Folders
-from rptcam_cl.scene.colours import Colour
 from rptcam_cl.scene.dielectric import LEAST_BEND, Attenuation, Dielectric, ThinGlass
-from rptcam_cl.scene.material import Emissive, Material, Matte, Mix
+from rptcam_cl.scene.material import Emissive, Material, Matte, Mix, Principled
 from rptcam_cl.scene.material_parts import NormalMap
-from rptcam_cl.scene.principled import Principled
-from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE
+from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE, Colour
 from rptcam_cl.scene.texture import ImageTexture
 
 # Below this a number is 0; what float32 cannot hold the scene refuses.

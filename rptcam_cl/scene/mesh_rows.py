@@ -11,8 +11,8 @@ from pydantic import PlainSerializer, PlainValidator, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 from rptcam_cl.assets.meshes import NormalsMode, Polygons
+from rptcam_cl.scene.base import listed, near_name, number_at, refuse
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE
-from rptcam_cl.scene.values import listed, near_name, number_at, refuse
 
 NORMALS_MODES: tuple[NormalsMode, ...] = ("auto", "smooth", "flat")
 

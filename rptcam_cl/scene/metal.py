@@ -12,14 +12,13 @@ from pydantic_core import CoreSchema, core_schema
 from rptcam_cl.colour import Spectrum, on_grid
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders
-from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.base import Alternatives, SceneModel, refuse
 from rptcam_cl.scene.file_reference import FileName
 from rptcam_cl.scene.material_parts import BumpyMaterial, RoughMaterial
 from rptcam_cl.scene.quantities import NUMBER, list_of
+from rptcam_cl.scene.spectrum import fault_of, read_rows
 from rptcam_cl.scene.spectrum_forms import Numbers
-from rptcam_cl.scene.spectrum_table import fault_of, read_rows
 from rptcam_cl.scene.texture import Reflectance
-from rptcam_cl.scene.values import refuse
 
 Metal = Literal["aluminium", "chromium", "copper", "gold", "iron", "nickel", "platinum", "silver", "tungsten"]
 

@@ -12,11 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
-from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.quantities import Direction, Position
-from rptcam_cl.scene.shutter import Moment
+from rptcam_cl.scene.base import SceneModel, refuse
+from rptcam_cl.scene.quantities import Direction, Moment, Position
 from rptcam_cl.scene.transform import Matrix, Rotation, turn_about
-from rptcam_cl.scene.values import refuse
 
 Vector = NDArray[np.float64]
 

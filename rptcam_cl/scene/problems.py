@@ -12,10 +12,10 @@ from pydantic_core import PydanticCustomError
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import KeyPath, dotted
-from rptcam_cl.scene.colours import SPECTRUM
+from rptcam_cl.scene.base import REFUSED, listed, near_name
 from rptcam_cl.scene.metal import MEASURED, WRITTEN_OUT
+from rptcam_cl.scene.quantities import SPECTRUM
 from rptcam_cl.scene.texture import CONSTANT
-from rptcam_cl.scene.values import REFUSED, listed, near_name
 
 MAX_REPORTED = 5
 

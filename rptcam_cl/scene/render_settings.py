@@ -1,14 +1,13 @@
-"""How the picture is computed, and which layers are recorded beside it."""
+"""How the picture is computed: samples, layers, and how colour is carried along paths."""
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, BeforeValidator, Field
+from pydantic import AfterValidator, BeforeValidator, Field, model_validator
 
-from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.base import SceneModel, refuse
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
-from rptcam_cl.scene.values import refuse
 
 LayerName = Literal[
     "depth",
@@ -85,3 +84,30 @@ class RenderSettings(SceneModel):
     def most_spp(self) -> int:
         """Samples of a pixel at most: `spp`, which unless it is given leaves a noise target room."""
         return self.spp if self.noise is None or "spp" in self.model_fields_set else ADAPTIVE_SPP
+
+
+LensColour = Literal["off", "auto", "on"]
+
+
+class SpectrumSettings(SceneModel):
+    """How the colour of light is carried along paths; a word alone is the mode."""
+
+    mode: Literal["auto", "rgb", "dispersive", "spectral"] = "auto"
+    """Red, green and blue through a lens of one wavelength; the same with a wavelength per path, which lens and glass
+    disperse; spectra at three wavelengths per path. By default what the scene needs."""
+
+    lens: LensColour | None = None
+    """Whether the lens bends each wavelength by itself; `auto`: where that moves light by more than half a pixel, or
+    than `camera.accuracy` allows."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _word(cls, value: Any) -> Any:
+        return {"mode": value} if isinstance(value, str) else value
+
+    @property
+    def lens_colour(self) -> LensColour:
+        """Whether the lens bends each wavelength by itself."""
+        if self.mode == "rgb":
+            return "off"
+        return self.lens or ("on" if self.mode == "dispersive" else "auto")

@@ -14,10 +14,10 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders, References
 from rptcam_cl.optics import Lens, digests_of_lens, load_lens, named_lens, names_a_file
-from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.base import SceneModel, listed, near_name, refuse
 from rptcam_cl.scene.camera import Camera, LensCamera
 from rptcam_cl.scene.checks import check_extent, check_focus, scene_warnings
-from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, check_exposure
+from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, Shutter, check_exposure
 from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import WITH_UP, Environment, Light
@@ -25,12 +25,9 @@ from rptcam_cl.scene.material import Material, with_material, with_parts
 from rptcam_cl.scene.mesh import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.picture import PictureSettings
 from rptcam_cl.scene.quantities import NUMBER
-from rptcam_cl.scene.render_settings import RenderSettings
+from rptcam_cl.scene.render_settings import RenderSettings, SpectrumSettings
 from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Object
-from rptcam_cl.scene.shutter import Shutter
-from rptcam_cl.scene.spectrum import SpectrumSettings
-from rptcam_cl.scene.values import listed, near_name, refuse
 
 
 class Scene(SceneModel):

@@ -16,10 +16,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
 
-from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.scene.base import SceneModel, number_at, read_number, refuse
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER
 from rptcam_cl.scene.render_settings import MAX_SEED
-from rptcam_cl.scene.values import number_at, read_number, refuse
 
 PRESETS: dict[str, dict[str, Any]] = {
     "kac-12040": {

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from rptcam_cl.scene.base import refuse
 from rptcam_cl.scene.mesh import MeshObject
 from rptcam_cl.scene.quantities import SMALLEST_LENGTH, Direction, Length, Position
 from rptcam_cl.scene.scene_object import Bounds, SceneObject
-from rptcam_cl.scene.values import refuse
 
 
 def _disk_reach(normal: NDArray[np.float64], radius: float) -> NDArray[np.float64]:

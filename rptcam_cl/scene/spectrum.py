@@ -1,16 +1,18 @@
-"""A colour that is known at every wavelength, and how the colour of light is carried along paths."""
+"""A colour that is known at every wavelength, and tables of spectra from a scene or a file of two columns."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, Literal
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
-from pydantic import model_validator
+from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.colour import Spectrum, srgb_from_reflectance, srgb_from_spectrum, within_srgb
-from rptcam_cl.scene.base import SceneModel
+from rptcam_cl.colour import WAVELENGTHS_NM, Spectrum, srgb_from_reflectance, srgb_from_spectrum, within_srgb
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.references import Folders, read_whole
+from rptcam_cl.scene.base import FLOAT32_MIN_NORMAL, number_at, read_number, refuse
 
 Lines = tuple[tuple[float, float], ...]
 
@@ -85,28 +87,125 @@ class SpectralColour(tuple[float, float, float]):
         return {"samples": samples, "lines": [list(line) for line in self.lines]}
 
 
-LensColour = Literal["off", "auto", "on"]
+SUFFIXES = (".csv", ".txt", ".tsv", ".spd")
+LARGEST_VALUE = 1e30
+MOST_ROWS = 10_000
+LARGEST_FILE = 4_000_000  # bytes
+_SHORTEST, _LONGEST = WAVELENGTHS_NM[0], WAVELENGTHS_NM[-1]
 
 
-class SpectrumSettings(SceneModel):
-    """How the colour of light is carried along paths; a word alone is the mode."""
+class SpectrumRows(NamedTuple):
+    """A table that is checked: wavelengths [nm] that rise, and columns of values, shape (columns, rows)."""
 
-    mode: Literal["auto", "rgb", "dispersive", "spectral"] = "auto"
-    """Red, green and blue through a lens of one wavelength; the same with a wavelength per path, which lens and glass
-    disperse; spectra at three wavelengths per path. By default what the scene needs."""
+    wavelengths: Spectrum
+    columns: NDArray[np.float64]
 
-    lens: LensColour | None = None
-    """Whether the lens bends each wavelength by itself; `auto`: where that moves light by more than half a pixel, or
-    than `camera.accuracy` allows."""
 
-    @model_validator(mode="before")
-    @classmethod
-    def _word(cls, value: Any) -> Any:
-        return {"mode": value} if isinstance(value, str) else value
+def numbers_of(value: Any) -> tuple[float, ...]:
+    """Return a list of at least two numbers."""
+    items = value.tolist() if isinstance(value, np.ndarray) else value
+    if not isinstance(items, (list, tuple)):
+        raise refuse("must be a list of numbers", allowed="a list of at least 2 numbers")
+    if not 2 <= len(items) <= MOST_ROWS:
+        raise refuse(f"has {len(items)} numbers", allowed=f"2 to {MOST_ROWS} numbers")
+    return tuple(_number(item, index) for index, item in enumerate(items))
 
-    @property
-    def lens_colour(self) -> LensColour:
-        """Whether the lens bends each wavelength by itself."""
-        if self.mode == "rgb":
-            return "off"
-        return self.lens or ("on" if self.mode == "dispersive" else "auto")
+
+def _number(value: Any, index: int) -> float:
+    """Return a number of a list; the tails of a spectrum may be smaller than float32 has numbers, and are 0 then."""
+    return 0.0 if isinstance(value, float) and abs(value) < FLOAT32_MIN_NORMAL else number_at(value, (index,))
+
+
+def read_lines(value: Any) -> Lines:
+    """Return lines, sorted, from a mapping of wavelength [nm] to amount."""
+    if not isinstance(value, dict) or not value:
+        raise refuse("must be a mapping from wavelength to amount", allowed="for instance {546.1: 1, 577: 0.5}")
+    lines = []
+    for key, item in value.items():
+        try:
+            wavelength = float(key)
+        except (TypeError, ValueError):
+            raise refuse("is no wavelength", got=key, allowed="a number of nm", path=(key,)) from None
+        if isinstance(key, bool) or not _SHORTEST <= wavelength <= _LONGEST:
+            span = f"{_SHORTEST:g} to {_LONGEST:g} nm"
+            raise refuse("has a wavelength out of range", got=key, allowed=span, path=(key,))
+        amount = read_number(item) if not isinstance(item, str) else -1.0
+        if not 0 < amount <= LARGEST_VALUE:
+            raise refuse("is no amount of light", got=item, allowed=f"above 0 to {LARGEST_VALUE:g}", path=(key,))
+        lines.append((wavelength, amount))
+    return tuple(sorted(lines))
+
+
+def is_table_file(name: object) -> bool:
+    """Return whether a name is that of a file that may hold a table."""
+    return isinstance(name, str) and name.lower().endswith(SUFFIXES)
+
+
+def read_rows(name: str, folders: Folders, meanings: Sequence[str] = ("a value",)) -> SpectrumRows:
+    """Return the table of a file: a wavelength [nm] and values a line; comments begin with #, one heading may lead.
+
+    Parameters
+    ----------
+    name : str
+        Name of the file in the scene.
+    folders : Folders
+        Where it may lie.
+    meanings : sequence of str
+        What the columns after the wavelength hold.
+
+    Raises
+    ------
+    InputError
+        When it is no such table; the message does not name the file.
+    """
+    if not is_table_file(name):
+        raise InputError(f"is not a table of a spectrum (allowed: files {', '.join(SUFFIXES)}; a picture is a texture "
+                         "of `kind: image`)")  # fmt: skip
+    lines = _text(folders.find(name)).splitlines()
+    given = [(number, text) for number, line in enumerate(lines, 1) if (text := line.partition("#")[0].strip())]
+    if given and not _numbers(given[0][1]):
+        given = given[1:]
+    rows = []
+    for number, text in given:
+        row = _numbers(text)
+        if len(row) != 1 + len(meanings):
+            wanted = " and ".join(("a wavelength", *meanings))
+            raise InputError(f"line {number} does not hold {wanted} (got {text[:40]!r})")
+        rows.append(row)
+    if not 2 <= len(rows) <= MOST_ROWS:
+        raise InputError(f"holds {len(rows)} rows (allowed: 2 to {MOST_ROWS})")
+    wavelengths, *columns = np.array(rows, np.float64).T
+    fault = fault_of(wavelengths)
+    if fault is not None:
+        index, problem = fault
+        raise InputError(f"line {given[index][0]} {problem}")
+    return SpectrumRows(wavelengths, np.array(columns))
+
+
+def fault_of(wavelengths: Sequence[float] | Spectrum) -> tuple[int, str] | None:
+    """Return what is wrong with the wavelengths of a table and at which row, None if nothing."""
+    falls = np.flatnonzero(np.diff(wavelengths) <= 0)
+    if len(falls):
+        return int(falls[0]) + 1, "has a wavelength that is not longer than the one before it"
+    if wavelengths[0] > _LONGEST or wavelengths[-1] < _SHORTEST:
+        hint = "; these look like micrometres" if wavelengths[-1] < 20 else ""
+        return 0, f"begins a table without a wavelength from {_SHORTEST:g} to {_LONGEST:g} nm{hint}"
+    return None
+
+
+def _numbers(text: str) -> list[float]:
+    """Return the finite numbers of a line, none where it holds anything else."""
+    try:
+        row = [float(word) for word in text.replace(",", " ").replace(";", " ").split()]
+    except ValueError:
+        return []
+    return row if np.isfinite(row).all() else []
+
+
+def _text(path: Path) -> str:
+    try:
+        return read_whole(path, LARGEST_FILE).decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError("is not text in UTF-8") from None
+    except StateError as problem:
+        raise InputError(str(problem)) from None

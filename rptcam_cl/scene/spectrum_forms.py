@@ -20,11 +20,9 @@ from rptcam_cl.colour import (
 )
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders
-from rptcam_cl.scene.base import Alternatives, SceneModel
+from rptcam_cl.scene.base import Alternatives, SceneModel, read_number, refuse
 from rptcam_cl.scene.file_reference import FileName
-from rptcam_cl.scene.spectrum import Lines, SpectralColour
-from rptcam_cl.scene.spectrum_table import LARGEST_VALUE, fault_of, numbers_of, read_lines, read_rows
-from rptcam_cl.scene.values import read_number, refuse
+from rptcam_cl.scene.spectrum import LARGEST_VALUE, Lines, SpectralColour, fault_of, numbers_of, read_lines, read_rows
 
 _NUMBERS = {"type": "array", "items": {"type": "number"}, "minItems": 2}
 Numbers = Annotated[tuple[float, ...], BeforeValidator(numbers_of), WithJsonSchema(_NUMBERS)]

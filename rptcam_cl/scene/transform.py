@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
-from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel
+from rptcam_cl.scene.base import AlsoAccepts, AlsoAcceptsItem, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, NUMBER, Coordinate, Direction, Position, list_of
-from rptcam_cl.scene.values import refuse
 
 # Ratio of the smallest to the largest stretch that float32 inverts with some accuracy left.
 SMALLEST_STRETCH_RATIO = 1e-6

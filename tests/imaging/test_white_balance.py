@@ -7,7 +7,7 @@ from rptcam_cl.colour import WAVELENGTHS_NM, blackbody, illuminant, srgb_from_re
 from rptcam_cl.imaging import Development, Grey, GreyWorld, Image, KnownLight, developed_values
 from rptcam_cl.imaging.picture_settings import development_of
 from rptcam_cl.scene import load_picture
-from rptcam_cl.scene.white_balance import LIGHTS
+from rptcam_cl.scene.picture import LIGHTS
 
 WEIGHTS = np.array([0.2126, 0.7152, 0.0722])
 
