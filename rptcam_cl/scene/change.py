@@ -174,13 +174,9 @@ def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
 
 def _checked(scene: Scene, data: dict[str, Any]) -> Scene:
     try:
-        changed = Scene.model_validate(data, context={"folders": scene._folders})
+        return Scene.model_validate(data, context={"folders": scene.folders, "scene": scene})
     except ValidationError as problem:
         raise input_error(problem, data, lambda path, at_key: "") from None
-    changed._folders = scene._folders
-    changed._library = scene._library
-    changed._stand_ins = scene._stand_ins
-    return changed
 
 
 def _fields(part: SceneModel) -> dict[str, Any]:

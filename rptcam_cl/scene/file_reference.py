@@ -50,6 +50,14 @@ class FileReference(SceneModel):
         """What an error about the file begins with."""
         return self._place or f"{self.file}: "
 
+    def locate(self, place: str) -> None:
+        """Say where the scene names the file, unless that is known."""
+        self._place = self._place or place
+
+    def hold(self, content: bytes) -> None:
+        """Take content in place of the file's."""
+        self._data = content
+
     def source(self, folders: Folders) -> Path | bytes:
         """Return the real path of the file, or its content where that is known.
 

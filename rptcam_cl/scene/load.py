@@ -18,7 +18,7 @@ from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.scene.change import apply_overrides
 from rptcam_cl.scene.checks import check_extent
 from rptcam_cl.scene.file_reference import file_references
-from rptcam_cl.scene.mesh import MeshLibrary, MeshObject
+from rptcam_cl.scene.mesh import MeshObject
 from rptcam_cl.scene.picture import PictureSettings
 from rptcam_cl.scene.problems import Where, input_error, refusal_text, shown
 from rptcam_cl.scene.scene import Scene
@@ -74,7 +74,6 @@ def load_scene(
         scene = Scene.model_validate(data, context={"folders": folders})
     except ValidationError as problem:
         raise input_error(problem, data, where) from None
-    scene._folders = folders
     return _with_files(scene, where, missing)
 
 
@@ -116,30 +115,29 @@ def _with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
     fatal: list[str] = []
     for path, reference in file_references(scene):
         key = (*path, "file")
-        reference._place = reference._place or f"{where(key, False)}{dotted(key)}: "
+        reference.locate(f"{where(key, False)}{dotted(key)}: ")
         try:
-            reference.source(scene._folders)
+            reference.source(scene.folders)
         except InputError as problem:
             message = f"{reference.place}{problem}"
             if not isinstance(problem, MissingFileError):
                 raise InputError(message) from None
             (pictures if reference.stand_in is not None else fatal).append(message)
-            reference._data = reference.stand_in
+            if reference.stand_in is not None:
+                reference.hold(reference.stand_in)
     if fatal or (missing == "error" and (without or pictures)):
         raise MissingFileError("\n".join(dict.fromkeys((*without, *pictures, *fatal))))
-    if without:
-        scene = scene.model_copy(update={"objects": kept})
-    scene._stand_ins = (
+    stand_ins = (
         *(f"{text}; the object is left out" for text in without),
         *(f"{text}; grey stands for it" for text in dict.fromkeys(pictures)),
     )
-    return scene
+    return scene.with_stand_ins(kept, stand_ins) if stand_ins else scene
 
 
 def _checked_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tuple[Object, ...], list[str]]:
     """Return the objects without those whose mesh is missing, and what there is to say of these."""
     absent: list[str] = []
-    scene._library = MeshLibrary(scene._folders, scene.meshes, absent)
+    scene.report_missing_pictures(absent)
     kept: list[Object] = []
     without: list[str] = []
     for index, item in enumerate(scene.objects):

@@ -188,9 +188,9 @@ class _Translation:
 
     def _fill(self, texture: ImageTexture, file_texture: FileTexture) -> None:
         """Give a texture its content, and errors about it their place."""
-        texture._place = f"material {self._given.name!r}: {file_texture.name}: "
-        if isinstance(source := self._source(file_texture), bytes):
-            texture._data = source or texture.stand_in
+        texture.locate(f"material {self._given.name!r}: {file_texture.name}: ")
+        if isinstance(source := self._source(file_texture), bytes) and (content := source or texture.stand_in):
+            texture.hold(content)
 
 
 def _clipped(value: float, low: float, high: float) -> float:

@@ -111,6 +111,17 @@ class Scene(SceneModel):
         return [{"direction": down} | light if hangs else light for light, hangs in zip(lights, hung, strict=True)]
 
     @model_validator(mode="after")
+    def _take_files(self, info: ValidationInfo) -> Self:
+        """Take over how files are found: the folders of a scene file, or everything from the scene that is changed."""
+        context = info.context or {}
+        given = context.get("scene")
+        if given is not None:
+            self._folders, self._library, self._stand_ins = given._folders, given._library, given._stand_ins
+        else:
+            self._folders = context.get("folders", self._folders)
+        return self
+
+    @model_validator(mode="after")
     def _check_whole(self) -> Self:
         width, height = self.film.resolution
         if self.camera.kind == "environment" and width != 2 * height:
@@ -129,9 +140,24 @@ class Scene(SceneModel):
         return self
 
     @property
+    def folders(self) -> Folders:
+        """Where the scene may read files."""
+        return self._folders
+
+    @property
     def base_dir(self) -> Path:
         """Folder of the scene file, where relative paths start; the working folder for a scene made in Python."""
         return self._folders.base
+
+    def report_missing_pictures(self, absent: list[str]) -> None:
+        """Let meshes go on without their missing pictures, and add what is missing to a list as they are loaded."""
+        self._library = MeshLibrary(self._folders, self.meshes, absent)
+
+    def with_stand_ins(self, objects: tuple[Object, ...], stand_ins: tuple[str, ...]) -> Scene:
+        """Return the scene with the objects that are left, and what stands in for what is missing."""
+        scene = self.model_copy(update={"objects": objects})
+        scene._stand_ins = stand_ins
+        return scene
 
     def load_mesh(self, item: MeshObject) -> LoadedMesh:
         """Return the parts and materials of one of the scene's mesh objects; they are read once.

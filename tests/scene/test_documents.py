@@ -45,7 +45,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
-    "Picture": (model.Picture,),
+    "Picture": (model.PictureSettings,),
     "White balance": (model.WhiteBalance,),
     "Tone curve": (model.ToneCurve,),
     "Normal map": (model.NormalMap, "Every texture"),
@@ -95,12 +95,12 @@ BASES = {
     model.LensCamera,
     model.PlacedObject,
     model.SceneObject,
-    model.mesh_shape.MeshSource,
+    model.mesh.MeshSource,
     model.texture.Pattern,
-    model.coverage.CoveringMaterial,
-    model.coverage.BumpyMaterial,
-    model.roughness.RoughMaterial,
-    model.dielectric.AbsorbingMaterial,
+    model.CoveringMaterial,
+    model.BumpyMaterial,
+    model.material_parts.RoughMaterial,
+    model.AbsorbingMaterial,
 }
 
 # Defaults that the reference describes in words.
