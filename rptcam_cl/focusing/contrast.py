@@ -194,7 +194,7 @@ def _next_step(probes: Probes, peaks: dict[int, Peak], zones: list[int], stop: f
 
 
 def _refined(probes: Probes, made: list[Probe], zone: int, peak: Peak, samples: int) -> Peak:
-    """Return the top from probes that lie evenly about it, with as many samples as its error asks for."""
+    """Return the top from probes that lie evenly about it, with as many samples as its error requires."""
     sharp = probes.drive.depth_of_focus
     low, high = probes.ends
     reference = made[0].reference
@@ -238,7 +238,7 @@ def focus_by_contrast(task: Task) -> FocusReport:
 
 
 def focus_by_laplacian(task: Task) -> FocusReport:
-    """Return the focus of the greatest sum-modified Laplacian, as the CS348b assignment of 2015 asks for.
+    """Return the focus of the greatest sum-modified Laplacian, as the CS348b assignment of 2015 requests.
 
     Raises
     ------

@@ -78,7 +78,7 @@ def _sharp_vergence(task: Task, state: float) -> float | None:
 
 
 def _other_distance(task: Task, report: FocusReport) -> str | None:
-    """Tell of another distance that the zone shows once the focus is there.
+    """Describe another distance that the zone shows once the focus is there.
 
     The picture grows as the film goes back, so that a zone may show one thing while the focus is far and another while
     it is near, each sharp.
@@ -120,7 +120,7 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
 def _shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float, float]]:
     """Return the distances that a zone shows in a state, as vergences [1/m], and the share of the zone of each.
 
-    Two are told apart by a gap between them that nothing in the zone fills.
+    Two are distinguished by a gap between them that nothing in the zone fills.
     """
     depth = task.renderer.depths(state, [zone], task.seed)[0]
     met: NDArray[np.float64] = np.sort(1 / depth[np.isfinite(depth) & (depth > 0)])
@@ -129,7 +129,7 @@ def _shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float
 
 
 def _astigmatism(task: Task, report: FocusReport) -> str | None:
-    """Tell where lines across and lines down have focuses of their own."""
+    """Describe where lines across and lines down have focuses of their own."""
     sharp = _sharp_vergence(task, report.state)
     try:
         across, down = half_view(task.renderer, report.state, report.zone, "x").sharpest_along()

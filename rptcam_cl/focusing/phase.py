@@ -242,7 +242,7 @@ class PhaseSearch:
         samples = int(min(max(samples, SAMPLES * self.error * probe.stop / PRECISE), MOST_SAMPLES))
         reach = max(DEVIATIONS * match.error, LEAST_REACH * probe.stop * match.error / match.displacement_error)
         found = self._probe(state, probe.view.split, samples, (match.vergence - reach, match.vergence + reach))
-        if found is None or found.refusal in ("flat", "vague"):  # the first probe has told rivals apart
+        if found is None or found.refusal in ("flat", "vague"):  # the first probe has distinguished rivals
             raise nothing_to_see(REASONS["flat" if found is None else str(found.refusal)])
         return samples
 

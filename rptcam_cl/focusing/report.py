@@ -33,12 +33,12 @@ class OutOfReach(InputError):  # noqa: N818  (the same)
 
 @dataclass(frozen=True)
 class ProbeRecord:
-    """One look through the lens.
+    """One probe through the lens.
 
     Attributes
     ----------
     state : float
-        Focus state, see `FocusProbe`.
+        Focus state, see `Drive`.
     film_distance_mm : float
         Distance to the film in that state.
     value, error : float
@@ -71,7 +71,7 @@ class FocusReport:
     ----------
     method : str
     state : float
-        Focus state, see `FocusProbe`.
+        Focus state, see `Drive`.
     film_distance_mm : float
         Last vertex (thin lens: lens) to film.
     focus_distance_m : float or None

@@ -1,4 +1,4 @@
-"""Autofocus as a scene asks for it: how, where in the picture, and which of several places decides."""
+"""Autofocus settings of a scene: the method, where in the picture, and which of several zones is used."""
 
 from __future__ import annotations
 

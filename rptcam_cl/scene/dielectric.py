@@ -74,7 +74,7 @@ Glass = Annotated[
 
 Index = Annotated[float, Field(ge=SMALLEST_INDEX, le=LARGEST_INDEX), NUMBER]
 
-# A rough surface whose index is nearer to 1 bends light by less than its facets' normals can be told from in float32.
+# A rough surface whose index is nearer to 1 bends light by less than float32 resolves of its facets' normals.
 LEAST_BEND = 0.01
 
 # What a colour channel of 0 stands for after a finite way: it must have a logarithm.

@@ -144,7 +144,7 @@ Material = Annotated[
     Field(discriminator="kind"),
 ]
 
-_STAND_IN = Matte(kind="matte", reflectance=(0.5, 0.5, 0.5))
+_GREY = Matte(kind="matte", reflectance=(0.5, 0.5, 0.5))
 
 
 def _named(name: str, materials: Mapping[str, Any], path: tuple[str | int, ...]) -> Any:
@@ -177,7 +177,7 @@ def with_parts(material: Any, materials: Mapping[str, Any] | None, path: tuple[s
     if not isinstance(parts, (list, tuple)):
         return material
     found = [
-        part if not isinstance(part, str) else _STAND_IN if materials is None
+        part if not isinstance(part, str) else _GREY if materials is None
         else _named(part, materials, (*path, "materials", index))
         for index, part in enumerate(parts)
     ]  # fmt: skip
@@ -193,4 +193,4 @@ def with_material(item: Any, index: int, materials: Mapping[str, Any] | None) ->
     if not isinstance(name, str):
         return item | {"material": with_parts(name, materials, path)}
     # Where the materials have errors, the object's other keys still count.
-    return item | {"material": _STAND_IN if materials is None else _named(name, materials, path)}
+    return item | {"material": _GREY if materials is None else _named(name, materials, path)}

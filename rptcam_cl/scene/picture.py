@@ -78,7 +78,7 @@ class WhiteBalance(SceneModel):
         return self
 
     def light_colour(self) -> NDArray[np.float64] | None:
-        """Return the light in linear sRGB, where it is told by name or temperature."""
+        """Return the light in linear sRGB, where it is given by name or temperature."""
         if self.temperature_k is not None:
             return np.asarray(srgb_from_xyz() @ _xyz_of_temperature(self.temperature_k, self.tint or 0.0))
         if self.light is None or self.light == "auto":

@@ -61,7 +61,7 @@ def input_error(error: ValidationError, data: Any, where: Where) -> InputError:
     data : mapping
         The data that the model was given.
     where : callable
-        Returns the place of a key path, ``FILE:LINE:COL: `` or the like; the flag asks for the key, not its value.
+        Returns the place of a key path, ``FILE:LINE:COL: `` or the like; the flag requests that of the key, not of its value.
     """
     lines = [_line(item, data, where) for item in error.errors(include_url=False)[:MAX_REPORTED]]
     if error.error_count() > MAX_REPORTED:
@@ -86,7 +86,7 @@ def _line(item: Any, data: Any, where: Where) -> str:
 
 
 def _tag_key(discriminator: str) -> str:
-    """Return the key that says which form a mapping has; textures are told apart by a function."""
+    """Return the key that says which form a mapping has; textures are distinguished by a function."""
     return "shape" if "shape" in discriminator else "kind"
 
 

@@ -128,7 +128,7 @@ class LightSpectrum(TabulatedSpectrum):
     )  # fmt: skip
 
     def light(self, folders: Folders) -> SpectralColour:
-        """Return the light, in the amount that is asked for, or in its own."""
+        """Return the light, in the amount that its keys give, or in its own."""
         samples, lines = self._shape(folders)
         own = SpectralColour.of_light(samples, lines)
         if self.scale is not None and self.file is None and self.wavelengths_nm is None:
