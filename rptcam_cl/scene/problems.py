@@ -61,7 +61,7 @@ def input_error(error: ValidationError, data: Any, where: Where) -> InputError:
     data : mapping
         The data that the model was given.
     where : callable
-        Returns the place of a key path, ``FILE:LINE:COL: `` or the like; the flag requests that of the key, not of its value.
+        Returns the place of a key path, ``FILE:LINE:COL: `` or the like; the flag: that of the key, not of its value.
     """
     lines = [_line(item, data, where) for item in error.errors(include_url=False)[:MAX_REPORTED]]
     if error.error_count() > MAX_REPORTED:
