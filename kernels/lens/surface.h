@@ -11,7 +11,7 @@ typedef struct {
     F3 n;          // unit normal along the travel
     F  cosine;     // of incidence
     I  met;        // the ray meets the part of the surface about its vertex
-    I  settled;    // an iteration, where one was needed, has decided
+    I  resolved;   // met or missed for certain: an iteration, where one was needed, found which
 } LensHit;
 
 // What x^2 and y^2 count in the profile: 0 for the axis along which a cylinder is straight.
@@ -39,7 +39,7 @@ static LensHit meet_sphere(const __global Surface *s, F3 p, F3 d)
     hit.p = f3(x + t * d.x, y + t * d.y, t * d.z);
     hit.n = f3(-c * hit.p.x, -c * hit.p.y, 1.0f - c * hit.p.z);
     hit.met = (discriminant >= 0.0f) & (hit.n.z > 0.0f);
-    hit.settled = TRUE;
+    hit.resolved = TRUE;
     return hit;
 }
 
@@ -64,7 +64,7 @@ static LensHit meet_conic(const __global Surface *s, F3 p, F3 d)
     hit.n = scale(n, inverse);
     hit.cosine = r * inverse;
     hit.met = (discriminant >= 0.0f) & (n.z > 0.0f);
-    hit.settled = TRUE;
+    hit.resolved = TRUE;
     return hit;
 }
 #endif
@@ -202,7 +202,7 @@ static F3 normal_at(const __global Surface *surface, F x, F y, F z)
 
 // Newton's iteration along the ray from a first guess, or from the vertex plane where the sections differ. A step below
 // LAST_STEP of the distance scale ends it: what it leaves is as its square. A ray that strays to three clear radii, where
-// a polynomial means nothing, has missed, and so has one that does not settle and is never seen on the other side.
+// a polynomial means nothing, has missed, and so has one that does not converge and is never seen on the other side.
 static LensHit meet_general(const __global Surface *surface, F3 p, F3 d)
 {
     F t0 = -p.z / d.z;
@@ -211,26 +211,26 @@ static LensHit meet_general(const __global Surface *surface, F3 p, F3 d)
     F t = surface->kind == LENS_ASPHERE ? first_guess(surface, x0, y0, d) : ZERO;
     F last_step = LAST_STEP * (absolute(x0) + absolute(y0) + absolute(t)) + SMALLEST;
     F limit = 9.0f * surface->semi_diameter2;
-    I settled = FALSE, lost = FALSE;
+    I converged = FALSE, lost = FALSE;
     I some = FALSE, all = (I)(-1);                             // sign bits: of any point, of every point
-    for (int i = 0; i < NEWTON_STEPS && ANY(NOT(settled | lost)); ++i) {
+    for (int i = 0; i < NEWTON_STEPS && ANY(NOT(converged | lost)); ++i) {
         F x = x0 + t * d.x;
         F y = y0 + t * d.y;
         F side;
         F change = newton_step(surface, x, y, t * d.z, d, &side);
         some |= AS_I(side);
         all &= AS_I(side);
-        lost |= NOT(settled | (x * x + y * y <= limit));          // or nowhere, where it is not a number
+        lost |= NOT(converged | (x * x + y * y <= limit));          // or nowhere, where it is not a number
         t -= change;
-        settled |= NOT(lost) & (absolute(change) <= last_step);
+        converged |= NOT(lost) & (absolute(change) <= last_step);
     }
     LensHit hit;
     hit.p = f3(x0 + t * d.x, y0 + t * d.y, t * d.z);
     F3 n = normal_at(surface, hit.p.x, hit.p.y, hit.p.z);
     hit.n = scale(n, ONE / sqrt(dot3(n, n)));
     hit.cosine = dot3(hit.n, d);
-    hit.met = settled & NOT(lost) & (hit.n.z > 0.0f) & (hit.cosine > 0.0f);
-    hit.settled = settled | lost | ((some ^ all) >= 0);
+    hit.met = converged & NOT(lost) & (hit.n.z > 0.0f) & (hit.cosine > 0.0f);
+    hit.resolved = converged | lost | ((some ^ all) >= 0);
     return hit;
 }
 #endif

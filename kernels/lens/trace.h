@@ -183,7 +183,7 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
     path->missed |= passed ^ met;
     path->clipped |= met ^ inside;
 #if LENS_GENERAL
-    path->undecided |= (passed ^ met) & NOT(hit.settled);
+    path->undecided |= (passed ^ met) & NOT(hit.resolved);
 #endif
     path->passed = inside & bends;
     path->crossed += path->passed & 1;

@@ -27,7 +27,7 @@ ROUNDS = 60
 RING_STEPS = 512  # rays that seek the edges of an obstructed beam
 RING_ROUNDS = 4
 AIMED = 4  # rounds after which the direction of the object point stays
-SETTLED = 1e-11  # of the film distance, between two rounds
+CONVERGED = 1e-11  # of the film distance, between two rounds
 SETTLED_AT_A_POINT = 1e-6  # the same where the rays that pass are counted, not integrated
 
 
@@ -60,7 +60,7 @@ def best_film_distance(
     for _ in range(ROUNDS):
         front = object_distance_mm - lens.length - lens.sense * back
         new = _best(lens, front, wavelengths_nm, field_degrees, back)
-        if abs(new - back) <= SETTLED * abs(back):
+        if abs(new - back) <= CONVERGED * abs(back):
             return new
         back = new
     return back

@@ -138,7 +138,7 @@ def digests_of_lens(source: Path | Mapping[str, Any], folders: Folders) -> dict[
         Where the files may lie that it names.
     """
     files = References(folders)
-    with contextlib.suppress(InputError, StateError):  # told where the lens is used
+    with contextlib.suppress(InputError, StateError):  # reported where the lens is used
         load_lens(source, files)
     own = {"": digest(source, MAX_BYTES)} if isinstance(source, Path) else {}
     return own | files.digests()

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class SurfacePose:
-    """Where a surface really stands: vertex moved by `offset` [mm], axes turned by `rotation` (rows of a matrix).
+    """Where a surface is: vertex moved by `offset` [mm], axes turned by `rotation` (rows of a matrix).
 
     A point p of the nominal vertex frame has the coordinates rotation^T (p - offset) in the frame of the surface.
     """

@@ -51,7 +51,7 @@ class Rays:
         Sum of index times length from the start to the origin [mm].
     transmittance : (n,) array or None
         Share of the light that is left after the last surface, counted from the first one met; 0 for a failed ray. None
-        when no losses were asked for.
+        when no losses were requested.
     """
 
     origins: Array

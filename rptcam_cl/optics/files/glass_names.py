@@ -46,7 +46,7 @@ class Named:
     is_exact : bool
         Whether the name is the maker's own; else it is an alias or that of a predecessor.
     is_chosen : bool
-        Whether its maker was asked for.
+        Whether its maker was requested.
     """
 
     written: str

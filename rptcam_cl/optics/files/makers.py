@@ -1,4 +1,4 @@
-"""Glasses of the makers' catalogues that come with the package; nothing is read before one is asked for.
+"""Glasses of the makers' catalogues that come with the package; none is read before it is requested.
 
 The data and their source: ``optics/catalogues/README.md``.
 """

@@ -17,7 +17,7 @@ SENSES = (1.0, 1.0, 1.0)  # tilts turn right handed: OpticStudio help, «Tilt/De
 MOST_TERMS = 240  # of an extended asphere, to r^480
 PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
 FAR = 1e9  # an object beyond this is at infinity
-# What decides the rays and is not read; everything else that is not read has no optical meaning.
+# What changes the rays and is not read; everything else that is not read has no optical meaning.
 MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SPID OBDC XDAT NSCS GRIN TEMP"
 MEANT = frozenset(MEANT_WORDS.split())
 

@@ -9,19 +9,15 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from rptcam_cl.optics.files.fields import Fields
 from rptcam_cl.optics.files.key import Key
 from rptcam_cl.optics.shapes.iterated import Iterated
-from rptcam_cl.optics.shapes.shape import Profile
-
-Array = NDArray[np.float64]
 
 
 class Form(Iterated):
     """A kind of surface that has numbers of its own; its subclasses are frozen dataclasses of them.
+
+    `sag_and_slopes` here is that of the profile, to which a subclass adds or which it replaces.
 
     Attributes
     ----------
@@ -54,10 +50,6 @@ class Form(Iterated):
     @abstractmethod
     def written(self) -> dict[str, Any]:
         """Return the keys of a lens file and their values [mm], which `read` takes back."""
-
-    @abstractmethod
-    def sag_and_slopes(self, profile: Profile, x: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Return z, dz/dx and dz/dy above points of the vertex plane; NaN where the surface does not reach."""
 
 
 def short_radius(curvature: float) -> float:

@@ -23,14 +23,14 @@ class Iterated(Shape):
         dx, dy, dz = directions
         x0, y0, to_plane = on_vertex_plane(points, directions)
         start = self.first_guess(profile, x0, y0, directions)
-        step, settled, crossed = self._iterate(profile, x0, y0, directions, start)
+        step, converged, crossed = self._iterate(profile, x0, y0, directions, start)
         hit = np.stack([x0 + step * dx, y0 + step * dy, step * dz])
         normal = self.normal_at(profile, *hit)
         normal /= np.sqrt(np.sum(normal * normal, axis=0))
         cosine = np.sum(normal * directions, axis=0)
         reached = np.isfinite(step)
-        met = reached & settled & (normal[2] > 0) & (cosine * dz > 0)
-        return Hits(hit, to_plane + step, normal, cosine, met, reached & ~settled & crossed)
+        met = reached & converged & (normal[2] > 0) & (cosine * dz > 0)
+        return Hits(hit, to_plane + step, normal, cosine, met, reached & ~converged & crossed)
 
     def first_guess(self, profile: Profile, x: Array, y: Array, directions: Array) -> Array:
         """Return the step from the vertex plane at which the iteration starts: there."""
@@ -51,15 +51,15 @@ class Iterated(Shape):
     def _iterate(
         self, profile: Profile, x0: Array, y0: Array, directions: Array, start: Array
     ) -> tuple[Array, Mask, Mask]:
-        """Return the step from the vertex plane to the surface, NaN where lost, which settled, and which crossed it.
+        """Return the step from the vertex plane to the surface, NaN where lost, which converged, and which crossed it.
 
         A ray that strays to three clear radii is lost: there the polynomial of an asphere means nothing. One that does
-        not settle and was never seen on the other side of the surface does not cross it either.
+        not converge and was never seen on the other side of the surface does not cross it either.
         """
-        step, settled, crossed = start.copy(), np.zeros(start.shape, dtype=bool), np.zeros(start.shape, dtype=bool)
+        step, converged, crossed = start.copy(), np.zeros(start.shape, dtype=bool), np.zeros(start.shape, dtype=bool)
         limit = 9.0 * profile.semi_diameter**2
         rows, t, d, first = np.arange(len(start)), start, directions, None
-        last_step, done = LAST_STEP * (np.abs(x0) + np.abs(y0) + np.abs(start)) + 1e-300, settled.copy()
+        last_step, done = LAST_STEP * (np.abs(x0) + np.abs(y0) + np.abs(start)) + 1e-300, converged.copy()
         for _ in range(ITERATIONS):
             x, y = x0 + t * d[0], y0 + t * d[1]
             change, side = self.newton_step(profile, x, y, t * d[2], d)
@@ -69,7 +69,7 @@ class Iterated(Shape):
             t = np.where(good, t - change, np.nan)
             done |= np.abs(change) <= last_step
             done &= good
-            step[rows], settled[rows] = t, done
+            step[rows], converged[rows] = t, done
             active = good & ~done
             if not active.any():
                 break
@@ -77,4 +77,4 @@ class Iterated(Shape):
                 kept = (rows, x0, y0, t, last_step, done, first)
                 rows, x0, y0, t, last_step, done, first = (values[active] for values in kept)
                 d = d[:, active]
-        return step, settled, crossed
+        return step, converged, crossed
