@@ -28,7 +28,7 @@ RING_STEPS = 512  # rays that seek the edges of an obstructed beam
 RING_ROUNDS = 4
 AIMED = 4  # rounds after which the direction of the object point stays
 CONVERGED = 1e-11  # of the film distance, between two rounds
-SETTLED_AT_A_POINT = 1e-6  # the same where the rays that pass are counted, not integrated
+CONVERGED_AT_A_POINT = 1e-6  # the same where the rays that pass are counted, not integrated
 
 
 def best_film_distance(
@@ -99,7 +99,7 @@ def best_film_distance_at(
             beam = _beam_to(lens, film_point_mm, back, front, wavelength_nm)
         shift = spot(lens, back, beam, wavelength_nm, ACROSS).best_shift
         back += shift
-        if abs(shift) <= SETTLED_AT_A_POINT * abs(back):
+        if abs(shift) <= CONVERGED_AT_A_POINT * abs(back):
             return back
     x, y = film_point_mm
     raise InputError(f"{lens.name}: finds no least spot at the film point ({x:g}, {y:g}) mm")
