@@ -68,9 +68,9 @@ def _unexpected(error: Exception) -> int:
             file.write(f"rptcam {__version__}, Python {sys.version}\n{sys.argv}\n\n")
             traceback.print_exception(error, file=file)
     except OSError:
-        print(f"this is a fault of rptcam: please report it, with what {DEBUG} shows", file=sys.stderr)
+        print(f"this is a bug in rptcam; please report it, with the output of {DEBUG}", file=sys.stderr)
     else:
-        print(f"this is a fault of rptcam: please report it, with the file {path}", file=sys.stderr)
+        print(f"this is a bug in rptcam; please report it, with the file {path}", file=sys.stderr)
     return FAULT
 
 
@@ -113,7 +113,7 @@ def _named() -> Iterator[None]:
 
 
 def _abandon_output() -> None:
-    """Send what standard output still holds nowhere, lest the interpreter complain about it at its end."""
+    """Send what standard output still holds nowhere, so that the interpreter does not complain at its end."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 

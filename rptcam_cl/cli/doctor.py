@@ -19,7 +19,7 @@ def add_to(commands: Commands) -> None:
         "doctor",
         help="report on versions, devices and caches, and check what devices compute",
         description="Report on versions, devices with their drivers, and caches. With --numerics, check what the"
-        " devices compute at the extremes, in half a minute each. Worth sending with a report of a problem.",
+        " devices compute at the extremes, in half a minute each. Send the output with a bug report.",
     )
     parser.add_argument(
         "--numerics", action="store_true", help="check what the devices compute; exit code 5 on failure"

@@ -104,7 +104,7 @@ def _transmission(arguments: argparse.Namespace, lens: "Lens") -> "LensTransmiss
 
     name = arguments.transmission or ("ideal" if arguments.coating is None else "coated")
     if name != "coated" and arguments.coating is not None:
-        raise InputError(f"--coating: says nothing with --transmission {name} (allowed with coated)")
+        raise InputError(f"--coating: has no effect with --transmission {name} (allowed only with coated)")
     if name == "coated" and not has_coatings(lens):
         raise InputError(f"--transmission: {lens.name} does not say how it is coated (give --coating, such as mgf2)")
     return BY_NAME[name]

@@ -27,7 +27,7 @@ def add_to(commands: Commands) -> None:
     )
     parser.add_argument(
         "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
-        help="whose indices a .dat table gets (default: %(default)s)",
+        help="wavelength of the indices in a .dat table (default: %(default)s)",
     )  # fmt: skip
     parser.set_defaults(run=_run, parser=parser)
 

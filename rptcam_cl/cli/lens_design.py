@@ -33,7 +33,7 @@ def add_to(commands: Commands) -> None:
         "--focus-distance-m",
         type=values.positive,
         metavar="D",
-        help="say where the lens stands for this object to film",
+        help="also write the distances that focus an object this far from the film",
     )
     single.set_defaults(run=_singlet, parser=single)
     double = inner.add_parser("doublet", help="a cemented achromat from two glasses and one more condition")

@@ -25,7 +25,7 @@ WAVELENGTHS = (400.0, 450.0, 500.0, 550.0, LINE_D_NM, 600.0, 650.0, 700.0)
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    text = "light that the glass and the surfaces leave on the axis, and T-numbers"
+    text = "light that glass and surfaces let through on the axis, and T-numbers"
     parser = commands.add_parser("transmittance", help=text, description=text[0].upper() + text[1:] + ".")
     add_lens(parser)
     add_wavelengths(parser, WAVELENGTHS)

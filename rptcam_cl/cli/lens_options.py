@@ -89,10 +89,10 @@ def add_lens(parser: argparse.ArgumentParser) -> None:
 
 
 def add_catalogue(parser: argparse.ArgumentParser) -> None:
-    """Add whose glasses come first."""
+    """Add the glass makers to try first."""
     parser.add_argument(
         "--catalogue", action="append", default=[], metavar="MAKER",
-        help="whose glasses come first in a file of another program, such as SCHOTT; may be given again "
+        help="glass maker to try first for lens files of other programs, such as SCHOTT; may be repeated "
         "(default: as the file says, else SCHOTT, OHARA, HOYA, ...)",
     )  # fmt: skip
 
@@ -113,7 +113,7 @@ def coating(text: str) -> "Coating":
 
 
 def add_coating(parser: argparse.ArgumentParser) -> None:
-    """Add what lies on the surfaces between glass and air."""
+    """Add the coating of the surfaces between glass and air."""
     parser.add_argument(
         "--coating", type=coating, metavar="C",
         help="of all surfaces between glass and air: bare, mgf2 or a reflectance as 0.005 (default: as in the file)",
@@ -145,7 +145,7 @@ def add_wavelengths(parser: argparse.ArgumentParser, default: tuple[float, ...])
 
 
 def add_plot(parser: argparse.ArgumentParser) -> None:
-    """Add what is printed and drawn."""
+    """Add JSON and the plot."""
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the plot, .svg or .png")
 

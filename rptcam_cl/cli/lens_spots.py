@@ -49,7 +49,9 @@ def add_to(commands: Commands) -> None:
         "--field", type=number, metavar="A", default=0.0, help="angle from the axis in degrees (default: 0)"
     )
     psf.add_argument("--pixels", type=count, metavar="N", default=64, help="along each side (default: %(default)s)")
-    psf.add_argument("--width-um", type=values.positive, metavar="W", help="side of the image (default: what it needs)")
+    psf.add_argument(
+        "--width-um", type=values.positive, metavar="W", help="side of the image (default: chosen from the spot)"
+    )
     psf.add_argument("--json", action="store_true", help="print JSON")
     psf.add_argument(
         "-o", "--output", type=Path, metavar="FILE", help="write the image: .npy, the share of light per pixel, or .png"

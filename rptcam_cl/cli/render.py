@@ -114,7 +114,7 @@ def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
         check_writable(arguments.stats, taken)
     check_writable(_checkpoint(arguments), taken)
     if arguments.layers and not any(map(holds_layers, arguments.outputs)):
-        raise InputError("--layers: no output has a place for them (allowed: -o with a name that ends in .exr or .npz)")
+        raise InputError("--layers: no output can hold them (allowed: -o with a name that ends in .exr or .npz)")
     written = [*arguments.outputs, *arguments.raws]
     if len({output.resolve() for output in written}) < len(written):
         raise InputError("-o, --raw: the same file twice" if arguments.raws else "-o: the same file twice")

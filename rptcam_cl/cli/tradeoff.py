@@ -41,16 +41,16 @@ def add_to(commands: Commands) -> None:
         type=values.duration,
         metavar="TIME",
         default=60.0,
-        help="time to render that advice is wanted for (default 60s)",
+        help="rendering time to advise for (default 60s)",
     )
     parser.add_argument(
         "--error", type=values.share, metavar="X", default=0.02,
-        help="relative error (root of relMSE) that advice is wanted for, as 0.02 or 2%% (default 0.02)",
+        help="relative error (root of relMSE) to advise for, as 0.02 or 2%% (default 0.02)",
     )  # fmt: skip
     parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution in pixels, in place of the scene's")
     parser.add_argument(
         "--json", nargs="?", const=PRINTED, type=Path, metavar="FILE",
-        help="write every number, .json; without a name print them as JSON in place of text",
+        help="write all numbers, .json; without a name, print them as JSON in place of text",
     )  # fmt: skip
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write advice and tables, .md")
     parser.add_argument(

@@ -27,7 +27,7 @@ def test_unexpected_error_names_a_file_and_asks_to_report(
     assert cli.main(["devices"]) == cli.FAULT
     said = capsys.readouterr().err.splitlines()
     assert said[0] == "error: unexpected ZeroDivisionError: never thought of"
-    log = Path(re.fullmatch(r"this is a fault of rptcam: please report it, with the file (.*)", said[1])[1])  # type: ignore[index]
+    log = Path(re.fullmatch(r"this is a bug in rptcam; please report it, with the file (.*)", said[1])[1])  # type: ignore[index]
     assert "Traceback" in log.read_text()
     assert log.stat().st_mode & 0o077 == 0
     with pytest.raises(ZeroDivisionError):

@@ -27,7 +27,7 @@ def test_layers_asked_for_are_recorded(scene, renderer, rptcam, words, asked):
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ("-o a.png -o a.npy --layers depth", r"--layers: no output has a place for them \(allowed: -o with a name"),
+        ("-o a.png -o a.npy --layers depth", r"--layers: no output can hold them \(allowed: -o with a name"),
         ("-o a.exr --layers dept", r"argument --layers: got dept; did you mean depth\?; allowed all, depth, "),
         ("-o a.exr --layers depth,depth", "argument --layers: depth twice"),
         ("-o a.exr --layers depth,", "argument --layers: got ; allowed all, depth"),

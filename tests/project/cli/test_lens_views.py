@@ -116,7 +116,7 @@ def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_p
         (["transmittance", "ball", "--coating", "shiny"], "allowed bare, mgf2 or a reflectance"),
         (["transmittance", "planar-1897", "--wavelengths", "1200"], "is known from 300 to 1060 nm"),
         (["info", "ball", "--transmission", "coated"], "does not say how it is coated"),
-        (["info", "ball", "--transmission", "bare", "--coating", "mgf2"], "says nothing with --transmission bare"),
+        (["info", "ball", "--transmission", "bare", "--coating", "mgf2"], "has no effect with --transmission bare"),
         (["distortion", "dgauss-50mm", "--fields", "80"], "reaches the centre of the stop"),
     ],
 )
