@@ -19,10 +19,7 @@ from rptcam_cl.device import Session, choose_device
 from rptcam_cl.focusing import ProbeRenderer, Zone, requested_autofocus
 from rptcam_cl.focusing.measures import BEST, MEASURES
 from rptcam_cl.imaging import srgb_from_linear
-from rptcam_cl.lenstools.chart import Legend, chart, padded
-from rptcam_cl.lenstools.output import encoded
-from rptcam_cl.lenstools.picture import SERIES
-from rptcam_cl.lenstools.picture import Path as Line
+from rptcam_cl.lenstools import add_key, encoded, new_chart, series, styled
 from rptcam_cl.scene import change_scene
 
 SCENE = Path(__file__).parents[1] / "examples" / "paper" / "autofocus.yaml"
@@ -57,27 +54,26 @@ def contrasts(scene: rptcam_cl.Scene, session: Session, distances: list[float], 
     )
 
 
+@styled()
 def plotted(distances: list[float], curves: dict[str, Curve], path: Path) -> None:
     """Draw curves as shares of their greatest, with bars of two standard errors."""
     shares = {name: curve / curve.mean(axis=1).max() for name, curve in curves.items()}
-    every = np.concatenate([share.ravel() for share in shares.values()])
-    keys = [Legend(name, SERIES[k]) for k, name in enumerate(shares)]
-    labels = ("focus distance [units of the paper]", "share of the greatest")
-    axes = chart("The scene of figures 5 and 8", labels, padded(distances), padded(every, 0.0), keys)
-    for (_, share), key in zip(shares.items(), keys, strict=True):
+    labels = ("focus distance [units of the paper]", "of the greatest [%]")
+    figure, axes = new_chart("The scene of figures 5 and 8 of the paper", labels, (distances[0] - 2, distances[-1] + 2))
+    bars = []
+    for number, (name, share) in enumerate(shares.items()):
         mean, error = share.mean(axis=1), share.std(axis=1, ddof=1) / np.sqrt(share.shape[1])
-        axes.curve(distances, mean, key.colour)
-        axes.dots(distances, mean, key.colour, 2.5)
-        for x, y, bar in zip(distances, mean.tolist(), error.tolist(), strict=True):
-            axes.picture.add(Line([axes.place(x, y - 2 * bar), axes.place(x, y + 2 * bar)], key.colour, 1.2))
-    path.write_bytes(encoded(axes.picture, path))
+        bars.append(axes.errorbar(distances, 100 * mean, yerr=200 * error, fmt=".-", color=series(number), label=name))
+    axes.set_ylim(bottom=0.0)
+    add_key(figure, bars)
+    path.write_bytes(encoded(figure, path))
 
 
 def main() -> None:
     """Measure, print, draw and write."""
     parser = arguments(__doc__ or "")
     parser.add_argument("--seeds", type=int, default=4, help="pictures per distance (default 4)")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curves, .svg or .png")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curves, .svg, .png or .pdf")
     options = parser.parse_args()
     session = Session(choose_device(options.device))
     facts = machine(session.info)

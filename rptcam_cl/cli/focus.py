@@ -46,7 +46,7 @@ def add_to(commands: Commands) -> None:
     values.add_device(parser)
     values.add_overrides(parser)
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve, .svg or .png")
+    parser.add_argument("--plot", type=Path, metavar="FILE", help="draw the curve, .svg, .png or .pdf")
     parser.set_defaults(run=_run, parser=parser)
 
 

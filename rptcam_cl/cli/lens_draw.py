@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
     )
     add_lens(parser)
     parser.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help=".svg or .png (default: SVG to standard output)"
+        "-o", "--output", type=Path, metavar="FILE", help=".svg, .png or .pdf (default: SVG to standard output)"
     )
     parser.add_argument(
         "--section", choices=("y", "x"), default="y", help="the y-z plane or the x-z plane (default: %(default)s)"
@@ -47,9 +47,9 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import View, draw_lens, svg_text
+    from rptcam_cl.lenstools import DRAWN, View, draw_lens, svg_text
 
-    check_picture(arguments.output, arguments.lens)
+    check_picture(arguments.output, arguments.lens, DRAWN)
     state = lens_in_use(arguments, arguments.wavelengths[len(arguments.wavelengths) // 2])
     tracer, name = tracer_of(arguments.device)
     view = View(

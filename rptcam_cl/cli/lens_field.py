@@ -49,7 +49,7 @@ def add_to(commands: Commands) -> None:
 
 
 def _vignette(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import film_radii, vignetting_picture, vignetting_table
+    from rptcam_cl.lenstools import film_radii, vignetting_chart, vignetting_table
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments, arguments.wavelength_nm)
@@ -60,7 +60,7 @@ def _vignette(arguments: argparse.Namespace) -> int:
         columns = ("radius [mm]", "irradiance", "relative", "stops", "angle [°]", "cos^4", "pass area [mm²]", "share")
         print_table(columns, [list(row.values()) for row in rows], f"{state.lens.name}, film at {state.film:.6g} mm")
     if arguments.output is not None:
-        write_picture(vignetting_picture(state, rows), arguments.output)
+        write_picture(vignetting_chart(state, rows), arguments.output)
     return 0
 
 
@@ -68,7 +68,7 @@ def _distortion(arguments: argparse.Namespace) -> int:
     from rptcam_cl.lenstools import (
         PROJECTIONS,
         default_fields,
-        distortion_picture,
+        distortion_chart,
         distortion_table,
         followed_projection,
     )
@@ -88,5 +88,5 @@ def _distortion(arguments: argparse.Namespace) -> int:
         title = f"{state.lens.name}, film at {state.film:.6g} mm, against {meant}"
         print_table(columns, [list(row.values()) for row in rows], title)
     if arguments.output is not None:
-        write_picture(distortion_picture(state, rows, projection), arguments.output)
+        write_picture(distortion_chart(state, rows, projection), arguments.output)
     return 0

@@ -37,7 +37,7 @@ def add_to(commands: Commands) -> None:
 def _transmittance(arguments: argparse.Namespace) -> int:
     from dataclasses import replace
 
-    from rptcam_cl.lenstools import transmittance_picture, transmittance_table
+    from rptcam_cl.lenstools import transmittance_chart, transmittance_table
 
     check_picture(arguments.output, arguments.lens)
     state = lens_in_use(arguments)
@@ -49,5 +49,5 @@ def _transmittance(arguments: argparse.Namespace) -> int:
         columns = ("wavelength [nm]", "glass", "bare", "coated", "T bare", "T coated")
         print_table(columns, [list(row.values()) for row in rows], state.lens.name)
     if arguments.output is not None:
-        write_picture(transmittance_picture(state, rows), arguments.output)
+        write_picture(transmittance_chart(state, rows), arguments.output)
     return 0

@@ -12,6 +12,8 @@ from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import DeviceError
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from rptcam_cl.lenstools import Drawing, Precision, Setting, Tracer
     from rptcam_cl.optics import Coating, Lens
 
@@ -147,7 +149,7 @@ def add_wavelengths(parser: argparse.ArgumentParser, default: tuple[float, ...])
 def add_plot(parser: argparse.ArgumentParser) -> None:
     """Add JSON and the plot."""
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the plot, .svg or .png")
+    parser.add_argument("-o", "--output", type=Path, metavar="FILE", help="write the plot, .svg, .png or .pdf")
 
 
 def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM) -> "Setting":
@@ -212,12 +214,12 @@ def check_file(output: Path | None, lens: str) -> None:
         check_writable(output, [lens])
 
 
-def check_picture(output: Path | None, lens: str) -> None:
-    """Refuse, before anything is traced, a picture that could not be written."""
+def check_picture(output: Path | None, lens: str, plain: Sequence[str] = ()) -> None:
+    """Refuse, before anything is traced, a picture that could not be written; `plain` suffixes need no matplotlib."""
     from rptcam_cl.lenstools import check_suffix
 
     if output is not None:
-        check_suffix(output)
+        check_suffix(output, plain)
         check_file(output, lens)
 
 
@@ -230,7 +232,7 @@ def write(data: bytes, output: Path) -> None:
     print(f"wrote {output}", file=sys.stderr)
 
 
-def write_picture(picture: "Drawing", output: Path | None) -> None:
+def write_picture(picture: "Drawing | Figure", output: Path | None) -> None:
     """Write a picture, if a file is given."""
     from rptcam_cl.lenstools import encoded
 

@@ -12,7 +12,6 @@ from rptcam_cl.cli.lens_options import (
     add_lens,
     add_plot,
     add_wavelengths,
-    check_file,
     check_picture,
     count,
     lens_in_use,
@@ -28,6 +27,8 @@ from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
     from rptcam_cl.lenstools import Setting
+
+NUMBERS = (".npy",)
 
 
 def add_to(commands: Commands) -> None:
@@ -54,7 +55,11 @@ def add_to(commands: Commands) -> None:
     )
     psf.add_argument("--json", action="store_true", help="print JSON")
     psf.add_argument(
-        "-o", "--output", type=Path, metavar="FILE", help="write the image: .npy, the share of light per pixel, or .png"
+        "-o",
+        "--output",
+        type=Path,
+        metavar="FILE",
+        help="write the share of light per pixel, .npy, or plot it, .svg, .png or .pdf",
     )
     psf.set_defaults(run=_psf, parser=psf)
 
@@ -96,7 +101,7 @@ def _document(state: "Setting", **parts: Any) -> str:
 
 
 def _spot(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import film_spots, spot_picture, spot_table
+    from rptcam_cl.lenstools import film_spots, spot_chart, spot_table
 
     check_picture(arguments.output, arguments.lens)
     state = _state(arguments)
@@ -110,12 +115,12 @@ def _spot(arguments: argparse.Namespace) -> int:
                  for row in rows]  # fmt: skip
         print_table(columns, shown, f"{state.lens.name}, film at {state.film:.6g} mm")
     if arguments.output is not None:
-        write_picture(spot_picture(state, spots), arguments.output)
+        write_picture(spot_chart(state, spots), arguments.output)
     return 0
 
 
 def _mtf(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import film_spots, mtf_picture, mtf_table
+    from rptcam_cl.lenstools import film_spots, mtf_chart, mtf_table
 
     check_picture(arguments.output, arguments.lens)
     if min(arguments.frequencies) < 0 or max(arguments.frequencies) <= 0:
@@ -129,19 +134,17 @@ def _mtf(arguments: argparse.Namespace) -> int:
         columns = ("field [°]", "cycles/mm", "tangential", "sagittal", "limit tang.", "limit sag.")
         print_table(columns, [list(row.values()) for row in rows], f"{state.lens.name}, film at {state.film:.6g} mm")
     if arguments.output is not None:
-        write_picture(mtf_picture(state, spots, max(arguments.frequencies)), arguments.output)
+        write_picture(mtf_chart(state, spots, max(arguments.frequencies)), arguments.output)
     return 0
 
 
 def _psf(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.lenstools import film_spots, npy_bytes, picture_bytes, point_image
+    from rptcam_cl.lenstools import film_spots, npy_bytes, point_image, psf_chart
 
     output = arguments.output
-    if output is not None and output.suffix.lower() not in (".npy", ".png"):
-        raise InputError(f"{output}: unknown kind of image (allowed: a name that ends in .npy or .png)")
     if not abs(arguments.field) <= STEEPEST:
         raise InputError(f"--field: got {arguments.field:g}; allowed from -{STEEPEST:g} to {STEEPEST:g} degrees")
-    check_file(output, arguments.lens)
+    check_picture(output, arguments.lens, NUMBERS)
     state = _state(arguments)
     spots = film_spots(state, [arguments.field], arguments.wavelengths, arguments.rays)
     image = point_image(spots, arguments.pixels, arguments.width_um)
@@ -150,6 +153,8 @@ def _psf(arguments: argparse.Namespace) -> int:
         print(_document(state, psf=facts))
     else:
         print_table(("fact", "value"), [[name, value] for name, value in facts.items()], state.lens.name)
-    if output is not None:
-        write(npy_bytes(image) if output.suffix.lower() == ".npy" else picture_bytes(image), output)
+    if output is not None and output.suffix.lower() in NUMBERS:
+        write(npy_bytes(image), output)
+    elif output is not None:
+        write_picture(psf_chart(state, image, arguments.field), output)
     return 0

@@ -54,7 +54,7 @@ def add_to(commands: Commands) -> None:
     )  # fmt: skip
     parser.add_argument("--markdown", type=Path, metavar="FILE", help="write advice and tables, .md")
     parser.add_argument(
-        "--plot", type=Path, metavar="FILE", help="draw errors over time, field and picture, .svg or .png"
+        "--plot", type=Path, metavar="FILE", help="draw errors over time, field and picture, .svg, .png or .pdf"
     )
     values.add_device(parser)
     values.add_overrides(parser)

@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.lenstools.colours import wavelength_colour
+from rptcam_cl.lenstools.colours import SERIES, wavelength_colour
 from rptcam_cl.lenstools.fields import at_plane, default_fields, fan_points, section_rays
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.picture import SERIES
 from rptcam_cl.lenstools.ray_paths import RayPaths, Tracer, ray_paths
 from rptcam_cl.optics import Status
 

@@ -1,8 +1,11 @@
-"""Colours of wavelengths and of glass."""
+"""Colours of drawings and charts: ink, series of curves, wavelengths and glass, as ``#rrggbb``."""
 
 from __future__ import annotations
 
 import numpy as np
+
+INK, FAINT, GRID, PAPER = "#222222", "#777777", "#dddddd", "#ffffff"
+SERIES = ("#1f5fb4", "#c8501e", "#2a8a3c", "#8a3ca0", "#a08214", "#1e9696", "#505050")
 
 # Wavelength [nm] and colour between which others are interpolated: hues as seen, darkened to be read on white paper.
 _SPECTRUM = (
@@ -18,7 +21,7 @@ _SPECTRUM = (
 
 
 def wavelength_colour(wavelength_nm: float) -> str:
-    """Return a colour that tells wavelengths apart, ``#rrggbb``."""
+    """Return a colour by which wavelengths differ."""
     places = [place for place, _ in _SPECTRUM]
     channels = [np.interp(wavelength_nm, places, [colour[i] for _, colour in _SPECTRUM]) for i in range(3)]
     return "#" + "".join(f"{round(float(channel)):02x}" for channel in channels)

@@ -82,7 +82,7 @@ class TraceableLens(Lens):
             As in `rptcam_cl.lenstools.svg_file`: ``f_number``, ``focus_distance_m``, ``section``, ``fields``, ``rays``,
             ``wavelengths_nm``, ``blocked``.
         """
-        from rptcam_cl.lenstools.show import svg
+        from rptcam_cl.lenstools.drawing import svg
 
         if device is not None:
             options["tracer"] = device_tracer(device if isinstance(device, Session) else open_session(device))

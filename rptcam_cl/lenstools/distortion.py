@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.lenstools.chart import Legend, chart, padded
-from rptcam_cl.lenstools.colours import wavelength_colour
+from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
+from rptcam_cl.lenstools.colours import INK, wavelength_colour
 from rptcam_cl.lenstools.fields import at_plane
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.picture import SERIES, Drawing
 from rptcam_cl.optics import Beam, chief_ray, passing_beam
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Row = dict[str, float | None]
 
@@ -133,22 +136,24 @@ def distortion_table(
     return rows
 
 
-def distortion_picture(setting: Setting, rows: Sequence[Row], projection: str) -> Drawing:
+@styled()
+def distortion_chart(setting: Setting, rows: Sequence[Row], projection: str) -> Figure:
     """Return distortion over the field, a curve for each wavelength."""
-    waves = list(dict.fromkeys(row["wavelength_nm"] or 0.0 for row in rows))
-    colours = [wavelength_colour(wave) if len(waves) > 1 else SERIES[0] for wave in waves]
     fields = [row["field_degrees"] or 0.0 for row in rows]
-    values = [np.nan if row["distortion_percent"] is None else row["distortion_percent"] for row in rows]
-    widest = max(*fields, 1e-3) if len(fields) > 1 else max(fields[0], 1e-3)
-    meant = PROJECTIONS[projection][1]
-    axes = chart(
-        f"{setting.lens.name}: distortion against {meant}",
-        ("angle from the axis [degrees]", "distortion [%]"),
-        (min(*fields, 0.0), widest),
-        padded([*values, 0.0]),
-        [Legend(f"{wave:g} nm", colour) for wave, colour in zip(waves, colours, strict=True)],
-    )
-    for wave, colour in zip(waves, colours, strict=True):
-        own = [i for i, row in enumerate(rows) if row["wavelength_nm"] == wave]
-        axes.curve([fields[i] for i in own], [values[i] for i in own], colour)
-    return axes.picture
+    title = f"{setting.lens.name}: distortion against {PROJECTIONS[projection][1]}"
+    labels = ("angle from the axis [degrees]", "distortion [%]")
+    figure, axes = new_chart(title, labels, (min(*fields, 0.0), max(*fields, 1e-3)))
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    waves = dict.fromkeys(row["wavelength_nm"] or 0.0 for row in rows)
+    curves = []
+    for wave in waves:
+        own = [row for row in rows if row["wavelength_nm"] == wave]
+        curves += axes.plot(
+            [row["field_degrees"] or 0.0 for row in own],
+            [np.nan if row["distortion_percent"] is None else row["distortion_percent"] for row in own],
+            marker=".",
+            color=wavelength_colour(wave) if len(waves) > 1 else series(0),
+            label=f"{wave:g} nm",
+        )
+    add_key(figure, curves)
+    return figure

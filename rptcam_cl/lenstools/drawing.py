@@ -6,17 +6,21 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.lenstools.bundles import APPROACH, Bundle, View, bundles, size_of
-from rptcam_cl.lenstools.colours import glass_colour
+from rptcam_cl.lenstools.colours import FAINT, INK, glass_colour
 from rptcam_cl.lenstools.cross_section import blades, glass, lines, medium_behind, obstruction, profile
-from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.picture import FAINT, INK, Drawing, Path, Point, Text
+from rptcam_cl.lenstools.lens_state import Setting, setting
+from rptcam_cl.lenstools.picture import Drawing, Path, Point, Text, svg_text
 from rptcam_cl.lenstools.ray_paths import Tracer, reference
 from rptcam_cl.optics import Status
+
+if TYPE_CHECKING:
+    from rptcam_cl.optics import Lens
 
 Array = NDArray[np.float64]
 
@@ -46,6 +50,29 @@ def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = refer
         picture.add(Path(frame.places(film), INK, 2.0, note="film"))
     _draw_words(picture, setting, beams, view)
     return picture
+
+
+def svg(
+    lens: Lens,
+    *,
+    f_number: float | None = None,
+    focus_distance_m: float | None = None,
+    tracer: Tracer = reference,
+    **view: Any,
+) -> str:
+    """Return the cross-section of a lens as SVG text, for notebooks and scripts.
+
+    Parameters
+    ----------
+    lens : Lens
+    f_number, focus_distance_m : float, optional
+        As in `setting`.
+    tracer : Tracer
+        What traces the rays; the float64 reference by default.
+    **view
+        What is drawn, as in `View`: ``section``, ``fields``, ``rays``, ``wavelengths_nm``, ``blocked``.
+    """
+    return svg_text(draw_lens(setting(lens, f_number, focus_distance_m), View(**view), tracer))
 
 
 @dataclass(frozen=True)

@@ -8,20 +8,23 @@ which the geometrical one stands here: right where aberrations are none or many 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.lenstools.chart import Legend, chart
+from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
+from rptcam_cl.lenstools.colours import FAINT, INK
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.picture import FAINT, SERIES, Drawing
 from rptcam_cl.lenstools.spots import FilmSpot, by_field
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
 CURVE = 101
-DOTTED = (5.0, 4.0)
 COLUMNS = ("tangential", "sagittal", "tangential_limit", "sagittal_limit")
 
 
@@ -88,23 +91,27 @@ def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) ->
     return rows
 
 
-def mtf_picture(setting: Setting, spots: Sequence[FilmSpot], highest_per_mm: float) -> Drawing:
-    """Return the curves of every field up to a frequency: tangential full, sagittal dashed, the first limit grey."""
-    groups = by_field(spots)
-    keys = [Legend(f"{degrees:g}°", SERIES[i % len(SERIES)]) for i, degrees in enumerate(groups)]
-    keys += [Legend("sagittal", SERIES[0], DOTTED), Legend("diffraction limit", FAINT, (2, 3))]
-    labels = ("cycles per mm on the film", "modulation")
+@styled()
+def mtf_chart(setting: Setting, spots: Sequence[FilmSpot], highest_per_mm: float) -> Figure:
+    """Return the curves of every field up to a frequency: tangential full, sagittal dashed, the first limit dotted."""
+    from matplotlib.lines import Line2D
+
     title = f"{setting.lens.name}: MTF, geometrical times diffraction"
-    axes = chart(title, labels, (0.0, highest_per_mm), (0.0, 1.02), keys)
+    labels = ("frequency on the film [cycles/mm]", "modulation [%]")
+    figure, axes = new_chart(title, labels, (0.0, highest_per_mm), (0.0, 102.0))
     frequencies = np.linspace(0.0, highest_per_mm, CURVE)
-    for number, group in enumerate(groups.values()):
+    keys: list[Artist] = []
+    for number, (degrees, group) in enumerate(by_field(spots).items()):
         curves = field_mtf(group, frequencies)
         if curves is None:
             continue
-        tangential, sagittal, limit, _ = curves
-        colour = SERIES[number % len(SERIES)]
+        tangential, sagittal, limit, _ = (100 * curve for curve in curves)
         if number == 0:
-            axes.curve(frequencies, limit, FAINT, (2, 3))
-        axes.curve(frequencies, tangential, colour)
-        axes.curve(frequencies, sagittal, colour, DOTTED)
-    return axes.picture
+            axes.plot(frequencies, limit, ":", color=FAINT)
+        keys += axes.plot(frequencies, tangential, color=series(number), label=f"{degrees:g}°")
+        axes.plot(frequencies, sagittal, "--", color=series(number))
+    keys.append(Line2D([], [], color=INK, label="tangential"))
+    keys.append(Line2D([], [], color=INK, linestyle="--", label="sagittal"))
+    keys.append(Line2D([], [], color=FAINT, linestyle=":", label="diffraction limit"))
+    add_key(figure, keys)
+    return figure

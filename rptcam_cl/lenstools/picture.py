@@ -1,16 +1,19 @@
-"""A picture as a list of shapes, which `svg` and `png` write. Lengths in pixels, x to the right and y downwards."""
+"""A picture as a list of shapes, and its SVG 1.1 text. Lengths in pixels, x to the right and y downwards.
+
+The same picture always gives the same text.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
+from xml.sax.saxutils import escape, quoteattr
+
+from rptcam_cl.lenstools.colours import INK, PAPER
 
 Point = tuple[float, float]
 Anchor = Literal["start", "middle", "end"]
-
-INK, FAINT, GRID, PAPER = "#222222", "#777777", "#dddddd", "#ffffff"
-SERIES = ("#1f5fb4", "#c8501e", "#2a8a3c", "#8a3ca0", "#a08214", "#1e9696", "#505050")
 
 
 @dataclass(frozen=True)
@@ -41,24 +44,14 @@ class Path:
 
 
 @dataclass(frozen=True)
-class Dots:
-    """Filled circles of one colour and radius [pixels]."""
-
-    points: Sequence[Point]
-    radius: float
-    fill: str = INK
-
-
-@dataclass(frozen=True)
 class Text:
-    """A line of text whose baseline starts, has its middle or ends at a point; `turned` reads from below upwards."""
+    """A line of text whose baseline starts, has its middle or ends at a point."""
 
     at: Point
     text: str
     size: float = 12.0
     anchor: Anchor = "start"
     colour: str = INK
-    turned: bool = False
 
 
 @dataclass
@@ -68,8 +61,50 @@ class Drawing:
     width: float
     height: float
     title: str = ""
-    shapes: list[Path | Dots | Text] = field(default_factory=list)
+    shapes: list[Path | Text] = field(default_factory=list)
 
-    def add(self, *shapes: Path | Dots | Text) -> None:
+    def add(self, *shapes: Path | Text) -> None:
         """Draw shapes over those that are there."""
         self.shapes.extend(shapes)
+
+
+def svg_text(picture: Drawing) -> str:
+    """Return the picture as an SVG document."""
+    width, height = _number(picture.width), _number(picture.height)
+    lines = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
+        ' font-family="Helvetica, Arial, sans-serif">',
+        f"<title>{escape(picture.title)}</title>",
+        f'<rect width="{width}" height="{height}" fill="{PAPER}"/>',
+    ]
+    lines += [_path(shape) if isinstance(shape, Path) else _text(shape) for shape in picture.shapes]
+    return "\n".join([*lines, "</svg>", ""])
+
+
+def _path(path: Path) -> str:
+    steps = "M" + "L".join(_points(path.points)) + ("Z" if path.closed else "")
+    words = [f'<path d="{steps}"', f'fill="{path.fill or "none"}"']
+    if path.stroke:
+        words += [f'stroke="{path.stroke}"', f'stroke-width="{_number(path.width)}"', 'stroke-linejoin="round"']
+    if path.dash:
+        words.append(f'stroke-dasharray="{" ".join(map(_number, path.dash))}"')
+    end = f"><title>{escape(path.note)}</title></path>" if path.note else "/>"
+    return " ".join(words) + end
+
+
+def _text(text: Text) -> str:
+    x, y = map(_number, text.at)
+    return (
+        f'<text x="{x}" y="{y}" font-size="{_number(text.size)}" text-anchor={quoteattr(text.anchor)}'
+        f' fill="{text.colour}">{escape(text.text)}</text>'
+    )
+
+
+def _points(points: Iterable[Point]) -> list[str]:
+    return [f"{_number(x)} {_number(y)}" for x, y in points]
+
+
+def _number(value: float) -> str:
+    """Return a length to a hundredth of a pixel, without idle zeros."""
+    text = f"{value:.2f}".rstrip("0").rstrip(".")
+    return "0" if text == "-0" else text

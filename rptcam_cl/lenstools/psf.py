@@ -5,17 +5,24 @@ from __future__ import annotations
 import io
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools.charts import new_figure, styled
+from rptcam_cl.lenstools.lens_state import Setting
 from rptcam_cl.lenstools.spots import FilmSpot, spot_facts
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
+SIDE = 6.0  # of the plot [inches]
 SHARES = (0.5, 0.8, 0.95)
-ROOM = 1.1  # half width of the image over the radius that holds nearly all light, when no width is asked for
+ROOM = 1.1  # half width of the image over the radius that holds nearly all light, when none is given
 
 
 @dataclass(frozen=True)
@@ -69,12 +76,15 @@ def npy_bytes(image: PointImage) -> bytes:
     return out.getvalue()
 
 
-def picture_bytes(image: PointImage) -> bytes:
-    """Return a PNG, white where it is brightest, with the curve of sRGB."""
-    from PIL import Image
-
-    linear = image.shares / max(float(image.shares.max()), 1e-300)
-    curved = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    out = io.BytesIO()
-    Image.fromarray(np.round(255 * curved).astype(np.uint8)).save(out, "PNG")
-    return out.getvalue()
+@styled()
+def psf_chart(setting: Setting, image: PointImage, field_degrees: float) -> Figure:
+    """Return the image of a point as it is seen, bright on dark, with the share of light that a pixel receives."""
+    figure = new_figure(f"{setting.lens.name}: image of a point at {field_degrees:g}°", (SIDE + 1.4, SIDE))
+    axes = figure.add_subplot()
+    half = image.width_um / 2
+    shown = axes.imshow(100 * image.shares, cmap="inferno", vmin=0.0, extent=(-half, half, -half, half))
+    axes.set(xlabel="x from the centroid [µm]", ylabel="y from the centroid [µm]")
+    axes.grid(visible=False)
+    pixel = image.width_um / len(image.shares)
+    figure.colorbar(shown, ax=axes, label=f"light in a square of {pixel:.3g} µm [% of all]")
+    return figure

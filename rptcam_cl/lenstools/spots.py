@@ -2,26 +2,30 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.lenstools.chart import Axes, Legend, draw_key
+from rptcam_cl.lenstools.charts import SIZE, add_key, new_figure, styled
 from rptcam_cl.lenstools.colours import wavelength_colour
 from rptcam_cl.lenstools.fields import at_plane, default_fields
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.picture import FAINT, Drawing, Text
 from rptcam_cl.optics import Beam, best_film_distance, passing_beam
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
 ACROSS = 64
 FACTS = ("centroid_x_mm", "centroid_y_mm", "rms_um", "rms_x_um", "rms_y_um", "largest_um")
-PANEL, GAP, HEAD, FOOT = 240.0, 70.0, 84.0, 80.0
+PANELS = 3  # side by side
+PANEL, REST = 2.9, 0.9  # height of a row of panels, and of title and key [inches]
 MOST_DOTS = 700  # of each colour in a panel
 FILL = 0.45  # half width of the largest spot, in widths of a panel
 
@@ -137,27 +141,33 @@ def spot_table(spots: Sequence[FilmSpot]) -> list[dict[str, Any]]:
     return rows
 
 
-def spot_picture(setting: Setting, spots: Sequence[FilmSpot]) -> Drawing:
+@styled()
+def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
     """Return the spot diagrams of all fields side by side, to the same scale, about their centroids."""
+    from matplotlib.lines import Line2D
+
     spots = [spot for spot in spots if len(spot.points)]
     groups = by_field(spots)
-    width = GAP + len(groups) * (PANEL + GAP / 2)
-    picture = Drawing(max(width, 420.0), HEAD + PANEL + FOOT, f"{setting.lens.name}: spots")
-    picture.add(Text((GAP, 28), picture.title, 15))
+    rows = math.ceil(len(groups) / PANELS)
+    columns = min(len(groups), PANELS)
+    figure = new_figure(f"{setting.lens.name}: spots on the film", (SIZE[0], rows * PANEL + REST))
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True)
     centres = {field: np.concatenate([spot.points for spot in group]).mean(axis=0) for field, group in groups.items()}
     reach = max(float(np.abs(spot.points - centres[spot.field_degrees]).max()) for spot in spots) * 1e3
     half = max(reach * 0.5 / FILL, 1e-6)
-    for number, (degrees, group) in enumerate(groups.items()):
-        left = GAP + number * (PANEL + GAP / 2)
-        axes = Axes(picture, (left, HEAD, left + PANEL, HEAD + PANEL), (-half, half), (-half, half))
-        axes.frame("x [µm]", "y [µm]" if number == 0 else "")
+    for axes, (degrees, group) in zip(panels.flat, groups.items(), strict=False):
         rms = spot_facts(np.concatenate([spot.points for spot in group]))["rms_um"]
-        picture.add(Text((left, HEAD - 28), f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm", 12))
-        picture.add(Text((left, HEAD - 11), f"rms {rms:.3g} µm", 12, colour=FAINT))
+        axes.set_title(f"{degrees:g}°, y = {round(centres[degrees][1], 4) + 0.0:g} mm\nrms {rms:.3g} µm")
+        axes.set(xlabel="x [µm]", xlim=(-half, half), ylim=(-half, half), aspect="equal")
         for spot in group:
             shown = np.random.default_rng(0).permutation(len(spot.points))[:MOST_DOTS]
             off = (spot.points[shown] - centres[degrees]) * 1e3
-            axes.dots(off[:, 0], off[:, 1], wavelength_colour(spot.wavelength_nm))
+            axes.plot(*off.T, "o", color=wavelength_colour(spot.wavelength_nm), markersize=1.3, markeredgewidth=0)
+    for axes in panels[:, 0]:
+        axes.set_ylabel("y [µm]")
+    for axes in panels.flat[len(groups) :]:
+        axes.set_visible(False)
     waves = dict.fromkeys(spot.wavelength_nm for spot in spots)
-    draw_key(picture, [Legend(f"{wave:g} nm", wavelength_colour(wave)) for wave in waves], HEAD + PANEL + FOOT - 18)
-    return picture
+    add_key(figure, [Line2D([], [], color=wavelength_colour(wave), linestyle="", marker="o", label=f"{wave:g} nm")
+                     for wave in waves])  # fmt: skip
+    return figure

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rptcam_cl.lenstools.chart import Legend, chart
+from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
+from rptcam_cl.lenstools.colours import FAINT
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.picture import FAINT, SERIES, Drawing
 from rptcam_cl.optics import COATED, UNCOATED, LensTransmission, axial_transmittance, has_coatings
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 GLASS_ALONE = LensTransmission(fresnel=False, coatings=False)
 STEPS = 121  # of a curve
@@ -45,24 +49,20 @@ def transmittance_table(setting: Setting, wavelengths_nm: Sequence[float]) -> li
     return rows
 
 
-def transmittance_picture(setting: Setting, rows: Sequence[Row]) -> Drawing:
+@styled()
+def transmittance_chart(setting: Setting, rows: Sequence[Row]) -> Figure:
     """Return curves from the shortest to the longest wavelength of the rows."""
     ends = [row["wavelength_nm"] or 0.0 for row in rows]
     low, high = min(ends), max(ends)
     if low == high:
         low, high = low - 1.0, high + 1.0
     waves = np.linspace(low, high, STEPS)
-    curves: list[tuple[str, LensTransmission, str, tuple[float, ...]]]
-    curves = [("glass alone", GLASS_ALONE, FAINT, (2.0, 3.0)), ("bare surfaces", UNCOATED, SERIES[1], (6.0, 4.0))]
+    title, labels = f"{setting.lens.name}: light let through on the axis", ("wavelength [nm]", "transmittance [%]")
+    figure, axes = new_chart(title, labels, (low, high), (0.0, 104.0))
+    curves = [("glass alone", GLASS_ALONE, FAINT, ":"), ("bare surfaces", UNCOATED, series(1), "--")]
     if has_coatings(setting.lens):
-        curves.append(("coated surfaces", COATED, SERIES[0], ()))
-    axes = chart(
-        f"{setting.lens.name}: light let through on the axis",
-        ("wavelength [nm]", "transmittance"),
-        (low, high),
-        (0.0, 1.04),
-        [Legend(label, colour, dash) for label, _, colour, dash in curves],
-    )
-    for _, losses, colour, dash in curves:
-        axes.curve(waves, axial_transmittance(setting.lens, waves, losses), colour, dash)
-    return axes.picture
+        curves.append(("coated surfaces", COATED, series(0), "-"))
+    for label, losses, colour, line in curves:
+        axes.plot(waves, 100 * axial_transmittance(setting.lens, waves, losses), line, color=colour, label=label)
+    add_key(figure, axes.lines)
+    return figure

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.lenstools.chart import Legend, chart
+from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
+from rptcam_cl.lenstools.colours import FAINT
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.lenstools.picture import FAINT, SERIES, Drawing
 from rptcam_cl.optics import FilmProbe, cells, film_irradiance, grid, image_circle, narrowed
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
@@ -69,19 +73,19 @@ def pass_areas(setting: Setting, radii_mm: Array) -> Array:
     return np.asarray(hits.sum(axis=1) * cells(boxes, *GRID).prod(axis=1))
 
 
-def vignetting_picture(setting: Setting, rows: Sequence[Row]) -> Drawing:
+@styled()
+def vignetting_chart(setting: Setting, rows: Sequence[Row]) -> Figure:
     """Return the curves over the film radius."""
-    curves = (("relative irradiance", "relative", SERIES[0], ()), ("pass area", "pass_share", SERIES[1], (6.0, 4.0)),
-              ("cos^4", "cos4", FAINT, (2.0, 3.0)))  # fmt: skip
     radii = [row["film_radius_mm"] or 0.0 for row in rows]
-    highest = max(1.0, *(row["pass_share"] or 0.0 for row in rows), *(row["relative"] or 0.0 for row in rows))
-    axes = chart(
-        f"{setting.lens.name}: light falling off over the film",
-        ("distance from the axis on the film [mm]", "part of that of the centre"),
-        (0.0, radii[-1]),
-        (0.0, 1.04 * highest),
-        [Legend(label, colour, dash) for label, _, colour, dash in curves],
-    )
-    for _, name, colour, dash in curves:
-        axes.curve(radii, [row[name] or 0.0 for row in rows], colour, dash)
-    return axes.picture
+    title = f"{setting.lens.name}: light falling off over the film"
+    labels = ("distance from the axis on the film [mm]", "of the value at the centre [%]")
+    figure, axes = new_chart(title, labels, (0.0, radii[-1]))
+    for label, name, colour, line in (
+        ("relative irradiance", "relative", series(0), "-"),
+        ("area through which light passes", "pass_share", series(1), "--"),
+        ("cos^4 of the angle on the film", "cos4", FAINT, ":"),
+    ):
+        axes.plot(radii, [100 * (row[name] or 0.0) for row in rows], line, color=colour, label=label)
+    axes.set_ylim(bottom=0.0)
+    add_key(figure, axes.lines)
+    return figure

@@ -20,7 +20,17 @@ from rptcam_cl.device import (
 )
 from rptcam_cl.rendering import cache_folder
 
-PACKAGES = ("numpy", "pyopencl", "pocl-binary-distribution", "pydantic", "OpenEXR", "pillow", "tifffile", "pyoidn")
+PACKAGES = (
+    "numpy",
+    "pyopencl",
+    "pocl-binary-distribution",
+    "pydantic",
+    "OpenEXR",
+    "pillow",
+    "tifffile",
+    "pyoidn",
+    "matplotlib",
+)
 PREFIXES = ("RPTCAM_", "PYOPENCL_CTX", "POCL_", "OCL_ICD_", "CUDA_VISIBLE")
 
 

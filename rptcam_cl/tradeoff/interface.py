@@ -13,7 +13,7 @@ import numpy as np
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, open_session
 from rptcam_cl.focusing import in_focus
-from rptcam_cl.lenstools import svg_text
+from rptcam_cl.lenstools import chart_svg
 from rptcam_cl.rendering import resolve_exposure
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.tradeoff.advice import for_error, for_time
@@ -46,7 +46,7 @@ class TradeoffReport(Comparison):
 
     def svg(self, title: str = TITLE) -> str:
         """Return the three pictures as the text of an SVG file: errors over time and over the field, and where."""
-        return svg_text(tradeoff_plot(self, title))
+        return chart_svg(tradeoff_plot(self, title))
 
     def _repr_markdown_(self) -> str:
         return self.markdown()

@@ -3,8 +3,9 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.focusing.report import FocusReport, ProbeRecord, focus_plot
-from rptcam_cl.lenstools.svg_file import svg_text
+from rptcam_cl.focusing.plot import focus_plot
+from rptcam_cl.focusing.report import FocusReport, ProbeRecord
+from rptcam_cl.lenstools import chart_svg
 from tests.autofocus.scenes import CENTRE
 
 
@@ -16,18 +17,18 @@ def report_of(method, quantities):
 @pytest.mark.parametrize(
     ("method", "quantities", "shown", "hidden"),
     [
-        ("contrast", ["contrast"] * 4, "share of the greatest", "displacement"),
-        ("phase", ["displacement"] * 2, "displacement of the halves", "share of the greatest"),
-        ("hybrid", ["displacement"] + ["contrast"] * 3, "displacement of the halves", "nothing"),
+        ("contrast", ["contrast"] * 4, "of the greatest [%]", "displacement"),
+        ("phase", ["displacement"] * 2, "displacement of the halves", "of the greatest [%]"),
+        ("hybrid", ["displacement"] + ["contrast"] * 3, "displacement of the halves", "nan"),
     ],
 )
 def test_plot_shows_what_the_method_looked_at(method, quantities, shown, hidden):
-    text = svg_text(focus_plot(report_of(method, quantities), "title"))
+    text = chart_svg(focus_plot(report_of(method, quantities), "title"))
     assert shown in text
     assert hidden not in text
     assert "found</text>" in text
     if method == "hybrid":
-        assert "share of the greatest" in text
+        assert "of the greatest [%]" in text
 
 
 def test_too_few_probes_are_no_curve():

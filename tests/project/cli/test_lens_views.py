@@ -1,6 +1,7 @@
 """The commands that draw and measure a lens: tables, JSON, pictures and errors."""
 
 import json
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -76,8 +77,22 @@ def test_plots_are_written_as_png_too(rptcam: Command, tmp_path: Path) -> None:
     plot = tmp_path / "plot.png"
     assert rptcam("lens", "distortion", "tessar-100mm", *QUICK["distortion"], "-o", str(plot)).code == 0
     with Image.open(plot) as image:
-        assert image.size == (1080, 690)
+        assert image.size == (1200, 750)
         assert len(image.getcolors(1 << 20) or []) > 10
+    assert rptcam("lens", "draw", "ball", "--device", "none", "-o", str(tmp_path / "ball.pdf")).code == 0
+    assert (tmp_path / "ball.pdf").read_bytes().startswith(b"%PDF")
+
+
+def test_plots_need_their_extra_and_drawings_as_svg_do_not(
+    rptcam: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    for words in (["spot", "ball", "-o", "a.svg"], ["draw", "ball", "-o", "a.png"], ["psf", "ball", "-o", "a.png"]):
+        run = rptcam("lens", *words)
+        assert run.code == 2
+        assert run.err == 'error: plots need the package matplotlib (pip install "rptcam_cl[plot]")\n'
+    assert rptcam("lens", "draw", "ball", "--device", "none", "-o", str(tmp_path / "a.svg")).code == 0
+    assert rptcam("lens", "psf", "tessar-100mm", "-o", str(tmp_path / "a.npy")).code == 0
 
 
 def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_path: Path) -> None:
@@ -94,7 +109,7 @@ def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_p
     ("words", "message"),
     [
         (["draw", "dgaus-50mm"], "did you mean"),
-        (["draw", "ball", "-o", "ball.jpg"], "allowed: a name that ends in .svg or .png"),
+        (["draw", "ball", "-o", "ball.jpg"], "allowed: a name that ends in .svg, .png, .pdf"),
         (["draw", "ball", "--fields", "0,95"], "allowed angles"),
         (["draw", "ball", "--fields", "wide"], "allowed numbers"),
         (["draw", "ball", "--rays", "0"], "allowed 1 to 2000"),
@@ -108,7 +123,7 @@ def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_p
         (["spot", "dgauss-50mm", "--fields", "80"], "nothing of a beam"),
         (["spot", "dgauss-50mm", "--wavelengths=-5"], "allowed wavelengths above 0"),
         (["mtf", "dgauss-50mm", "--frequencies", "0"], "above 0"),
-        (["psf", "dgauss-50mm", "-o", "psf.svg"], "allowed: a name that ends in .npy or .png"),
+        (["psf", "dgauss-50mm", "-o", "psf.jpg"], "allowed: a name that ends in .svg, .png, .pdf, .npy"),
         (["psf", "dgauss-50mm", "--field", "nan"], "allowed a finite number"),
         (["psf", "dgauss-50mm", "--field", "140"], "allowed from -130 to 130"),
         (["vignette", "biconcave"], "no real image"),
