@@ -71,7 +71,7 @@ def _errors_over_time(axes: Axes, found: Sequence[Measurement], colours: dict[st
         axes.fill_between(times, *band, color=colour, alpha=0.16, linewidth=0)
         axes.plot(times, 100 * np.maximum(curves[each.name], low / 10), line, color=colour, label=each.name)
     guide = first * 10.0 ** np.array([0.3, 2.3])
-    axes.plot(guide, 100 * low * np.array([25.0, 2.5]), ":", color=FAINT, label="slope of independent samples")
+    axes.plot(guide, 100 * low * np.array([25.0, 2.5]), ":", color=FAINT, label="slope of noise")
     for each in found:
         meets = each.better_until.value
         if each.knob and first < meets < last:
