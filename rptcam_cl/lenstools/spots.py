@@ -162,7 +162,8 @@ def spot_chart(setting: Setting, spots: Sequence[FilmSpot]) -> Figure:
         for spot in group:
             shown = np.random.default_rng(0).permutation(len(spot.points))[:MOST_DOTS]
             off = (spot.points[shown] - centres[degrees]) * 1e3
-            axes.plot(*off.T, "o", color=wavelength_colour(spot.wavelength_nm), markersize=1.3, markeredgewidth=0)
+            axes.plot(*off.T, "o", color=wavelength_colour(spot.wavelength_nm), markersize=1.3, markeredgewidth=0,
+                      rasterized=True)  # fmt: skip
     for axes in panels[:, 0]:
         axes.set_ylabel("y [µm]")
     for axes in panels.flat[len(groups) :]:

@@ -56,7 +56,7 @@ def test_table_for_people(rptcam: Any, scene: Path) -> None:
         (["--point", "0.5"], "allowed x,y in 0..1"),
         (["--point", "0.5,0.5", "--object", "wall"], "takes one of --zone, --zones, --point and --object"),
         (["--zones", "none.txt"], "none.txt: cannot be read"),
-        (["--plot", "curve.pdf"], "unknown kind of picture"),
+        (["--plot", "curve.jpg"], "unknown kind of picture"),
         (["--method", "depth", "--plot", "curve.svg"], "method depth has no curve"),
         (["--set", "objects=[]"], "no contrast in the zone"),
         (["--set", "camera={kind: pinhole, eye: [0, 0, 0], target: [0, 0, -1], fov_degrees: 40}"], "no focus to find"),
