@@ -79,7 +79,7 @@ class TraceableLens(Lens):
         device
             What traces the rays, as in `trace`.
         **options
-            As in `rptcam_cl.lenstools.svg_file`: ``f_number``, ``focus_distance_m``, ``section``, ``fields``, ``rays``,
+            As in `lenstools.svg`: ``f_number``, ``focus_distance_m``, ``section``, ``fields``, ``rays``,
             ``wavelengths_nm``, ``blocked``.
         """
         from rptcam_cl.lenstools.drawing import svg
