@@ -68,14 +68,14 @@ def listed(names: Sequence[str], most: int = 24) -> str:
 FLOAT32_MAX = 3.4028234663852886e38
 FLOAT32_MIN_NORMAL = 1.1754943508222875e-38
 
-_LOOKS_NUMERIC = re.compile(r"[-+]?[0-9.][0-9_.,:eExXoOa-fA-F+-]*")
+_ALMOST_NUMERIC = re.compile(r"[-+]?[0-9.][0-9_.,:eExXoOa-fA-F+-]*")
 
 
 def read_number(value: Any) -> float:
     """Return a finite float that float32 can hold."""
     if isinstance(value, str):
         hint = "is text, not a number"
-        if _LOOKS_NUMERIC.fullmatch(value):
+        if _ALMOST_NUMERIC.fullmatch(value):
             hint += " (write plain decimal digits without quotes, colons or underscores)"
         raise refuse(hint, allowed="a number")
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real):

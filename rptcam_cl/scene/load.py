@@ -147,7 +147,9 @@ def _checked_meshes(scene: Scene, where: Where, pictures: list[str]) -> tuple[tu
             kept.append(item)
         except MissingFileError as problem:
             without.append(str(problem))
-        pictures += [f"{where(('objects', index), False)}objects[{index}]: {text}" for text in absent]
+        if absent:
+            key: KeyPath = ("objects", index, "mesh" if isinstance(item, MeshObject) and item.mesh else "file")
+            pictures += [f"{where(key, False)}{dotted(key)}: {text}" for text in absent]
         absent.clear()
     return tuple(kept), without
 
