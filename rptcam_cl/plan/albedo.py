@@ -6,18 +6,15 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from rptcam_cl.scene import (
-    Checker,
+    Blend,
     Colour,
     Conductor,
     Emissive,
-    Gradient,
-    Grid,
     ImageTexture,
     Material,
     Matte,
     Mirror,
     Mix,
-    Noise,
     SpectralColour,
     Texture,
 )
@@ -65,19 +62,9 @@ def _albedo(material: Material) -> LargestAlbedo:
 
 
 def _of_colour(colour: Colour | Texture) -> LargestAlbedo:
-    match colour:
-        case Checker():
-            parts: tuple[Colour, ...] = (colour.even, colour.odd)
-        case Grid():
-            parts = (colour.background, colour.line)
-        case Gradient():
-            parts = (colour.start, colour.end)
-        case Noise():
-            parts = (colour.low, colour.high)
-        case ImageTexture():
-            return LargestAlbedo(None, "a picture gives the reflectance")
-        case _:
-            parts = (colour,)
+    if isinstance(colour, ImageTexture):
+        return LargestAlbedo(None, "a picture gives the reflectance")
+    parts: tuple[Colour, ...] = colour.colours if isinstance(colour, Blend) else (colour,)
     return LargestAlbedo(max(map(_largest, parts)))
 
 

@@ -22,9 +22,7 @@ from rptcam_cl.scene import (
     Dielectric,
     Emissive,
     Material,
-    Matte,
     MetalSpectrum,
-    Mirror,
     Mix,
     OpticalConstants,
     Plastic,
@@ -58,24 +56,11 @@ class Materials:
 
 def _kind(material: Material) -> MaterialKind:
     match material:
-        case Matte():
-            return MaterialKind.MATTE
-        case Mirror():
-            return MaterialKind.MIRROR
-        case Conductor():
-            return MaterialKind.CONDUCTOR if material.metal is None else MaterialKind.METAL
-        case Dielectric():
-            return MaterialKind.DIELECTRIC if material.alphas is None else MaterialKind.ROUGH_DIELECTRIC
-        case Plastic():
-            return MaterialKind.PLASTIC if material.alphas is None else MaterialKind.ROUGH_PLASTIC
-        case ThinGlass():
-            return MaterialKind.THIN_GLASS
-        case Principled():
-            return MaterialKind.PRINCIPLED
-        case Mix():
-            return MaterialKind.MIX
-        case Emissive():
-            return MaterialKind.EMISSIVE
+        case Conductor() if material.metal is not None:
+            return MaterialKind.METAL
+        case Dielectric() | Plastic() if material.alphas is not None:
+            return MaterialKind[f"ROUGH_{material.kind.upper()}"]
+    return MaterialKind[material.kind.upper()]
 
 
 class _Filler:
@@ -101,13 +86,13 @@ class _Filler:
         record["opacity"] = 1.0
         for name in _TEXTURES:
             record[name] = -1
+        reflectance = getattr(material, "reflectance", None)
+        if reflectance is not None:
+            self._colour(record, "color", "texture", reflectance, 1.0)
+        record["parameter"] = getattr(material, "parameter", 0.0)
         match material:
-            case Matte() | Mirror() | Conductor() | Plastic():
-                if material.reflectance is not None:
-                    self._colour(record, "color", "texture", material.reflectance, 1.0)
             case Emissive():
                 self._colour(record, "color", "texture", material.radiance, LARGEST_RADIANCE)
-                record["parameter"] = material.two_sided
             case Principled():
                 self._principled(record, material)
             case Mix():
@@ -116,8 +101,6 @@ class _Filler:
             record["alpha"], record["alpha_across"] = material.alphas or (0.0, 0.0)
         if isinstance(material, Dielectric):
             fill_index(record, material)
-        if isinstance(material, (Plastic, ThinGlass)):
-            record["parameter"] = material.index
         if isinstance(material, Conductor) and material.metal is not None:
             self._metal(record, material.metal)
         if isinstance(material, Plastic):
@@ -155,7 +138,7 @@ class _Filler:
             _, record["roughness_texture"] = self._textures.slot(roughness, limit=1.0)
             roughness = 1.0
         record["alpha"], record["alpha_across"] = alpha_pair(roughness, material.anisotropy)
-        record["specular"], record["parameter"] = material.specular, material.index
+        record["specular"] = material.specular
         record["transmission"], record["coat"] = material.transmission, material.clearcoat
         record["coat_alpha"] = alpha_pair(material.clearcoat_roughness, 0.0)[0]
 

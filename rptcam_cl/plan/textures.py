@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.kinds import TextureKind, Wrap
 from rptcam_cl.core.records import TEXTURE
 from rptcam_cl.plan.pictures import Colours, PictureTable
-from rptcam_cl.scene import Checker, Gradient, Grid, ImageTexture, Noise, Scene, Texture
+from rptcam_cl.scene import ImageTexture, Noise, Scene, Texture
 
 Colour = tuple[float, float, float]
 BLACK: Colour = (0.0, 0.0, 0.0)
@@ -87,25 +87,15 @@ class TextureTable:
     def _record(self, texture: Texture, limit: float) -> np.void:
         record: np.void = TEXTURE.zeros(1)[0]
         record["row_u"], record["row_v"] = _mapping(texture)
-        share = 0.5  # of the second colour in the mean
-        match texture:
-            case Checker():
-                colours, record["kind"] = (texture.even, texture.odd), TextureKind.CHECKER
-            case Grid():
-                colours, record["kind"] = (texture.background, texture.line), TextureKind.GRID
-                record["parameter"] = texture.line_width
-                share = 1 - (1 - texture.line_width) ** 2
-            case Gradient():
-                colours, record["kind"] = (texture.start, texture.end), TextureKind.GRADIENT
-            case Noise():
-                colours, record["kind"] = (texture.low, texture.high), TextureKind.NOISE
-                record["parameter"], record["contrast"] = texture.gain, texture.contrast
-                record["octaves"], record["seed"] = texture.octaves, texture.seed
-            case ImageTexture():
-                self._fill_picture(record, texture, limit)
-                return record
-        record["a"][:3], record["b"][:3] = colours
-        self._means.append((1 - share) * np.array(colours[0]) + share * np.array(colours[1]))
+        if isinstance(texture, ImageTexture):
+            self._fill_picture(record, texture, limit)
+            return record
+        record["kind"], record["parameter"] = TextureKind[texture.kind.upper()], texture.parameter
+        if isinstance(texture, Noise):
+            record["contrast"], record["octaves"], record["seed"] = texture.contrast, texture.octaves, texture.seed
+        record["a"][:3], record["b"][:3] = texture.colours
+        first, second = map(np.array, texture.colours)
+        self._means.append((1 - texture.share) * first + texture.share * second)
         return record
 
     def _fill_picture(self, record: np.void, texture: ImageTexture, limit: float) -> None:

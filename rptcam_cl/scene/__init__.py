@@ -68,7 +68,7 @@ from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
-from rptcam_cl.scene.texture import Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
+from rptcam_cl.scene.texture import Blend, Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
 from rptcam_cl.scene.transform import Rotation, TransformStep
 
 __all__ = [
@@ -92,6 +92,7 @@ __all__ = [
     "Accuracy",
     "Aperture",
     "AutoFocus",
+    "Blend",
     "Box",
     "BumpyMaterial",
     "Camera",

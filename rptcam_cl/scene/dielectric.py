@@ -169,3 +169,8 @@ class ThinGlass(CoveringMaterial):
     def depth(self) -> Colour:
         """Optical depth per channel at normal incidence."""
         return _depth(self.transmittance, 1.0)
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the index."""
+        return self.index

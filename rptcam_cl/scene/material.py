@@ -62,6 +62,11 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
             )  # fmt: skip
         return self
 
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the index."""
+        return self.index
+
 
 class Matte(BumpyMaterial):
     """A surface that scatters light evenly (Lambert)."""
@@ -97,6 +102,11 @@ class Plastic(RoughMaterial, BumpyMaterial):
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (ROUGHNESS,)
 
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: the index."""
+        return self.index
+
 
 class Emissive(SceneModel):
     """A lamp: it emits from the side of the normal and reflects nothing."""
@@ -109,6 +119,11 @@ class Emissive(SceneModel):
 
     two_sided: bool = Field(default=False, strict=True)
     """Whether the back emits too."""
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read: 1 where the back emits."""
+        return float(self.two_sided)
 
 
 Leaf = Annotated[

@@ -12,6 +12,7 @@ from rptcam_cl.scene.quantities import (
     NUMBER,
     WHOLE_NUMBER,
     Albedo,
+    Colour,
     Fraction,
     GainColour,
     PatternAlbedo,
@@ -38,7 +39,26 @@ class Pattern(SceneModel):
     """Shift of the scaled and turned coordinates [repeats]."""
 
 
-class Checker(Pattern):
+class Blend(Pattern):
+    """A pattern that is somewhere between two colours at every point."""
+
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """The two colours."""
+        raise NotImplementedError
+
+    @property
+    def share(self) -> float:
+        """Share of the second colour in the mean over one repeat."""
+        return 0.5
+
+    @property
+    def parameter(self) -> float:
+        """The number of its own that the kernels read."""
+        return 0.0
+
+
+class Checker(Blend):
     """A chessboard: a cell is even or odd as the sum of its whole coordinates is."""
 
     kind: Literal["checker"]
@@ -50,8 +70,13 @@ class Checker(Pattern):
     odd: PatternAlbedo
     """Colour of odd cells; channels 0 to 1."""
 
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """Those of even and of odd cells."""
+        return self.even, self.odd
 
-class Grid(Pattern):
+
+class Grid(Blend):
     """Lines on a background: where the fraction of either coordinate is below `line_width`."""
 
     kind: Literal["grid"]
@@ -66,8 +91,23 @@ class Grid(Pattern):
     line_width: Fraction
     """Width of a line as a fraction of the cell."""
 
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """Those of background and line."""
+        return self.background, self.line
 
-class Gradient(Pattern):
+    @property
+    def share(self) -> float:
+        """Share of the lines."""
+        return 1 - (1 - self.line_width) ** 2
+
+    @property
+    def parameter(self) -> float:
+        """Width of a line."""
+        return self.line_width
+
+
+class Gradient(Blend):
     """A colour that changes evenly with the first coordinate, from 0 to 1, and stays beyond."""
 
     kind: Literal["gradient"]
@@ -79,8 +119,13 @@ class Gradient(Pattern):
     end: PatternAlbedo
     """Colour at 1; channels 0 to 1."""
 
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """Those at 0 and at 1."""
+        return self.start, self.end
 
-class Noise(Pattern):
+
+class Noise(Blend):
     """Random mottling without a repeat: gradient noise summed over octaves, each twice as fine."""
 
     kind: Literal["noise"]
@@ -103,6 +148,16 @@ class Noise(Pattern):
 
     seed: Annotated[int, Field(ge=0, le=2**31 - 1), WHOLE_NUMBER] = 0
     """Which of the patterns."""
+
+    @property
+    def colours(self) -> tuple[Colour, Colour]:
+        """Those where the noise is lowest and highest."""
+        return self.low, self.high
+
+    @property
+    def parameter(self) -> float:
+        """Gain of an octave."""
+        return self.gain
 
 
 class ImageTexture(FileReference, Pattern):
