@@ -24,7 +24,7 @@ LEFT = {  # files that still have some: the list may only shrink
     "rptcam_cl/importers/pbrt/shapes.py", "rptcam_cl/optics/best_focus.py", "rptcam_cl/optics/shapes/iterated.py",
     "rptcam_cl/plan/spectrum.py", "rptcam_cl/rendering/account.py", "rptcam_cl/rendering/checkpoint.py",
     "rptcam_cl/rendering/noise.py", "rptcam_cl/rendering/progressive.py", "rptcam_cl/scene/picture.py",
-    "rptcam_cl/scene/values.py", "rptcam_cl/tradeoff/ladder.py", "rptcam_cl/tradeoff/text.py",
+    "rptcam_cl/scene/base.py", "rptcam_cl/tradeoff/ladder.py", "rptcam_cl/tradeoff/text.py",
     "rptcam_cl/tradeoff/tiers/decide.py", "rptcam_cl/tradeoff/tiers/findings.py", "rptcam_cl/tradeoff/tiers/truth.py",
 }  # fmt: skip
 
