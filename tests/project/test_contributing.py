@@ -7,9 +7,9 @@ import pytest
 
 ROOTS = (
     "", "kernels", "kernels/pass", "rptcam_cl", "rptcam_cl/focusing", "rptcam_cl/cameras", "rptcam_cl/api",
-    "rptcam_cl/optics/shapes",
+    "rptcam_cl/optics/shapes", "kernels/material",
 )  # fmt: skip
-TO_BE_WRITTEN = re.compile(r"(^|/)name\.")  # files of whoever adds something
+TO_BE_WRITTEN = re.compile(r"(^|/)(name|velvet)\.")  # files of whoever adds something
 
 
 @pytest.fixture
