@@ -31,9 +31,11 @@ from rptcam_cl.scene import LensCamera
 
 def transmission_of(camera: LensCamera) -> LensTransmission:
     """Return the losses that count."""
-    asked = camera.transmission
+    requested = camera.transmission
     return LensTransmission(
-        fresnel=asked.fresnel, coatings=asked.fresnel and asked.coatings is not False, absorption=asked.absorption
+        fresnel=requested.fresnel,
+        coatings=requested.fresnel and requested.coatings is not False,
+        absorption=requested.absorption,
     )
 
 

@@ -30,8 +30,8 @@ Side = Literal["film", "front"]
 FilmPoint = tuple[float, float] | None
 
 ROUNDS = 30  # of the searches below, which need three to six
-SETTLED = 1e-8  # of a distance, between two rounds
-SETTLED_AT_A_POINT = 1e-5  # the same for a spot off the axis, found to a millionth
+CONVERGED = 1e-8  # of a distance, between two rounds
+CONVERGED_AT_A_POINT = 1e-5  # the same for a spot off the axis, found to a millionth
 
 
 def focused(
@@ -67,12 +67,12 @@ def focused(
     film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
     if measured_from == "film":
         return _by_group(lens, distance_mm, film, method, wavelength_nm, film_point_mm)
-    settled = SETTLED if film_point_mm is None else SETTLED_AT_A_POINT
+    converged = CONVERGED if film_point_mm is None else CONVERGED_AT_A_POINT
     whole = distance_mm + lens.length + lens.sense * film
     for _ in range(ROUNDS):
         state, back = _by_group(lens, whole, film, method, wavelength_nm, film_point_mm)
         new = distance_mm + state.length + state.sense * back  # the first vertex may belong to the group
-        if abs(new - whole) <= settled * whole:
+        if abs(new - whole) <= converged * whole:
             return state, back
         whole = new
     raise InputError(f"{lens.name}: its group finds no focus {distance_mm:g} mm in front of the first surface")
@@ -86,7 +86,7 @@ def _floated(lens: Lens, distance_mm: float, measured_from: Side, wavelength_nm:
     for _ in range(ROUNDS):  # the state decides how far the film is, which decides the state
         film = film_distance(state, distance_mm, "front", wavelength_nm)
         new = floated(lens, distance_mm + state.length + film)
-        if abs(new.length - state.length) <= SETTLED * lens.length:
+        if abs(new.length - state.length) <= CONVERGED * lens.length:
             return new
         state = new
     return state
@@ -117,7 +117,7 @@ def _by_group(
             return state, image
         front = distance_mm - offset - state.length - state.sense * image
         error = _film_distance(state, front, "front", method, wavelength_nm, film_point_mm) - image - offset
-        if abs(error) <= (SETTLED if film_point_mm is None else SETTLED_AT_A_POINT) * film_mm:
+        if abs(error) <= (CONVERGED if film_point_mm is None else CONVERGED_AT_A_POINT) * film_mm:
             return state, image + offset
         slope = (error - error_before) / (offset - before) if offset != before else -1.0
         offset, before, error_before = offset - error / slope, offset, error

@@ -25,13 +25,13 @@ def device_details(info: DeviceInfo) -> dict[str, Any]:
         "name": info.name,
         "type": info.type,
         "platform": info.platform,
-        "platform_version": _told(lambda: info.handle.platform.version.strip()),
-        "driver_version": _told(lambda: info.handle.driver_version.strip()),
-        "opencl_c": _told(lambda: info.handle.opencl_c_version.strip()),
+        "platform_version": _reported(lambda: info.handle.platform.version.strip()),
+        "driver_version": _reported(lambda: info.handle.driver_version.strip()),
+        "opencl_c": _reported(lambda: info.handle.opencl_c_version.strip()),
         "compute_units": info.compute_units,
-        "clock_mhz": _told(lambda: int(info.handle.max_clock_frequency)),
+        "clock_mhz": _reported(lambda: int(info.handle.max_clock_frequency)),
         "memory_bytes": info.memory_bytes,
-        "largest_buffer_bytes": _told(lambda: int(info.handle.max_mem_alloc_size)),
+        "largest_buffer_bytes": _reported(lambda: int(info.handle.max_mem_alloc_size)),
         "fp64": info.fp64,
         "problem": problem_of(info),
         "kernel_target": trial.library_arch,
@@ -39,9 +39,9 @@ def device_details(info: DeviceInfo) -> dict[str, Any]:
     }
 
 
-def _told(ask: Callable[[], Any]) -> Any:
+def _reported(read: Callable[[], Any]) -> Any:
     try:
-        return ask()
+        return read()
     except Exception:  # a driver may raise anything; what is wrong with it is said in ``problem``
         return None
 

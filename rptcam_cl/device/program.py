@@ -99,11 +99,11 @@ class Program:
 
 
 def _build_failure(source: str, log: str, identity: str) -> str:
-    told = f"an OpenCL program did not compile: {first_error(log)}"
+    message = f"an OpenCL program did not compile: {first_error(log)}"
     try:  # a name that nobody can foresee, as the folder is everybody's
         descriptor, path = tempfile.mkstemp(prefix=f"rptcam_cl-{identity[:12]}-", suffix=".cl.log")
         with os.fdopen(descriptor, "w", encoding="utf-8", errors="replace") as file:
             file.write(f"{log}\n\n/* source */\n{source}")
     except OSError as problem:
-        return f"{told} (its log could not be written: {problem.strerror})"
-    return f"{told} (source and full log: {path})"
+        return f"{message} (its log could not be written: {problem.strerror})"
+    return f"{message} (source and full log: {path})"

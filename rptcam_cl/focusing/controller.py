@@ -285,7 +285,7 @@ def autofocus(
     near: float | None = None,
     seed: int | None = None,
     device: str | Session | None = None,
-    on_look: Callable[[Probe], Any] | None = None,
+    on_probe: Callable[[Probe], Any] | None = None,
 ) -> FocusReport:
     """Return the focus that the camera of a scene finds; the scene stays as it is, see `focused_scene`.
 
@@ -309,7 +309,7 @@ def autofocus(
         In place of the scene's.
     device
         As for `render`.
-    on_look
+    on_probe
         Called with every probe.
 
     Raises
@@ -329,4 +329,4 @@ def autofocus(
     where = {"zones": zones, "point": point, "object": object}
     settings = focus_settings(scene, {"method": method, "policy": policy}, where)
     session = device if isinstance(device, Session) else open_session(device)
-    return find_focus(scene, session, settings, near=near, on_probe=on_look)
+    return find_focus(scene, session, settings, near=near, on_probe=on_probe)

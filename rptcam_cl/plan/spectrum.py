@@ -102,17 +102,17 @@ def seen_by(
         )
     axial = camera.axial_colour if scene.exposure.mode in WHITE_ON_AXIS else None
     glass = materials.facts["HAS_DISPERSION"] > 0
-    told = {}
+    metadata = {}
     if settings.mode == "spectral" or (settings.mode == "auto" and spectra.colours > 0):
-        told["observer"], matching = _observer(scene)
+        metadata["observer"], matching = _observer(scene)
         spectrum = _spectral(matching, axial, spectra, (low, high), lens=lens)
     elif settings.mode != "rgb" and (lens or glass):
         spectrum = _dispersive(axial, (low, high), lens=lens)
     else:
         spectrum = Spectrum(SpectrumKind.RGB)
-    told |= {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
+    metadata |= {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
     facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
-    return camera, replace(spectrum, facts=facts, metadata=told)
+    return camera, replace(spectrum, facts=facts, metadata=metadata)
 
 
 def _dispersive(axial: AxialColour, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:

@@ -162,11 +162,11 @@ def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, 
 
 
 def described(
-    scene: Scene, plan: Plan, rendering: Rendering, stats: Mapping[str, Any], told: Mapping[str, Any]
+    scene: Scene, plan: Plan, rendering: Rendering, stats: Mapping[str, Any], found_before: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return what a picture's metadata say: of the scene, its camera, and the render that has such statistics.
 
-    ``told`` is what was found before the render: focus, camera model and exposure.
+    ``found_before`` is what was found before the render: focus, camera model and exposure.
     """
     found = {
         "software": f"rptcam_cl {__version__}",
@@ -184,7 +184,7 @@ def described(
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
         **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
         **({"material_names": plan.owners.materials} if "material_id" in rendering.layers else {}),
-        **told,
+        **found_before,
         "numerics": summary(stats["numerics"]),
     }
     if "clamp" in stats:

@@ -213,9 +213,9 @@ class Saver:
 
     def save(self, state: SavedState) -> None:
         """Save a state in place of the last one."""
-        decided = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
+        resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
         work = joined(self.parts, self.parts_since(state.done))
-        facts = {**self._facts, **decided, "done": state.done, "devices": self._devices, "work": work}
+        facts = {**self._facts, **resolved, "done": state.done, "devices": self._devices, "work": work}
         write_checkpoint(self.path, facts, state.arrays)
         self._written = True
 

@@ -105,13 +105,13 @@ class NoiseEstimate:
         length = run_length(done - 1)
         self._runs.append((luminance - self._before).astype(np.float32))
         self._before = luminance
-        decided = False
+        ended = False
         if done >= BETWEEN_DECISIONS and done % BETWEEN_DECISIONS == 0:
             self._measure(done, length, luminance)
-            decided = self._decide(done)
+            ended = self._decide(done)
         if len(self._runs) == MOST_RUNS:
             self._runs = [a + b for a, b in zip(self._runs[::2], self._runs[1::2], strict=True)]
-        return decided
+        return ended
 
     def _measure(self, done: int, length: int, luminance: NDArray[np.float64]) -> None:
         places = (self.tiles[:, None] * TILE_PIXELS + np.arange(TILE_PIXELS, dtype=np.uint32)).ravel()
@@ -230,19 +230,19 @@ class TwoParts:
 
     def __init__(self, layout: FilmLayout) -> None:
         self._layout = layout
-        self._looks: list[tuple[int, NDArray[np.float32]]] = []  # the last two: samples, and the sum of luminance
+        self._snapshots: list[tuple[int, NDArray[np.float32]]] = []  # the last two: samples, and the sum of luminance
 
     def wants(self, done: int) -> bool:
         """Return whether the film should be looked at after ``done`` samples per pixel."""
-        return not self._looks or done >= 2 * self._looks[-1][0]
+        return not self._snapshots or done >= 2 * self._snapshots[-1][0]
 
     def take(self, done: int, sums: NDArray[np.float32]) -> None:
         """Look at the film's sums (6, pixels) after ``done`` samples per pixel."""
-        self._looks = [*self._looks[-1:], (done, _luminance(sums))]
+        self._snapshots = [*self._snapshots[-1:], (done, _luminance(sums))]
 
     def report(self, done: int, sums: NDArray[np.float32]) -> AchievedNoise | None:
         """Return how noisy the picture is in the end; None where all its samples came at once."""
-        earlier = [look for look in self._looks if look[0] <= LARGEST_SHARE * done]
+        earlier = [snapshot for snapshot in self._snapshots if snapshot[0] <= LARGEST_SHARE * done]
         if not earlier:
             return None
         first, before = earlier[-1]
@@ -269,9 +269,9 @@ class NoiseWatch:
 
     def __init__(self, wavefront: AnyWavefront, target: float | None) -> None:
         self._wavefront = wavefront
-        asked = target is not None or "variance" in wavefront.settings.layers
-        self.estimate = NoiseEstimate(wavefront.layout, target) if asked else None
-        self._parts = None if asked else TwoParts(wavefront.layout)
+        requested = target is not None or "variance" in wavefront.settings.layers
+        self.estimate = NoiseEstimate(wavefront.layout, target) if requested else None
+        self._parts = None if requested else TwoParts(wavefront.layout)
 
     @property
     def satisfied(self) -> bool:
@@ -294,7 +294,7 @@ class NoiseWatch:
         """Return how many of ``count`` samples may follow before the film has to be looked at."""
         return count if self.estimate is None else min(count, next_end(done) - done)
 
-    def look(self, done: int, *, last: bool) -> None:
+    def observe(self, done: int, *, last: bool) -> None:
         """Look at the film, where ``done`` samples per pixel are a reason to."""
         if self.estimate is not None and done == next_end(done - 1):
             self._wavefront.finish()

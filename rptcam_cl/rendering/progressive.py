@@ -157,7 +157,7 @@ def render_plan(
             wavefront.enqueue(*wave)
             clock.count(wave[1] * wave[3], done)
         done += count
-        watch.look(done, last=done == spp)
+        watch.observe(done, last=done == spp)
         if save is not None:
             save(state)
         if seconds is not None or should_stop is not None:

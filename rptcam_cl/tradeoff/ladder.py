@@ -104,12 +104,12 @@ def ladder(scene: Scene) -> Ladder:
     found, skipped = [replace(full, settings=settings(scene, full.scene))], {}
     for change in _changes(scene, full.scene, decision):
         try:
-            asked = change.make()
-            made = choose_camera(asked).scene
+            requested = change.make()
+            made = choose_camera(requested).scene
         except InputError as problem:
             skipped[change.name] = str(problem)
             continue
-        tier, texts = change.tier or full.tier, settings(scene, asked)
+        tier, texts = change.tier or full.tier, settings(scene, requested)
         found.append(Variant(change.name, change.knob, made, tier, change.unbiased, texts))
     return Ladder(tuple(found), skipped, decision)
 

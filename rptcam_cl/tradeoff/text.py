@@ -21,7 +21,7 @@ def recommendation(report: Comparison) -> list[str]:
     """Return sentences: what to take, how to ask for it, and what is meant; then what else was found."""
     said = [_advice(report, advice) for advice in report.advice]
     chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
-    said += [asked for name in chosen if (asked := _asked(report, report.named(name)))]
+    said += [sentence for name in chosen if (sentence := _sentence_of(report, report.named(name)))]
     said += _meant(report)
     said += [_differs(report, report.named(name)) for name in chosen if name != REFERENCE]
     said += _camera(report)
@@ -112,7 +112,7 @@ def _called(report: Comparison, name: str) -> str:
     return f"the {name}" if found.knob == "camera" else f"«{name}»"
 
 
-def _asked(report: Comparison, found: Measurement) -> str:
+def _sentence_of(report: Comparison, found: Measurement) -> str:
     sets = " ".join(f"--set '{text}'" for text in found.settings)
     return f"Ask for {_called(report, found.name)} by {sets}." if sets else ""
 

@@ -15,18 +15,6 @@ RETIRED_IN_KERNELS = {"self", "part", "edge"}
 FOLDERS = ("pass", "integrator", "geometry", "material", "light")
 CLASSES = {"Stand", "Painting"}
 STANDARD = {"finish"}  # of a queue, as OpenCL's clFinish
-LEFT = {  # files that still have some: the list may only shrink
-    "kernels/lens/surface.h", "kernels/lens/trace.h", "rptcam_cl/cameras/lens_losses.py",
-    "rptcam_cl/cameras/setting.py", "rptcam_cl/cli/__init__.py", "rptcam_cl/cli/doctor.py", "rptcam_cl/cli/focus.py",
-    "rptcam_cl/cli/lens_design.py", "rptcam_cl/cli/render.py", "rptcam_cl/device/details.py",
-    "rptcam_cl/device/program.py", "rptcam_cl/focusing/controller.py", "rptcam_cl/imaging/film_files.py",
-    "rptcam_cl/imaging/image.py", "rptcam_cl/imaging/picture_settings.py", "rptcam_cl/importers/pbrt/objects.py",
-    "rptcam_cl/importers/pbrt/shapes.py", "rptcam_cl/optics/best_focus.py", "rptcam_cl/optics/shapes/iterated.py",
-    "rptcam_cl/plan/spectrum.py", "rptcam_cl/rendering/account.py", "rptcam_cl/rendering/checkpoint.py",
-    "rptcam_cl/rendering/noise.py", "rptcam_cl/rendering/progressive.py", "rptcam_cl/scene/picture.py",
-    "rptcam_cl/scene/base.py", "rptcam_cl/tradeoff/ladder.py", "rptcam_cl/tradeoff/text.py",
-    "rptcam_cl/tradeoff/tiers/decide.py", "rptcam_cl/tradeoff/tiers/findings.py", "rptcam_cl/tradeoff/tiers/truth.py",
-}  # fmt: skip
 
 
 def words(name: str) -> set[str]:
@@ -61,7 +49,7 @@ def found(checkout: Path) -> dict[str, set[str]]:
 
 
 def test_no_identifier_has_a_retired_word(checkout: Path) -> None:
-    assert {file: those for file, those in found(checkout).items() if file not in LEFT} == {}
+    assert found(checkout) == {}
 
 
 def test_no_member_of_a_record_has_a_retired_word() -> None:

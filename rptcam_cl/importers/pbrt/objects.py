@@ -115,8 +115,8 @@ class Objects:
             self.context.report.ignored(use.shape.place, f"{use.shape.what}: wholly transparent")
             use.shape.parameters.used.update(use.shape.parameters.items)
             return
-        look = _look_of_lamp(lamp) if lamp is not None else _look_of({**(material or {}), **opacity})
-        piece = convert_shape(self.context, Placed(use, world, look, shared))
+        shape_material = _material_of_lamp(lamp) if lamp is not None else _material_of({**(material or {}), **opacity})
+        piece = convert_shape(self.context, Placed(use, world, shape_material, shared))
         if piece is None:
             return
         if lamp is not None:
@@ -223,11 +223,11 @@ class Objects:
                 return name
 
 
-def _look_of_lamp(lamp: Entity) -> ShapeMaterial:
+def _material_of_lamp(lamp: Entity) -> ShapeMaterial:
     return ShapeMaterial(textured=False, oriented=not lamp.parameters.boolean("twosided", False))
 
 
-def _look_of(material: Keys) -> ShapeMaterial:
+def _material_of(material: Keys) -> ShapeMaterial:
     return ShapeMaterial(_is_textured(material), material["kind"] in ONE_SIDED)
 
 

@@ -51,7 +51,7 @@ class Placed:
 
     use: ShapeUse
     world: Matrix
-    look: ShapeMaterial
+    material: ShapeMaterial
     shared: bool
 
     @property
@@ -108,13 +108,13 @@ def _sphere(context: Context, placed: Placed) -> Piece:
     parameters = placed.shape.parameters
     profile = revolved.sphere(parameters)
     degrees = parameters.number("phimax", 360.0)
-    if not profile.full or degrees < 360 or (placed.use.reverse and placed.look.oriented):
+    if not profile.full or degrees < 360 or (placed.use.reverse and placed.material.oriented):
         return _revolved_mesh(context, placed, profile, degrees)
     radius = parameters.number("radius", 1.0)
-    if is_similarity(placed.world) and not placed.look.textured:
+    if is_similarity(placed.world) and not placed.material.textured:
         scaled = radius * mean_scale(placed.world)
         return Piece({"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area)
-    world = placed.world @ np.diag([1.0, 1.0, -1.0, 1.0]) if placed.look.textured else placed.world
+    world = placed.world @ np.diag([1.0, 1.0, -1.0, 1.0]) if placed.material.textured else placed.world
     return Piece({"shape": "sphere", "center": [0, 0, 0], "radius": radius, **transform_keys(world)}, profile.area)
 
 
@@ -123,8 +123,10 @@ def _round(context: Context, placed: Placed) -> Piece:
     parameters = placed.shape.parameters
     profile = revolved.PROFILES[placed.shape.kind](parameters)
     degrees = parameters.number("phimax", 360.0)
-    flips = placed.use.reverse and placed.look.oriented
-    skewed = placed.shape.kind == "disk" and placed.look.textured  # our disk has u and v across, pbrt's run round it
+    flips = placed.use.reverse and placed.material.oriented
+    skewed = (
+        placed.shape.kind == "disk" and placed.material.textured
+    )  # our disk has u and v across, pbrt's run round it
     if not profile.full or degrees < 360 or skewed or (flips and placed.shape.kind != "disk"):
         return _revolved_mesh(context, placed, profile, degrees)
     first, last = profile.points[0], profile.points[-1]
@@ -153,7 +155,7 @@ def _mesh(context: Context, placed: Placed) -> Piece | None:
     if not len(mesh.faces):
         context.report.ignored(placed.shape.place, f"{placed.shape.what}: has no faces of any area")
         return None
-    if placed.look.textured and mesh.uvs is None:
+    if placed.material.textured and mesh.uvs is None:
         context.report.approximated(placed.shape.place, f"{placed.shape.what}: a texture without texture coordinates")
     area = float(mesh.transformed(placed.shape.world_from_object).areas().sum()) / parts
     return _piece(placed, mesh, area)
@@ -166,7 +168,7 @@ def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:
     if placed.shared:
         return Piece(transform_keys(placed.world), area, mesh)
     mesh = mesh.transformed(placed.world)
-    rectangle = rectangle_of(mesh, textured=placed.look.textured, oriented=placed.look.oriented)
+    rectangle = rectangle_of(mesh, textured=placed.material.textured, oriented=placed.material.oriented)
     return Piece({}, area, mesh) if rectangle is None else Piece(rectangle, area)
 
 
@@ -177,10 +179,10 @@ def _ply(context: Context, placed: Placed) -> Piece | None:
         return None
     keys = transform_keys(placed.world)
     area = 0.0
-    if placed.look.oriented or placed.use.lamp is not None:
+    if placed.material.oriented or placed.use.lamp is not None:
         mesh, changed = facing_mesh(context, placed.use)
         area = float(mesh.transformed(placed.shape.world_from_object).areas().mean())
-        if changed and placed.look.oriented:
+        if changed and placed.material.oriented:
             context.report.noted(place, f"{name}: written anew with its front where pbrt has it")
             return Piece(keys, area, mesh)
     return Piece({"shape": "mesh", "file": context.files.reference(path, place), **keys}, area)

@@ -10,7 +10,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import Accuracy, LensColour, RealisticCamera, Scene, change_scene
 from rptcam_cl.tradeoff.tiers.depths import FAR_MM, depth_range_mm
 from rptcam_cl.tradeoff.tiers.errors import TierError, fitted_errors, tier_errors
-from rptcam_cl.tradeoff.tiers.findings import Findings, told
+from rptcam_cl.tradeoff.tiers.findings import Findings, described
 from rptcam_cl.tradeoff.tiers.tiers import TRAITS, Tier, equivalent, first_order_camera, fitted_to
 from rptcam_cl.tradeoff.tiers.truth import Truth
 
@@ -59,7 +59,7 @@ def choose_camera(scene: Scene) -> Decision:
     if TRAITS[tier].colours:
         chosen = change_scene(chosen, spectrum={"lens": lens_colour})
     found = replace(found, tier=tier, colours=lens_colour if TRAITS[tier].colours else "off")
-    return Decision(chosen, tier, found.errors, {"accuracy": told(found, allowed)})
+    return Decision(chosen, tier, found.errors, {"accuracy": described(found, allowed)})
 
 
 def _lens_colour(scene: Scene, found: Findings, allowed: Accuracy) -> LensColour:
@@ -75,15 +75,15 @@ def _polynomials(
 ) -> tuple[Findings, Literal["fitted", "realistic"]]:
     """Return what was found, with the errors of polynomials where asked for or worth it, and the choice."""
     camera, (columns, rows) = scene.camera, scene.film.resolution
-    asked = isinstance(camera, RealisticCamera) and camera.rays == "fitted"
+    requested = isinstance(camera, RealisticCamera) and camera.rays == "fitted"
     surfaces = len(lens_setting(scene).lens.surfaces)
-    if not asked and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
+    if not requested and columns * rows * scene.render.spp * surfaces < WORTH_FITTING:
         return found, "realistic"
     try:
         polynomials = fitted_to(scene, colours=lens_colour == "on")
     except InputError:
         return found, "realistic"
-    if not asked and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
+    if not requested and polynomials.multiply_adds > MULTIPLY_ADDS * surfaces:
         return found, "realistic"
     errors = fitted_errors(polynomials)
     return replace(found, errors=(*found.errors, errors)), "fitted" if _within(errors, allowed) else "realistic"

@@ -53,7 +53,7 @@ class Findings:
 NAMES = dict(zip(EFFECTS, ("distortion", "blur", "outline of blurs", "round stop", "colour"), strict=True))
 
 
-def told(found: Findings, allowed: Accuracy) -> dict[str, Any]:
+def described(found: Findings, allowed: Accuracy) -> dict[str, Any]:
     """Return what the picture's metadata should say of a decision; null stands for what the lens does not see."""
     numbers = {
         "depths_m": found.depths_m,

@@ -236,12 +236,12 @@ class Truth:
         shape = stop_shape(scene, camera.aperture)
         shaped = setting.lens if shape is None else setting.lens.with_stop_shape(shape)
         low, high = usable_nm(setting.lens)
-        asked = scene.spectrum.lens_colour != "off"
-        coloured = asked and disperses(setting.lens)
+        requested = scene.spectrum.lens_colour != "off"
+        coloured = requested and disperses(setting.lens)
         colours_nm = [min(max(end, low), high) for end in EXTREMES_NM] if coloured else []
         pixel_mm = float(2 * half_mm[0] / scene.film.resolution[0])
         fields = traced_fields(setting, shape, half_mm, pixel_mm, FIELDS, colours_nm)
-        tint = lens_tint(scene, setting) if asked else 0.0
+        tint = lens_tint(scene, setting) if requested else 0.0
         return cls(scene, first, shaped, half_mm, tuple(fields), round_stop(shape), tint, coloured)
 
     @property
