@@ -254,7 +254,7 @@ class Probe:
     found : list of Measured
         Of each zone.
     reference : float or None
-        Place in which the zones are given; None where the film was not scaled with the image.
+        Coordinate for which the zones are given; None where the film was not scaled with the image.
     scale : float
         Of the image against that place, or else against the lowest one.
     samples : int

@@ -24,7 +24,7 @@ from rptcam_cl.tradeoff.statistics import (
 
 Array = NDArray[np.float64]
 
-SURE = 4.0  # standard errors that what is told as sure has to be above: the bias of a tile, that of the brightness
+SURE = 4.0  # standard errors above which a difference counts as certain: the bias of a tile, that of the brightness
 LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
 RARE = 2.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
 SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
