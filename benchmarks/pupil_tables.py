@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
-from rptcam_cl.cameras.pupil_sampling import PupilSampling
+from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilSampling
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
@@ -58,11 +58,12 @@ def _aims(
     sampling: PupilSampling, film: Array, radius_mm: float, random: np.random.Generator
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return points of the plane of the last vertex as `kernels/lens/pupil.h` draws them, and which are drawn."""
-    a, b, c, d = sampling.parameters
     u, v = random.random((2, len(film)))
     ring = np.stack([np.cos(2 * np.pi * u), np.sin(2 * np.pi * u)], axis=1) * np.sqrt(v)[:, None]
-    if sampling.kind == PupilKind.CIRCLE:
+    if isinstance(sampling.parameters, PupilCircle):
+        a, b = sampling.parameters
         return a * film + b * ring, np.ones(len(film), dtype=bool)
+    _, _, c, d = sampling.parameters
     if sampling.kind == PupilKind.BOXES:
         columns, rows = (
             np.clip(((film[:, k] / radius_mm + 1) / 2 * n).astype(int), 0, int(n) - 1) for k, n in ((0, c), (1, d))
@@ -73,6 +74,7 @@ def _aims(
 
 
 def _outline_aims(sampling: PupilSampling, film: Array, u: Array, ring: Array) -> tuple[Array, NDArray[np.bool_]]:
+    assert isinstance(sampling.parameters, PupilGrid)
     step, down, columns, rows = sampling.parameters
     count = int(columns * rows)
     frames = sampling.table[: 4 * count].reshape(int(rows), int(columns), 4)

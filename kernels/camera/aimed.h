@@ -1,7 +1,6 @@
 // What cameras with a lens share: the ray from a film point to where it aims, and what it weighs behind the lens. The mean is
 // the film's irradiance E = int L cos^4 / Z^2 dA over the pupil, as a ray that the lens blocks weighs zero.
-// a = (film half width, half height, film distance Z, scale of the weight) in mm; b.xy = (mm to the camera's frame, z of the
-// first vertex in the camera's frame); pupil and tables as in lens/pupil.h.
+// Z is the distance from the film to the last vertex [mm]; the tables are as in lens/pupil.h.
 #ifndef AIMED_H
 #define AIMED_H
 #include "camera/film_point.h"
@@ -17,11 +16,12 @@ typedef struct {
 
 static Aimed aimed_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables)
 {
+    const __global RealisticCamera *own = &camera->own.realistic;
     Aimed ray;
-    ray.fx = -film_x(lane, u.a, camera) * camera->a.x;      // a lens inverts: right in the picture is left on the film
-    ray.fy = -film_y(lane, u.b, camera) * camera->a.y;
-    ray.at = aim(ray.fx, ray.fy, u.c, u.d, camera, tables);
-    ray.away = f3(ray.at.x - ray.fx, ray.at.y - ray.fy, (F)(camera->a.z));
+    ray.fx = -film_x(lane, u.a, camera) * own->film_half_width;      // a lens inverts: right in the picture is left on the film
+    ray.fy = -film_y(lane, u.b, camera) * own->film_half_height;
+    ray.at = aim(ray.fx, ray.fy, u.c, u.d, own, tables);
+    ray.away = f3(ray.at.x - ray.fx, ray.at.y - ray.fy, (F)(own->film_distance));
     ray.length2 = dot3(ray.away, ray.away);
     return ray;
 }
@@ -29,11 +29,12 @@ static Aimed aimed_ray(Lane lane, F4 u, const __global Camera *camera, const __g
 // `p` and `d` on the scene side of the lens, z along the travel from the first vertex.
 static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __global Camera *camera)
 {
+    const __global RealisticCamera *own = &camera->own.realistic;
     CameraRay r;
-    F cos2_over_length2 = camera->a.z / ray.length2;        // cos^2 / Z, as cos^2 = Z^2 / length^2
-    F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;
-    F mm = (F)(camera->b.x);
-    r.o = keep3(passed, f3(p.x * mm, p.y * mm, camera->b.y - p.z * mm));
+    F cos2_over_length2 = own->film_distance / ray.length2;        // cos^2 / Z, as cos^2 = Z^2 / length^2
+    F weight = own->gain * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;
+    F mm = (F)(own->metres_per_mm);
+    r.o = keep3(passed, f3(p.x * mm, p.y * mm, own->first_vertex_z - p.z * mm));
     r.d = select3(passed, f3(d.x, d.y, -d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z
     r.weight = passed ? weight : ZERO;
 #if HALF_PUPIL

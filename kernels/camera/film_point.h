@@ -7,12 +7,12 @@
 
 static F film_x(Lane lane, F jitter, const __global Camera *camera)
 {
-    return (2.0f * (TO_F(lane.x) + jitter) - camera->resolution.x) * camera->resolution.z;
+    return (2.0f * (TO_F(lane.x) + jitter) - camera->width) * camera->per_width;
 }
 
 static F film_y(Lane lane, F jitter, const __global Camera *camera)
 {
-    return (camera->resolution.y - 2.0f * (TO_F(lane.y) + jitter)) * camera->resolution.w;
+    return (camera->height - 2.0f * (TO_F(lane.y) + jitter)) * camera->per_height;
 }
 
 typedef struct {

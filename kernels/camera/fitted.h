@@ -1,6 +1,5 @@
 // A ray from the film through the polynomials of a lens, in place of its surfaces.
-// Camera as in camera/aimed.h; surfaces: those whose rims block light; b.z = where the polynomials stand behind the pupil's
-// table.
+// Camera as in camera/aimed.h; surfaces: those whose rims block light.
 #include "camera/aimed.h"
 #include "lens/surface.h"
 #include "lens/ray_map.h"
@@ -9,7 +8,7 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
                             const __global float *tables, const __global Surface *surfaces,
                             const __global float *stop)
 {
-    const __global float *map = tables + (int)camera->b.z;
+    const __global float *map = tables + camera->own.realistic.first_polynomial;
     Aimed ray = aimed_ray(lane, u, camera, tables);
     MapPoint at = map_point(ray.fx, ray.fy, ray.at.x, ray.at.y, wavelength, map);
     F3 p, d;

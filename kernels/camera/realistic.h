@@ -1,5 +1,5 @@
 // A ray from the film through every surface of the lens (Kolb, Mitchell, Hanrahan 1995).
-// Camera as in camera/aimed.h; count = surfaces.
+// Camera as in camera/aimed.h.
 #include "camera/aimed.h"
 #include "lens/trace.h"
 
@@ -32,7 +32,7 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
                             const __global float *stop)
 {
     Underway ray = enter_camera(lane, u, wavelength, camera, tables);
-    for (int k = 0; k < camera->count; ++k)
+    for (int k = 0; k < camera->own.realistic.surfaces; ++k)
         cross_surface(&ray.path, surfaces + k, stop);
     return leave_camera(ray, leave_lens(&ray.path), camera);
 }

@@ -143,8 +143,8 @@ static BlurHere blur_here(Lane lane, const __global Camera *camera, const __glob
 // Diameter of the circle of confusion [pixels] of a point with a vergence [1/m]; rptcam_cl/cameras/blur.py has the formula.
 static F circle_of_confusion(BlurHere here, F vergence, const __global View *view)
 {
-    F away = vergence - view->blur.x;
-    return root(here.a + away * (here.b + away * here.c)) / absolute(view->blur.y + view->blur.z * vergence);
+    F away = vergence - view->blur_focus;
+    return root(here.a + away * (here.b + away * here.c)) / absolute(view->blur_scale + view->blur_shift * vergence);
 }
 #endif
 

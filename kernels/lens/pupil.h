@@ -12,28 +12,27 @@
 typedef struct { F x, y, inverse_density; } Aim;
 
 #if PUPIL_KIND == PUPIL_CIRCLE
-// pupil = (shift, radius)
-static Aim aim(F fx, F fy, F u, F v, const __global Camera *camera, const __global float *tables)
+static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
 {
     F s, c;
     sincos_turns(u, &s, &c);
-    F rho = camera->pupil.y * sqrt(v);
+    F rho = own->pupil.circle.radius * sqrt(v);
     Aim a;
-    a.x = camera->pupil.x * fx + rho * c;
-    a.y = camera->pupil.x * fy + rho * s;
-    a.inverse_density = (F)(PI_F * camera->pupil.y * camera->pupil.y);
+    a.x = own->pupil.circle.shift * fx + rho * c;
+    a.y = own->pupil.circle.shift * fy + rho * s;
+    a.inverse_density = (F)(PI_F * own->pupil.circle.radius * own->pupil.circle.radius);
     return a;
 }
 
 #elif PUPIL_KIND == PUPIL_BOXES
-// pupil = (cells per mm across, down, cells across, down); tables = u0, v0, width, height per cell
-static Aim aim(F fx, F fy, F u, F v, const __global Camera *camera, const __global float *tables)
+// Tables: u0, v0, width, height per cell
+static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
 {
-    I ix = TO_I(fx * camera->pupil.x + 0.5f * camera->pupil.z);
-    I iy = TO_I(fy * camera->pupil.y + 0.5f * camera->pupil.w);
-    ix = MAX(MIN(ix, (I)((int)camera->pupil.z - 1)), FALSE);
-    iy = MAX(MIN(iy, (I)((int)camera->pupil.w - 1)), FALSE);
-    I cell = (iy * (int)camera->pupil.z + ix) * 4;
+    I ix = TO_I(fx * own->pupil.grid.per_mm_across + 0.5f * own->pupil.grid.across);
+    I iy = TO_I(fy * own->pupil.grid.per_mm_down + 0.5f * own->pupil.grid.down);
+    ix = MAX(MIN(ix, (I)((int)own->pupil.grid.across - 1)), FALSE);
+    iy = MAX(MIN(iy, (I)((int)own->pupil.grid.down - 1)), FALSE);
+    I cell = (iy * (int)own->pupil.grid.across + ix) * 4;
     F width = GATHER(F, tables + 2, cell, );
     F height = GATHER(F, tables + 3, cell, );
     Aim a;
@@ -64,8 +63,7 @@ static Outline outline_at(const __global float *tables, int nodes, I node, F sha
     return o;
 }
 
-// pupil = (nodes per mm across, down, nodes across, down)
-static Aim aim(F fx, F fy, F u, F v, const __global Camera *camera, const __global float *tables)
+static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
 {
     F turn = u * (float)PUPIL_DIRECTIONS;
     I direction = MIN(TO_I(turn), (I)(PUPIL_DIRECTIONS - 1));
@@ -79,28 +77,28 @@ static Aim aim(F fx, F fy, F u, F v, const __global Camera *camera, const __glob
     F inverse = ONE / radius;
     F ex = radius > 0.0f ? fx * inverse : ONE;
     F ey = radius > 0.0f ? fy * inverse : ZERO;
-    F place = radius * camera->pupil.x;
-    I lit = place < camera->pupil.z - 1.0f;
-    place = MIN(place, (F)(camera->pupil.z - 1.0f));
-    I node = MIN(TO_I(place), (I)((int)camera->pupil.z - 2));
+    F place = radius * own->pupil.grid.per_mm_across;
+    I lit = place < own->pupil.grid.across - 1.0f;
+    place = MIN(place, (F)(own->pupil.grid.across - 1.0f));
+    I node = MIN(TO_I(place), (I)((int)own->pupil.grid.across - 2));
     F share = place - TO_F(node);
-    Outline o = outline_at(tables, (int)camera->pupil.z, node, share, direction, between);
+    Outline o = outline_at(tables, (int)own->pupil.grid.across, node, share, direction, between);
     F pu = o.u + o.a * o.r * rho * c;
     F pv = o.v + o.b * o.r * rho * s;
     a.x = ex * pu - ey * pv;
     a.y = ey * pu + ex * pv;
     a.inverse_density = lit ? PI_F * o.a * o.b * o.r * o.r : ZERO;
 #else
-    F px = MAX(fx * camera->pupil.x + 0.5f * (camera->pupil.z - 1.0f), ZERO);
-    F py = MAX(fy * camera->pupil.y + 0.5f * (camera->pupil.w - 1.0f), ZERO);
-    I nx = MIN(TO_I(px), (I)((int)camera->pupil.z - 2));
-    I ny = MIN(TO_I(py), (I)((int)camera->pupil.w - 2));
+    F px = MAX(fx * own->pupil.grid.per_mm_across + 0.5f * (own->pupil.grid.across - 1.0f), ZERO);
+    F py = MAX(fy * own->pupil.grid.per_mm_down + 0.5f * (own->pupil.grid.down - 1.0f), ZERO);
+    I nx = MIN(TO_I(px), (I)((int)own->pupil.grid.across - 2));
+    I ny = MIN(TO_I(py), (I)((int)own->pupil.grid.down - 2));
     F sx = px - TO_F(nx);
     F sy = py - TO_F(ny);
-    I node = ny * (int)camera->pupil.z + nx;
-    int nodes = (int)(camera->pupil.z * camera->pupil.w);
+    I node = ny * (int)own->pupil.grid.across + nx;
+    int nodes = (int)(own->pupil.grid.across * own->pupil.grid.down);
     Outline o = outline_at(tables, nodes, node, sx, direction, between);
-    Outline p = outline_at(tables, nodes, node + (int)camera->pupil.z, sx, direction, between);
+    Outline p = outline_at(tables, nodes, node + (int)own->pupil.grid.across, sx, direction, between);
     o.u = blend(o.u, p.u, sy);
     o.v = blend(o.v, p.v, sy);
     o.a = blend(o.a, p.a, sy);

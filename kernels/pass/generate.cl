@@ -113,7 +113,7 @@ __kernel void generate(const __global Camera  *camera,
     Draw other = draw_of(slot + VW, wave, tiles, camera, filter, colours);
     Underway first = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
     Underway second = enter_camera(other.lane, other.u, other.wavelength, camera, tables);
-    for (int k = 0; k < camera->count; ++k) {
+    for (int k = 0; k < camera->own.realistic.surfaces; ++k) {
         cross_surface(&first.path, surfaces + k, stop);
         cross_surface(&second.path, surfaces + k, stop);
     }

@@ -110,7 +110,7 @@ __kernel void layers(SCENE_PARAMETERS
         add_weighted3(&sums, LAYER_ALBEDO, seen, base_color(vertex));
 #endif
 #if LAYER_COC >= 0
-        F away = view->by_depth ? depth + view->blur.w : dot3(sub(seen_at, scale(back, (F)(view->blur.w))), ray.d);
+        F away = view->by_depth ? depth + view->blur_origin_z : dot3(sub(seen_at, scale(back, (F)(view->blur_origin_z))), ray.d);
         F vergence = on ? ONE / MAX(away, (F)(SMALLEST_DISTANCE)) : ZERO;
         add_weighted(&sums, LAYER_COC, passed ? weight : ZERO, circle_of_confusion(here, vergence, view));
 #endif
@@ -129,10 +129,10 @@ __kernel void layers(SCENE_PARAMETERS
         write_first(planes, LAYER_UV + 1, pixel, pixels, fresh, on ? uv.v : AS_F((I)(NOT_A_NUMBER)));
 #endif
 #if LAYER_PUPIL >= 0
-        F step = (view->pupil.x - dot3(from, back)) / dot3(ray.d, back);
+        F step = (view->pupil_z - dot3(from, back)) / dot3(ray.d, back);
         F3 there = along(from, ray.d, step);
-        write_first(planes, LAYER_PUPIL, pixel, pixels, fresh, dot3(there, right) * view->pupil.y);
-        write_first(planes, LAYER_PUPIL + 1, pixel, pixels, fresh, dot3(there, up) * view->pupil.y);
+        write_first(planes, LAYER_PUPIL, pixel, pixels, fresh, dot3(there, right) * view->per_pupil_radius);
+        write_first(planes, LAYER_PUPIL + 1, pixel, pixels, fresh, dot3(there, up) * view->per_pupil_radius);
 #endif
     }
     write_sums(planes, pixel, pixels, sums);

@@ -10,5 +10,5 @@ def build(scene: Scene) -> CameraModel:
     """Return the camera for the device."""
     camera = scene.camera
     assert isinstance(camera, EnvironmentCamera)
-    record = camera_record(camera, scene.film)
+    record = camera_record(camera, scene.film, "environment")
     return CameraModel("camera/environment.h", record, facts={}, metadata={"camera": "environment"})

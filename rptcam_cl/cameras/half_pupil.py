@@ -62,6 +62,5 @@ def pupil_line(rays: PupilRays, split: Split) -> PupilLine:
 def halved(model: CameraModel, line: PupilLine, *, beyond: bool) -> CameraModel:
     """Return a camera that lets only the light of one half of its pupil count."""
     record = model.record.copy()
-    record["half_plane"][0] = (*line.normal, line.offset, line.share)
-    record["half_beyond"] = beyond
+    record["half_pupil"] = (*line.normal, line.offset, line.share, beyond)
     return replace(model, record=record, facts=model.facts | {"HALF_PUPIL": 1})

@@ -43,8 +43,9 @@ class CameraView:
         """Return the record for the device and the table of the circle of confusion, empty where it is not wanted."""
         blur = self.blur() if with_blur else Blur()
         record = VIEW.zeros(1)
-        record["blur"][0] = (blur.focus, blur.scale, blur.shift, blur.origin_z)
-        record["pupil"][0, :2] = (self.pupil_z_m, 1.0 / self.pupil_radius_m if self.pupil_radius_m else 0.0)
+        record["blur_focus"], record["blur_scale"], record["blur_shift"] = blur.focus, blur.scale, blur.shift
+        record["blur_origin_z"], record["pupil_z"] = blur.origin_z, self.pupil_z_m
+        record["per_pupil_radius"] = 1.0 / self.pupil_radius_m if self.pupil_radius_m else 0.0
         record["rows"], record["columns"] = blur.table.shape[:2]
         record["by_depth"], record["from_eye"] = blur.by_depth, self.starts_ahead
         return record, blur.table
@@ -111,16 +112,19 @@ class CameraModel:
         return self.kernel == SURFACE_BY_SURFACE
 
 
-def camera_record(pose: Pose, film: Film) -> NDArray[np.void]:
-    """Return a camera record with pose and resolution in place."""
+def camera_record(pose: Pose, film: Film, kind: str, **own: float) -> NDArray[np.void]:
+    """Return a camera record with pose and resolution in place, and what a camera of a kind has of its own."""
     record = CAMERA.zeros(1)
     matrix = pose.world_from_camera()
     for index, name in enumerate(("right", "up", "back")):
         record[name][0, :3] = matrix[:3, index]
     width, height = film.resolution
     sign = 1.0 if pose.flip else -1.0
-    record["resolution"][0] = (width, height, sign / width, sign / height)
+    record["width"], record["height"] = width, height
+    record["per_width"], record["per_height"] = sign / width, sign / height
     record["exposure"] = 1.0
+    for name, value in own.items():
+        record["own"][kind][name] = value
     return record
 
 

@@ -11,9 +11,10 @@ def build(scene: Scene) -> CameraModel:
     """Return the camera for the device."""
     camera = scene.camera
     assert isinstance(camera, PinholeCamera)
-    record = camera_record(camera, scene.film)
     across, down = half_tangents(camera.fov_degrees, camera.fov_axis, scene.film)
-    record["a"][0, :3] = (across, down, camera.near_m)
+    record = camera_record(
+        camera, scene.film, "pinhole", half_width=across, half_height=down, near_distance=camera.near_m
+    )
     projection = intrinsics(scene.film, (0.5 / across, 0.5 / down), flip=camera.flip)
     view = CameraView(starts_ahead=True)
     return CameraModel(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil_check import loses_light
-from rptcam_cl.cameras.pupil_sampling import PupilSampling
+from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilSampling
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.optics import (
@@ -128,7 +128,7 @@ def _rear(
     radius = float(reach.max())
     if radius > reach[:, -(len(scale) // PATCH_RADII) :].max():
         radius *= 1.0 + BULGE
-    return PupilSampling("rear", PupilKind.CIRCLE, (float(shift), radius, 0.0, 0.0))
+    return PupilSampling("rear", PupilKind.CIRCLE, PupilCircle(float(shift), radius))
 
 
 def _thick(
@@ -146,7 +146,7 @@ def _thick(
     shift, radius = 1.0 - shrink, pupil.diameter_mm / 2 * shrink
     needed = _needed_radius(lens, film_distance_mm, half_film_mm, wavelength_nm, shift)
     widened = max(1.0, needed / radius)
-    return PupilSampling("thick", PupilKind.CIRCLE, (shift, radius * widened, 0.0, 0.0), widened=widened)
+    return PupilSampling("thick", PupilKind.CIRCLE, PupilCircle(shift, radius * widened), widened=widened)
 
 
 def _film_points(half_film_mm: tuple[float, float], count: int) -> NDArray[np.float64]:
@@ -189,7 +189,7 @@ def _bounds(
     size = np.where(lit[..., None], high - low, 0.0)
     table = np.concatenate([np.where(lit[..., None], low, 0.0), size], axis=-1).astype(np.float32).ravel()
     per_mm = (CELLS / (2 * half_film_mm[0]), CELLS / (2 * half_film_mm[1]))
-    return PupilSampling("bounds", PupilKind.BOXES, (*per_mm, CELLS, CELLS), table)
+    return PupilSampling("bounds", PupilKind.BOXES, PupilGrid(*per_mm, CELLS, CELLS), table)
 
 
 def _corner_boxes(probes: list[FilmProbe], half_film_mm: tuple[float, float]) -> tuple[Array, Array, NDArray[np.bool_]]:
@@ -223,7 +223,7 @@ def _tight(shapes: PupilShapes) -> PupilSampling:
     table = [frames.ravel(), np.zeros(4), np.concatenate([rows, ahead], axis=-1).ravel(), np.zeros(4)]
     step = shapes.x[1] - shapes.x[0]
     down = 1 / (shapes.y[1] - shapes.y[0]) if len(shapes.y) > 1 else 0.0
-    parameters = (1 / step, down, float(len(shapes.x)), float(len(shapes.y)))
+    parameters = PupilGrid(1 / step, down, float(len(shapes.x)), float(len(shapes.y)))
     return PupilSampling(
         "tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32), shapes.radial
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.pupil_sampling import PupilSampling
+from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilSampling
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.optics import DIRECTIONS, FilmProbe, spread_points
 
@@ -51,8 +51,8 @@ def left_out(
     margin
         Shares of the pupil's size by which a point must lie outside.
     """
-    if sampling.kind == PupilKind.CIRCLE:
-        shift, radius, _, _ = sampling.parameters
+    if isinstance(sampling.parameters, PupilCircle):
+        shift, radius = sampling.parameters
         return np.asarray(np.hypot(*(points - shift * film).T) > (1.0 + margin) * radius)
     if sampling.kind == PupilKind.BOXES:
         return _out_of_boxes(sampling, half_film_mm, film, points, margin)
@@ -62,7 +62,8 @@ def left_out(
 def _out_of_boxes(
     sampling: PupilSampling, half_film_mm: tuple[float, float], film: Array, points: Array, margin: float
 ) -> Mask:
-    count = np.array(sampling.parameters[2:])
+    assert isinstance(sampling.parameters, PupilGrid)
+    count = np.array([sampling.parameters.across, sampling.parameters.down])
     cell = np.clip((film / half_film_mm + 1) / 2 * count, 0, count - 1).astype(int)
     table = sampling.table.reshape(int(count[1]), int(count[0]), 4).astype(np.float64)
     low, size = np.split(table[cell[:, 1], cell[:, 0]], 2, axis=1)
@@ -71,7 +72,8 @@ def _out_of_boxes(
 
 
 def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin: float) -> Mask:
-    columns, rows = (int(n) for n in sampling.parameters[2:])
+    assert isinstance(sampling.parameters, PupilGrid)
+    columns, rows = int(sampling.parameters.across), int(sampling.parameters.down)
     nodes = columns * rows
     frames = sampling.table[: 4 * nodes].reshape(rows, columns, 4).astype(np.float64)
     radii = sampling.table[4 * (nodes + 1) :][: 4 * nodes * DIRECTIONS].reshape(rows, columns, DIRECTIONS, 4)[..., 0]
@@ -90,6 +92,7 @@ def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin
 
 def _corners(sampling: PupilSampling, film: Array) -> list[tuple[NDArray[np.int64], NDArray[np.int64], Array]]:
     """Return the nodes round film points, by row and column, and the share that each has in what lies between."""
+    assert isinstance(sampling.parameters, PupilGrid)
     per_mm, down, columns, rows = sampling.parameters
     places = film * (per_mm, down) + (0.0 if sampling.radial else (np.array([columns, rows]) - 1) / 2)
     places = np.clip(places, 0.0, np.array([columns, rows]) - 1)

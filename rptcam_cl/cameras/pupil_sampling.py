@@ -1,8 +1,9 @@
-"""A sampling of the pupil as the camera's kernel reads it: kind and facts, four numbers and a table."""
+"""A sampling of the pupil as the camera's kernel reads it: kind and facts, a few numbers and a table."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,13 +12,29 @@ from rptcam_cl.core.records import PupilKind
 from rptcam_cl.optics import DIRECTIONS
 
 
+class PupilCircle(NamedTuple):
+    """One circle: how far its centre moves per mm of the film point, and its radius [mm]."""
+
+    shift: float
+    radius: float
+
+
+class PupilGrid(NamedTuple):
+    """Boxes of the film's cells, or outlines at nodes: how many there are per mm, and how many in all."""
+
+    per_mm_across: float
+    per_mm_down: float
+    across: float
+    down: float
+
+
 @dataclass(frozen=True)
 class PupilSampling:
-    """What `kernels/lens/pupil.h` reads: kind and facts, four numbers and a table."""
+    """What `kernels/lens/pupil.h` reads: kind and facts, a few numbers and a table."""
 
     tier: str
     kind: PupilKind
-    parameters: tuple[float, float, float, float]
+    parameters: PupilCircle | PupilGrid
     table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
     radial: bool = False
     instead_of: str = ""  # the tier that was asked for, where its tables would lose light

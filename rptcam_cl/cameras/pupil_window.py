@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil import CELLS, EDGE_SPREAD, PROBES, SPREAD, without_shape
-from rptcam_cl.cameras.pupil_sampling import PupilSampling
+from rptcam_cl.cameras.pupil_sampling import PupilGrid, PupilSampling
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.optics import IDEAL, Lens, LensTransmission, axial_transmittance, narrowing_probes, pupil_boxes
@@ -38,7 +38,7 @@ def pupil_in_windows(
     for x, y in cells.tolist():
         around = [place[x + i, y + j] for i in (0, 1) for j in (0, 1)]
         table[y, x] = _around(boxes[around], found[around])
-    parameters = (*(1 / size).tolist(), CELLS, CELLS)
+    parameters = PupilGrid(1 / size[0], 1 / size[1], CELLS, CELLS)
     return PupilSampling("windows", PupilKind.BOXES, parameters, table.ravel())
 
 

@@ -15,7 +15,7 @@ from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.pupil import pupil_sampling
-from rptcam_cl.cameras.pupil_sampling import PupilSampling
+from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilSampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
 from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
@@ -126,11 +126,16 @@ def _record(
     scene: Scene, camera: RealisticCamera, setting: LensSetting, lens: Lens, pupil: PupilSampling, surfaces: int
 ) -> NDArray[np.void]:
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    record = camera_record(camera, scene.film)
-    record["a"][0] = (width_mm / 2, height_mm / 2, setting.film_distance_mm, setting.gain)
-    record["b"][0] = (1e-3, -lens.film_z(setting.film_distance_mm) * 1e-3, len(pupil.table), 0.0)
-    record["pupil"][0] = pupil.parameters
-    record["count"] = surfaces
+    record = camera_record(
+        camera, scene.film, "realistic",
+        film_half_width=width_mm / 2, film_half_height=height_mm / 2,
+        film_distance=setting.film_distance_mm, gain=setting.gain,
+        metres_per_mm=1e-3, first_vertex_z=-lens.film_z(setting.film_distance_mm) * 1e-3,
+        surfaces=surfaces, first_polynomial=len(pupil.table),
+    )  # fmt: skip
+    aim = record["own"]["realistic"]["pupil"]["circle" if isinstance(pupil.parameters, PupilCircle) else "grid"]
+    for name, value in pupil.parameters._asdict().items():
+        aim[name] = value
     record["wavelength"] = camera.wavelength_nm
     return record
 

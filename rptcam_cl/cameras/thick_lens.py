@@ -121,11 +121,15 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     on_axis = setting.gain * passed * thick.axial_cone
     scale = setting.gain * passed * thick.pupil_solid_angle
     width_m, height_m = scene.film.size_m()
-    record = camera_record(camera, scene.film)
-    record["a"][0] = (width_m / 2 * 1e3, height_m / 2 * 1e3, scale, 0.0)
     first_vertex_m = -setting.lens.film_z(setting.film_distance_mm) * 1e-3
-    record["b"][0] = (1e-3, first_vertex_m, *thick.film_slope)
-    record["pupil"][0] = (*thick.height, *thick.slope)
+    record = camera_record(
+        camera, scene.film, "thick_lens",
+        film_half_width=width_m / 2 * 1e3, film_half_height=height_m / 2 * 1e3, weight=scale,
+        metres_per_mm=1e-3, first_vertex_z=first_vertex_m,
+        film_slope_per_film=thick.film_slope[0], film_slope_per_pupil=thick.film_slope[1],
+        height_per_film=thick.height[0], height_per_pupil=thick.height[1],
+        slope_per_film=thick.slope[0], slope_per_pupil=thick.slope[1],
+    )  # fmt: skip
     projection = intrinsics(scene.film, thick.film_per_tangent(width_m, height_m), flip=camera.flip)
     metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
     metadata |= {"transmittance": passed} if setting.transmission else {}

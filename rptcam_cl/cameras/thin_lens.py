@@ -52,8 +52,10 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
     """Return the camera of a scene set in some other way than the scene says."""
     across, down, focal_length = optics_of(camera, scene.film)
     radius = radius_of(camera, focal_length)
-    record = camera_record(camera, scene.film)
-    record["a"][0] = (across, down, camera.plane_m, radius)
+    record = camera_record(
+        camera, scene.film, "thin_lens",
+        half_width=across, half_height=down, focus_distance=camera.plane_m, aperture_radius=radius,
+    )  # fmt: skip
     tables, facts = aperture_tables(scene, camera.aperture)
     film_distance = scene.film.size_m()[0] / 2 / across
     on_axis = opening_irradiance(stop_shape(scene, camera.aperture), radius, film_distance) if radius else None

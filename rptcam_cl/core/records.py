@@ -1,8 +1,8 @@
 """Records shared by host and device, declared once: the numpy dtypes and the OpenCL typedefs come from here.
 
-Members are ``float``, ``int``, ``uint``, ``float4``, ``uint2``, and ``real`` (float or double, with arrays of it) only;
-16-byte members stand on multiples of 16, and a record that stands in arrays is a multiple of 16 bytes long, so that no
-compiler pads it. A device test checks this.
+Members are ``float``, ``int``, ``uint``, ``float4``, ``uint2``, ``real`` (float or double, with arrays of it), and
+records of ``float`` and ``int``. Members of 16 bytes stand on multiples of 16, and a record that stands in arrays is a
+multiple of 16 bytes long, so that no compiler pads it. A device test checks this.
 """
 
 from __future__ import annotations
@@ -39,19 +39,29 @@ _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {
 
 @dataclass(frozen=True)
 class Record:
-    """A struct of the device: name and ``(type, member)`` pairs in order."""
+    """A struct of the device: name and ``(type, member)`` pairs in order; of a union the members lie upon each other.
+
+    A type is one of OpenCL C or a record that stands before.
+    """
 
     name: str
-    members: tuple[tuple[str, str], ...]
+    members: tuple[tuple[str | Record, str], ...]
+    is_union: bool = False
 
     def dtype_of(self, real: str) -> np.dtype[np.void]:
         """Return the numpy structured type with the same layout; ``real`` is the numpy type of ``real`` members."""
-        fields = []
+        names, formats = [], []
         for kind, member in self.members:
             name, length = _split(member)
-            scalar, shape = (real, ()) if kind == "real" else _NUMPY_TYPE[kind]
-            fields.append((name, scalar, shape + length))
-        return np.dtype(fields)
+            names.append(name)
+            if isinstance(kind, Record):
+                formats.append(np.dtype((kind.dtype_of(real), length)))
+            else:
+                scalar, shape = (real, ()) if kind == "real" else _NUMPY_TYPE[kind]
+                formats.append(np.dtype((scalar, shape + length)))
+        if self.is_union:
+            return np.dtype({"names": names, "formats": formats, "offsets": [0] * len(names)})
+        return np.dtype({"names": names, "formats": formats})
 
     @property
     def dtype(self) -> np.dtype[np.void]:
@@ -61,8 +71,9 @@ class Record:
     @property
     def typedef(self) -> str:
         """The OpenCL C declaration."""
-        body = " ".join(f"{kind} {member};" for kind, member in self.members)
-        return f"typedef struct {{ {body} }} {self.name};"
+        types = [kind.name if isinstance(kind, Record) else kind for kind, _ in self.members]
+        body = " ".join(f"{kind} {member};" for kind, (_, member) in zip(types, self.members, strict=True))
+        return f"typedef {'union' if self.is_union else 'struct'} {{ {body} }} {self.name};"
 
     def zeros(self, count: int, real: str = "<f4") -> NDArray[np.void]:
         """An array of ``count`` (at least one, as OpenCL has no empty buffers) zeroed records."""
@@ -281,21 +292,114 @@ SURFACE = Record(
     ),
 )
 
+PINHOLE_CAMERA = Record(
+    "PinholeCamera",
+    (
+        ("float", "half_width"),  # tangents of half the field of view
+        ("float", "half_height"),
+        ("float", "near_distance"),  # [m]
+    ),
+)
+
+THIN_LENS_CAMERA = Record(
+    "ThinLensCamera",
+    (
+        ("float", "half_width"),  # tangents of half the field of view
+        ("float", "half_height"),
+        ("float", "focus_distance"),  # of the plane of focus [m]
+        ("float", "aperture_radius"),  # [m]
+    ),
+)
+
+THICK_LENS_CAMERA = Record(
+    "ThickLensCamera",
+    (
+        ("float", "film_half_width"),  # [mm]
+        ("float", "film_half_height"),
+        ("float", "weight"),  # of a ray along the axis
+        ("float", "metres_per_mm"),
+        ("float", "first_vertex_z"),  # in the camera's frame [m]
+        ("float", "film_slope_per_film"),  # slope at the film per mm of the film point
+        ("float", "film_slope_per_pupil"),  # and per radius of the pupil
+        ("float", "height_per_film"),  # height in the plane of the first vertex [mm], likewise
+        ("float", "height_per_pupil"),
+        ("float", "slope_per_film"),  # slope in the scene, likewise
+        ("float", "slope_per_pupil"),
+    ),
+)
+
+PUPIL_CIRCLE = Record(
+    "PupilCircle",
+    (
+        ("float", "shift"),  # of its centre per mm of the film point
+        ("float", "radius"),  # [mm]
+    ),
+)
+
+PUPIL_GRID = Record(
+    "PupilGrid",  # cells of boxes or nodes of outlines, whole numbers of them
+    (
+        ("float", "per_mm_across"),
+        ("float", "per_mm_down"),
+        ("float", "across"),
+        ("float", "down"),
+    ),
+)
+
+PUPIL = Record("Pupil", ((PUPIL_CIRCLE, "circle"), (PUPIL_GRID, "grid")), is_union=True)  # see kernels/lens/pupil.h
+
+REALISTIC_CAMERA = Record(
+    "RealisticCamera",
+    (
+        ("float", "film_half_width"),  # [mm]
+        ("float", "film_half_height"),
+        ("float", "film_distance"),  # from the film to the last vertex [mm]
+        ("float", "gain"),  # of every ray's weight
+        ("float", "metres_per_mm"),
+        ("float", "first_vertex_z"),  # in the camera's frame [m]
+        ("int", "surfaces"),
+        ("int", "first_polynomial"),  # where they stand behind the pupil's table
+        (PUPIL, "pupil"),
+    ),
+)
+
+OWN_CAMERA = Record(
+    "OwnCamera",  # what a camera of each kind has of its own; an environment camera has nothing
+    (
+        (PINHOLE_CAMERA, "pinhole"),
+        (THIN_LENS_CAMERA, "thin_lens"),
+        (THICK_LENS_CAMERA, "thick_lens"),
+        (REALISTIC_CAMERA, "realistic"),
+    ),
+    is_union=True,
+)
+
+HALF_PUPIL = Record(
+    "HalfPupil",  # see kernels/lens/half_pupil.h
+    (
+        ("float", "normal_x"),  # of the line that parts the pupil
+        ("float", "normal_y"),
+        ("float", "offset"),  # of the line along its normal
+        ("float", "share"),  # of the film point by which the line moves
+        ("int", "beyond"),  # whether the half beyond the line is meant
+    ),
+)
+
 CAMERA = Record(
     "Camera",
     (
         ("float4", "right"),
         ("float4", "up"),
         ("float4", "back"),
-        ("float4", "resolution"),  # width, height [pixels]; sign / width, sign / height
-        ("float4", "a"),  # of the camera model, see kernels/camera
-        ("float4", "b"),
-        ("float4", "pupil"),  # of a lens camera, see kernels/lens/pupil.h
-        ("float4", "half_plane"),  # see kernels/lens/half_pupil.h
-        ("int", "count"),
+        ("float", "width"),  # [pixels]
+        ("float", "height"),
+        ("float", "per_width"),  # 1 / width, negative where the picture is shown as it lies on the film
+        ("float", "per_height"),
         ("float", "exposure"),  # factor of every ray's weight
-        ("int", "half_beyond"),  # whether the half beyond the line is meant
         ("float", "wavelength"),  # of all rays, where they have one [nm]
+        (HALF_PUPIL, "half_pupil"),
+        (OWN_CAMERA, "own"),
+        ("int", "reserved[5]"),
     ),
 )
 
@@ -327,16 +431,26 @@ LIMITS = Record(
 VIEW = Record(
     "View",  # what the auxiliary layers need to know of the camera
     (
-        ("float4", "blur"),  # focus [1/m], scale and shift of the denominator, z of the origin of distances [m]
-        ("float4", "pupil"),  # z of the entrance pupil [m] in the camera's frame, 1 / its radius [1/m] or 0
+        ("float", "blur_focus"),  # [1/m]
+        ("float", "blur_scale"),  # of the denominator
+        ("float", "blur_shift"),
+        ("float", "blur_origin_z"),  # of distances [m]
+        ("float", "pupil_z"),  # of the entrance pupil in the camera's frame [m]
+        ("float", "per_pupil_radius"),  # 1 / its radius [1/m]; 0 for a point
         ("int", "columns"),  # of the table of the blur
         ("int", "rows"),
         ("int", "by_depth"),  # whether the blur's distances are depths
         ("int", "from_eye"),  # whether rays start ahead of the eye, that distances count from
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
     ),
 )
 
-RECORDS = (PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, CAMERA, WAVE, LIMITS, VIEW)
+RECORDS = (
+    PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA, THIN_LENS_CAMERA,
+    THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL, REALISTIC_CAMERA, OWN_CAMERA, HALF_PUPIL, CAMERA, WAVE, LIMITS,
+    VIEW,
+)  # fmt: skip
 
 
 CAMERA_RAY_FLOATS = 8  # origin, weight, direction and time: what the stream reads per slot

@@ -54,7 +54,7 @@ MUTANTS = [
     Mutant("u for v", "on ? uv.v :", "on ? uv.u :", objects),
     Mutant("weights forgotten", "F y = weight * value -", "F y = (weight != 0.0f ? value : ZERO) -", mixed),
     Mutant("last ray", "I fresh = passed & (sums.sum[SUM_OF_PASSED] == 0.0f);", "I fresh = passed;", first_rays),
-    Mutant("pupil mirrored", "dot3(there, up) * view->pupil.y", "-dot3(there, up) * view->pupil.y", lens_loop),
+    Mutant("pupil mirrored", "dot3(there, up) * view->per", "-dot3(there, up) * view->per", lens_loop),
     Mutant("film mirrored", "F x = (0.5f - 0.5f * film_x", "F x = (0.5f + 0.5f * film_x", tilted),
     Mutant("film upside down", "F y = (0.5f - 0.5f * film_y", "F y = (0.5f + 0.5f * film_y", tilted),
     Mutant("sky near", "F vergence = on ? ONE / MAX", "F vergence = TRUE ? ONE / MAX", sky),

@@ -61,8 +61,8 @@ TAN = "return normalized(along(along_surface, n, cosine));"
 MUTANTS = [
     Mutant(
         "1 cos^3 for cos^4",
-        "F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;",
-        "F weight = camera->a.w * ray.at.inverse_density * cos2_over_length2 / sqrt(ray.length2);",
+        "F weight = own->gain * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;",
+        "F weight = own->gain * ray.at.inverse_density * cos2_over_length2 / sqrt(ray.length2);",
         etendue,  # behind a wide angle of long back focus light falls so steeply that it hardly shows
     ),
     Mutant("2 no root in the pupil", "F rho = sqrt(v);\n    Aim a;", "F rho = v;\n    Aim a;", etendue),
@@ -145,7 +145,7 @@ def test_fault_in_the_records_of_a_lens_is_found(monkeypatch, fault, killers):
 def test_pupil_table_2_percent_too_small_is_found(monkeypatch):
     def shrunk(*given):
         sampling = pupil_sampling(*given)
-        nodes = int(sampling.parameters[2] * sampling.parameters[3])
+        nodes = int(sampling.parameters.across * sampling.parameters.down)
         table = sampling.table.copy()
         table[4 * (nodes + 1) :] *= 0.98  # the radii stand behind the frames
         return replace(sampling, table=table)

@@ -75,7 +75,7 @@ def drawn(nodes, x, y, film, rng, radial):
 
 def nodes_of(sampling):
     """Centre, half axes and radii, the first repeated at the end, of every node in the table of a tight pupil."""
-    columns, rows = (int(n) for n in sampling.parameters[2:])
+    columns, rows = int(sampling.parameters.across), int(sampling.parameters.down)
     frames = sampling.table[: 4 * columns * rows].reshape(rows, columns, 4)
     start, count = 4 * (columns * rows + 1), 4 * columns * rows * DIRECTIONS
     radii = sampling.table[start : start + count].reshape(rows, columns, DIRECTIONS, 4)[..., 0]
@@ -84,10 +84,11 @@ def nodes_of(sampling):
 
 def outside(sampling, half, film, points, x, y):
     """Which points (n, 2) of the plane of the last vertex a tier never aims at from film points (n, 2)."""
-    a, b, c, d = sampling.parameters
     if sampling.kind == PupilKind.CIRCLE:
+        a, b = sampling.parameters
         return np.hypot(*(points - a * film).T) > b
     if sampling.kind == PupilKind.BOXES:
+        _, _, c, d = sampling.parameters
         columns, rows = (
             np.clip(((film[:, k] / half + 1) / 2 * n).astype(int), 0, int(n) - 1) for k, n in ((0, c), (1, d))
         )
