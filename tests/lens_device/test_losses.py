@@ -55,7 +55,7 @@ class ColouredTracer(_Tracer):
         double = precision == "double"
         records = lens_records(lens, 550.0, start, 0.0, double=double, dispersive=True, transmission=transmission)
         self.facts |= records.facts
-        self.tables = (session.upload(records.surfaces), self.tables[1], session.upload(records.stop))
+        self.lens |= {"surfaces": session.upload(records.surfaces), "stop": session.upload(records.stop)}
         self.wavelengths_nm = wavelengths_nm
 
     def _pack(self, points, vectors, table):

@@ -56,9 +56,7 @@ def rays_between(session, scene, lanes=None):
         "CAMERA_HAS_LENS": 1, "FILTER": plan.camera_filter.cells, "VW": lanes or 16,
     }  # fmt: skip
     tables = [session.upload(a) for a in (layout.whole_list(), plan.camera_filter.table, plan.spectrum.table)]
-    lens = PreciseLens(session, plan.camera, facts, capacity, *tables)
-    buffers = camera_buffers(session, plan.camera)
-    lens.use_camera(buffers)
+    lens = PreciseLens(session, plan.camera, facts, capacity, camera_buffers(session, plan.camera), *tables)
     seen = []
 
     def run(launch, items):
