@@ -13,6 +13,7 @@ from rptcam_cl.scene import load_scene, scene_json_schema
 from rptcam_cl.scene.base import SceneModel
 from rptcam_cl.scene.camera import Pose
 from rptcam_cl.scene.file_reference import FileReference
+from rptcam_cl.scene.texture import Blend
 
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
 SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
@@ -101,6 +102,7 @@ BASES = {
     model.BumpyMaterial,
     model.material_parts.RoughMaterial,
     model.AbsorbingMaterial,
+    Blend,
 }
 
 # Defaults that the reference describes in words.
