@@ -22,8 +22,9 @@ from benchmarks.scenes import reference_scene
 from rptcam_cl.core.records import floats_per_slot
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering.tracer import ORGANISATION, WAVE_SLOTS
+from rptcam_cl.rendering.tracer import ORGANISATION
 from rptcam_cl.rendering.trees.scene_trees import scene_trees
+from rptcam_cl.rendering.waves import WAVE_SLOTS
 from tests.support.mesh_scene import write_ply
 
 ROOT = Path(__file__).resolve().parents[1]

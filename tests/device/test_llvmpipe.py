@@ -7,8 +7,8 @@ from rptcam_cl.device import Session, llvmpipe, session
 from rptcam_cl.plan import make_plan
 from rptcam_cl.rendering import Wavefront
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.tracer import STEPS_OF_SAMPLE
 from rptcam_cl.rendering.trees import build_bvh, reinsertion
+from rptcam_cl.rendering.waves import STEPS_OF_SAMPLE
 from rptcam_cl.scene import load_scene
 from rptcam_cl.selfcheck.picture_checks import cavity, picture
 from tests.acceleration.meshes import boxes_of, soup

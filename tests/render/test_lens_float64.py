@@ -9,7 +9,7 @@ from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan
 from rptcam_cl.rendering import Wavefront
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.rendering.tracer import seed_words
+from rptcam_cl.rendering.waves import seed_words
 from rptcam_cl.scene import change_scene, load_scene
 from tests.device.probes import camera_rays, open_session
 from tests.render.pictures import lamp, scene_of, seed_of

@@ -9,7 +9,7 @@ import math
 import numpy as np
 import pytest
 
-from rptcam_cl.rendering.tracer import seed_words
+from rptcam_cl.rendering.waves import seed_words
 from rptcam_cl.scene import load_scene
 from tests.device.probes import camera_rays, open_session
 from tests.render.pictures import looking, pixels, scene_of
