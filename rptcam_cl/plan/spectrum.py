@@ -41,14 +41,16 @@ class Spectrum:
     """
 
     kind: SpectrumKind
-    table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
-    facts: dict[str, int] = field(default_factory=dict)
+    table: NDArray[np.float32]
+    facts: dict[str, int]
     metadata: dict[str, Any] = field(default_factory=dict)
 
-    def __post_init__(self) -> None:
+    @classmethod
+    def of(cls, kind: SpectrumKind, table: NDArray[np.float32], **facts: int) -> Spectrum:
+        """Return the light of a kind; facts that are not given are 0."""
         absent = {"WAVELENGTH_CELLS": 0, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "HAS_DISPERSION": 0}
-        cells = {"WAVELENGTH_CELLS": WAVELENGTH_CELLS} if self.kind else {}
-        object.__setattr__(self, "facts", absent | cells | self.facts | {"SPECTRUM": int(self.kind)})
+        cells = {"WAVELENGTH_CELLS": WAVELENGTH_CELLS} if kind else {}
+        return cls(kind, table, absent | cells | facts | {"SPECTRUM": int(kind)})
 
 
 def primary_spectra() -> Array:
@@ -109,7 +111,7 @@ def seen_by(
     elif settings.mode != "rgb" and (lens or glass):
         spectrum = _dispersive(axial, (low, high), lens=lens)
     else:
-        spectrum = Spectrum(SpectrumKind.RGB)
+        spectrum = Spectrum.of(SpectrumKind.RGB, np.zeros(1, np.float32))
     metadata |= {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
     facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
     return camera, replace(spectrum, facts=facts, metadata=metadata)
@@ -120,7 +122,7 @@ def _dispersive(axial: AxialColour, range_nm: tuple[float, float], *, lens: bool
     spectra = primary_spectra()
     table = wavelength_table(spectra, least_noise(spectra), *range_nm)
     table[:, 1:] /= _left_of_white(table, np.ones(WAVELENGTH_CELLS), axial)
-    return Spectrum(SpectrumKind.DISPERSIVE, table.ravel(), {"LENS_SPLITS": int(lens)})
+    return Spectrum.of(SpectrumKind.DISPERSIVE, table.ravel(), LENS_SPLITS=int(lens))
 
 
 def least_noise(spectra: Array) -> Array:
@@ -156,9 +158,10 @@ def _spectral(
     table[:, 1:] = table[:, 1:] @ np.linalg.inv(seen).T
     table[:, 1:] /= _left_of_white(table, colours[3], axial)
     known = cell_means(np.array(spectra.samples), edges) if spectra.samples else np.zeros((0, WAVELENGTH_CELLS))
-    parts = (table, colours.T, known)
-    facts = {"SPECTRAL_COLOURS": 1, "HAS_SPECTRA": int(len(known) > 0), "LENS_SPLITS": int(lens)}
-    return Spectrum(SpectrumKind.SPECTRAL, np.concatenate([part.ravel() for part in parts]).astype(np.float32), facts)
+    parts = np.concatenate([part.ravel() for part in (table, colours.T, known)]).astype(np.float32)
+    return Spectrum.of(
+        SpectrumKind.SPECTRAL, parts, SPECTRAL_COLOURS=1, HAS_SPECTRA=int(len(known) > 0), LENS_SPLITS=int(lens)
+    )
 
 
 def _density(matching: Array, lights: list[Array]) -> Array:
