@@ -41,8 +41,8 @@ def read_film(path: str | os.PathLike[str]) -> Image:
     try:
         _check_memory(_size(path, suffix))
         pixels, metadata = _exr(path) if suffix == ".exr" else _numpy(path)
-        known = metadata if isinstance(metadata, dict) else {}
-        return Image(pixels, {key: value for key, value in known.items() if _NAME.fullmatch(key)})
+        known = metadata.items() if isinstance(metadata, dict) else ()
+        return Image(np.asarray(pixels, np.float32), {key: value for key, value in known if _NAME.fullmatch(key)})
     except InputError as problem:
         raise InputError(f"{path}: {problem}") from None
     except OSError as problem:

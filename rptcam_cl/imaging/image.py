@@ -16,7 +16,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import writers
 from rptcam_cl.imaging.denoise import GUIDES, denoised
 from rptcam_cl.imaging.development import PLAIN, Development, developed_values
-from rptcam_cl.imaging.layers import Layer, checked_layers
+from rptcam_cl.imaging.layers import Layer, check_layers
 from rptcam_cl.imaging.raw import RawImage
 from rptcam_cl.imaging.sensor import SensorModel, exposed
 
@@ -28,6 +28,11 @@ class Image:
     """The linear film of a render. ``numpy.asarray(image)`` is `pixels`; a notebook shows it as a picture.
 
     ``image["depth"]`` is the layer of that name.
+
+    Raises
+    ------
+    InputError
+        The pixels are not float32 of shape (height, width, 3), or a layer is unknown or of another size.
     """
 
     pixels: NDArray[np.float32]
@@ -39,14 +44,15 @@ class Image:
     development: Development = PLAIN
     """How the film is developed where it is shown or saved as a picture."""
     layers: Mapping[str, Layer] = field(default_factory=dict)
-    """Auxiliary layers by name, (height, width) or (height, width, channels); read-only."""
+    """Auxiliary layers by name, (height, width) or (height, width, channels)."""
 
     def __post_init__(self) -> None:
-        pixels = np.asarray(self.pixels, np.float32)
-        if pixels.ndim != 3 or pixels.shape[2] != 3 or 0 in pixels.shape:
-            raise InputError(f"pixels: wrong shape (got {pixels.shape}; allowed (height, width, 3))")
-        object.__setattr__(self, "pixels", pixels)
-        object.__setattr__(self, "layers", checked_layers(self.layers, self.height, self.width))
+        shape, kind = np.shape(self.pixels), getattr(self.pixels, "dtype", type(self.pixels).__name__)
+        if len(shape) != 3 or shape[2] != 3 or 0 in shape:
+            raise InputError(f"pixels: wrong shape (got {shape}; allowed (height, width, 3))")
+        if kind != np.float32:
+            raise InputError(f"pixels: wrong kind of numbers (got {kind}; allowed a numpy array of float32)")
+        check_layers(self.layers, self.height, self.width)
 
     @property
     def width(self) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -33,8 +32,8 @@ CHANNELS: dict[str, tuple[str, ...]] = {
 }
 
 
-def checked_layers(layers: Mapping[str, Layer], height: int, width: int) -> Mapping[str, Layer]:
-    """Return the layers, which do not change any more.
+def check_layers(layers: Mapping[str, Layer], height: int, width: int) -> None:
+    """Refuse layers that are not of a picture of this size.
 
     Raises
     ------
@@ -48,7 +47,6 @@ def checked_layers(layers: Mapping[str, Layer], height: int, width: int) -> Mapp
         shape = (height, width) if count == 1 else (height, width, count)
         if np.shape(values) != shape:
             raise InputError(f"layers: {name}: wrong shape (got {np.shape(values)}; allowed {shape})")
-    return MappingProxyType(dict(layers))
 
 
 def exr_channels(layers: Mapping[str, Layer]) -> Iterator[tuple[str, NDArray[np.float32]]]:

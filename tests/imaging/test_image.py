@@ -40,6 +40,13 @@ def test_array_of_another_shape_is_refused(shape: tuple[int, ...]) -> None:
         Image(np.zeros(shape, np.float32))
 
 
+def test_numbers_of_another_kind_are_refused(pixels: np.ndarray) -> None:
+    with pytest.raises(InputError, match=r"pixels: wrong kind of numbers \(got float64; allowed .* float32"):
+        Image(pixels.astype(np.float64))  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="got list"):
+        Image(pixels.tolist())
+
+
 def test_notebook_shows_the_developed_picture(pixels: np.ndarray) -> None:
     picture = Development(ev=1.0, tone="aces")
     with PIL.Image.open(io.BytesIO(Image(pixels, development=picture)._repr_png_())) as shown:

@@ -73,11 +73,6 @@ def test_npz_holds_every_layer_bit_for_bit_and_the_metadata(tmp_path: Path, imag
         assert json.loads(str(held["metadata"])) == {"spp": 4, "object_names": ["ball", "floor"]}
 
 
-def test_layers_cannot_be_replaced(image: Image) -> None:
-    with pytest.raises(TypeError):
-        image.layers["depth"] = image["depth"]  # type: ignore[index]
-
-
 @pytest.mark.parametrize(
     ("layers", "message"),
     [
