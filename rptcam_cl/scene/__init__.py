@@ -47,7 +47,7 @@ from rptcam_cl.scene.light import (
 from rptcam_cl.scene.load import Missing, load_picture, load_scene, scene_json_schema, scene_json_schema_text
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic, Principled
 from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, NormalMap, alpha_pair, has_holes
-from rptcam_cl.scene.mesh import MeshObject, NamedMesh
+from rptcam_cl.scene.mesh import LoadedMesh, MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
 from rptcam_cl.scene.motion import CameraKeyframe, ObjectKeyframe, Trajectory, moments, quaternion_of
 from rptcam_cl.scene.picture import PictureSettings, ToneCurve, WhiteBalance
@@ -63,7 +63,7 @@ from rptcam_cl.scene.render_settings import (
     SpectrumSettings,
 )
 from rptcam_cl.scene.scene import Scene
-from rptcam_cl.scene.scene_object import PlacedObject, SceneObject
+from rptcam_cl.scene.scene_object import PlacedObject, SceneObject, Solid
 from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.spectrum import SpectralColour
@@ -128,6 +128,7 @@ __all__ = [
     "LensColour",
     "Light",
     "LightSpectrum",
+    "LoadedMesh",
     "Material",
     "Matte",
     "MeshObject",
@@ -164,6 +165,7 @@ __all__ = [
     "Sensor",
     "Shutter",
     "SkyEnvironment",
+    "Solid",
     "SpectralColour",
     "SpectrumSettings",
     "Sphere",

@@ -26,10 +26,13 @@ from rptcam_cl.scene.light import (
     SunLight,
 )
 from rptcam_cl.scene.material import Emissive, Principled
-from rptcam_cl.scene.mesh import MeshObject
+from rptcam_cl.scene.mesh import LoadedMesh
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
-from rptcam_cl.scene.scene_object import PlacedObject
+from rptcam_cl.scene.scene_object import PlacedObject, Solid
 from rptcam_cl.scene.shape import Object, Plane
+
+# Objects of the scene, each with what is known once its files are read.
+Objects = Sequence[tuple[Object, Solid]]
 
 # Ratio of extents beyond which the 24 bits of a float32 no longer resolve the smallest object.
 LARGEST_EXTENT_RATIO = 1e7
@@ -43,18 +46,18 @@ def to_world(item: PlacedObject, points: NDArray[np.float64]) -> NDArray[np.floa
     return np.asarray(points @ item.world_from_object[:3, :3].T + item.world_from_object[:3, 3])
 
 
-def world_corners(item: PlacedObject) -> NDArray[np.float64]:
+def world_corners(item: PlacedObject, solid: Solid) -> NDArray[np.float64]:
     """Return the eight corners of an object's bounds in the world (8, 3)."""
-    return to_world(item, np.array(list(product(*zip(*item.bounds(), strict=True)))))
+    return to_world(item, np.array(list(product(*zip(*solid.bounds(), strict=True)))))
 
 
-def check_extent(item: Object, path: tuple[str | int, ...]) -> None:
+def check_extent(item: Object, solid: Solid, path: tuple[str | int, ...]) -> None:
     """Refuse an object that its transform makes too far, too large or too small for float32."""
     if isinstance(item, Plane):
         corners = to_world(item, np.array([item.point]))
         extent = np.inf
     else:
-        corners = world_corners(item)
+        corners = world_corners(item, solid)
         extent = float(np.ptp(corners, axis=0).max())
     if (reach := float(np.abs(corners).max())) > 4 * LARGEST_COORDINATE:
         allowed = f"coordinates up to {LARGEST_COORDINATE:g}"
@@ -82,7 +85,7 @@ def scene_warnings(
     camera: Camera,
     film: Film,
     shutter: Shutter,
-    objects: Sequence[Object],
+    objects: Objects,
     lights: Sequence[Light],
     environment: Environment | None,
 ) -> tuple[str, ...]:
@@ -101,13 +104,13 @@ def scene_warnings(
     return tuple(found)
 
 
-def _any_light(objects: Sequence[Object], lights: Sequence[Light], environment: Environment | None) -> bool:
+def _any_light(objects: Objects, lights: Sequence[Light], environment: Environment | None) -> bool:
     given = [*_light_colours(lights), *_environment_colours(environment)]
-    return any(max(colour) > 0 for colour in given) or any(map(_shines, objects))
+    return any(max(colour) > 0 for colour in given) or any(_shines(solid) for _, solid in objects)
 
 
-def _shines(item: PlacedObject) -> bool:
-    shown = item.shown_materials()
+def _shines(solid: Solid) -> bool:
+    shown = solid.shown_materials()
     glowing = [material.radiance for material in shown if isinstance(material, Emissive)]
     glowing += [material.emission for material in shown if isinstance(material, Principled)]
     return any(max(colour) > 0 if isinstance(colour, tuple) else True for colour in glowing)
@@ -137,18 +140,18 @@ def _environment_colours(environment: Environment | None) -> list[Colour]:
     return []
 
 
-def _extent_warnings(objects: Sequence[Object]) -> list[str]:
-    bounded = [item for item in objects if not isinstance(item, Plane)]
+def _extent_warnings(objects: Objects) -> list[str]:
+    bounded = [(item, solid) for item, solid in objects if not isinstance(item, Plane)]
     if not bounded:
         return []
-    corners = [world_corners(item) for item in bounded]
+    corners = [world_corners(item, solid) for item, solid in bounded]
     sizes = [float(np.ptp(points, axis=0).max()) for points in corners]
     whole = float(np.ptp(np.concatenate(corners), axis=0).max())
     smallest = int(np.argmin(sizes))
     if whole <= LARGEST_EXTENT_RATIO * sizes[smallest]:
         return []
     return [
-        f"{_label(bounded[smallest], sizes[smallest])} is more than {LARGEST_EXTENT_RATIO:g} times smaller than "
+        f"{_label(bounded[smallest][0], sizes[smallest])} is more than {LARGEST_EXTENT_RATIO:g} times smaller than "
         "the scene: float32 cannot resolve it"
     ]
 
@@ -157,24 +160,24 @@ def _label(item: PlacedObject, size: float) -> str:
     return f"object '{item.name}'" if item.name else f"an object of size {size:.3g}"
 
 
-def _mesh_warnings(objects: Sequence[Object]) -> list[str]:
+def _mesh_warnings(objects: Objects) -> list[str]:
     """Return what was left out of the meshes, said once for each."""
-    loaded = [item.loaded.contents for item in objects if isinstance(item, MeshObject)]
-    return list(dict.fromkeys(note for contents in loaded for note in contents.notes))
+    contents = [solid.contents for _, solid in objects if isinstance(solid, LoadedMesh)]
+    return list(dict.fromkeys(note for each in contents for note in each.notes))
 
 
-def _inside_warnings(camera: Camera, shutter: Shutter, objects: Sequence[Object]) -> list[str]:
+def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list[str]:
     eye = np.append(camera.pose_at(shutter.open_s)[0], 1.0)
     return [
         f"the camera stands inside objects[{index}]"
-        for index, item in enumerate(objects)
-        if not isinstance(item, Plane) and item.contains(np.linalg.solve(item.placed_at(shutter.open_s), eye)[:3])
+        for index, (item, solid) in enumerate(objects)
+        if not isinstance(item, Plane) and solid.contains(np.linalg.solve(item.placed_at(shutter.open_s), eye)[:3])
     ]
 
 
-def _motion_warnings(shutter: Shutter, objects: Sequence[Object]) -> list[str]:
+def _motion_warnings(shutter: Shutter, objects: Objects) -> list[str]:
     return [
         f"objects[{index}] shines and moves: light sampling leaves it out, so that what it lights is noisy"
-        for index, item in enumerate(objects)
-        if item.trajectory is not None and item.trajectory.moves(*shutter.span_s) and _shines(item)
+        for index, (item, solid) in enumerate(objects)
+        if item.trajectory is not None and item.trajectory.moves(*shutter.span_s) and _shines(solid)
     ]

@@ -159,9 +159,9 @@ def _check_mesh(scene: Scene, item: MeshObject, index: int, where: Where) -> Non
     path: KeyPath = ("objects", index)
     key = next(key for key in ("file", "mesh", "vertices") if getattr(item, key) is not None)
     try:
-        scene.load_mesh(item)
+        mesh = scene.load_mesh(item)
         key = "transform" if item.transform else key
-        check_extent(item, path)
+        check_extent(item, mesh, path)
     except InputError as problem:
         raise type(problem)(f"{where((*path, key), False)}{dotted((*path, key))}: {problem}") from None
     except PydanticCustomError as problem:

@@ -8,7 +8,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import AfterValidator, Field, PrivateAttr, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from rptcam_cl.assets.meshes import (
     Draft,
@@ -41,31 +41,36 @@ class MeshLibrary:
         Where files may lie.
     named : mapping of str to NamedMesh
         The scene's `meshes`.
-    absent : list of str, optional
-        Takes what there is to say of missing pictures, which grey stands for then; without it they are errors.
+
+    Attributes
+    ----------
+    absent : list of str or None
+        Takes what there is to say of missing pictures, which grey stands for then; None where they are errors.
     """
 
-    def __init__(self, folders: Folders, named: Mapping[str, NamedMesh], absent: list[str] | None = None) -> None:
-        self._absent = absent
+    def __init__(self, folders: Folders, named: Mapping[str, NamedMesh]) -> None:
+        self.absent: list[str] | None = None
         self._folders = folders
         self._named = named
         self._known: dict[tuple[Path | _Same, NormalsMode], MeshContents] = {}
         self._meshes: dict[str, Mesh] = {}
         self._materials: dict[FileMaterial, Material] = {}
+        self._loaded: dict[_Same, LoadedMesh] = {}
 
-    def load(self, item: MeshObject) -> None:
-        """Find the parts and materials of an object, unless it has them.
+    def load(self, item: MeshObject) -> LoadedMesh:
+        """Return the parts and materials of an object; they are found once.
 
         Raises
         ------
         InputError
             When its triangles cannot be used, or it has no material.
         """
-        if item._loaded is not None:
-            return
-        source: MeshSource = item if item.mesh is None else self._named[item.mesh]
-        contents = self._contents(source, item.normals_mode)
-        item._loaded = LoadedMesh(contents, self._shown(item, contents))
+        key = _Same(item)
+        if key not in self._loaded:
+            source: MeshSource = item if item.mesh is None else self._named[item.mesh]
+            contents = self._contents(source, item.normals_mode)
+            self._loaded[key] = LoadedMesh(item, contents, self._shown(item, contents))
+        return self._loaded[key]
 
     def _contents(self, source: MeshSource, mode: NormalsMode) -> MeshContents:
         path = self._folders.find(source.file) if source.file is not None else None
@@ -87,7 +92,7 @@ class MeshLibrary:
             raise InputError(f"needs the key material: {why} (allowed: a material mapping, or the name of one)")
         for material in given:
             if material not in self._materials:
-                self._materials[material] = material_of(material, self._folders, self._absent)
+                self._materials[material] = material_of(material, self._folders, self.absent)
         return tuple(self._materials[material] for material in given)
 
 
@@ -174,13 +179,6 @@ class NamedMesh(MeshSource):
         return self.normals
 
 
-class LoadedMesh(NamedTuple):
-    """What was found for a mesh object: its parts, and the material of each."""
-
-    contents: MeshContents
-    materials: tuple[Material, ...]
-
-
 class MeshObject(MeshSource, PlacedObject):
     """A mesh of triangles; u and v are the file's, v = 0 at the lower edge of a picture."""
 
@@ -199,8 +197,6 @@ class MeshObject(MeshSource, PlacedObject):
     material: Annotated[Material, MATERIAL_NAME] | None = None
     """Name of one of `materials`, or a material written out; without it, the materials of the file."""
 
-    _loaded: LoadedMesh | None = PrivateAttr(default=None)
-
     def given_normals(self) -> Vectors | None:
         """Return the normals that are written out."""
         return self.normals if isinstance(self.normals, Vectors) else None
@@ -210,41 +206,42 @@ class MeshObject(MeshSource, PlacedObject):
         """Return how normals are made."""
         return "auto" if isinstance(self.normals, Vectors) else self.normals
 
-    @property
-    def loaded(self) -> LoadedMesh:
-        """Return what was found for the object; loading it is the scene's part."""
-        assert self._loaded is not None, "a mesh object is loaded by its scene"
-        return self._loaded
+
+class LoadedMesh(NamedTuple):
+    """What was found for a mesh object: its parts, and the material of each."""
+
+    item: MeshObject
+    contents: MeshContents
+    materials: tuple[Material, ...]
 
     def shown_materials(self) -> tuple[Material, ...]:
         """Return the materials of the parts."""
-        return tuple({id(material): material for material in self.loaded.materials}.values())
+        return tuple({id(material): material for material in self.materials}.values())
 
     def bounds(self) -> Bounds:
         """Return the lowest and highest corner of all parts."""
-        corners = np.concatenate([part.corners() for part in self.loaded.contents.parts])
+        corners = np.concatenate([part.corners() for part in self.contents.parts])
         return corners.min(axis=0), corners.max(axis=0)
 
     def contains(self, point: NDArray[np.float64]) -> bool:
-        """Return whether a point is inside, seen as a solid whose front faces outwards."""
+        """Return whether a point of the object's frame is inside, seen as a solid whose front faces outwards."""
         lower, upper = self.bounds()
         if not (np.all(point > lower) and np.all(point < upper)):
             return False
         turns = 0.0
-        for part in self.loaded.contents.parts:
+        for part in self.contents.parts:
             local = np.linalg.solve(part.placement, (*point, 1.0))[:3] - part.mesh.origin
             turns += winding_number(part.mesh.positions, part.mesh.faces, local)
         return turns > 0.5
 
     def described(self, folders: Folders) -> dict[str, Any]:
         """Return the parts as plain data: the content of their meshes, their placements and materials of the file."""
-        loaded = self.loaded
         parts = [
             {
                 "mesh": part.mesh.content_hash,
                 "placement": part.placement.tolist(),
-                "material": described(material, folders) if self.material is None else None,
+                "material": described(material, folders) if self.item.material is None else None,
             }
-            for part, material in zip(loaded.contents.parts, loaded.materials, strict=True)
+            for part, material in zip(self.contents.parts, self.materials, strict=True)
         ]
         return {"parts": parts}

@@ -26,6 +26,7 @@ from rptcam_cl.scene.mesh import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.picture import PictureSettings
 from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.render_settings import RenderSettings, SpectrumSettings
+from rptcam_cl.scene.scene_object import Solid
 from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.shape import Object
 
@@ -75,7 +76,7 @@ class Scene(SceneModel):
     """Light from infinitely far away; black by default."""
 
     _folders: Folders = PrivateAttr(default_factory=Folders)
-    _library: MeshLibrary | None = PrivateAttr(default=None)
+    _library: MeshLibrary = PrivateAttr()
     _stand_ins: tuple[str, ...] = PrivateAttr(default=())
 
     @field_validator("materials", mode="before")
@@ -119,6 +120,7 @@ class Scene(SceneModel):
             self._folders, self._library, self._stand_ins = given._folders, given._library, given._stand_ins
         else:
             self._folders = context.get("folders", self._folders)
+            self._library = MeshLibrary(self._folders, self.meshes)
         return self
 
     @model_validator(mode="after")
@@ -136,7 +138,7 @@ class Scene(SceneModel):
         check_focus(self.camera, self.shutter)
         for index, item in enumerate(self.objects):
             if not isinstance(item, MeshObject):
-                check_extent(item, path=("objects", index))
+                check_extent(item, item, path=("objects", index))
         return self
 
     @property
@@ -151,7 +153,7 @@ class Scene(SceneModel):
 
     def report_missing_pictures(self, absent: list[str]) -> None:
         """Let meshes go on without their missing pictures, and add what is missing to a list as they are loaded."""
-        self._library = MeshLibrary(self._folders, self.meshes, absent)
+        self._library.absent = absent
 
     def with_stand_ins(self, objects: tuple[Object, ...], stand_ins: tuple[str, ...]) -> Scene:
         """Return the scene with the objects that are left, and what stands in for what is missing."""
@@ -167,23 +169,17 @@ class Scene(SceneModel):
         InputError
             When the mesh cannot be used, without the place of the object.
         """
-        if self._library is None:
-            self._library = MeshLibrary(self._folders, self.meshes)
-        self._library.load(item)
-        return item.loaded
+        return self._library.load(item)
 
-    def mesh_objects(self) -> tuple[MeshObject, ...]:
-        """Return the objects that are meshes, loaded."""
-        found = tuple(item for item in self.objects if isinstance(item, MeshObject))
-        for item in found:
-            self.load_mesh(item)
-        return found
+    def solids(self) -> tuple[Solid, ...]:
+        """Return the shape and materials of each object, those of meshes from their files."""
+        return tuple(self.load_mesh(item) if isinstance(item, MeshObject) else item for item in self.objects)
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What is allowed but probably not meant, one sentence each."""
-        self.mesh_objects()
-        found = scene_warnings(self.camera, self.film, self.shutter, self.objects, self.lights, self.environment)
+        objects = tuple(zip(self.objects, self.solids(), strict=True))
+        found = scene_warnings(self.camera, self.film, self.shutter, objects, self.lights, self.environment)
         return (*self._stand_ins, *found)
 
     @property
@@ -248,8 +244,7 @@ class Scene(SceneModel):
             content["sensor"] = {"response": self.sensor.response}
         for item, plain in zip(self.objects, content["objects"], strict=True):
             if isinstance(item, MeshObject):
-                self.load_mesh(item)
-                plain |= item.described(self._folders)
+                plain |= self.load_mesh(item).described(self._folders)
         source = self.lens_source()
         if source is not None and not isinstance(source, str):
             digests = digests_of_lens(source, self._lens_folders(source))

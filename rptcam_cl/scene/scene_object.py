@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Annotated
+from typing import Annotated, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,9 +48,29 @@ class PlacedObject(SceneModel):
         matrix = self.world_from_object
         return matrix if self.trajectory is None else self.trajectory.at(time_s) @ matrix
 
+
+class Solid(Protocol):
+    """What is known of an object once its files are read."""
+
     def shown_materials(self) -> tuple[Material, ...]:
         """Return the materials that the object shows."""
-        raise NotImplementedError
+
+    def bounds(self) -> Bounds:
+        """Return the lowest and highest corner of the shape before its transform [scene units]."""
+
+    def contains(self, point: NDArray[np.float64]) -> bool:
+        """Return whether a point, in the frame before the transform, lies inside the solid."""
+
+
+class SceneObject(PlacedObject):
+    """An object that has one material, and a shape of a few numbers."""
+
+    material: Annotated[Material, MATERIAL_NAME]
+    """Name of one of `materials`, or a material written out as a mapping."""
+
+    def shown_materials(self) -> tuple[Material, ...]:
+        """Return the object's material."""
+        return (self.material,)
 
     def bounds(self) -> Bounds:
         """Return the lowest and highest corner of the shape before its transform [scene units]."""
@@ -59,14 +79,3 @@ class PlacedObject(SceneModel):
     def contains(self, point: NDArray[np.float64]) -> bool:
         """Return whether a point, in the frame before the transform, lies inside the solid."""
         return False
-
-
-class SceneObject(PlacedObject):
-    """An object that has one material."""
-
-    material: Annotated[Material, MATERIAL_NAME]
-    """Name of one of `materials`, or a material written out as a mapping."""
-
-    def shown_materials(self) -> tuple[Material, ...]:
-        """Return the object's material."""
-        return (self.material,)

@@ -16,7 +16,7 @@ CHECKER = 'Texture "c" "spectrum" "checkerboard" Material "diffuse" "texture ref
 
 
 def mesh_of(done: Any, index: int = 0) -> Any:
-    (part,) = done.scene.objects[index].loaded.contents.parts
+    (part,) = done.scene.load_mesh(done.scene.objects[index]).contents.parts
     return part.mesh
 
 

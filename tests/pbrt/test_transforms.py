@@ -44,7 +44,7 @@ CASES = {
 def corners_of(done: Any, index: int = 0) -> np.ndarray:
     """World positions of the vertices of an object, in the order of the file."""
     item = done.scene.objects[index]
-    (part,) = item.loaded.contents.parts
+    (part,) = done.scene.load_mesh(item).contents.parts
     local = part.mesh.positions.astype(float) + part.mesh.origin
     matrix = item.world_from_object @ part.placement
     return np.asarray(local @ matrix[:3, :3].T + matrix[:3, 3])

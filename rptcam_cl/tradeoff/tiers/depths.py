@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import MeshPlacement
-from rptcam_cl.scene import Box, MeshObject, Object, PlacedObject, Plane, Rectangle, Scene
+from rptcam_cl.scene import Box, LoadedMesh, Object, Plane, Rectangle, Scene, Solid
 
 Array = NDArray[np.float64]
 
@@ -89,12 +89,10 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
     found = [FAR_MM] if scene.environment is not None else []
     from_world = np.linalg.inv(scene.camera.world_from_camera() * _columns(scene))
     from_world[2] *= -1.0  # z ahead
-    for item in scene.objects:
-        if isinstance(item, MeshObject):
-            scene.load_mesh(item)
+    for item, solid in zip(scene.objects, scene.solids(), strict=True):
         for world_from_object in _over_time(scene, item):
             placed = from_world @ world_from_object
-            found += _plane_depths(item, placed, view) if isinstance(item, Plane) else _depths(item, placed, view)
+            found += _plane_depths(item, placed, view) if isinstance(item, Plane) else _depths(solid, placed, view)
     depths = np.clip(found or [FAR_MM], view.start_mm, FAR_MM)
     return float(depths.min()), float(depths.max())
 
@@ -113,13 +111,13 @@ def _over_time(scene: Scene, item: Object) -> list[Array]:
     return [item.placed_at(time_s) for time_s in np.linspace(shutter.open_s, shutter.open_s + shutter.time_s, MOMENTS)]
 
 
-def _depths(item: PlacedObject, placed: Array, view: VisibleWorld) -> list[float]:
+def _depths(item: Solid, placed: Array, view: VisibleWorld) -> list[float]:
     """Return the ends of the distances at which the view cuts an object, nothing where it does not."""
     if isinstance(item, Rectangle):
         corner, u, v = (np.array(edge) for edge in (item.corner, item.edge_u, item.edge_v))
         return _faces([_moved(np.array([corner, corner + u, corner + u + v, corner + v]), placed)], view)
-    if isinstance(item, MeshObject):
-        return [depth for part in item.loaded.contents.parts for depth in _part_depths(part, placed, view)]
+    if isinstance(item, LoadedMesh):
+        return [depth for part in item.contents.parts for depth in _part_depths(part, placed, view)]
     box = _moved(np.array(list(product(*zip(*item.bounds(), strict=True)))), placed)
     around = not isinstance(item, Box) and _holds_start(box, view)
     return _box_faces(box, view) + [view.start_mm] * around
