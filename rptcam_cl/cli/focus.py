@@ -1,13 +1,12 @@
 """``rptcam focus``: autofocus of a scene's camera."""
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import check_file, check_picture, write_picture
-from rptcam_cl.cli.output import as_json, print_table
+from rptcam_cl.cli.output import as_json, print_table, print_warnings
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.core.errors import InputError
 
@@ -61,8 +60,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.focusing import focus_plot
 
     scene = load_scene(arguments.scene, arguments.overrides)
-    for warning in scene.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+    print_warnings(scene.warnings)
     report = autofocus(
         scene,
         arguments.method,
@@ -73,8 +71,7 @@ def _run(arguments: argparse.Namespace) -> int:
         seed=arguments.seed,
         device=arguments.device,
     )
-    for line in report.warnings:
-        print(f"warning: {line}", file=sys.stderr)
+    print_warnings(report.warnings)
     if arguments.plot is not None:
         write_picture(focus_plot(report, f"{arguments.scene.stem}: autofocus by {report.method}"), arguments.plot)
     if arguments.json:

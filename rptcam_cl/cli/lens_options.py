@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rptcam_cl.cli import parser as values
+from rptcam_cl.cli.output import print_warnings
 from rptcam_cl.core.constants import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import DeviceError
 
@@ -177,8 +178,7 @@ def load(source: str, catalogues: Sequence[str] = ()) -> "Lens":
     from rptcam_cl.optics import load_lens
 
     lens = load_lens(source, catalogues=catalogues)
-    for warning in lens.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+    print_warnings(lens.warnings)
     return lens
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 
@@ -34,6 +34,12 @@ def as_bytes(count: float) -> str:
             return f"{count:.4g} {unit}"
         count /= 1024
     return f"{count:.4g} GiB"
+
+
+def print_warnings(warnings: Iterable[str]) -> None:
+    """Print a line for each warning to standard error, which leaves standard output to data."""
+    for warning in warnings:
+        print(f"warning: {warning}", file=sys.stderr)
 
 
 _NOTHING = 1e-12  # what rounding leaves of a zero

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
-from rptcam_cl.cli.output import as_json
+from rptcam_cl.cli.output import as_json, print_warnings
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.cli.progress import as_duration, progress_on_stderr
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError
@@ -247,15 +247,13 @@ def _run(arguments: argparse.Namespace) -> int:
 
     scene = load_scene(arguments.scene, arguments.overrides, missing=arguments.missing)
     _check_outputs(arguments, scene)
-    for warning in scene.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+    print_warnings(scene.warnings)
     checkpoint = _checkpoint(arguments)
     if checkpoint.exists() and not arguments.resume and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
     image, failure = _render(arguments, scene, checkpoint)
     _save(image, arguments)
-    for line in image.metadata.get("autofocus", {}).get("warnings", ()):
-        print(f"warning: autofocus: {line}", file=sys.stderr)
+    print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:
         for line in image.metadata.get("accuracy", {}).get("says", ()):
             print(f"accuracy: {line}", file=sys.stderr)

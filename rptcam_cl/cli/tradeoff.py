@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import check_picture, write, write_picture
-from rptcam_cl.cli.output import as_json, print_table
+from rptcam_cl.cli.output import as_json, print_table, print_warnings
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.core.errors import InputError
 
@@ -67,8 +67,7 @@ def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.api import load_scene, measure_tradeoff
 
     scene = load_scene(arguments.scene, arguments.overrides)
-    for warning in scene.warnings:
-        print(f"warning: {warning}", file=sys.stderr)
+    print_warnings(scene.warnings)
     with contextlib.nullcontext() if arguments.quiet else _progress() as show:
         report = measure_tradeoff(
             scene,

@@ -112,7 +112,7 @@ def seen_by(
         spectrum = _dispersive(axial, (low, high), lens=lens)
     else:
         spectrum = Spectrum.of(SpectrumKind.RGB, np.zeros(1, np.float32))
-    metadata |= {"spectrum": spectrum.kind.name.lower(), "spectrum_asked": settings.mode}
+    metadata |= {"spectrum": spectrum.kind.name.lower(), "spectrum_requested": settings.mode}
     facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
     return camera, replace(spectrum, facts=facts, metadata=metadata)
 
