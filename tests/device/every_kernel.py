@@ -17,10 +17,10 @@ from rptcam_cl.device import Session, open_session, program, session
 from rptcam_cl.rendering import tracer
 from rptcam_cl.rendering.trees import builder, primitive_tree
 from rptcam_cl.scene.render_settings import LAYER_NAMES
-from tests.acceleration.meshes import soup
 from tests.device.test_kernels import EVERY_MATERIAL
-from tests.render.test_determinism import LENS
-from tests.render.test_world import PLANE, still_life
+from tests.rendering.test_determinism import LENS
+from tests.rendering.test_world import PLANE, still_life
+from tests.rendering.trees.meshes import soup
 
 SIZE = (8, 4)
 TREES = {"gather", "histogram", "partition", "subtree", "leaves", "search", "reinsert"}

@@ -11,7 +11,7 @@ from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.scene import load_scene
 from tests.device.probes import run
-from tests.render.test_world import still_life
+from tests.rendering.test_world import still_life
 
 LANES = 8
 # Every feature, in one program; no pictures, and each vertex of one material.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tests.device.scattering import direction, scatter
-from tests.render.pictures import seed_of
+from tests.rendering.pictures import seed_of
 from tests.support.statistics import ALPHA, Z, chi_squared, moment_scores, sidak
 
 COUNT = 1 << 17

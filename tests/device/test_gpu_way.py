@@ -7,8 +7,8 @@ import rptcam_cl
 from rptcam_cl.device import Session
 from tests.device.probes import open_session
 from tests.device.test_kernels import sheet
-from tests.render.test_determinism import LENS
-from tests.render.test_world import still_life
+from tests.rendering.test_determinism import LENS
+from tests.rendering.test_world import still_life
 
 SIZE, SPP = (24, 16), 8
 MATTE = {"kind": "matte", "reflectance": [0.7, 0.5, 0.3]}

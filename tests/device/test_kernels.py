@@ -16,7 +16,7 @@ from rptcam_cl.rendering.layers import LayerPlanes
 from rptcam_cl.rendering.trees.builder import FACTS, FILES
 from rptcam_cl.scene import load_scene
 from rptcam_cl.scene.render_settings import LAYER_NAMES
-from tests.render.test_world import PLANE, still_life
+from tests.rendering.test_world import PLANE, still_life
 
 PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_dir() / "pass").glob("*.cl"))
 CAMERAS = sorted(

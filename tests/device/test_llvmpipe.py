@@ -11,9 +11,9 @@ from rptcam_cl.rendering.trees import build_bvh, reinsertion
 from rptcam_cl.rendering.waves import STEPS_OF_SAMPLE
 from rptcam_cl.scene import load_scene
 from rptcam_cl.selfcheck.picture_checks import cavity, picture
-from tests.acceleration.meshes import boxes_of, soup
-from tests.acceleration.trees import check
 from tests.device.probes import open_session
+from tests.rendering.trees.meshes import boxes_of, soup
+from tests.rendering.trees.trees import check
 
 
 @pytest.fixture

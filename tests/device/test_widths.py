@@ -7,8 +7,8 @@ import rptcam_cl
 from rptcam_cl.device import Session
 from rptcam_cl.rendering import tracer
 from tests.device.probes import open_session
-from tests.render.test_determinism import LENS
-from tests.render.test_world import still_life
+from tests.rendering.test_determinism import LENS
+from tests.rendering.test_world import still_life
 from tests.support.statistics import assert_same_tiles, sampled
 
 SIZE, SPP = (48, 32), 32

@@ -43,3 +43,12 @@ def test_files_that_the_page_names_are_there(checkout: Path, page: str) -> None:
         if not TO_BE_WRITTEN.search(name) and not any((checkout / root / name).exists() for root in ROOTS)
     ]  # fmt: skip
     assert lost == []
+
+
+def test_folders_of_tests_are_named_like_the_rooms(checkout: Path) -> None:
+    from tests.project.test_imports import ROOMS
+
+    about_no_room = {"benchmarks", "data", "project", "support"}
+    folders = {path.parent.relative_to(checkout / "tests").parts[0] for path in (checkout / "tests").glob("*/**/*.py")}
+    assert len(folders) > 10
+    assert sorted(folders - set(ROOMS) - about_no_room) == []

@@ -10,7 +10,7 @@ import pytest
 import rptcam_cl
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.scene import load_scene
-from tests.pbrt.test_files import TRIANGLE
+from tests.importers.pbrt.test_files import TRIANGLE
 
 SCENE: dict[str, Any] = {
     "film": {"resolution": [8, 8]},

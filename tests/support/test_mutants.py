@@ -4,13 +4,13 @@ import pytest
 
 from rptcam_cl.core.resources import kernels_dir
 from rptcam_cl.device import program
-from tests.layers import test_mutants as layers
-from tests.lens_device import test_loss_mutants as losses
-from tests.lens_device import test_mutants as lenses
-from tests.meshes import test_mutants as meshes
-from tests.motion import test_mutants as motion
-from tests.render import test_mutants as render
-from tests.spectrum import test_mutants as spectrum
+from tests.cameras import test_loss_mutants as losses
+from tests.cameras import test_mutants as lenses
+from tests.rendering import test_mutants as render
+from tests.rendering.layers import test_mutants as layers
+from tests.rendering.meshes import test_mutants as meshes
+from tests.rendering.motion import test_mutants as motion
+from tests.rendering.spectrum import test_mutants as spectrum
 from tests.support.mutants import Mutant, assert_found, changed_kernels, place_of
 
 MODULES = (layers, lenses, losses, meshes, motion, render, spectrum)

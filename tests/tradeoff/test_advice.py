@@ -69,8 +69,8 @@ def test_chance_between_ways_that_differ_by_noise_alone_is_no_advice():
     assert for_error([FULL, replace(QUICK, unbiased=True, knob="sampler")], 0.02).chosen == "full"
     first, last = QUICK.noise
     rare = replace(QUICK, noise=(first, replace(last, high=4 * last.low)))
-    assert rare.hangs_on_rare and replace(QUICK, slope=Interval(-0.8, -0.9, -0.7)).hangs_on_rare
-    assert not QUICK.hangs_on_rare
+    assert rare.has_rare_paths and replace(QUICK, slope=Interval(-0.8, -0.9, -0.7)).has_rare_paths
+    assert not QUICK.has_rare_paths
     assert for_error([FULL, rare], 0.02).chosen == "quick"
     assert for_error([FULL, replace(rare, unbiased=True)], 0.02).chosen == "full"
 

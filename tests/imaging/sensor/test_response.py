@@ -1,0 +1,76 @@
+"""Response curves, and the electrons that light sets free."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.colour import WAVELENGTHS_NM, daylight_65, exact_luminance, rgb_basis, srgb_from_reflectance
+from rptcam_cl.colour.response import RESPONSES, electrons_per_joule, response, response_curves
+from rptcam_cl.core.resources import response_curves_dir
+from rptcam_cl.imaging.sensor import rgb_from_balanced, system_gain, white_electrons_at_iso
+from tests.imaging.sensor.sensors import sensor
+
+
+def test_every_file_of_curves_has_its_name_and_source() -> None:
+    assert {path.stem for path in response_curves_dir().glob("*.csv")} == set(RESPONSES)
+    for path in response_curves_dir().glob("*.csv"):
+        assert path.read_text("utf-8").startswith("# ")
+
+
+@pytest.mark.parametrize("name", RESPONSES)
+def test_curves_lie_in_the_order_of_their_colours(name: str) -> None:
+    curves = response(name)
+    assert curves.shape == (401, 3) and (curves >= 0).all() and curves.max() == 1
+    red, green, blue = WAVELENGTHS_NM @ curves / curves.sum(axis=0)
+    assert 420 < blue < green < red < 640
+
+
+@pytest.mark.parametrize("name", RESPONSES)
+def test_camera_sees_daylight_white_and_rgb_light_as_its_colour(name: str) -> None:
+    curves = response_curves(name)
+    assert daylight_65() @ curves == pytest.approx(np.ones(3))
+    assert (rgb_basis() * daylight_65()[:, None]).T @ curves == pytest.approx(np.eye(3), abs=1e-12)
+
+
+@pytest.mark.parametrize("name", RESPONSES)
+def test_quantum_efficiency_is_that_of_the_peak(name: str) -> None:
+    energy = 6.62607015e-34 * 299792458.0 / (WAVELENGTHS_NM * 1e-9)
+    per_photon = response(name) * energy[:, None]
+    for index, efficiency in enumerate((0.6, 0.5, 0.4)):
+        curve = response(name)[:, index] * efficiency / per_photon[:, index].max()  # electrons per joule
+        found = electrons_per_joule(name, (0.6, 0.5, 0.4)).sum(axis=0)[index]
+        assert found == pytest.approx(daylight_65() @ curve)
+
+
+def test_without_curves_each_channel_counts_its_own_photons() -> None:
+    found = electrons_per_joule(None, (1.0, 0.5, 0.25))
+    photons = np.array([610e-9, 545e-9, 465e-9]) / (6.62607015e-34 * 299792458.0)
+    assert found == pytest.approx(np.diag(photons * [1.0, 0.5, 0.25]))
+
+
+@pytest.mark.parametrize("name", RESPONSES)
+def test_colours_of_the_film_come_back_exactly_and_white_stays_white(name: str) -> None:
+    chosen = sensor(name)
+    balanced = (chosen.electrons / chosen.electrons.sum(axis=0)).T
+    assert rgb_from_balanced(chosen) @ balanced == pytest.approx(np.eye(3), abs=1e-12)
+    assert rgb_from_balanced(chosen) @ np.ones(3) == pytest.approx(np.ones(3))
+
+
+@pytest.mark.parametrize("name", RESPONSES)
+def test_colours_of_other_spectra_come_near(name: str) -> None:
+    """Smooth reflectances that are no mixtures of the basis: sigmoids and bumps. The matrix is not made for them."""
+    x = (WAVELENGTHS_NM - 580) / 60
+    spectra = np.stack([0.1 + 0.6 / (1 + np.exp(-x)), 0.5 / (1 + np.exp(x)) + 0.1, 0.1 + 0.4 * np.exp(-((x + 1) ** 2))])
+    found, true = (spectra * daylight_65()) @ response_curves(name), srgb_from_reflectance(spectra)
+    assert exact_luminance(found) == pytest.approx(exact_luminance(true), rel=0.1)
+    raw = (spectra * daylight_65()) @ response(name) / (daylight_65() @ response(name))
+    assert np.abs(found - true).max() < 0.6 * np.abs(raw - true).max()
+
+
+def test_iso_speed_saturates_at_78_lux_seconds_over_speed() -> None:
+    per_joule = electrons_per_joule("nikon_d5100", (0.5, 0.5, 0.5))
+    area = 4.78e-6**2
+    at_100 = white_electrons_at_iso(per_joule, area, 100)
+    assert at_100 == pytest.approx(0.78 / 683 * area * per_joule.sum(axis=0).max())
+    assert white_electrons_at_iso(per_joule, area, 6400) == pytest.approx(at_100 / 64)
+    assert system_gain(16383, 512, at_100) * at_100 + 512 == pytest.approx(16383)
+    assert 20_000 < at_100 < 50_000  # what wells of such pixels hold

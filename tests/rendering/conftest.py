@@ -1,0 +1,11 @@
+"""One session for all tests of renders, so that programs are built once."""
+
+import pytest
+
+from rptcam_cl.device import Session
+from tests.device.probes import open_session
+
+
+@pytest.fixture(scope="session")
+def session() -> Session:
+    return open_session()

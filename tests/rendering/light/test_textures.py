@@ -1,0 +1,206 @@
+"""Textures on the device against float64: bilinear pictures, decoding, wrapping, coordinates, patterns."""
+
+from pathlib import Path
+
+import numpy as np
+import PIL.Image
+import pytest
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.device import Session
+from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.scene import load_scene
+from tests.device.probes import open_session, run
+from tests.rendering.light.pictures import save_exr
+
+CAMERA = {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40}
+RNG = np.random.default_rng(11)
+COUNT = 1 << 13
+PLACES = RNG.uniform(-3, 4, (2, COUNT)).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def session() -> Session:
+    return open_session()
+
+
+def looked_up(session, texture, folder, places=PLACES, lanes=8):
+    """Return the colours (n, 3) that the device finds at places (2, n)."""
+    ball = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": {"kind": "matte", "reflectance": texture}}
+    plan = make_plan(load_scene({"camera": CAMERA, "objects": [ball]}, base_dir=folder))
+    count = places.shape[1]
+    out = session.allocate(4 * 3 * count)
+    run(session, "probe_texture", plan.facts | {"VW": lanes}, count // lanes, **SceneBuffers(session, plan).scene,
+        places=session.upload(places), colours=out, count=np.uint32(count))  # fmt: skip
+    return session.read(out, np.float32, 3 * count).reshape(3, count).T.astype(np.float64)
+
+
+def linear(codes):
+    values = codes / 255
+    return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
+
+
+def wrapped(index, count, wrap):
+    if wrap == "repeat":
+        return index % count
+    if wrap == "clamp":
+        return np.clip(index, 0, count - 1)
+    turned = index % (2 * count)
+    return np.where(turned < count, turned, 2 * count - 1 - turned)
+
+
+def expected_colours(texels, places, wrap, nearest=False):
+    """Return colours of linear texels (height, width, 3), the top row first, at places (2, n)."""
+    height, width = texels.shape[:2]
+    rows = texels[::-1]
+    x, y = places[0].astype(float) * width, places[1].astype(float) * height
+    if nearest:
+        return rows[wrapped(np.floor(y).astype(int), height, wrap), wrapped(np.floor(x).astype(int), width, wrap)]
+    left, low = np.floor(x - 0.5), np.floor(y - 0.5)
+    right_share, high_share = (x - 0.5 - left)[:, None], (y - 0.5 - low)[:, None]
+
+    def row(j):
+        j = wrapped(j.astype(int), height, wrap)
+        here, there = (rows[j, wrapped(i.astype(int), width, wrap)] for i in (left, left + 1))
+        return here + right_share * (there - here)
+
+    return row(low) + high_share * (row(low + 1) - row(low))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    PIL.Image.fromarray(CODES).save(tmp_path / "codes.png")
+    save_exr(tmp_path / "floats.exr", FLOATS)
+    return tmp_path
+
+
+CODES = RNG.integers(0, 256, (9, 14, 3)).astype(np.uint8)
+FLOATS = RNG.random((7, 12, 3))
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror"])
+@pytest.mark.parametrize("file", ["codes.png", "floats.exr"])
+def test_picture_is_bilinear_between_centres(session, folder, file, wrap, lanes) -> None:
+    found = looked_up(session, {"kind": "image", "file": file, "wrap": wrap}, folder, lanes=lanes)
+    texels = linear(CODES.astype(float)) if file == "codes.png" else FLOATS
+    expected = expected_colours(texels, PLACES, wrap)
+    # the fit of the sRGB curve is good to 4e-5, a half to 2.5e-4 of a texel; float32 places to 4e-6 texels
+    np.testing.assert_allclose(found, expected, atol=3e-4)
+    wrong = expected_colours(texels[:, ::-1], PLACES, wrap)
+    assert np.abs(found - wrong).max() > 0.5
+
+
+@pytest.mark.parametrize("wrap", ["repeat", "clamp", "mirror"])
+def test_nearest_texel(session, folder, wrap) -> None:
+    found = looked_up(session, {"kind": "image", "file": "codes.png", "wrap": wrap, "filter": "nearest"}, folder)
+    expected = expected_colours(linear(CODES.astype(float)), PLACES, wrap, nearest=True)
+    # on the edges of texels rounding may pick the neighbour
+    assert (np.abs(found - expected).max(axis=1) > 1e-4).sum() < 5
+
+
+def test_every_code_is_decoded(session, tmp_path) -> None:
+    codes = np.arange(256, dtype=np.uint8)
+    PIL.Image.fromarray(np.stack([codes] * 3, axis=1)[None]).save(tmp_path / "codes.png")
+    centres = np.stack([(np.arange(256) + 0.5) / 256, np.full(256, 0.5)]).astype(np.float32)
+    texture = {"kind": "image", "file": "codes.png", "filter": "nearest"}
+    srgb = looked_up(session, texture, tmp_path, centres)[:, 1]
+    np.testing.assert_allclose(srgb, linear(codes.astype(float)), rtol=4e-5)
+    assert (srgb[0], srgb[255]) == (0, 1)
+    plain = looked_up(session, texture | {"color_space": "linear"}, tmp_path, centres)[:, 1]
+    np.testing.assert_allclose(plain, codes / 255, rtol=2e-7)
+
+
+def test_single_channels_are_linear_greys(session, tmp_path) -> None:
+    codes = RNG.integers(0, 256, (1, 1, 4)).astype(np.uint8)
+    PIL.Image.fromarray(codes).save(tmp_path / "one.png")
+    for index, channel in enumerate("rgba"):
+        found = looked_up(session, {"kind": "image", "file": "one.png", "channel": channel}, tmp_path)
+        np.testing.assert_allclose(found, codes[0, 0, index] / 255, rtol=1e-6)
+
+
+def test_alpha_of_an_opaque_picture_is_refused(folder) -> None:
+    texture = {"kind": "image", "file": "codes.png", "channel": "a"}
+    with pytest.raises(InputError, match=r"^objects\[0\]\.material\.reflectance\.file: has no alpha channel"):
+        looked_up(None, texture, folder)
+
+
+def test_gain_is_a_factor_and_reflectance_ends_at_one(session, folder) -> None:
+    found = looked_up(session, {"kind": "image", "file": "floats.exr", "gain": 2.5}, folder)
+    np.testing.assert_allclose(found, np.minimum(2.5 * expected_colours(FLOATS, PLACES, "repeat"), 1), atol=1e-3)
+    assert found.max() == 1
+
+
+def test_coordinates_are_scaled_then_turned_then_shifted(session, folder) -> None:
+    keys = {"scale": [2, -0.5], "rotation_degrees": 30, "offset": [0.25, 0.1]}
+    found = looked_up(session, {"kind": "image", "file": "floats.exr", **keys}, folder)
+    u, v = PLACES[0] * 2.0, PLACES[1] * -0.5
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    moved = np.stack([c * u - s * v + 0.25, s * u + c * v + 0.1])
+    np.testing.assert_allclose(found, expected_colours(FLOATS, moved, "repeat"), atol=3e-4)
+
+
+def test_quarter_turns_are_exact(session, folder) -> None:
+    keys = {"kind": "checker", "even": 0.25, "odd": 0.75}
+    places = np.floor(RNG.uniform(-8, 8, (2, 512))).astype(np.float32)
+    turned = looked_up(session, keys | {"rotation_degrees": 90}, folder, places)
+    # on the lines between cells nothing but exact zeros keeps (-v, u) where it belongs
+    np.testing.assert_array_equal(turned[:, 0], np.where((places[0] - places[1]) % 2 == 0, 0.25, 0.75))
+
+
+def test_pictures_of_one_file_share_their_texels(folder) -> None:
+    materials = [
+        {"kind": "matte", "reflectance": {"kind": "image", "file": "codes.png", "scale": [k, k]}} for k in (1, 2)
+    ]
+    materials.append({"kind": "matte", "reflectance": {"kind": "image", "file": "codes.png", "channel": "g"}})
+    balls = [{"shape": "sphere", "center": [k, 0, 0], "radius": 1, "material": m} for k, m in enumerate(materials)]
+    textures = make_plan(load_scene({"camera": CAMERA, "objects": balls}, base_dir=folder)).textures
+    assert len(textures.records) == 3
+    assert len(textures.texels) == 2 * 9 * 15 + 4
+
+
+def test_gradient_runs_from_start_to_end(session, folder) -> None:
+    found = looked_up(session, {"kind": "gradient", "start": [1, 0, 0.5], "end": [0, 1, 0.5]}, folder)
+    k = np.clip(PLACES[0].astype(float), 0, 1)
+    np.testing.assert_allclose(found, np.stack([1 - k, k, np.full(COUNT, 0.5)], axis=1), atol=1e-6)
+
+
+NOISE = {"kind": "noise", "low": 0, "high": 1, "contrast": 0.5}
+
+
+def test_noise_has_its_mean_and_spread(session, folder) -> None:
+    places = RNG.uniform(-500, 500, (2, 1 << 16)).astype(np.float32)
+    for octaves in (1, 5):
+        found = looked_up(session, NOISE | {"octaves": octaves}, folder, places)[:, 0]
+        assert ((found > 0) & (found < 1)).all()
+        # 65536 values that are hardly correlated: the mean is good to 5e-4, the spread to 1 %
+        assert found.mean() == pytest.approx(0.5, abs=0.003)
+        assert found.std() == pytest.approx(0.5 * 0.18, rel=0.03)
+
+
+def test_noise_is_smooth_where_an_octave_is_and_other_for_other_seeds(session, folder) -> None:
+    x = np.linspace(0.2, 3.8, 4096, dtype=np.float32)
+    line = looked_up(session, NOISE | {"octaves": 1}, folder, np.stack([x, x]))[:, 0]
+    steps = np.diff(line) / np.diff(x)
+    assert np.abs(steps).max() < 4
+    # no jump across lattice lines: the slope itself changes little from step to step
+    assert np.abs(np.diff(steps)).max() < 0.2
+    other = looked_up(session, NOISE | {"octaves": 1, "seed": 1}, folder, np.stack([x, x]))[:, 0]
+    assert abs(np.corrcoef(line, other)[0, 1]) < 0.9
+    assert np.abs(line - other).max() > 0.1
+
+
+def test_picture_stands_upright_on_a_sphere(session, tmp_path) -> None:
+    from tests.rendering.pictures import pixels
+
+    top = np.zeros((4, 8, 3))
+    top[0] = 0.75
+    save_exr(tmp_path / "top.exr", top)
+    material = {"kind": "matte", "reflectance": {"kind": "image", "file": "top.exr", "wrap": "clamp"}}
+    ball = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": material}
+    camera = {**CAMERA, "fov_degrees": 5, "eye": [0, 0, 9], "up": [0, 1, 0]}
+    scene = {"camera": camera, "film": {"resolution": [8, 8]}, "objects": [ball]}
+    scene |= {"environment": {"kind": "constant", "radiance": 1}, "render": {"max_depth": 2}}
+    film = pixels(load_scene(scene, base_dir=tmp_path), spp=64)
+    np.testing.assert_allclose(film[4, 4], 0.75, rtol=1e-3)  # +z is the top of a sphere's texture

@@ -1,0 +1,168 @@
+"""White furnaces and exact series: energy neither appears nor disappears, and depth is counted right.
+
+In a uniform world of radiance 1 everything that absorbs nothing looks exactly as bright as the world, from whatever
+side. A convex body meets the world after one scattering, so with max_depth 2 a single ray that hit its own surface
+again would show as a dark sample.
+"""
+
+import math
+
+import numpy as np
+import pytest
+
+from tests.rendering.pictures import MATTE, WHITE, flat_mean, looking, pixels, scene_of, seed_of
+from tests.support.statistics import assert_equivalent
+
+SQUASH = [{"scale": [1.0, 0.5, 0.7]}, {"rotate": {"axis": [1, 2, 3], "degrees": 40}}]
+CONVEX = {
+    "sphere": {"shape": "sphere", "center": [0, 0, 0], "radius": 1},
+    "ellipsoid": {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "transform": SQUASH},
+    "box": {"shape": "box", "min": [-0.7, -0.6, -0.5], "max": [0.6, 0.5, 0.4], "transform": SQUASH[1:]},
+    "cylinder": {"shape": "cylinder", "base": [0, 0, -0.7], "top": [0.1, 0.2, 0.6], "radius": 0.6, "capped": True},
+    "cone": {"shape": "cone", "base": [0, 0, -0.7], "apex": [0.1, 0.2, 0.8], "radius": 0.7, "capped": True},
+    "disk": {"shape": "disk", "center": [0, 0, 0], "normal": [0.3, -1, 0.5], "radius": 1},
+    "rectangle": {"shape": "rectangle", "corner": [-1, 0, -1], "edge_u": [2, 0.5, 0], "edge_v": [0, 0.5, 2]},
+    "plane": {"shape": "plane", "point": [0, 0, -1], "normal": [0.1, 0.2, 1]},
+}
+ROUND_TRIP = 1e-6  # a handful of float32 roundings per sample
+
+
+def furnace(shape, material, scale=1.0, **options):
+    """A body of about unit size in a white world, seen from three units away."""
+    camera = looking([0.4, -3, 0.8], [0, 0, 0], fov=38)
+    return scene_of([{**shape, "material": material}], camera, environment=WHITE, metres_per_unit=scale, **options)
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e-3, 1e4], ids=["metres", "millimetres", "ten kilometres"])
+@pytest.mark.parametrize("shape", CONVEX)
+def test_white_convex_body_vanishes_in_a_white_world(shape, scale):
+    film = pixels(furnace(CONVEX[shape], MATTE, scale, depth=2), seed=seed_of(shape), spp=64)
+    np.testing.assert_allclose(film, 1, rtol=ROUND_TRIP)
+
+
+@pytest.mark.parametrize("shape", CONVEX)
+def test_grey_convex_body_shows_its_reflectance_and_nothing_else(shape):
+    material = {"kind": "matte", "reflectance": [0.5, 0.25, 0.75]}
+    film = pixels(furnace(CONVEX[shape], material, depth=3, resolution=(64, 64)), seed=seed_of(shape), spp=4)
+    # every sample is 1 or the reflectance: four of them mix in quarters
+    share = (1 - film) / (1 - np.array([0.5, 0.25, 0.75]))
+    np.testing.assert_allclose(share, np.round(share * 4) / 4, atol=4e-6)
+    np.testing.assert_allclose(share[..., 0], share[..., 1], atol=4e-6)
+    assert 0.15 < share.mean() <= 1
+
+
+def test_mirror_shows_the_world_times_its_tint():
+    material = {"kind": "mirror", "reflectance": [1.0, 0.5, 0.25]}
+    close = looking([0, -3, 0], [0, 0, 0], fov=10)
+    film = pixels(scene_of([{**CONVEX["sphere"], "material": material}], close, environment=WHITE, depth=2), spp=4)
+    np.testing.assert_allclose(film, np.broadcast_to([1, 0.5, 0.25], film.shape), rtol=ROUND_TRIP)
+
+
+@pytest.mark.parametrize("index", [0.6, 1.0, 1.5, 2.4])
+@pytest.mark.parametrize("shape", ["sphere", "ellipsoid", "box"])
+def test_glass_vanishes_in_a_white_world(shape, index):
+    glass = {"kind": "dielectric", "index": index}
+    film = pixels(furnace(CONVEX[shape], glass, depth=200, resolution=(64, 64)), seed=seed_of(shape), spp=8)
+    assert film.max() <= 1 + 4e-6
+    if shape == "box":  # totally reflected round and round for ever: such paths end black
+        assert film.mean() > 0.9
+    elif shape == "ellipsoid":  # the same for hundreds of edges, but seldom
+        assert film.mean() > 0.9995
+    else:
+        # two factors 1/n^2 and n^2 per pair of refractions, and nothing else
+        np.testing.assert_allclose(film, 1, rtol=4e-6)
+
+
+@pytest.mark.parametrize("index", [0.8, 1.5])
+def test_white_world_is_n_squared_as_bright_inside_glass(index):
+    # from the centre every ray meets the surface head on: it leaves, or comes back and tries again
+    glass = {**CONVEX["sphere"], "material": {"kind": "dielectric", "index": index}}
+    scene = scene_of([glass], looking([0, 0, 0], [1, 0, 0], fov=90), environment=WHITE, depth=40)
+    np.testing.assert_allclose(pixels(scene, spp=4), index**2, rtol=4e-6)
+
+
+def smith_reflectance(alpha, cosine):
+    """Share of light that a GGX mirror reflects once, by float64 quadrature over visible normals (Heitz 2014)."""
+    # stretched view, uniform visible hemisphere normals on a midpoint grid of the spherical cap (Dupuy 2023)
+    u, v = np.meshgrid((np.arange(1200) + 0.5) / 1200, (np.arange(1200) + 0.5) / 1200)
+    wi = np.array([math.sqrt(1 - cosine**2), 0, cosine])
+    w = wi * [alpha, alpha, 1]
+    w /= np.linalg.norm(w)
+    z = (1 - v) * (1 + w[2]) - w[2]
+    r = np.sqrt(np.clip(1 - z * z, 0, None))
+    h = np.stack([r * np.cos(2 * np.pi * u) + w[0], r * np.sin(2 * np.pi * u) + w[1], z + w[2]], -1)
+    h *= [alpha, alpha, 1]
+    h /= np.linalg.norm(h, axis=-1, keepdims=True)
+    wo = 2 * (h @ wi)[..., None] * h - wi
+
+    def smith(z):
+        return (np.sqrt(1 + alpha**2 * np.clip(1 / z**2 - 1, 0, None)) - 1) / 2
+
+    own, other = smith(cosine), smith(np.where(wo[..., 2] > 0, wo[..., 2], 1.0))
+    return float(np.where(wo[..., 2] > 0, (1 + own) / (1 + own + other), 0).mean())
+
+
+@pytest.mark.parametrize("degrees", [0, 60, 85])
+@pytest.mark.parametrize("alpha", [0.05, 0.3, 1.0])
+def test_rough_metal_reflects_what_single_scattering_leaves(alpha, degrees):
+    metal = {"kind": "conductor", "reflectance": 1.0, "alpha": alpha}
+    angle = math.radians(degrees)
+    ground = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": metal}
+    eye = [-math.sin(angle), 0, math.cos(angle)]
+    scene = scene_of([ground], looking(eye, [0, 0, 0], 0.001, up=(0, 1, 0)), environment=WHITE, depth=2)
+    mean, error = flat_mean(scene, f"metal {alpha} {degrees}", spp=512)
+    expected = smith_reflectance(alpha, math.cos(angle))
+    assert expected < 1
+    assert_equivalent(mean, error, expected, 0.005)
+
+
+def lit_cavity(radius, reflectance, depth, roulette=0):
+    """Inside a matte sphere with a point light at its centre, which every vertex sees at the same distance."""
+    wall = {"shape": "sphere", "center": [0, 0, 0], "radius": radius, "material": {**MATTE, "reflectance": reflectance}}
+    light = {"kind": "point", "position": [0, 0, 0], "intensity": [radius**2 * math.pi] * 3}
+    camera = looking([0.3 * radius, -0.4 * radius, 0.1 * radius], [radius, radius, 0], fov=100)
+    return scene_of([wall], camera, lights=[light], depth=depth, roulette=roulette)
+
+
+@pytest.mark.parametrize("radius", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("depth", [1, 2, 5, 9])
+@pytest.mark.parametrize("reflectance", [0.5, 0.8, 1.0])
+def test_every_sample_in_a_cavity_is_the_truncated_series(radius, reflectance, depth):
+    # vertex k adds reflectance^k; max_depth edges have max_depth - 1 vertices that the light can reach
+    expected = sum(reflectance**k for k in range(1, depth))
+    film = pixels(lit_cavity(radius, reflectance, depth), seed=seed_of("cavity"), spp=4)
+    np.testing.assert_allclose(film, expected, rtol=2e-6 + 1e-6 * depth)
+
+
+@pytest.mark.parametrize("roulette", [1, 2, 4])
+def test_roulette_changes_no_mean(roulette):
+    series = sum(0.8**k for k in range(1, 12))
+    mean, error = flat_mean(lit_cavity(1.0, 0.8, 12, roulette), f"roulette {roulette}", spp=2000)
+    assert_equivalent(mean, error, series, 0.005 * series)
+
+
+def test_roulette_ends_paths():
+    film = pixels(lit_cavity(1.0, 0.8, 12, 1), seed=seed_of("roulette"), spp=4)
+    assert film.std() > 0.1
+
+
+def test_roulette_keeps_the_mean_of_coloured_walls():
+    reflectance = [0.9, 0.5, 0.1]
+    series = np.array([sum(r**k for k in range(1, 10)) for r in reflectance])
+    mean, error = flat_mean(lit_cavity(1.0, reflectance, 10, 1), "coloured roulette", spp=2000)
+    assert_equivalent(mean, error, series, 0.006 * series)
+
+
+@pytest.mark.parametrize("roulette", [0, 2])
+def test_lamp_in_a_cavity_gives_the_series_of_form_factors(roulette):
+    # a lamp of radius a in the middle of a sphere of radius 1: seen from the wall it fills a^2 of the cosine-weighted
+    # hemisphere, and what it hides is lost, since it reflects nothing
+    a, reflectance, depth = 0.4, 0.7, 7
+    wall = {"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": {**MATTE, "reflectance": reflectance}}
+    lamp = {"shape": "sphere", "center": [0, 0, 0], "radius": a, "material": {"kind": "emissive", "radiance": 1.0}}
+    camera = looking([0, -0.8, 0], [0, -2, 0], fov=60)
+    mean, error = flat_mean(
+        scene_of([wall, lamp], camera, depth=depth, roulette=roulette), f"lamp {roulette}", spp=2000
+    )
+    expected = reflectance * a**2 * sum((reflectance * (1 - a**2)) ** k for k in range(depth - 1))
+    assert_equivalent(mean, error, expected, 0.005 * expected)

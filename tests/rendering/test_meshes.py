@@ -1,0 +1,113 @@
+"""Pictures of meshes: the same as of the shapes they stand for, whatever the organisation and the way they are held."""
+
+import hashlib
+
+import numpy as np
+import pytest
+
+import rptcam_cl.plan.meshes
+import rptcam_cl.rendering.trees.scene_trees as scene_trees
+from rptcam_cl.device import Session, choose_device
+from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import Wavefront, render_plan
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.scene import load_scene
+from rptcam_cl.selfcheck.scenes import globe
+from tests.rendering.pictures import MATTE, batches, looking, scene_of
+from tests.support.statistics import assert_same_tiles
+
+GOLD = {"kind": "conductor", "reflectance": [0.9, 0.7, 0.3], "alpha": 0.2}
+GLASS = {"kind": "dielectric", "index": 1.5}
+LAMP = {"kind": "emissive", "radiance": [9, 8, 7]}
+FLOOR = {"shape": "rectangle", "corner": [-6, -6, 0], "edge_u": [12, 0, 0], "edge_v": [0, 12, 0], "material": MATTE}
+LAMP_CORNER, LAMP_U, LAMP_V = np.array([-1, -1, 4.0]), np.array([0, 2.0, 0]), np.array([2.0, 0, 0])
+CAMERA = looking([0, -7, 3], [0, 0, 0.8], fov=45)
+POINTS, FACES = globe(24, 32)
+
+
+def lamp(kind):
+    if kind == "rectangle":
+        edges = {"corner": LAMP_CORNER.tolist(), "edge_u": LAMP_U.tolist(), "edge_v": LAMP_V.tolist()}
+        return {"shape": "rectangle", **edges, "material": LAMP}
+    corners = [LAMP_CORNER, LAMP_CORNER + LAMP_U, LAMP_CORNER + LAMP_U + LAMP_V, LAMP_CORNER + LAMP_V]
+    return {"shape": "mesh", "vertices": np.array(corners).tolist(), "faces": [[0, 1, 2, 3]], "material": LAMP}
+
+
+def box(kind):
+    low, high = np.array([0.4, -0.6, 0.0]), np.array([1.8, 0.8, 1.4])
+    if kind == "shape":
+        return {"shape": "box", "min": low.tolist(), "max": high.tolist(), "material": GOLD}
+    corners = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
+    faces = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
+    return {"shape": "mesh", "vertices": (low + corners * (high - low)).tolist(), "faces": faces, "material": GOLD}
+
+
+def balls():
+    named = {"globe": {"vertices": POINTS.tolist(), "faces": FACES.tolist()}}
+    use = {"shape": "mesh", "mesh": "globe", "normals": "smooth"}
+    objects = [
+        use | {"material": GLASS, "transform": [{"translate": [-1.6, 0, 1]}]},
+        use | {"material": GOLD, "transform": [{"scale": [1, 0.6, 0.5]}, {"translate": [1.4, 0.5, 0.5]}]},
+        use | {"material": LAMP, "transform": [{"scale": 0.2}, {"translate": [0.2, -1.2, 1.8]}]},
+    ]
+    return scene_of([FLOOR, lamp("mesh"), *objects], CAMERA, depth=5, resolution=(64, 48)) | {"meshes": named}
+
+
+def film(mapping, organisation, session=None):
+    session = session or Session(choose_device())
+    scene = load_scene(mapping, ["render.seed=5"])
+    plan = make_plan(scene)
+    layout = FilmLayout.of(scene.film)
+    wavefront = Wavefront(session, plan, layout, scene.render, organisation=organisation)
+    wavefront.warm_up()
+    return render_plan(wavefront, spp=4, seconds=None, has_lens=False).pixels
+
+
+@pytest.mark.parametrize("copied", [0, pytest.param(1 << 30, marks=pytest.mark.slow)], ids=["instances", "copies"])
+def test_stream_and_passes_make_the_same_bits_of_meshes(monkeypatch, copied):
+    monkeypatch.setattr(rptcam_cl.plan.meshes, "MOST_COPIED", copied)
+    films = [film(balls(), organisation) for organisation in ("stream", "passes")]
+    assert films[0].max() > 1
+    assert hashlib.sha256(films[0]).digest() == hashlib.sha256(films[1]).digest()
+
+
+def test_trees_and_lanes_of_a_gpu_make_the_same_picture(monkeypatch):
+    """Trees of four and one lane a work item, on a CPU: the same hits but for ties, so nearly all pixels to the bit."""
+    wide = film(balls(), "passes")
+    monkeypatch.setattr(scene_trees, "WIDTH", {"cpu": 4, "gpu": 4})
+    monkeypatch.setattr(Session, "lanes", property(lambda _: 1))
+    narrow = film(balls(), "passes")
+    assert (wide == narrow).all(axis=-1).mean() > 0.97
+    assert np.abs(wide.mean() / narrow.mean() - 1) < 0.01
+
+
+def compare(name, first, second, spp):
+    assert_same_tiles(batches(first, f"{name} a", 4, spp=spp), batches(second, f"{name} b", 4, spp=spp))
+
+
+def test_instances_and_copies_make_the_same_picture(monkeypatch):
+    films = []
+    for copied in (0, 1 << 30):
+        monkeypatch.setattr(rptcam_cl.plan.meshes, "MOST_COPIED", copied)
+        films.append(batches(balls(), f"held {copied}", 4, spp=64))
+    assert_same_tiles(*films)
+
+
+def test_lamp_and_box_of_triangles_look_as_the_shapes(monkeypatch):
+    scenes = [
+        scene_of([FLOOR, lamp(a), box(b)], CAMERA, depth=4, resolution=(64, 48))
+        for a, b in (("rectangle", "shape"), ("mesh", "mesh"))
+    ]
+    compare("shapes and triangles", *scenes, spp=100)
+
+
+def test_facets_of_a_fine_globe_are_lost_in_a_sphere():
+    points, faces = globe(96, 128)
+    raised = (points + np.array([0, 0, 1])).tolist()
+    fine = {"shape": "mesh", "vertices": raised, "faces": faces.tolist(), "normals": "smooth"}
+    sphere = {"shape": "sphere", "center": [0, 0, 1], "radius": 1}
+    scenes = [
+        scene_of([FLOOR, lamp("rectangle"), body | {"material": MATTE}], CAMERA, depth=3, resolution=(64, 48))
+        for body in (sphere, fine)
+    ]
+    compare("globe", *scenes, spp=64)

@@ -1,0 +1,156 @@
+"""The tests themselves: each deliberate fault in a copy of the kernels must make one of them fail."""
+
+import tempfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cameras import test_exposure as exposure
+from tests.device import test_bsdf_sampling as bsdf_sampling
+from tests.device import test_bsdf_values as bsdf_values
+from tests.device import test_camera_rays as rays
+from tests.device import test_random as random
+from tests.device.probes import open_session
+from tests.rendering import test_determinism as determinism
+from tests.rendering import test_emitters as emitters
+from tests.rendering import test_furnaces as furnaces
+from tests.rendering import test_lens_light as lens
+from tests.rendering import test_materials as materials
+from tests.rendering import test_world as world
+from tests.rendering.pictures import WHITE, looking, pixels, scene_of
+from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
+
+pytestmark = pytest.mark.slow
+
+
+def pixel_of_rays():
+    rays.test_rays_through_a_lens_come_from_their_pixel_when_traced_back(open_session(), "dgauss-50mm", True)
+
+
+def lens_row():
+    lens.test_film_irradiance_is_that_of_the_truth_table("dgauss50", 1, 0)
+
+
+def lens_corner():
+    lens.test_film_irradiance_is_that_of_the_truth_table("dgauss50", 0, 2)
+
+
+def cavity():
+    furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1.0, 0.8, 5)
+
+
+def white_sphere():
+    furnaces.test_white_convex_body_vanishes_in_a_white_world("sphere", 1.0)
+
+
+def white_box():
+    furnaces.test_white_convex_body_vanishes_in_a_white_world("box", 1.0)
+
+
+def in_folder(test, shape):
+    """Run a test that writes pictures in a folder of its own."""
+    with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
+        test(Path(folder), patch, shape)
+
+
+def long_render():
+    """A render of many equal samples is that sample."""
+    floor = {**world.PLANE, "material": {"kind": "matte", "reflectance": 0.7}}
+    camera = looking([0, 0, 1], [0, 0, 0], up=(0, 1, 0))
+    scene = scene_of([floor], camera, depth=2, resolution=(4, 4), environment=WHITE)
+    np.testing.assert_allclose(pixels(scene, spp=100_000), np.float32(0.7), rtol=1e-6)
+
+
+RIM = "p.y * p.y <= surface->semi_diameter2"
+DEPTH = """#if !HAS_LAMPS
+    on = on & (path->depth < rules.max_depth);"""
+MIS = "return own > 0.0f ? own2 / (own2 + other * other)"
+CLOSER = "EACH_PRIMITIVE(ray,\n        t = PAST_HOLES((t > 0.0f) & (t < best));\n        I closer = (t > 0.0f)"
+ORIGIN = "F c = origin ? ZERO : dot3(oc, oc) - r * r;"
+MUTANTS = [
+    Mutant("cos^3 for cos^4", "cos2_over_length2 * cos2_over_length2;",
+           "cos2_over_length2 / sqrt(ray.length2);", lens_corner),
+    Mutant("no root in the pupil", "F rho = sqrt(v);", "F rho = v;", lens_corner),
+    Mutant(
+        "no root in the aperture", "F r = sqrt(v);\n    *x = r * c;", "F r = v;\n    *x = r * c;",
+        lambda: rays.test_round_aperture_is_filled_evenly(open_session()),
+    ),
+    Mutant("diameter for radius", RIM, "p.y * p.y <= 4 * surface->semi_diameter2", lens_row),
+    Mutant("stop 1 % wider", RIM, "p.y * p.y <= 1.02f * surface->semi_diameter2", lens_row),
+    Mutant("index off by 1e-3", "F eta = (F)(s->eta);", "F eta = (F)(s->eta + 1e-3f);", pixel_of_rays),
+    Mutant("normal not unit", "hit.n = f3(-c * hit.p.x, -c", "hit.n = f3(-1.01f * c * hit.p.x, -c", pixel_of_rays),
+    Mutant("pupil too tight", "o.r = blend(blend(", "o.r = 0.9f * blend(blend(", lens_row),
+    Mutant("blocked rays weigh", "r.weight = passed ? weight : ZERO", "r.weight = weight", lens_corner),
+    Mutant("exposure forgotten", "ray.weight * camera->exposure", "ray.weight",
+           lambda: exposure.test_unit_radiance_gives_the_irradiance_of_the_tables_on_the_axis(
+               "dgauss-50mm", 8.55, 0.04665, 0.005)),
+    Mutant("depth off by one", DEPTH, DEPTH.replace("<", "<="), cavity),
+    Mutant("survivors keep their weight", "path->beta = scale(path->beta, ONE / MAX(survive",
+           "path->beta = scale(path->beta, ONE / MAX(ONE", lambda: furnaces.test_roulette_changes_no_mean(1)),
+    Mutant("one side of MIS to the first power", MIS,
+           "return own > 0.0f ? own / (own + other)", emitters.test_rectangle_above_its_corner),
+    Mutant("MIS without emission's weight", MIS, "return own > 0.0f ? ONE",
+           emitters.test_disk_beside_the_normal),
+    Mutant("light density lacks the pick", "s->pdf = faces ? pick * d2", "s->pdf = faces ? d2",
+           emitters.test_emitters_of_every_kind_add_up),
+    Mutant("point light lacks the pick", "ONE / (d2 * pick)", "ONE / d2", emitters.test_emitters_of_every_kind_add_up),
+    Mutant("cone of a sphere lamp too wide", "F versine = u * sin2_max", "F versine = u * 1.1f * sin2_max",
+           lambda: emitters.test_sphere(1.5, 0.9)),
+    Mutant("shadows forgotten", "keep3(wanted & NOT(dark)", "keep3(wanted",
+           lambda: emitters.test_light_without_a_surface_is_blocked("point")),
+    Mutant("samples share their numbers", "h.b = sample * 1664525u", "h.b = sample * 0u",
+           determinism.test_variance_of_independent_samples_falls_as_one_over_their_number),
+    Mutant("lattice stands still", "U phi = reversed_bits(sample);\n    I deep", "U phi = (U)(0u);\n    I deep",
+           determinism.test_variance_of_smooth_light_falls_far_faster_on_the_lattice),
+    Mutant("lattice without a shift", "U4 x = hash4(pixel, (U)(0u), dimension, seed);",
+           "U4 x = hash4((U)(0u), (U)(0u), (U)(0u), seed);", determinism.test_neighbouring_pixels_are_independent),
+    Mutant("digits not mirrored", "return (x >> 16) | (x << 16);", "return x;",
+           determinism.test_variance_of_smooth_light_falls_far_faster_on_the_lattice),
+    Mutant("pixels xor samples", "h.a = pixel * 1664525u", "h.a = (pixel ^ sample) * 1664525u",
+           lambda: random.test_device_computes_the_published_permutation(open_session(), 8)),
+    Mutant("unit float reaches one", "TO_F(AS_I(x >> 8)) * 5.9604644775390625e-8f",
+           "(convert_float(as_uint(x)) * 2.3283064365386963e-10f)",
+           lambda: random.test_unit_float_is_below_one_and_hits_zero(open_session())),
+    Mutant("absolute epsilon", CLOSER, CLOSER.replace("= (t > 0.0f)", "= (t > 1e-4f)"),
+           lambda: furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1e-3, 0.8, 5)),
+    Mutant("self-hits of a sphere", ORIGIN, "F c = dot3(oc, oc) - r * r;", white_sphere),
+    Mutant("self-hits of a box", "(origin ? other : outside)", "outside", white_box),
+    Mutant("cosine weight missing", "F z = root(1.0f - v);", "F z = 1.0f - v;",
+           lambda: world.test_gradient_world_on_a_tilted_plane_has_its_closed_form(50)),
+    Mutant("gradient half as steep", "F k = 0.5f + 0.5f * (d.x", "F k = 0.5f + 0.25f * (d.x",
+           lambda: world.test_gradient_world_on_a_tilted_plane_has_its_closed_form(0)),
+    Mutant("radiance not divided by n squared", "squeeze = reflects ? ONE : inverse * inverse",
+           "squeeze = reflects ? ONE : inverse",
+           lambda: furnaces.test_white_world_is_n_squared_as_bright_inside_glass(1.5)),
+    Mutant("no masking in GGX", "half_density * wo.z / (wo.z * si + wi.z * so)", "half_density / (wi.z + si)",
+           lambda: furnaces.test_rough_metal_reflects_what_single_scattering_leaves(1.0, 60)),
+    Mutant("refracted radiance not divided by n squared", "density * unshadowed / (eta * eta)", "density * unshadowed",
+           lambda: bsdf_values.test_rough_dielectric_is_walters(open_session(), 0.5, 1.5, False)),
+    Mutant("coat chosen at no cost", "density += lobes.coat * (coat_density - density);", "",
+           lambda: bsdf_sampling.test_samples_follow_the_stated_density(open_session(), "coated")),
+    Mutant("base chosen at no cost", "density += lobes.under * (up - density);", "",
+           lambda: bsdf_sampling.test_samples_follow_the_stated_density(open_session(), "rough plastic")),
+    Mutant("base does not lose the way out", "up * (1.0f - cover_albedo(lobes.cover, MAX(wo.z, ZERO)))", "up",
+           lambda: bsdf_values.test_reflection_is_the_same_either_way(open_session(), "principled")),
+    Mutant("absorption also outside", "I inside = dot3(vertex.ng, d) > 0.0f;", "I inside = TRUE;",
+           materials.test_light_through_an_absorbing_slab_is_beers_law),
+    Mutant("one reflection in a pane", "MAX(1.0f - r * r * t * t, (F)(SMALLEST))", "ONE",
+           lambda: materials.test_pane_passes_what_all_its_reflections_leave(80)),
+    Mutant("normals of mirrored coordinates", "with_sign(ONE, dot3(y, point.bitangent))", "ONE",
+           lambda: in_folder(materials.test_normal_map_turns_the_normal_in_the_frame_of_u_and_v, "mirrored mesh")),
+    Mutant("chance of a mix reused", "vertex->lobe = mine ? rest : choice;", "",
+           materials.test_mix_is_the_mean_of_its_parts_where_light_is_scattered_once),
+    Mutant("film adds without its rest", "F3 y = sub(value, s.rest);", "F3 y = add(value, s.rest);",
+           long_render),
+]  # fmt: skip
+
+
+@each_mutant(MUTANTS)
+def test_fault_is_found(mutant):
+    assert_found(mutant)
+
+
+@each_mutant(MUTANTS)
+def test_its_tests_pass_without_the_fault(mutant):
+    assert_alive([mutant])

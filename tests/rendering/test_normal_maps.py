@@ -1,0 +1,180 @@
+"""Normal maps on every shape: the shaded normal against the derivatives of the shape's points by u and v."""
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from rptcam_cl.plan.primitives import turn_to
+from rptcam_cl.scene.transform import TransformStep, product
+from tests.rendering.layers.scenes import one_sample
+from tests.rendering.pictures import MATTE, looking, scene_of, seed_of
+
+HALF_TURN = {"axis": [1, 2, 3], "degrees": 35}
+PLACED = {
+    "as it is": [],
+    "stretched and turned": [{"scale": [1, 0.7, 1.3]}, {"rotate": HALF_TURN}],
+    "mirrored": [{"scale": [-1, 1, 1]}, {"rotate": HALF_TURN}],
+    "mirrored and stretched": [{"scale": [0.8, -1.1, 1.2]}, {"rotate": HALF_TURN}],
+}
+TOP = [0.3, -0.2, 1.0]  # of the axis of cylinder and cone
+CORNERS = np.array([[-1.0, -1.0, 0.0], [1.2, -0.8, 0.3], [-0.7, 1.1, -0.2]])
+UVS = np.array([[0.1, 0.2], [0.9, 0.4], [0.3, 0.95]])
+
+
+def ball(u, v):
+    turn, up = 2 * np.pi * u, np.pi * v
+    return np.stack([np.sin(up) * np.cos(turn), np.sin(up) * np.sin(turn), -np.cos(up)], axis=-1)
+
+
+def tube(u, v, lean=0.0):
+    turn, axis = 2 * np.pi * u, np.array(TOP)
+    ring = np.stack([np.cos(turn), np.sin(turn), 0 * u], axis=-1) @ turn_to(axis).T
+    return -axis / 2 + axis * v[..., None] + 0.8 * ring * (1 - lean * v[..., None])
+
+
+def flat(u, v):
+    return np.stack([u, v, 0 * u], axis=-1) @ turn_to([0.2, 0.3, 1]).T
+
+
+def triangle(u, v):
+    edges = (UVS[1:] - UVS[0]).T
+    shares = np.linalg.solve(edges, np.stack([u, v], axis=-1)[..., None] - UVS[0][:, None])[..., 0]
+    return CORNERS[0] + shares @ (CORNERS[1:] - CORNERS[0])
+
+
+def mirrored_triangle(u, v):
+    return triangle(1 - u, v)
+
+
+SHAPES = {
+    "sphere": ({"shape": "sphere", "center": [0, 0, 0], "radius": 1}, ball),
+    "cylinder": (
+        {"shape": "cylinder", "base": [-c / 2 for c in TOP], "top": [c / 2 for c in TOP], "radius": 0.8,
+         "capped": False}, tube,
+    ),
+    "cone": (
+        {"shape": "cone", "base": [-c / 2 for c in TOP], "apex": [c / 2 for c in TOP], "radius": 0.8, "capped": False},
+        lambda u, v: tube(u, v, 1.0),
+    ),
+    "disk": ({"shape": "disk", "center": [0, 0, 0], "normal": [0.2, 0.3, 1], "radius": 1}, flat),
+    "rectangle": (
+        {"shape": "rectangle", "corner": [-1, -1, 0], "edge_u": [2, 0.5, 0], "edge_v": [0.4, 2, 0.3]},
+        lambda u, v: np.array([-1, -1, 0]) + u[..., None] * [2, 0.5, 0] + v[..., None] * [0.4, 2, 0.3],
+    ),
+    "mesh": ({"shape": "mesh", "vertices": CORNERS.tolist(), "faces": [[0, 1, 2]], "uvs": UVS.tolist()}, triangle),
+    "mesh with mirrored coordinates": (
+        {"shape": "mesh", "vertices": CORNERS.tolist(), "faces": [[0, 1, 2]],
+         "uvs": [[1 - u, v] for u, v in UVS.tolist()]}, mirrored_triangle,
+    ),
+}  # fmt: skip
+BACK_OF_UVS = {"mesh with mirrored coordinates"}  # u x v points to the back of the surface
+HOLLOW = {"cylinder", "cone"}  # their insides are in the shadow
+BOXES = {
+    "box": {"shape": "box", "min": [-1, -0.9, -1.2], "max": [0.8, 0.9, 0]},
+    "sheet": {"shape": "box", "min": [-1, -0.9, -1e-3], "max": [0.8, 0.9, 0]},
+}
+BARE = {"mesh without coordinates": {"shape": "mesh", "vertices": CORNERS.tolist(), "faces": [[0, 1, 2]]}}
+BODIES = {name: body for name, (body, _) in SHAPES.items()} | BOXES | BARE
+PLACES = {
+    (name, placed): np.array([5.0 * column - 22, 5.0 * row - 7, 0])
+    for column, name in enumerate(BODIES)
+    for row, placed in enumerate(PLACED)
+}
+MAP = [0.2, 0.35, np.sqrt(1 - 0.2**2 - 0.35**2)]
+EYE = np.array([2.0, -14.0, 33.0])
+SUN = np.array([0.5, -0.6, 0.9]) / np.linalg.norm([0.5, -0.6, 0.9])
+STEP = 1e-5
+
+
+def pictured(bodies):
+    """One ray per pixel to bodies that wear a constant map, under one sun; and the normal that the map's bytes hold."""
+    code = np.round((np.array(MAP) + 1) / 2 * 255).astype(np.uint8)
+    Image.fromarray(np.broadcast_to(code, (4, 4, 3)).copy()).save("lean.png")
+    material = MATTE | {"normal_map": {"file": "lean.png"}}
+    sun = {"kind": "directional", "direction": (-SUN).tolist(), "irradiance": [np.pi] * 3}
+    camera = looking(EYE, [0, -1, 0], fov=78)
+    scene = scene_of([body | {"material": material} for body in bodies], camera, depth=2, lights=[sun],
+                     resolution=(640, 256))  # fmt: skip
+    held = code / 255 * 2 - 1
+    layers = ["position", "geometric_normal", "uv", "object_id"]
+    return one_sample(scene, layers, seed=seed_of("maps")), held / np.linalg.norm(held)
+
+
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory):
+    """Every body in every placement, side by side."""
+    bodies = [
+        BODIES[name] | {"transform": [*PLACED[placed], {"translate": place.tolist()}]}
+        for (name, placed), place in PLACES.items()
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(tmp_path_factory.mktemp("maps"))
+        return pictured(bodies)
+
+
+def of(everything, name, placed):
+    """The pixels of one body and the matrix that placed it."""
+    image, _ = everything
+    number = list(PLACES).index((name, placed))
+    matrix = product(tuple(TransformStep.model_validate(step) for step in PLACED[placed]))[:3, :3]
+    return image["object_id"] == number, matrix
+
+
+def assert_lit_as_mapped(picture, seen, points, along_u, along_v, front, *, hollow=False):
+    """Fail unless every pixel shows the cosine of the sun to the normal that the map makes of a frame.
+
+    Seen from the back, the whole frame is that of the front, and all of it is turned round.
+    """
+    image, held = picture
+    towards = EYE - points
+    x = along_u - np.sum(along_u * front, axis=-1, keepdims=True) * front
+    x /= np.linalg.norm(x, axis=-1, keepdims=True)
+    y = np.cross(front, x)
+    y *= np.sign(np.sum(y * along_v, axis=-1, keepdims=True))
+    facing = np.sign(np.sum(front * towards, axis=-1, keepdims=True))
+    bent, true = facing * (held[0] * x + held[1] * y + held[2] * front), facing * front
+    towards /= np.linalg.norm(towards, axis=-1, keepdims=True)
+    # where neither the eye nor the sun stands behind the surface or behind the bent normal
+    clear = np.minimum(bent @ SUN, true @ SUN) > 0.05
+    clear &= np.minimum(np.sum(bent * towards, axis=-1), np.sum(true * towards, axis=-1)) > 0.05
+    if hollow:
+        clear &= facing[:, 0] > 0
+    film = np.asarray(image)[seen][:, 0]
+    assert clear.sum() > 4
+    np.testing.assert_allclose(film[clear], (bent @ SUN)[clear], atol=3e-4)
+
+
+@pytest.mark.parametrize("placed", PLACED)
+@pytest.mark.parametrize("shape", SHAPES)
+def test_a_mapped_normal_leans_along_the_derivatives_of_u_and_v(everything, shape, placed):
+    seen, matrix = of(everything, shape, placed)
+    surface = SHAPES[shape][1]
+    u, v = everything[0]["uv"][seen].astype(np.float64).T
+    points = surface(u, v) @ matrix.T + PLACES[shape, placed]
+    np.testing.assert_allclose(points, everything[0]["position"][seen], atol=5e-5)  # so u and v are those of the shape
+    along_u = (surface(u + STEP, v) - surface(u - STEP, v)) @ matrix.T
+    along_v = (surface(u, v + STEP) - surface(u, v - STEP)) @ matrix.T
+    front = np.cross(along_u, along_v) * np.sign(np.linalg.det(matrix)) * (-1 if shape in BACK_OF_UVS else 1)
+    front /= np.linalg.norm(front, axis=-1, keepdims=True)
+    assert_lit_as_mapped(everything, seen, points, along_u, along_v, front, hollow=shape in HOLLOW)
+
+
+@pytest.mark.parametrize("placed", PLACED)
+@pytest.mark.parametrize("box", BOXES)
+def test_a_mapped_normal_of_a_box_leans_along_the_axes_of_its_face(everything, placed, box):
+    seen, matrix = of(everything, box, placed)
+    normal = everything[0]["geometric_normal"][seen].astype(np.float64)
+    face = np.argmax(np.abs(normal @ matrix), axis=1)  # normals go by the transpose
+    along_u, along_v = (axes[face] @ matrix.T for axes in (np.eye(3)[[1, 0, 0]], np.eye(3)[[2, 2, 1]]))
+    assert_lit_as_mapped(everything, seen, everything[0]["position"][seen], along_u, along_v, normal)
+
+
+@pytest.mark.parametrize("placed", ["as it is", "stretched and turned"])  # mirrored ones name their corners otherwise
+def test_a_mesh_without_coordinates_takes_its_first_edge_for_u(everything, placed):
+    seen, matrix = of(everything, "mesh without coordinates", placed)
+    edges = (CORNERS[1:] - CORNERS[0]) @ matrix.T
+    front = np.cross(*edges) * np.sign(np.linalg.det(matrix))
+    front = np.broadcast_to(front / np.linalg.norm(front), (seen.sum(), 3))
+    along_u = np.broadcast_to(edges[0], front.shape)
+    points = everything[0]["position"][seen]
+    assert_lit_as_mapped(everything, seen, points, along_u, np.cross(front, along_u), front)
