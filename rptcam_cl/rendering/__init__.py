@@ -13,13 +13,14 @@ from rptcam_cl.rendering.account import (
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
+from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
 from rptcam_cl.rendering.metering import resolve_exposure
 from rptcam_cl.rendering.parts import Part, joined, split_of, split_text
 from rptcam_cl.rendering.precise_lens import check_precision
-from rptcam_cl.rendering.progressive import Progress, Rendering, SavedState, render_plan
+from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, rendering_of
 from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
-from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.rendering.tracer import Wavefront, signature
 from rptcam_cl.rendering.trees.cache import cache_folder
 from rptcam_cl.rendering.trees.scene_trees import scene_trees
 
@@ -30,6 +31,7 @@ __all__ = [
     "TILE_PIXELS",
     "AnyWavefront",
     "FilmLayout",
+    "FilmRun",
     "LensMargin",
     "Part",
     "Progress",
@@ -47,9 +49,11 @@ __all__ = [
     "joined",
     "lens_margin",
     "render_plan",
+    "rendering_of",
     "resolve_exposure",
     "scene_trees",
     "self_knowledge",
+    "signature",
     "split_of",
     "split_text",
     "statistics",

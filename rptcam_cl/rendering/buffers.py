@@ -5,16 +5,26 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
-from rptcam_cl.rendering.trees.primitive_tree import primitive_tree
-from rptcam_cl.rendering.trees.scene_trees import scene_trees
+from rptcam_cl.rendering.trees.primitive_tree import PrimitiveTree, primitive_tree
+from rptcam_cl.rendering.trees.scene_trees import SceneTrees, scene_trees
+
+COMPARED_BYTES = 1 << 20  # of an array, up to which comparing it takes less time than a launch
 
 
 class SceneBuffers:
     """Uploaded arrays of a plan.
+
+    Parameters
+    ----------
+    session, plan
+        The device, and whose arrays.
+    earlier
+        Of another plan, perhaps nearly the same: what has not changed stays where it is.
 
     Attributes
     ----------
@@ -30,47 +40,69 @@ class SceneBuffers:
         And one more if anything moves: when the shutter is open and where the camera is.
     """
 
-    def __init__(self, session: Session, plan: Plan) -> None:
-        upload = session.upload
+    def __init__(self, session: Session, plan: Plan, earlier: SceneBuffers | None = None) -> None:
+        self._session, self._plan = session, plan
+        self._before = {} if earlier is None else earlier._uploaded
+        self._uploaded: dict[str, tuple[NDArray[Any], Any]] = {}
         self.scene: dict[str, Any] = {
-            "primitives": upload(plan.primitives),
-            "kind_end": upload(plan.kind_end),
-            "materials": upload(plan.materials),
-            "textures": upload(plan.textures.records),
-            "texels": upload(plan.textures.texels),
-            "emitters": upload(plan.emitters.records),
-            "environment": upload(plan.surroundings.record),
-            "distribution": upload(np.concatenate([plan.emitters.curve, plan.surroundings.distribution])),
+            "primitives": self._buffer("primitives", plan.primitives),
+            "kind_end": self._buffer("kind_end", plan.kind_end),
+            "materials": self._buffer("materials", plan.materials),
+            "textures": self._buffer("textures", plan.textures.records),
+            "texels": self._buffer("texels", plan.textures.texels),
+            "emitters": self._buffer("emitters", plan.emitters.records),
+            "environment": self._buffer("environment", plan.surroundings.record),
+            "distribution": self._buffer(
+                "distribution", np.concatenate([plan.emitters.curve, plan.surroundings.distribution])
+            ),
             "emitter_count": np.int32(plan.emitters.count),
         }
-        self.colours = upload(plan.spectrum.table)
+        self.colours = self._buffer("colours", plan.spectrum.table)
         if plan.facts["SPECTRUM"]:
             self.scene |= {"colours": self.colours}
         if plan.facts["HAS_MOTION"]:
             self.scene |= {
-                "segments": upload(plan.movements.segments),
-                "movement_of": upload(plan.movements.of_primitive),
+                "segments": self._buffer("segments", plan.movements.segments),
+                "movement_of": self._buffer("movement_of", plan.movements.of_primitive),
             }
         self.tree_facts: dict[str, int] = {}
-        self._add_primitive_tree(session, plan)
-        self._add_meshes(session, plan)
-        self.trajectory = {"trajectory": upload(plan.trajectory)} if plan.facts["MOVES"] else {}
-        self.filter = upload(plan.camera_filter.table)
-        self.camera = camera_buffers(session, plan.camera)
+        self._add_primitive_tree(earlier)
+        self._add_meshes(earlier)
+        self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
+        self.filter = self._buffer("filter", plan.camera_filter.table)
+        self.camera = {name: self._buffer(name, array) for name, array in _camera_arrays(plan.camera).items()}
+        self._before = {}
 
-    def _add_primitive_tree(self, session: Session, plan: Plan) -> None:
-        tree = primitive_tree(plan.primitives, plan.kind_end, session, plan.movements)
+    def _buffer(self, name: str, array: NDArray[Any], *, in_place: bool = False) -> Any:
+        """Return the buffer that holds an array: the earlier one of that name where it holds the same."""
+        before = self._before.get(name)
+        if before is None or not _is_same(before[0], array):
+            before = array, self._session.upload(array, in_place=in_place)
+        self._uploaded[name] = before
+        return before[1]
+
+    def _add_primitive_tree(self, earlier: SceneBuffers | None) -> None:
+        plan = self._plan
+        if earlier is not None and _has_same_primitives(earlier._plan, plan):
+            tree = earlier._tree
+        else:
+            tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements)
+        self._tree: PrimitiveTree | None = tree
         if tree is not None:
             self.tree_facts |= tree.facts
             self.scene |= {
-                "primitive_nodes": session.upload(tree.nodes),
-                "primitive_leaves": session.upload(tree.leaves),
+                "primitive_nodes": self._buffer("primitive_nodes", tree.nodes),
+                "primitive_leaves": self._buffer("primitive_leaves", tree.leaves),
             }
 
-    def _add_meshes(self, session: Session, plan: Plan) -> None:
+    def _add_meshes(self, earlier: SceneBuffers | None) -> None:
+        plan = self._plan
+        self._mesh_trees: SceneTrees | None = None
         if plan.meshes is None:
             return
-        trees = scene_trees(plan.meshes, session, plan.movements)
+        if earlier is not None and earlier._plan.meshes is plan.meshes and earlier._plan.movements is plan.movements:
+            self._mesh_trees = earlier._mesh_trees
+        trees = self._mesh_trees = self._mesh_trees or scene_trees(plan.meshes, self._session, plan.movements)
         self.tree_facts |= trees.facts
         low, high = trees.bounds
         arrays = {
@@ -80,11 +112,28 @@ class SceneBuffers:
             "vertices": trees.vertices,
             "instances": trees.instances,
         }
-        self.scene |= {name: session.upload(array, in_place=True) for name, array in arrays.items()}
+        self.scene |= {name: self._buffer(name, array, in_place=True) for name, array in arrays.items()}
         self.scene |= {"mesh_root": np.int32(trees.root), "mesh_low": low.tobytes(), "mesh_high": high.tobytes()}
 
 
 def camera_buffers(session: Session, camera: CameraModel) -> dict[str, Any]:
     """Return arguments of the pass ``generate``: record, tables, surfaces and stop of a camera, uploaded."""
-    arrays = {"camera": camera.record, "tables": camera.tables, "surfaces": camera.surfaces, "stop": camera.stop}
-    return {name: session.upload(array) for name, array in arrays.items()}
+    return {name: session.upload(array) for name, array in _camera_arrays(camera).items()}
+
+
+def _camera_arrays(camera: CameraModel) -> dict[str, NDArray[Any]]:
+    return {"camera": camera.record, "tables": camera.tables, "surfaces": camera.surfaces, "stop": camera.stop}
+
+
+def _is_same(one: NDArray[Any], other: NDArray[Any]) -> bool:
+    """Return whether two arrays are known to have the same bytes; large ones are not compared."""
+    if one is other:
+        return True
+    alike = one.dtype == other.dtype and one.shape == other.shape
+    return alike and one.nbytes <= COMPARED_BYTES and one.tobytes() == other.tobytes()
+
+
+def _has_same_primitives(one: Plan, other: Plan) -> bool:
+    """Return whether the trees over the primitives of two plans are the same."""
+    still = not (one.facts["HAS_MOTION"] or other.facts["HAS_MOTION"]) or one.movements is other.movements
+    return still and _is_same(one.primitives, other.primitives) and _is_same(one.kind_end, other.kind_end)

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.rendering.film import TILE_PIXELS
-from rptcam_cl.rendering.noise import AchievedNoise, NoiseEstimate, NoiseReport, NoiseWatch
-from rptcam_cl.rendering.saved_arrays import check_fits
+from rptcam_cl.rendering.film_run import FilmRun, SavedState
+from rptcam_cl.rendering.noise import AchievedNoise, NoiseReport
 from rptcam_cl.rendering.several import AnyWavefront
 
 REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
@@ -39,6 +39,8 @@ class Progress:
         Samples per pixel that a resumed render had already.
     tiles_done : float or None
         Share of the tiles that meet the noise target; None without one.
+    film : FilmRun or None
+        The film under way; None before there is one.
     """
 
     stage: str
@@ -49,6 +51,14 @@ class Progress:
     blocked_share: float | None
     samples_at_start: int = 0
     tiles_done: float | None = None
+    film: FilmRun | None = field(default=None, repr=False, compare=False)
+
+    def pixels(self) -> NDArray[np.float32] | None:
+        """Return the film so far, (height, width, 3), to be called while this is the latest progress; None before any.
+
+        It costs nothing until it is called: then the film is read from the devices.
+        """
+        return None if self.film is None else self.film.pixels()
 
 
 @dataclass(frozen=True)
@@ -100,14 +110,6 @@ class Rendering:
     state: Callable[[], SavedState]
 
 
-@dataclass(frozen=True)
-class SavedState:
-    """A render under way, for `render_plan` to go on with: samples per pixel and arrays by name."""
-
-    done: int
-    arrays: dict[str, NDArray[Any]]
-
-
 def render_plan(
     wavefront: AnyWavefront,
     *,
@@ -132,52 +134,32 @@ def render_plan(
     save
         Called between samples with a function that returns the state.
     """
-    watch = NoiseWatch(wavefront, noise)
-    done = start = 0
+    run = FilmRun(wavefront, noise)
     if saved is not None:
-        done = start = saved.done
-        check_fits(saved.arrays, wavefront.state() | watch.arrays())
-        wavefront.restore(saved.arrays)
-        watch.resume(done, saved.arrays)
-    clock = _Clock(wavefront, watch.estimate, spp, done, has_lens, on_progress)
-
-    def state() -> SavedState:
-        wavefront.finish()
-        return SavedState(done, wavefront.state() | watch.arrays())
-
+        run.resume(saved)
+    start = run.done
+    clock = _Clock(run, spp, has_lens, on_progress)
     stopped = False
     most = wavefront.samples_per_wave
-    while (spp is None or done < spp) and not watch.satisfied:
+    while (spp is None or run.done < spp) and not run.watch.satisfied:
         # By time, the first picture comes after one sample per pixel; later waves hold at most as many as are done.
-        count = min(most, spp - done if spp is not None else most, most if seconds is None else max(done, 1))
-        if seconds is not None:
-            count = min(count, clock.fitting(seconds, done))
-        count = watch.most(done, count)
-        for wave in wavefront.waves(done, count):
-            wavefront.enqueue(*wave)
-            clock.count(wave[1] * wave[3], done)
-        done += count
-        watch.observe(done, last=done == spp)
+        rest = most if spp is None else min(most, spp - run.done)
+        count = rest if seconds is None else min(rest, max(run.done, 1), clock.fitting(seconds))
+        run.add(count, clock.count, last=run.done + count == spp)
         if save is not None:
-            save(state)
+            save(run.state)
         if seconds is not None or should_stop is not None:
             stopped = should_stop is not None and should_stop()
-            if stopped or (seconds is not None and clock.out_of_time(seconds, done)):
+            if stopped or (seconds is not None and clock.out_of_time(seconds)):
                 break
     wavefront.finish()
-    clock.report(done)
-    return _rendering(wavefront, watch, done, start, clock, stopped, state)
+    clock.report()
+    return rendering_of(run, start=start, seconds=clock.elapsed, new_samples=clock.samples, interrupted=stopped)
 
 
-def _rendering(
-    wavefront: AnyWavefront,
-    watch: NoiseWatch,
-    done: int,
-    start: int,
-    clock: _Clock,
-    stopped: bool,
-    state: Callable[[], SavedState],
-) -> Rendering:
+def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, interrupted: bool) -> Rendering:
+    """Return what a film has come to, of so many samples per pixel at the start and so many of all pixels since."""
+    wavefront, watch, done = run.wavefront, run.watch, run.done
     layout = wavefront.layout
     tiles = watch.samples_of_tiles(done)
     in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": watch.variance()}
@@ -192,12 +174,12 @@ def _rendering(
         variance=film["variance"],
         noise=watch.report(),
         achieved=watch.achieved(done, sums),
-        seconds=clock.elapsed,
-        interrupted=stopped,
+        seconds=seconds,
+        interrupted=interrupted,
         layers={name: found[name] for name in wavefront.settings.layers},
         resumed_from=start,
-        new_samples=clock.samples,
-        state=state,
+        new_samples=new_samples,
+        state=run.state,
     )
 
 
@@ -205,20 +187,14 @@ class _Clock:
     """Keeps the queue short enough for reports, from the speed seen so far."""
 
     def __init__(
-        self,
-        wavefront: AnyWavefront,
-        estimate: NoiseEstimate | None,
-        spp: int | None,
-        done: int,
-        has_lens: bool,
-        on_progress: Callable[[Progress], Any] | None,
+        self, run: FilmRun, spp: int | None, has_lens: bool, on_progress: Callable[[Progress], Any] | None
     ) -> None:
-        self._wavefront, self._estimate = wavefront, estimate
+        self._run, self._wavefront = run, run.wavefront
         self._spp = spp
-        self._first = done  # samples per pixel at the start
+        self._first = run.done  # samples per pixel at the start
         self._has_lens = has_lens
         self._on_progress = on_progress
-        self._rays = wavefront.camera_rays
+        self._rays = run.wavefront.camera_rays
         self._start = time.perf_counter()
         self._last = self._start
         self._pending = 0
@@ -234,32 +210,32 @@ class _Clock:
         """Samples of all pixels since the start, up to the last time that the device was waited for."""
         return self._wavefront.camera_rays - self._rays
 
-    def count(self, slots: int, done: int) -> None:
+    def count(self, slots: int) -> None:
         """Note enqueued slots; wait and report when enough are under way."""
         self._pending += slots
         if self._pending >= self._batch:
-            self._wait(done)
+            self._wait()
 
-    def _wait(self, done: int) -> None:
+    def _wait(self) -> None:
         self._wavefront.finish()
         now = time.perf_counter()
         rate = self._pending / max(now - self._last, 1e-6)
         self._batch = max(int(rate * REPORT_INTERVAL), 1)
         self._pending, self._last = 0, now
-        self.report(done)
+        self.report()
 
-    def fitting(self, seconds: float, done: int) -> int:
+    def fitting(self, seconds: float) -> int:
         """Return how many samples per pixel fit into what is left of ``seconds``, at the speed so far; at least one."""
-        made = done - self._first
+        made = self._run.done - self._first
         return max(round((seconds - self.elapsed) / self.elapsed * made), 1) if made else 1
 
-    def out_of_time(self, seconds: float, done: int) -> bool:
+    def out_of_time(self, seconds: float) -> bool:
         """Whether another sample per pixel would end nearer to ``seconds`` after it than before."""
-        self._wait(done)
-        per_sample = self.elapsed / (done - self._first)
+        self._wait()
+        per_sample = self.elapsed / (self._run.done - self._first)
         return self.elapsed + 0.5 * per_sample >= seconds
 
-    def report(self, done: int) -> None:
+    def report(self) -> None:
         """Tell the listener how far the render is."""
         if self._on_progress is None:
             return
@@ -271,6 +247,9 @@ class _Clock:
         elapsed = self.elapsed
         rate = self.samples / max(elapsed, 1e-9) / 1e6
         done_share = None
-        if self._estimate is not None and self._estimate.target is not None:
-            done_share = 1 - len(self._estimate.tiles) / self._wavefront.layout.tiles
-        self._on_progress(Progress("render", done, self._spp, elapsed, rate, blocked, self._first, done_share))
+        estimate = self._run.watch.estimate
+        if estimate is not None and estimate.target is not None:
+            done_share = 1 - len(estimate.tiles) / self._wavefront.layout.tiles
+        self._on_progress(
+            Progress("render", self._run.done, self._spp, elapsed, rate, blocked, self._first, done_share, self._run)
+        )

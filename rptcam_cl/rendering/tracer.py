@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -81,13 +82,17 @@ class Wavefront:
         self.seed = settings.seed
         self.organisation = organisation or ORGANISATION[session.kind]
         self.tiles = layout.whole_list()
-        stream = self.organisation == "stream"
-        self._waves = Waves(layout, wave_size or WAVE_SLOTS[session.kind], stream=stream, loop_limit=session.loop_limit)
+        slots, stream = wave_size or WAVE_SLOTS[session.kind], self.organisation == "stream"
+        self._waves = Waves(layout, slots, stream=stream, loop_limit=session.loop_limit)
         self._launches = Launches(session)
-        held = self._allocate(plan, buffers)
-        self._film, self._tile_list = held.film, held.tiles
+        self._held = self._allocate(plan, buffers)
+        self._film, self._tile_list = self._held.film, self._held.tiles
+        self._bind(plan)
+
+    def _bind(self, plan: Plan) -> None:
+        session, held, stream = self.session, self._held, self.organisation == "stream"
         self._camera = CameraPasses(session, plan, held, stream=stream)
-        self._paths = (StreamPass if stream else DepthPasses)(session, plan, settings, held)
+        self._paths = (StreamPass if stream else DepthPasses)(session, plan, self.settings, held)
         self._layers = self._layer_pass(plan, held, stream)
 
     def _allocate(self, plan: Plan, scene: SceneBuffers | None) -> WaveBuffers:
@@ -148,6 +153,14 @@ class Wavefront:
         self.tiles = self.layout.filled_list(tiles)
         if len(self.tiles):
             self.session.write(self._tile_list, self.tiles)
+
+    def use_plan(self, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
+        """Render another plan from now on, on an empty film; its `signature` is that of the first."""
+        self.settings, self.seed = settings, settings.seed
+        self._held = replace(self._held, scene=scene)
+        self._bind(plan)
+        self.choose_tiles(np.arange(self.layout.tiles, dtype=np.uint32))
+        self.clear()
 
     def use_camera(self, camera: CameraModel) -> None:
         """Look through another state of the camera from now on; its kernel and its facts are those of the plan."""
@@ -231,3 +244,12 @@ class Wavefront:
     def not_finite(self) -> int:
         """Return how many samples were dropped because they were not finite, up to the last `finish`."""
         return int(self._film.counts[-1])
+
+
+def signature(plan: Plan, scene: SceneBuffers, layout: FilmLayout, settings: RenderSettings) -> tuple[Any, ...]:
+    """Return all that programs and sizes of a `Wavefront` follow from: one can render all plans of its signature."""
+    camera = plan.camera
+    facts = (plan.facts, camera.facts, scene.tree_facts, plan.spectrum.facts)
+    compiled = tuple(tuple(sorted(each.items())) for each in facts)
+    film = layout, settings.layers, settings.clamp is None
+    return compiled, camera.kernel, camera.has_lens, plan.camera_filter.cells, film
