@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import pairwise
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError, StateError
@@ -17,7 +16,7 @@ from rptcam_cl.optics.coating import (
     QuarterWave,
     constant_reflectance,
 )
-from rptcam_cl.optics.files.fields import Fields, problem
+from rptcam_cl.optics.files.fields import Fields, problem, rises, value_at
 from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, QUARTER_WAVE, REFLECTANCE
 from rptcam_cl.optics.glass import Medium
 from rptcam_cl.optics.surface import Surface
@@ -63,9 +62,7 @@ def _misfit(coating: Coating | None, before: Medium, surface: Surface) -> str:
 
 def read_coating(document: Document, path: KeyPath) -> Coating:
     """Return the coating at a key path of a lens file."""
-    value = document.data
-    for part in path:
-        value = value[part]
+    value = value_at(document, path)
     if isinstance(value, str):
         if value not in WORDS:
             raise problem(document, path, f"unknown coating; allowed: {FORMS}", value)
@@ -79,7 +76,7 @@ def read_coating(document: Document, path: KeyPath) -> Coating:
 
 
 def _quarter_wave(fields: Fields) -> Coating:
-    inner = Fields(fields.document, (*fields.path, "quarter_wave"), QUARTER_WAVE)
+    inner = fields.inner("quarter_wave", QUARTER_WAVE)
     index = inner.number("index")
     if not 1 <= index <= 5:
         raise inner.fail("index", "the index of a layer lies between 1 and 5")
@@ -91,7 +88,7 @@ def _measured(fields: Fields) -> Coating:
     if isinstance(value, str):
         return _read_reflectance(fields, value)
     if isinstance(value, dict):
-        inner = Fields(fields.document, (*fields.path, "reflectance"), REFLECTANCE)
+        inner = fields.inner("reflectance", REFLECTANCE)
         return MeasuredReflectance(*read_spectrum(inner, "reflectance"))
     share = fields.number("reflectance")
     if not 0 <= share < 1:
@@ -112,7 +109,7 @@ def spectrum_fault(wavelengths: tuple[float, ...], values: tuple[float, ...], wh
     """Return the key at fault and what is wrong, None when a spectrum is as it should be."""
     if len(wavelengths) < 2:
         return "wavelengths_nm", "needs at least two wavelengths"
-    if wavelengths[0] <= 0 or any(b <= a for a, b in pairwise(wavelengths)):
+    if not rises(wavelengths):
         return "wavelengths_nm", "must rise, above 0"
     if len(values) != len(wavelengths):
         return "values", f"needs as many numbers as wavelengths_nm ({len(values)} and {len(wavelengths)})"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Iterable, Mapping
+from itertools import pairwise
 from typing import Any
 
 from rptcam_cl.core.errors import InputError
@@ -36,7 +37,7 @@ class Fields:
     def __init__(self, document: Document, path: KeyPath, allowed: Iterable[str]) -> None:
         self.document = document
         self.path = path
-        value = _at(document.data, path)
+        value = value_at(document, path)
         if not isinstance(value, dict):
             raise problem(document, path, "expected a mapping of keys to values", value)
         self.value: Mapping[Any, Any] = value
@@ -96,10 +97,39 @@ class Fields:
             raise self.fail(key, "expected a list of numbers")
         return tuple(as_number(self.document, (*self.path, key, i)) for i in range(len(value)))
 
+    def span(self, key: str, count: int) -> tuple[int, int]:
+        """Return the first and last of neighbours, counted from 0, of which there are `count`."""
+        span = self.numbers(key)
+        if len(span) != 2 or any(part % 1 for part in span) or not 0 <= span[0] <= span[1] < count:
+            raise self.fail(key, f"expected [first, last], two numbers from 0 to {count - 1}")
+        return int(span[0]), int(span[1])
+
+    def paths_by_number(self, key: str, least: int, most: int, fault: str) -> list[tuple[int, KeyPath]]:
+        """Return the keys of a mapping, whole numbers from least to most, and the paths of their values."""
+        found = []
+        for name in self.value[key]:
+            number = int(name) if isinstance(name, int) or (isinstance(name, str) and name.isdigit()) else least - 1
+            path = (*self.path, key, name)
+            if isinstance(name, bool) or not least <= number <= most:
+                raise problem(self.document, path, fault, name)
+            found.append((number, path))
+        return found
+
+    def inner(self, key: str, allowed: Iterable[str]) -> Fields:
+        """Return the mapping that a key leads to."""
+        return Fields(self.document, (*self.path, key), allowed)
+
+    def rows(self, key: str, allowed: Iterable[str], example: str) -> list[Fields]:
+        """Return the mappings of a list, none when it is absent."""
+        rows = self.value.get(key) or []
+        if not isinstance(rows, list):
+            raise self.fail(key, f"expected a list such as {example}")
+        return [Fields(self.document, (*self.path, key, i), allowed) for i in range(len(rows))]
+
 
 def as_number(document: Document, path: KeyPath, infinite: bool = False) -> float:
     """Return the number at a key path."""
-    value = _at(document.data, path)
+    value = value_at(document, path)
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise problem(document, path, "expected a number", value)
     if not math.isfinite(value) and not (infinite and math.isinf(value)):
@@ -112,10 +142,17 @@ def problem(document: Document, path: KeyPath, text: str, got: Any = None) -> Fi
     return FieldError(document.where(path), path, text, got)
 
 
-def _at(data: Any, path: KeyPath) -> Any:
+def value_at(document: Document, path: KeyPath) -> Any:
+    """Return the value at a key path."""
+    value = document.data
     for part in path:
-        data = data[part]
-    return data
+        value = value[part]
+    return value
+
+
+def rises(wavelengths: tuple[float, ...]) -> bool:
+    """Return whether wavelengths are above 0, each longer than the one before."""
+    return wavelengths[0] > 0 and all(a < b for a, b in pairwise(wavelengths))
 
 
 def _short(value: Any) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 
 from rptcam_cl.core.errors import InputError, StateError
@@ -12,7 +11,7 @@ from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, KeyPath
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.files.catalogue import LARGEST_FILE, glasses_of_agf, read_refractive_index
 from rptcam_cl.optics.files.coatings import read_spectrum
-from rptcam_cl.optics.files.fields import Fields, problem
+from rptcam_cl.optics.files.fields import Fields, problem, rises, value_at
 from rptcam_cl.optics.files.glass_names import glass_named, near_names
 from rptcam_cl.optics.files.keys import (
     GLASS,
@@ -39,9 +38,7 @@ from rptcam_cl.optics.glass import (
 
 def read_glass(document: Document, path: KeyPath) -> Medium:
     """Return the medium at a key path of a lens file."""
-    value = document.data
-    for part in path:
-        value = value[part]
+    value = value_at(document, path)
     if isinstance(value, str):
         return _named(document, path, value)
     if isinstance(value, int | float) and not isinstance(value, bool):
@@ -55,7 +52,7 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
 
 
 def _absorption(fields: Fields) -> Absorption:
-    inner = Fields(fields.document, (*fields.path, "transmittance"), TRANSMITTANCE)
+    inner = fields.inner("transmittance", TRANSMITTANCE)
     return Absorption.from_transmittance(*read_spectrum(inner, "transmittance"), inner.positive("thickness_mm"))
 
 
@@ -88,14 +85,14 @@ def _abbe(fields: Fields) -> Law:
 
 
 def _linear(fields: Fields) -> Law:
-    inner = Fields(fields.document, (*fields.path, "linear_abbe"), LINEAR_ABBE)
+    inner = fields.inner("linear_abbe", LINEAR_ABBE)
     n = _checked(inner, "n", inner.number("n"))
     v = inner.positive("v")
     return AbbeLinear(n, v, fields.text("name", f"{n:g} / {v:g} linear"))
 
 
 def _sellmeier(fields: Fields) -> Law:
-    inner = Fields(fields.document, (*fields.path, "sellmeier"), SELLMEIER)
+    inner = fields.inner("sellmeier", SELLMEIER)
     b, c = inner.numbers("b"), inner.numbers("c")
     if len(b) != len(c):
         raise inner.fail("c", f"b and c need as many numbers as each other ({len(b)} and {len(c)})")
@@ -120,11 +117,11 @@ def _schott(fields: Fields) -> Law:
 
 
 def _table(fields: Fields) -> Law:
-    inner = Fields(fields.document, (*fields.path, "table"), INDEX_TABLE)
+    inner = fields.inner("table", INDEX_TABLE)
     wavelengths, values = inner.numbers("wavelengths_nm"), inner.numbers("values")
     if len(wavelengths) != len(values):
         raise inner.fail("values", f"needs one index for each wavelength ({len(values)} for {len(wavelengths)})")
-    if wavelengths[0] <= 0 or any(b <= a for a, b in pairwise(wavelengths)):
+    if not rises(wavelengths):
         raise inner.fail("wavelengths_nm", "must be above 0 and rise")
     for value in values:
         _checked(inner, "values", value)
@@ -135,7 +132,7 @@ def _range(fields: Fields) -> tuple[float, float] | None:
     if "range_nm" not in fields:
         return None
     limits = fields.numbers("range_nm")
-    if len(limits) != 2 or not 0 < limits[0] < limits[1]:
+    if len(limits) != 2 or not rises(limits):
         raise fields.fail("range_nm", "expected [shortest, longest] wavelength in nm")
     return limits[0], limits[1]
 

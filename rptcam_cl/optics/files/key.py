@@ -20,6 +20,11 @@ def numbers(least: int, most: int | None = None) -> dict[str, Any]:
     return {"type": "array", "items": NUMBER, "minItems": least} | ({} if most is None else {"maxItems": most})
 
 
+def by_number(value: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+    """Return the schema of a mapping whose keys are whole numbers."""
+    return {"type": "object", "patternProperties": {r"^[0-9]+$": value}, "additionalProperties": False, **more}
+
+
 NUMBER = {"type": "number"}
 POSITIVE = {"type": "number", "exclusiveMinimum": 0}
 TEXT = {"type": "string"}

@@ -5,7 +5,7 @@ The readers take their allowed keys from here, and so does `lens_json_schema`.
 
 from __future__ import annotations
 
-from rptcam_cl.optics.files.key import NUMBER, POSITIVE, TEXT, Key, mapping, numbers
+from rptcam_cl.optics.files.key import NUMBER, POSITIVE, TEXT, Key, by_number, mapping, numbers
 from rptcam_cl.optics.shapes import FORMS
 
 UNITS_MM = {"mm": 1.0, "m": 1000.0, "cm": 10.0, "um": 1e-3, "in": 25.4, "km": 1e6}
@@ -17,7 +17,7 @@ SHORTEST_MM, LONGEST_MM = 1e-9, 1e15  # beyond these, squares and reciprocals le
 INDEX = {"type": "number", "minimum": LOWEST_INDEX, "maximum": HIGHEST_INDEX}
 SPAN = {"type": "array", "items": {"type": "integer", "minimum": 0}, "minItems": 2, "maxItems": 2}
 GLASS_VALUE = {"$ref": "#/$defs/Glass"}
-BY_NUMBER = r"^[0-9]+$"  # a mapping whose keys are whole numbers
+GAPS = by_number({"type": "number", "minimum": 0}, minProperties=1)
 
 LINEAR_ABBE = {
     "n": Key("Index at 589.3 nm.", INDEX),
@@ -113,8 +113,7 @@ SHAPED = {
     ),
     "conic": Key("k: 0 sphere, -1 paraboloid, below -1 hyperboloid.", NUMBER),
     "aspheric": Key(
-        f"Powers of r from 1 to {HIGHEST_POWER} and their coefficients [unit^(1 - power)].",
-        {"type": "object", "patternProperties": {BY_NUMBER: NUMBER}, "additionalProperties": False},
+        f"Powers of r from 1 to {HIGHEST_POWER} and their coefficients [unit^(1 - power)].", by_number(NUMBER)
     ),
     "qcon": Key("Forbes's Qcon polynomials, added to the rest.", mapping(QCON, ("radius", "coefficients"))),
     "cylinder": Key("The only axis along which the surface curves.", {"enum": ["x", "y"]}),
@@ -143,22 +142,14 @@ GROUP = {"surfaces": Key("First and last surface, counted from 0.", SPAN), **POS
 
 CONFIGURATION = {
     "name": Key("What the position is called.", TEXT),
-    "gaps": Key(
-        "Thickness [unit] behind surfaces, by their number; every position gives the same ones.",
-        {"type": "object", "patternProperties": {BY_NUMBER: {"type": "number", "minimum": 0}},
-         "additionalProperties": False, "minProperties": 1},
-    ),
+    "gaps": Key("Thickness [unit] behind surfaces, by their number; every position gives the same ones.", GAPS),
     "stop_diameter": Key("Diameter of the stop in this position, where it differs [unit].", POSITIVE),
-}  # fmt: skip
+}
 
 FLOATING = {
     "distance": Key("From the object plane to the film [unit].", POSITIVE),
-    "gaps": Key(
-        "Thickness [unit] behind surfaces, by their number; every state gives the same ones.",
-        {"type": "object", "patternProperties": {BY_NUMBER: {"type": "number", "minimum": 0}},
-         "additionalProperties": False, "minProperties": 1},
-    ),
-}  # fmt: skip
+    "gaps": Key("Thickness [unit] behind surfaces, by their number; every state gives the same ones.", GAPS),
+}
 
 FOCUSING = {
     "surfaces": Key("First and last surface of the group that moves, counted from 0.", SPAN),

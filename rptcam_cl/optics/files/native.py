@@ -52,7 +52,7 @@ def read_native(document: Document) -> Lens:
         raise top.fail("surfaces" if "surfaces" in top else None, "a lens needs a list of surfaces")
     object_medium = read_glass(document, ("object_medium",)) if "object_medium" in top else AIR
     surfaces = tuple(_surface(document, i, i == len(rows) - 1, scale) for i in range(len(rows)))
-    surfaces = _grouped(document, top, _reflected(document, surfaces, object_medium), scale)
+    surfaces = _grouped(top, _reflected(document, surfaces, object_medium), scale)
     stops = [i for i, surface in enumerate(surfaces) if surface.is_stop]
     if len(stops) > 1:
         raise problem(
@@ -68,9 +68,9 @@ def read_native(document: Document) -> Lens:
         source=top.text("source"),
         published=dict(published),
         object_medium=object_medium,
-        configurations=read_configurations(document, top, len(surfaces), scale),
-        focusing=read_focusing(document, top, len(surfaces), scale),
-        floating=read_floating(document, top, len(surfaces), scale),
+        configurations=read_configurations(top, len(surfaces), scale),
+        focusing=read_focusing(top, len(surfaces), scale),
+        floating=read_floating(top, len(surfaces), scale),
     )
     if lens.configurations:
         lens = configured(lens, lens.configurations[0].name)
@@ -132,22 +132,16 @@ def _reflected(document: Document, surfaces: tuple[Surface, ...], before: Medium
     return tuple(result)
 
 
-def _grouped(document: Document, top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tuple[Surface, ...]:
+def _grouped(top: Fields, surfaces: tuple[Surface, ...], scale: float) -> tuple[Surface, ...]:
     """Return the surfaces with the decentre and tilt of the groups they belong to, about each group's first vertex."""
     result = list(surfaces)
-    groups = top.get("groups") or []
-    if not isinstance(groups, list):
-        raise top.fail("groups", "expected a list such as [{surfaces: [0, 3], tilt_degrees: [1, 0]}]")
-    for number in range(len(groups)):
-        fields = Fields(document, ("groups", number), GROUP)
-        span = fields.numbers("surfaces")
-        if len(span) != 2 or any(part % 1 for part in span) or not 0 <= span[0] <= span[1] < len(surfaces):
-            raise fields.fail("surfaces", f"expected [first, last], two numbers from 0 to {len(surfaces) - 1}")
+    for fields in top.rows("groups", GROUP, "[{surfaces: [0, 3], tilt_degrees: [1, 0]}]"):
+        first, last = fields.span("surfaces", len(surfaces))
         pose = read_pose(fields, scale)
         if pose is None:
             raise fields.fail(None, "a group needs decentre or tilt_degrees")
         behind = 0.0
-        for k in range(int(span[0]), int(span[1]) + 1):
+        for k in range(first, last + 1):
             result[k] = replace(result[k], pose=(result[k].pose or IN_PLACE).carried_by(pose, behind))
             behind += result[k].thickness
     return tuple(result)

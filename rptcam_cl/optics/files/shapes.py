@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.fields import Fields, as_number, problem
+from rptcam_cl.optics.files.fields import Fields, as_number
 from rptcam_cl.optics.files.keys import CLEAR, HIGHEST_POWER, QCON, SHAPE
 from rptcam_cl.optics.files.qcon import FIRST_POWER, even_powers
 from rptcam_cl.optics.placement import SurfacePose
@@ -63,7 +63,7 @@ def _stop_shape(fields: Fields) -> StopShape | None:
     try:
         if fields.get("shape") == "heart":
             return heart()
-        inner = Fields(fields.document, (*fields.path, "shape"), SHAPE)
+        inner = fields.inner("shape", SHAPE)
         kinds = [kind for kind in ("blades", "star", "polygon") if kind in inner]
         if len(kinds) != 1:
             raise fields.fail("shape", "allowed: heart, {blades: n}, {star: n} or {polygon: [[x, y], ...]}")
@@ -71,13 +71,8 @@ def _stop_shape(fields: Fields) -> StopShape | None:
             rows = inner.get("polygon")
             if not isinstance(rows, list) or not all(isinstance(row, list) and len(row) == 2 for row in rows):
                 raise inner.fail("polygon", "expected a list of points [x, y] in units of the stop's radius")
-            path = (*inner.path, "polygon")
-            return polygon(
-                [
-                    (as_number(inner.document, (*path, i, 0)), as_number(inner.document, (*path, i, 1)))
-                    for i in range(len(rows))
-                ]
-            )
+            places = [[(*inner.path, "polygon", i, axis) for axis in (0, 1)] for i in range(len(rows))]
+            return polygon([(as_number(inner.document, x), as_number(inner.document, y)) for x, y in places])
         count = inner.number(kinds[0])
         if count % 1:
             raise inner.fail(kinds[0], "expected a whole number")
@@ -97,21 +92,16 @@ def _aspheric(fields: Fields, scale: float) -> tuple[tuple[int, float], ...]:
         return ()
     if not isinstance(table, dict):
         raise fields.fail("aspheric", "expected a mapping of powers of r to coefficients, such as {4: 1.0e-5}")
-    terms = []
-    for key in table:
-        power = int(key) if isinstance(key, int) or (isinstance(key, str) and key.isdigit()) else 0
-        path = (*fields.path, "aspheric", key)
-        if isinstance(key, bool) or not 1 <= power <= HIGHEST_POWER:
-            raise problem(fields.document, path, f"a power of r is a whole number from 1 to {HIGHEST_POWER}", key)
-        terms.append((power, as_number(fields.document, path) * scale ** (1 - power)))
-    return tuple(terms)
+    fault = f"a power of r is a whole number from 1 to {HIGHEST_POWER}"
+    powers = fields.paths_by_number("aspheric", 1, HIGHEST_POWER, fault)
+    return tuple((power, as_number(fields.document, path) * scale ** (1 - power)) for power, path in powers)
 
 
 def _with_qcon(fields: Fields, scale: float, terms: tuple[tuple[int, float], ...]) -> tuple[tuple[int, float], ...]:
     """Return the terms of an asphere with those of its Qcon polynomials, by rising power."""
     result = dict(terms)
     if "qcon" in fields:
-        inner = Fields(fields.document, (*fields.path, "qcon"), QCON)
+        inner = fields.inner("qcon", QCON)
         radius, coefficients = inner.positive("radius"), inner.numbers("coefficients")
         most = (HIGHEST_POWER - FIRST_POWER) // 2 + 1
         if len(coefficients) > most:
@@ -129,7 +119,7 @@ def _region(fields: Fields, scale: float) -> Region | None:
         if "outside" in fields:
             raise fields.fail("outside", "needs a clear region beside it")
         return None
-    inner = Fields(fields.document, (*fields.path, "clear"), CLEAR)
+    inner = fields.inner("clear", CLEAR)
     width, height = math.inf, math.inf
     if "rectangle" in inner:
         size = inner.numbers("rectangle")
