@@ -15,7 +15,8 @@ from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
-from rptcam_cl.rendering.metering import resolve_exposure
+from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, resolve_exposure
+from rptcam_cl.rendering.metering import weights as metering_weights
 from rptcam_cl.rendering.parts import Part, joined, split_of, split_text
 from rptcam_cl.rendering.precise_lens import check_precision
 from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, rendering_of
@@ -26,6 +27,7 @@ from rptcam_cl.rendering.trees.scene_trees import scene_trees
 
 __all__ = [
     "GEOMETRY",
+    "SPOT_AREA",
     "SUFFIX",
     "TILE",
     "TILE_PIXELS",
@@ -48,6 +50,8 @@ __all__ = [
     "film_rays",
     "joined",
     "lens_margin",
+    "metered_cd_m2",
+    "metering_weights",
     "render_plan",
     "rendering_of",
     "resolve_exposure",

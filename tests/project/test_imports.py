@@ -38,6 +38,20 @@ ROOMS: dict[str, set[str]] = {
     },
     "importers": {"core", "colour", "assets", "optics", "scene"},
     "api": {"core", "optics", "scene", "imaging", "device", "lenstools", "plan", "rendering", "focusing", "tradeoff"},
+    "viewfinder": {
+        "core",
+        "colour",
+        "optics",
+        "scene",
+        "imaging",
+        "device",
+        "cameras",
+        "lenstools",
+        "rendering",
+        "focusing",
+        "tradeoff",
+        "api",
+    },
     "cli": {
         "_version",
         "core",
@@ -52,6 +66,7 @@ ROOMS: dict[str, set[str]] = {
         "tradeoff",
         "importers",
         "api",
+        "viewfinder",
     },
 }
 FACES = {"__init__", "__main__"}

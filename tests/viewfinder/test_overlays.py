@@ -1,0 +1,122 @@
+"""Zebra, false colour, peaking, overlay and magnifier, against what the test computes by itself."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.viewfinder import overlays
+
+
+@pytest.fixture(scope="module")
+def film() -> NDArray[np.float32]:
+    """A film of values from far below black to beyond white."""
+    stops = np.random.default_rng(3).uniform(-9, 4, (37, 53, 3))
+    return (0.18 * 2.0**stops).astype(np.float32)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.02, 0.7, 0.95, 1.0])
+def test_zebra_marks_what_reaches_the_display_level(film: NDArray[np.float32], level: float) -> None:
+    signal = np.where(film <= 0.0031308, 12.92 * film, 1.055 * np.maximum(film, 1e-9) ** (1 / 2.4) - 0.055)
+    expected = [[bool(max(pixel) >= level - 1e-7) for pixel in row] for row in signal]
+    assert np.array_equal(overlays.zebra(film, level), expected)
+
+
+@pytest.mark.parametrize("level", [-0.1, 1.5, float("nan")])
+def test_zebra_refuses_what_is_no_signal(film: NDArray[np.float32], level: float) -> None:
+    with pytest.raises(InputError, match="0 to 1"):
+        overlays.zebra(film, level)
+
+
+def test_false_colour_is_the_zone_of_the_luminance(film: NDArray[np.float32]) -> None:
+    stops = np.log2((film.astype(np.float64) @ [0.2126, 0.7152, 0.0722]) / 0.18)
+    zones = np.clip(np.floor(stops + 0.5) + 5, 0, 7)
+    zones[stops >= np.log2(1 / 0.18)] = 8
+    assert np.array_equal(overlays.false_colour(film), zones)
+
+
+def test_false_colour_has_a_scale_without_gaps() -> None:
+    legend = overlays.false_colour_legend()
+    assert [band["name"] for band in legend] == ["0", "I", "II", "III", "IV", "V", "VI", "VII", "clipped"]
+    assert [band["high_ev"] for band in legend[:-1]] == [band["low_ev"] for band in legend[1:]]
+    shown = overlays.false_colour_rgba(np.array([[5, 8]], np.uint8))
+    assert shown.tolist() == [[[*legend[5]["colour"], 255], [*legend[8]["colour"], 255]]]
+
+
+def peaks(film: NDArray[np.float32], level: float) -> NDArray[np.bool_]:
+    """Peaking pixel by pixel in float64."""
+    y = np.clip(film.astype(np.float64) @ [0.2126, 0.7152, 0.0722], 0, 1)
+    v = np.where(y <= 0.0031308, 12.92 * y, 1.055 * np.maximum(y, 1e-9) ** (1 / 2.4) - 0.055)
+    rows, columns = v.shape
+    high = np.zeros_like(v)
+    for i in range(rows):
+        for j in range(columns):
+            mean = 0.0
+            for di, a in ((-1, 1), (0, 2), (1, 1)):
+                for dj, b in ((-1, 1), (0, 2), (1, 1)):
+                    mean += a * b * v[min(max(i + di, 0), rows - 1), min(max(j + dj, 0), columns - 1)] / 16
+            high[i, j] = abs(v[i, j] - mean)
+    strong = high > max(0.1 * (1 - level) + 0.005, 4 * 1.4826 * np.median(high))
+    result = np.zeros_like(strong)
+    for i in range(rows):
+        for j in range(columns):
+            near = strong[max(i - 1, 0) : i + 2, max(j - 1, 0) : j + 2].sum() - strong[i, j]
+            result[i, j] = strong[i, j] and near >= 2
+    return np.asarray(result)
+
+
+@pytest.fixture(scope="module")
+def edges() -> NDArray[np.float32]:
+    """A sharp edge on the left, a soft one on the right, a little noise everywhere and one bright speck."""
+    x = np.arange(60)
+    row = np.where(x < 15, 0.1, 0.5) - 0.4 * np.clip((x - 35) / 12, 0, 1)
+    noise = np.random.default_rng(5).normal(1.0, 0.005, (40, 60))
+    film = np.repeat((row * noise)[..., None], 3, axis=2)
+    film[30, 25] = 1.0
+    return film.astype(np.float32)
+
+
+@pytest.mark.parametrize("level", [0.2, 0.5, 0.9])
+def test_peaking_is_the_contrast_of_neighbouring_pixels(edges: NDArray[np.float32], level: float) -> None:
+    assert np.array_equal(overlays.peaking(edges, level), peaks(edges, level))
+
+
+def test_peaking_marks_the_sharp_edge_and_neither_the_soft_one_nor_a_speck(edges: NDArray[np.float32]) -> None:
+    columns = np.flatnonzero(overlays.peaking(edges).any(axis=0))
+    assert columns.tolist() == [14, 15]
+
+
+def test_peaking_is_silent_in_noise() -> None:
+    noise = np.random.default_rng(1).gamma(4.0, 0.05, (80, 120, 1)).astype(np.float32)
+    assert overlays.peaking(np.repeat(noise, 3, axis=2)).mean() < 0.002
+
+
+def test_overlay_mixes_by_alpha() -> None:
+    picture = np.full((1, 3, 3), 100, np.uint8)
+    layer = np.array([[[200, 0, 100, 255], [200, 0, 100, 0], [200, 0, 100, 51]]], np.uint8)
+    assert overlays.overlay(picture, layer).tolist() == [[[200, 0, 100], [100, 100, 100], [120, 80, 100]]]
+    with pytest.raises(InputError, match="size"):
+        overlays.overlay(picture, layer[:, :2])
+
+
+def test_zebra_and_peaking_pictures_are_clear_where_nothing_is_marked() -> None:
+    mask = np.eye(16, dtype=bool)
+    for picture in (overlays.zebra_rgba(mask), overlays.peaking_rgba(mask)):
+        assert np.array_equal(picture[..., 3] > 0, mask)
+    stripes = overlays.zebra_rgba(np.ones((8, 16), bool))[0, :, 0]
+    assert np.array_equal(stripes == 255, np.arange(16) % 8 < 4)
+
+
+@pytest.mark.parametrize(
+    ("x", "y", "first"), [(0.5, 0.5, (15, 15)), (0.0, 0.0, (0, 0)), (1.0, 1.0, (30, 30)), (0.25, 0.9, (5, 30))]
+)
+def test_magnifier_is_a_crop_of_the_pixels(x: float, y: float, first: tuple[int, int]) -> None:
+    picture = np.arange(40 * 40).reshape(40, 40, 1)
+    crop, place = overlays.magnifier(picture, x, y, 10, 10)
+    assert place == first
+    assert np.array_equal(crop, picture[first[1] : first[1] + 10, first[0] : first[0] + 10])
+
+
+def test_magnifier_of_a_small_picture_is_the_whole() -> None:
+    crop, place = overlays.magnifier(np.zeros((8, 12, 3)), 0.9, 0.9)
+    assert (crop.shape, place) == ((8, 12, 3), (0, 0))
