@@ -3,11 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import chain
 
 import numpy as np
 
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
-from rptcam_cl.lenstools.foreign import WAVELENGTHS_NM, beam_of, maker_and_name, number, one_line, refuse, tilts
+from rptcam_cl.lenstools.foreign import (
+    WAVELENGTHS_NM,
+    beam_of,
+    maker_and_name,
+    number,
+    numbers,
+    one_line,
+    refuse,
+    rows_of,
+    sequence_reasons,
+    tilts,
+)
 from rptcam_cl.optics import (
     AIR,
     AbbeCauchy,
@@ -18,7 +30,6 @@ from rptcam_cl.optics import (
     Surface,
     Toroid,
     held_index,
-    limiting_surface,
     plain_glass_name,
 )
 
@@ -34,26 +45,22 @@ def codev_text(lens: Lens) -> str:
     InputError
         With every reason why such a sequence cannot say this lens.
     """
-    refuse(lens, ".seq", _reasons(lens))
+    refuse(lens, ".seq file", chain(sequence_reasons(lens), _reasons(lens)))
     beam = beam_of(lens)
     private: dict[Medium, str] = {}
     words = ["REFL" if surface.is_mirror else _glass(surface.glass, private) for surface in lens.surfaces]
     lines = ["RDM N;LEN", f"TITLE '{one_line(lens.name)}'", f"EPD {number(beam.pupil_diameter)}", "DIM M"]
-    lines.append(f"WL {' '.join(number(nm) for nm in reversed(WAVELENGTHS_NM))}")
+    lines.append(f"WL {numbers(reversed(WAVELENGTHS_NM))}")
     lines += [f"REF {len(WAVELENGTHS_NM) - WAVELENGTHS_NM.index(LINE_D_NM)}", "WTW 1 1 1"]
-    zeros = " ".join(["0.0"] * len(beam.fields))
-    lines += [f"XAN {zeros}", f"YAN {' '.join(map(number, beam.fields))}"]
+    lines += [f"XAN {numbers([0] * len(beam.fields))}", f"YAN {numbers(beam.fields)}"]
     if private:
-        lines += ["PRV", f"  PWL {' '.join(map(number, PRIVATE_NM))}"]
-        lines += [f"  '{name}' {' '.join(_indices(medium))}" for medium, name in private.items()]
+        lines += ["PRV", f"  PWL {numbers(PRIVATE_NM)}"]
+        lines += [f"  '{name}' {numbers(_indices(medium))}" for medium, name in private.items()]
         lines.append("END")
     lines.append("SO 0.0 1.0E+13")
-    stop, last = limiting_surface(lens), len(lens.surfaces) - 1
-    for k, surface in enumerate(lens.surfaces):
-        gap = lens.sense * beam.film if k == last else surface.thickness
-        curvature = 0.0 if surface.cylinder == "x" else surface.curvature
-        lines.append(f"S {number(curvature)} {number(gap)} {words[k]}".rstrip())
-        lines += [f"  {line}" for line in _details(surface, k == stop)]
+    for row, word in zip(rows_of(lens, beam), words, strict=True):
+        lines.append(f"S {number(row.curvature)} {number(row.gap)} {word}".rstrip())
+        lines += [f"  {line}" for line in _details(row.surface, row.is_stop)]
     return "\n".join([*lines, "SI 0.0 0.0", "GO", ""])
 
 
@@ -101,10 +108,10 @@ def _glass(medium: Medium, private: dict[Medium, str]) -> str:
     return f"'{name}'"
 
 
-def _indices(medium: Medium) -> list[str]:
+def _indices(medium: Medium) -> list[float]:
     if isinstance(medium, ConstantIndex):
-        return [number(medium.value)] * len(PRIVATE_NM)
-    return [number(value) for value in held_index(medium, np.array(PRIVATE_NM))]  # type: ignore[arg-type]
+        return [medium.value] * len(PRIVATE_NM)
+    return list(held_index(medium, np.array(PRIVATE_NM)))  # type: ignore[arg-type]
 
 
 def _reasons(lens: Lens) -> Iterator[tuple[int, str]]:

@@ -1,9 +1,9 @@
-"""What files of Zemax and CODE V have in common when a lens is written: what they cannot say, beam, fields, tilts."""
+"""What files of other programs have in common when a lens is written: what they cannot say, beam, rows, tilts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ from rptcam_cl.optics import (
     Toroid,
     glass_named,
     glasses_of,
+    limiting_surface,
     named_glass,
     plain_glass_name,
 )
@@ -49,22 +50,46 @@ def beam_of(lens: Lens) -> Beam:
     return Beam(pupil if math.isfinite(pupil) else 0.0, tuple(fields), use.film_distance_mm or 0.0)
 
 
-def refuse(lens: Lens, form: str, more: Iterator[tuple[int, str]]) -> None:
-    """Raise an error with every reason why a form cannot say a lens; `more` are reasons of its own, by surface."""
+@dataclass(frozen=True)
+class Row:
+    """What both say of a surface: curvature in the plane of y [1/mm], gap behind it [mm], whether it is the stop."""
+
+    surface: Surface
+    curvature: float
+    gap: float
+    is_stop: bool
+
+
+def rows_of(lens: Lens, beam: Beam) -> Iterator[Row]:
+    """Yield the surfaces of a lens; the last gap is the film's."""
+    stop, last = limiting_surface(lens), len(lens.surfaces) - 1
+    for k, surface in enumerate(lens.surfaces):
+        curvature = 0.0 if surface.cylinder == "x" else surface.curvature
+        yield Row(surface, curvature, lens.sense * beam.film if k == last else surface.thickness, k == stop)
+
+
+def refuse(lens: Lens, form: str, of_surfaces: Iterable[tuple[int, str]], of_whole: Iterable[str] = ()) -> None:
+    """Raise an error with every reason why a form, such as ``.seq file``, cannot say a lens.
+
+    Parameters
+    ----------
+    of_surfaces : iterable of (int, str)
+        Reasons that lie in a surface, with its number.
+    of_whole : iterable of str
+        Reasons that lie in the lens as a whole, beside those that every form has.
+    """
     reasons = []
     if abs(float(lens.object_medium.index(LINE_D_NM)) - 1) > IN_AIR:
         reasons.append(f"the medium in front of it is {lens.object_medium.name}, not air")
     if lens.configurations:
         reasons.append("it is a zoom lens (choose a focal length)")
     where: dict[str, list[str]] = {}
-    for k, surface in enumerate(lens.surfaces):
-        for reason in _reasons(surface):
-            where.setdefault(reason, []).append(str(k))
-    for k, reason in more:
+    for k, reason in of_surfaces:
         where.setdefault(reason, []).append(str(k))
     reasons += [f"{reason} (surface {', '.join(places)})" for reason, places in where.items()]
+    reasons += of_whole
     if reasons:
-        raise InputError(f"{lens.name}: a {form} file cannot say it: {'; '.join(reasons)}")
+        raise InputError(f"{lens.name}: a {form} cannot say it: {'; '.join(reasons)}")
 
 
 def left_out(lens: Lens) -> list[str]:
@@ -101,20 +126,27 @@ def number(value: float) -> str:
     return repr(float(value))
 
 
+def numbers(values: Iterable[float]) -> str:
+    """Return numbers in a line, with as many digits as they need."""
+    return " ".join(map(number, values))
+
+
 def one_line(text: str) -> str:
     """Return a text without what would end a line or a quotation."""
     return " ".join(text.replace("'", " ").replace('"', " ").split())
 
 
-def _reasons(surface: Surface) -> Iterator[str]:
-    if surface.stop_shape is not None:
-        yield "the stop is not round"
-    if not math.isfinite(surface.semi_diameter):
-        yield "it has no diameter"
-    region = surface.region
-    if region is not None and (region.inverted or region.normal_degrees is not None or not region.blocks):
-        yield "only a part of it is there"
-    if surface.form is not None and not isinstance(surface.form, Biconic | Toroid):
-        yield f"it is {surface.form.description}"
-    if isinstance(surface.form, Biconic) and surface.aspheric:
-        yield "it is a biconic with powers of r"
+def sequence_reasons(lens: Lens) -> Iterator[tuple[int, str]]:
+    """Yield why neither Zemax nor CODE V can say a surface, with its number."""
+    for k, surface in enumerate(lens.surfaces):
+        if surface.stop_shape is not None:
+            yield k, "the stop is not round"
+        if not math.isfinite(surface.semi_diameter):
+            yield k, "it has no diameter"
+        region = surface.region
+        if region is not None and (region.inverted or region.normal_degrees is not None or not region.blocks):
+            yield k, "only a part of it is there"
+        if surface.form is not None and not isinstance(surface.form, Biconic | Toroid):
+            yield k, f"it is {surface.form.description}"
+        if isinstance(surface.form, Biconic) and surface.aspheric:
+            yield k, "it is a biconic with powers of r"

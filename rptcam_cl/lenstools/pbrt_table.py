@@ -10,11 +10,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.lenstools.foreign import IN_AIR, refuse
 from rptcam_cl.lenstools.lens_state import setting
 from rptcam_cl.optics import Lens, Surface, short_radius
-
-IN_AIR = 1e-9
 
 
 def pbrt_text(lens: Lens, wavelength_nm: float = LINE_D_NM) -> str:
@@ -25,9 +23,7 @@ def pbrt_text(lens: Lens, wavelength_nm: float = LINE_D_NM) -> str:
     InputError
         With every reason why a table cannot say this lens.
     """
-    reasons = list(_reasons(lens, wavelength_nm))
-    if reasons:
-        raise InputError(f"{lens.name}: a .dat table cannot say it: {'; '.join(reasons)}")
+    refuse(lens, ".dat table", _reasons(lens, wavelength_nm), _of_whole(lens))
     film = setting(lens, wavelength_nm=wavelength_nm).film_distance_mm or 0.0
     indices = lens.indices(wavelength_nm)
     lines = [f"# {line}" for line in (*lens.name.splitlines(), *lens.source.splitlines())]
@@ -45,18 +41,14 @@ def loses_dispersion(lens: Lens) -> bool:
     return bool(np.ptp(lens.indices([LINE_F_NM, LINE_C_NM]), axis=1).max() > 0)
 
 
-def _reasons(lens: Lens, wavelength_nm: float) -> Iterator[str]:
+def _reasons(lens: Lens, wavelength_nm: float) -> Iterator[tuple[int, str]]:
     indices = lens.indices(wavelength_nm)
-    if abs(indices[0] - 1) > IN_AIR:
-        yield f"the medium before the lens has index {indices[0]:g}, and a table begins in air"
-    if lens.configurations:
-        yield "it is a zoom lens (choose a focal length)"
-    where: dict[str, list[str]] = {}
     for k, surface in enumerate(lens.surfaces):
         for reason in _surface_reasons(surface, float(indices[k]), float(indices[k + 1])):
-            where.setdefault(reason, []).append(str(k))
-    for reason, places in where.items():
-        yield f"{reason} (surface {', '.join(places)})"
+            yield k, reason
+
+
+def _of_whole(lens: Lens) -> Iterator[str]:
     if len(lens.surfaces) > 2 and lens.surfaces[0].thickness == 0:
         yield "the first thickness is 0, which readers take for the older kind of table"
 

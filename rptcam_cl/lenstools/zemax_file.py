@@ -4,10 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from itertools import permutations
+from itertools import chain, permutations
 
 from rptcam_cl.colour import LINE_D_NM
-from rptcam_cl.lenstools.foreign import WAVELENGTHS_NM, beam_of, maker_and_name, number, one_line, refuse, tilts
+from rptcam_cl.lenstools.foreign import (
+    WAVELENGTHS_NM,
+    Row,
+    beam_of,
+    maker_and_name,
+    number,
+    numbers,
+    one_line,
+    refuse,
+    rows_of,
+    sequence_reasons,
+    tilts,
+)
 from rptcam_cl.optics import (
     AIR,
     AbbeCauchy,
@@ -19,7 +31,6 @@ from rptcam_cl.optics import (
     Toroid,
     abbe_number,
     glass_named,
-    limiting_surface,
     named_glass,
 )
 
@@ -34,24 +45,21 @@ def zemax_text(lens: Lens) -> str:
     InputError
         With every reason why such a file cannot say this lens.
     """
-    refuse(lens, ".zmx", _reasons(lens))
+    refuse(lens, ".zmx file", chain(sequence_reasons(lens), _reasons(lens)))
     beam = beam_of(lens)
     makers = _makers(lens)
     catalogues = " ".join([*map(str.upper, makers), "MISC"])
     lines = ["VERS 140730 0 0", "MODE SEQ", f"NAME {one_line(lens.name)}", "UNIT MM X W X CM MR CPMM"]
     lines += [f"ENPD {number(beam.pupil_diameter)}", f"GCAT {catalogues}"]
     count = len(beam.fields)
-    lines += [f"FTYP 0 0 {count} {len(WAVELENGTHS_NM)} 0 0 0", f"XFLN {' '.join(['0.0'] * count)}"]
-    lines += [f"YFLN {' '.join(map(number, beam.fields))}", f"FWGN {' '.join(['1.0'] * count)}"]
-    for word in ("VDXN", "VDYN", "VCXN", "VCYN", "VANN"):
-        lines.append(f"{word} {' '.join(['0.0'] * count)}")
+    lines += [f"FTYP 0 0 {count} {len(WAVELENGTHS_NM)} 0 0 0", f"XFLN {numbers([0] * count)}"]
+    lines += [f"YFLN {numbers(beam.fields)}", f"FWGN {numbers([1] * count)}"]
+    lines += [f"{word} {numbers([0] * count)}" for word in ("VDXN", "VDYN", "VCXN", "VCYN", "VANN")]
     lines += [f"WAVM {k} {number(nm / 1000)} 1.0" for k, nm in enumerate(WAVELENGTHS_NM, start=1)]
     lines.append(f"PWAV {1 + WAVELENGTHS_NM.index(LINE_D_NM)}")
     blocks = [["  TYPE STANDARD", "  CURV 0.0", "  DISZ INFINITY"]]
-    stop = limiting_surface(lens)
-    last = len(lens.surfaces) - 1
-    for k, surface in enumerate(lens.surfaces):
-        blocks += _surface(surface, lens.sense * beam.film if k == last else surface.thickness, k == stop, makers)
+    for row in rows_of(lens, beam):
+        blocks += _surface(row, makers)
     blocks.append(["  TYPE STANDARD", "  CURV 0.0", "  DISZ 0.0"])
     for k, block in enumerate(blocks):
         lines += [f"SURF {k}", *block]
@@ -73,12 +81,13 @@ def _means(name: str, makers: Sequence[str], written: str) -> bool:
     return meant is not None and meant.written == written
 
 
-def _surface(surface: Surface, gap: float, is_stop: bool, makers: Sequence[str]) -> list[list[str]]:
+def _surface(row: Row, makers: Sequence[str]) -> list[list[str]]:
     """Return the lines of a surface; of a tilted one with the coordinate breaks around it."""
+    surface, gap = row.surface, row.gap
     kind, parameters = _kind(surface)
     conic = 0.0 if surface.cylinder == "x" else surface.conic
-    lines = ["  STOP"] if is_stop else []
-    lines += [f"  TYPE {kind}", f"  CURV {number(0.0 if surface.cylinder == 'x' else surface.curvature)} 0 0 0 0"]
+    lines = ["  STOP"] if row.is_stop else []
+    lines += [f"  TYPE {kind}", f"  CURV {number(row.curvature)} 0 0 0 0"]
     lines += [f"  PARM {k} {number(value)}" for k, value in sorted(parameters.items())]
     lines.append(f"  DISZ {number(gap if surface.pose is None else 0.0)}")
     if surface.is_mirror:
