@@ -1,7 +1,7 @@
 """OpenCL devices, programs and buffers: the only package that imports pyopencl, and it knows no scene and no lens."""
 
-from rptcam_cl.device.choose import DeviceInfo, choose_device, default_device, fitting_devices, list_devices, problem_of
-from rptcam_cl.device.details import device_details, opencl_version
+from rptcam_cl.device.choose import choose_device, default_device, fitting_devices
+from rptcam_cl.device.devices import DeviceInfo, device_details, list_devices, opencl_version, problem_of
 from rptcam_cl.device.pocl_cache import pocl_cache_folder
 from rptcam_cl.device.program import Program
 from rptcam_cl.device.session import Launch, Session, open_session

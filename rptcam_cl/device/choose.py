@@ -1,103 +1,18 @@
-"""Which OpenCL devices there are, and the one that a user means. Never asks."""
+"""The device that a user means, by a word, a list as ``0:0,1:0`` or the environment. Never asks."""
 
 from __future__ import annotations
 
 import difflib
 import os
 import re
-from dataclasses import dataclass
-from typing import Any
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device.listing import first_listed
-from rptcam_cl.device.opencl import load_opencl
-from rptcam_cl.device.remedies import instead, to_install
-from rptcam_cl.device.trial import first_error, try_device
+from rptcam_cl.device.devices import DeviceInfo, list_devices, problem_of
+from rptcam_cl.device.opencl import instead
 
 KINDS = ("cpu", "gpu")
-
-
-@dataclass(frozen=True)
-class DeviceInfo:
-    """One OpenCL device; ``id`` is ``platform:device`` as used by ``--device``.
-
-    ``failure`` is what its driver failed with when it was asked about the device; what is known then is little, and
-    ``handle`` is None where there is nothing but a driver.
-    """
-
-    id: str
-    name: str
-    platform: str
-    type: str
-    compute_units: int
-    memory_bytes: int
-    fp64: bool
-    handle: Any
-    failure: str | None = None
-
-
-def problem_of(device: DeviceInfo) -> str | None:
-    """Return in a line why a device cannot be used, None where it builds a trivial kernel. Tried once per process."""
-    if device.failure is not None:
-        return device.failure
-    problem = try_device(device.handle).problem
-    return None if problem is None else f"it builds no kernel: {first_error(problem)}"
-
-
-def list_devices() -> list[DeviceInfo]:
-    """Return every OpenCL device of every platform, in the order of their ids; drivers that fail are among them.
-
-    Raises
-    ------
-    DeviceError
-        When there is no OpenCL platform at all.
-    """
-    cl = load_opencl()
-    try:
-        platforms = cl.get_platforms()
-    except Exception as error:
-        raise DeviceError(f"no OpenCL platform was found ({error}); {to_install()}") from error
-    found = []
-    for p, platform in enumerate(platforms):
-        found += _devices_of(cl, p, platform)
-    if not found:
-        raise DeviceError(f"no OpenCL device was found; {to_install()}")
-    return found
-
-
-def _devices_of(cl: Any, index: int, platform: Any) -> list[DeviceInfo]:
-    """Return the devices of a platform, or one without a handle that says how its driver failed."""
-    try:
-        devices = platform.get_devices()
-    except Exception as error:  # whatever a driver does, the others can be used
-        if "DEVICE_NOT_FOUND" in str(error):  # how a platform without devices says so
-            return []
-        return [_unknown(f"{index}:0", platform, None, f"its driver lists no devices: {error}")]
-    return [_described(cl, f"{index}:{d}", platform, device) for d, device in enumerate(devices)]
-
-
-def _described(cl: Any, identity: str, platform: Any, device: Any) -> DeviceInfo:
-    try:
-        return DeviceInfo(
-            id=identity,
-            name=device.name.strip(),
-            platform=platform.name.strip(),
-            type="gpu" if device.type & cl.device_type.GPU else "cpu",
-            compute_units=int(device.max_compute_units),
-            memory_bytes=int(device.global_mem_size),
-            fp64="cl_khr_fp64" in device.extensions.split(),
-            handle=device,
-        )
-    except Exception as error:
-        return _unknown(identity, platform, device, f"its driver does not describe it: {error}")
-
-
-def _unknown(identity: str, platform: Any, handle: Any, failure: str) -> DeviceInfo:
-    try:
-        name = str(platform.name).strip()
-    except Exception:
-        name = "unknown platform"
-    return DeviceInfo(identity, "unknown device", name, "cpu", 0, 0, False, handle, " ".join(failure.split()))
+ALL = "all"
+_INDEX = re.compile(r"\d+(:\d+)?")
 
 
 def default_device(devices: list[DeviceInfo]) -> DeviceInfo:
@@ -176,7 +91,7 @@ def _match(devices: list[DeviceInfo], spec: str, source: str) -> list[DeviceInfo
         return devices
     if wanted in KINDS:
         fitting = [device for device in devices if device.type == wanted]
-    elif re.fullmatch(r"\d+(:\d+)?", wanted):
+    elif _INDEX.fullmatch(wanted):
         identity = wanted if ":" in wanted else f"{wanted}:0"
         fitting = [device for device in devices if device.id == identity]
     else:
@@ -190,3 +105,23 @@ def _match(devices: list[DeviceInfo], spec: str, source: str) -> list[DeviceInfo
 
 def _listing(devices: list[DeviceInfo]) -> str:
     return "; ".join(f"{device.id} {device.name} [{device.type}]" for device in devices)
+
+
+def listed(spec: str) -> list[str]:
+    """Return the devices that ``spec`` lists: indices with commas between them, else the one that it is."""
+    words = [word.strip() for word in spec.split(",")]
+    return words if all(_INDEX.fullmatch(word) for word in words) else [spec.strip()]
+
+
+def several_of_environment() -> list[str] | None:
+    """Return the devices that ``RPTCAM_DEVICE`` lists, where they are several or "all"; else None."""
+    words = listed(os.environ.get("RPTCAM_DEVICE", ""))
+    return words if len(words) > 1 or words == [ALL] else None
+
+
+def first_listed(spec: str | None) -> str | None:
+    """Return the device that a command takes that takes one: the first of a list, the best of all."""
+    if spec is None:
+        return None
+    first = listed(spec)[0]
+    return "auto" if first.lower() == ALL else first

@@ -1,16 +1,35 @@
-"""The binding to OpenCL, loaded with what it needs to find its drivers and not to stumble over its caches."""
+"""OpenCL on this system: the binding, the drivers that it must be shown, and what to install where none can be used.
+
+Intel's OpenCL for processors, as pip installs it, has to be shown to the loader of OpenCL drivers. Its ``.icd`` file,
+which should name the driver's library, names a path of the machine that built the wheel; and no loader looks into an
+environment of Python. The libraries lie in the environment's ``lib``, where they find each other. On Windows the wheels
+are found without help.
+
+ocl-icd, the loader in pyopencl's wheels, takes one folder of ``.icd`` files, besides what pyopencl brings itself. So
+the drivers of the system are named anew in a temporary folder, together with Intel's.
+"""
 
 from __future__ import annotations
 
+import atexit
+import contextlib
 import os
+import platform
+import shutil
 import sys
+import tempfile
 from functools import lru_cache
+from importlib import metadata
+from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device.intel_runtime import show_intel_runtime
 from rptcam_cl.device.pocl_cache import make_pocl_cache_usable
-from rptcam_cl.device.remedies import to_install
+
+PACKAGE = "intel-opencl-rt"
+LIBRARY = "libintelocl.so"
+VARIABLES = ("OCL_ICD_VENDORS", "OPENCL_VENDOR_PATH", "OCL_ICD_FILENAMES")  # a user who sets one knows better
+SYSTEM = Path("/etc/OpenCL/vendors")
 
 
 @lru_cache(maxsize=1)
@@ -20,7 +39,7 @@ def load_opencl() -> Any:
     Before it loads, and so before the drivers do, the environment of this process is put right:
 
     - pyopencl's own caches are off. One is a database that stops everything when it cannot be written or is damaged,
-      and saves nothing that can be measured; the other is replaced by `rptcam_cl.device.built_programs`.
+      and saves nothing that can be measured; the other is replaced by `rptcam_cl.device.program`.
     - PoCL's cache lies where it can be written, and holds no damaged files.
     - Intel's runtime is found where pip has put it.
 
@@ -38,3 +57,52 @@ def load_opencl() -> Any:
     except Exception as error:  # a missing library, or a cache of its own that a user has asked for
         raise DeviceError(f"pyopencl cannot be imported ({error}); {to_install()}") from error
     return pyopencl
+
+
+def show_intel_runtime() -> None:
+    """Name a folder of drivers to the loader if pip has installed Intel's runtime and the user names no drivers."""
+    if any(os.environ.get(name) for name in VARIABLES):
+        return
+    library = intel_library()
+    if library is None:
+        return
+    with contextlib.suppress(OSError):
+        folder = Path(tempfile.mkdtemp(prefix="rptcam_cl-drivers-"))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        for driver in sorted(SYSTEM.glob("*.icd")):
+            if LIBRARY not in driver.read_text(errors="replace"):  # the same driver, installed twice
+                shutil.copyfile(driver, folder / driver.name)
+        (folder / "intel-from-pip.icd").write_text(f"{library}\n")
+        os.environ["OCL_ICD_VENDORS"] = str(folder)
+
+
+def intel_library() -> Path | None:
+    """Return the library of Intel's runtime in this environment of Python; None where it is not installed."""
+    try:
+        files = metadata.files(PACKAGE) or []
+    except metadata.PackageNotFoundError:
+        return None
+    paths = (Path(str(file.locate())) for file in files if file.name == LIBRARY)
+    return next((path.resolve() for path in paths if path.is_file()), None)
+
+
+def to_install() -> str:
+    """Return what brings an OpenCL device to this system."""
+    on_x86 = platform.machine().lower() in ("x86_64", "amd64")
+    if sys.platform.startswith("linux") and on_x86:
+        return "install PoCL with \"pip install 'rptcam_cl[pocl]'\" or the OpenCL driver of your GPU"
+    if sys.platform == "win32" and on_x86:
+        return 'install Intel\'s OpenCL with "pip install rptcam_cl[pocl]" or the OpenCL driver of your GPU'
+    if sys.platform == "darwin":
+        return "macOS brings an OpenCL of its own; does it run in a sandbox or a virtual machine?"
+    return "install PoCL from your distribution (Debian, Ubuntu: apt install pocl-opencl-icd) or the driver of your GPU"
+
+
+def instead() -> str:
+    """Return what to install in the place of drivers that are there and cannot compile."""
+    if platform.machine().lower() not in ("x86_64", "amd64") or sys.platform == "darwin":
+        return "install another OpenCL, as of your distribution or of your GPU"
+    ways = ["Intel's OpenCL for any x86-64 processor with \"pip install 'rptcam_cl[intel]'\""]
+    if sys.platform.startswith("linux"):
+        ways.append("your distribution's PoCL (Debian, Ubuntu: apt install pocl-opencl-icd)")
+    return f"install {', '.join(ways)} or the OpenCL driver of your GPU"

@@ -1,6 +1,10 @@
 """Kernel programs: sources joined on the host, specialised by facts, built once per identity.
 
 Includes are expanded here with ``#line``, so that one text has one identity and compiler messages name the real file.
+
+What was built is kept for the next run where the driver keeps none itself. PoCL and NVIDIA's driver have caches of
+their own. Intel's has none, and takes seconds for a scene. What is kept carries its own hash: drivers do not survive a
+damaged program.
 """
 
 from __future__ import annotations
@@ -15,11 +19,13 @@ from typing import Any
 
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.resources import kernels_dir
-from rptcam_cl.device.built_programs import build_program
+from rptcam_cl.device.kept import keep_bytes, kept_bytes
+from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.signature import kernel_parameters
 from rptcam_cl.device.trial import AVX512_ARCH, first_error, target_pragma
 
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
+_HASH_BYTES = 32
 _GUARD = re.compile(r"^#ifndef (\w+)\n#define \1$", re.MULTILINE)
 _CONDITION = re.compile(r"^\s*#\s*(if|ifdef|ifndef|endif)\b")
 _INCLUDE = re.compile(r'^\s*#include\s+(?:"([^"]+)"|([A-Z_]+))\s*$')
@@ -96,6 +102,32 @@ class Program:
     def parameters(self) -> dict[str, tuple[str, ...]]:
         """The names of the parameters of each kernel, in their order."""
         return kernel_parameters(self._source)
+
+
+def build_program(context: Any, device: Any, source: str, options: list[str]) -> Any:
+    """Return the program built of ``source`` for a pyopencl device; raises what pyopencl raises."""
+    cl = load_opencl()
+    from pyopencl.characterize import has_src_build_cache
+
+    if has_src_build_cache(device):
+        return cl.Program(context, source).build(options=options, devices=[device])
+    name = _kept_name(device, source, options)
+    kept = kept_bytes("programs", name) or b""
+    if kept and hashlib.sha256(kept[_HASH_BYTES:]).digest() == kept[:_HASH_BYTES]:
+        try:
+            return cl.Program(context, [device], [kept[_HASH_BYTES:]]).build(options=options, devices=[device])
+        except cl.Error:  # of a driver that has changed and does not tell
+            pass
+    program = cl.Program(context, source).build(options=options, devices=[device])
+    binary = bytes(program.get_info(cl.program_info.BINARIES)[0])
+    keep_bytes("programs", name, hashlib.sha256(binary).digest() + binary)
+    return program
+
+
+def _kept_name(device: Any, source: str, options: list[str]) -> str:
+    platform = device.platform
+    facts = [platform.name, platform.version, device.name, device.version, device.driver_version, *options, source]
+    return hashlib.sha256("\0".join(facts).encode()).hexdigest()
 
 
 def _build_failure(source: str, log: str, identity: str) -> str:

@@ -12,12 +12,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device.choose import DeviceInfo, choose_device, problem_of
-from rptcam_cl.device.llvmpipe import LLVMPIPE_LOOP_LIMIT, is_llvmpipe
-from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.choose import choose_device
+from rptcam_cl.device.devices import DeviceInfo, problem_of
+from rptcam_cl.device.opencl import instead, load_opencl
 from rptcam_cl.device.program import Program, assemble
-from rptcam_cl.device.remedies import instead
 from rptcam_cl.device.trial import AVX512_ARCH, try_device
+
+# llvmpipe is the processor as Mesa's rusticl offers it. Its compiler takes eight work items together, and counts the
+# steps of all their loops in one counter; when that has reached 65535, every loop ends after its step, and the kernel
+# goes on with what it has, without an error (`LP_MAX_TGSI_LOOP_ITERATIONS` in Mesa's
+# `src/gallium/auxiliary/gallivm/lp_bld_limits.h`, "shared between every loop"). Kernels must get their work in pieces
+# small enough.
+LLVMPIPE_LOOP_LIMIT = 65535
+
+
+def is_llvmpipe(handle: Any) -> bool:
+    """Tell whether a pyopencl device is llvmpipe."""
+    return bool(handle.name.startswith("llvmpipe"))
 
 
 def open_session(spec: str | None = None) -> Session:

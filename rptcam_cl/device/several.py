@@ -8,9 +8,9 @@ import warnings
 from collections.abc import Mapping, Sequence
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices, problem_of
-from rptcam_cl.device.listing import ALL, listed, several_of_environment
-from rptcam_cl.device.remedies import instead
+from rptcam_cl.device.choose import ALL, choose_device, listed, several_of_environment
+from rptcam_cl.device.devices import DeviceInfo, list_devices, problem_of
+from rptcam_cl.device.opencl import instead
 from rptcam_cl.device.session import Session, open_session
 
 Split = str | Mapping[str, float]

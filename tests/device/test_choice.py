@@ -8,9 +8,9 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device import Session, choose
+from rptcam_cl.device import Session, choose, devices
 from rptcam_cl.device.choose import DeviceInfo, choose_device, list_devices
-from rptcam_cl.device.details import device_details
+from rptcam_cl.device.devices import device_details
 from rptcam_cl.device.opencl import load_opencl
 
 
@@ -176,7 +176,7 @@ REMEDY = r"install PoCL with \"pip install 'rptcam_cl\[pocl\]'\" or the OpenCL d
 
 def test_no_platform_gives_the_remedy(monkeypatch):
     error = _FakeError("clGetPlatformIDs failed: PLATFORM_NOT_FOUND_KHR")
-    monkeypatch.setattr(choose, "load_opencl", lambda: opencl(raising(error)))
+    monkeypatch.setattr(devices, "load_opencl", lambda: opencl(raising(error)))
     with pytest.raises(DeviceError, match="no OpenCL platform was found.*PLATFORM_NOT_FOUND_KHR.*" + REMEDY):
         choose_device()
 
@@ -187,14 +187,14 @@ def test_no_platform_gives_the_remedy(monkeypatch):
     ids=["no platform", "platform without devices"],
 )
 def test_no_device_gives_the_remedy(monkeypatch, platforms):
-    monkeypatch.setattr(choose, "load_opencl", lambda: opencl(lambda: platforms))
+    monkeypatch.setattr(devices, "load_opencl", lambda: opencl(lambda: platforms))
     with pytest.raises(DeviceError, match="no OpenCL device was found.*" + REMEDY):
         list_devices()
 
 
 def test_missing_pyopencl_gives_the_remedy(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyopencl", None)
-    monkeypatch.setattr(choose, "load_opencl", load_opencl.__wrapped__)
+    monkeypatch.setattr(devices, "load_opencl", load_opencl.__wrapped__)
     with pytest.raises(DeviceError, match="pyopencl cannot be imported.*" + REMEDY):
         choose_device()
 
@@ -213,7 +213,7 @@ def test_drivers_that_fail_are_listed_with_their_reason(monkeypatch):
             SimpleNamespace(name="Confused", get_devices=lambda: [_Bad()]),
         ]
     )
-    monkeypatch.setattr(choose, "load_opencl", lambda: cl)
+    monkeypatch.setattr(devices, "load_opencl", lambda: cl)
     first, second = list_devices()
     assert (first.id, first.platform) == ("0:0", "Liar")
     assert choose.problem_of(first) == "its driver lists no devices: no idea"
@@ -232,7 +232,7 @@ def test_device_that_cannot_be_used_is_told_by_the_commands(monkeypatch, capsys,
     def problem(device):
         return "it builds no kernel: error: unknown target CPU 'generic'"
 
-    for module in ("device.choose", "device.details", "api.interface"):
+    for module in ("device.choose", "device.devices", "api.interface"):
         monkeypatch.setattr(f"rptcam_cl.{module}.problem_of", problem)
     assert main(["devices"]) == 0
     assert "cannot be used: it builds no kernel: error: unknown target CPU 'generic'" in capsys.readouterr().out

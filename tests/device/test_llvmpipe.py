@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rptcam_cl.device import Session, llvmpipe, session
+from rptcam_cl.device import Session, session
 from rptcam_cl.plan import make_plan
 from rptcam_cl.rendering import Wavefront
 from rptcam_cl.rendering.film import FilmLayout
@@ -27,8 +27,8 @@ def test_llvmpipe_is_known_by_its_name():
     class Handle:
         name = "llvmpipe (LLVM 15.0.6, 256 bits)"
 
-    assert llvmpipe.is_llvmpipe(Handle)
-    assert not llvmpipe.is_llvmpipe(open_session().info.handle)
+    assert session.is_llvmpipe(Handle)
+    assert not session.is_llvmpipe(open_session().info.handle)
 
 
 def test_llvmpipe_gets_work_like_a_gpu(limited):

@@ -25,8 +25,8 @@ trial = try_here(info.handle)
 assert trial.problem is None, trial
 assert trial.renamed == ("generic", processor_name(place)), trial
 import rptcam_cl
-from rptcam_cl.device import choose, session
-for module in (choose, session):
+from rptcam_cl.device import devices, session
+for module in (devices, session):
     module.try_device = lambda handle: trial
 import numpy
 mean = numpy.asarray(rptcam_cl.render("examples/first_light.yaml", size=(32, 18), spp=1, device=info.id)).mean()

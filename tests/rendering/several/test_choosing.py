@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.device import choose, choose_device, open_sessions
+from rptcam_cl.device import choose_device, devices, open_sessions
 from rptcam_cl.device.trial import Trial, try_device
 from rptcam_cl.rendering.parts import begun, ended, is_shared, joined, split_of, split_text
 
@@ -58,7 +58,7 @@ def test_environment_may_list_devices(monkeypatch):
 def test_all_leaves_out_what_builds_no_kernel(monkeypatch, infos):
     broken = infos[1].handle
     monkeypatch.setattr(
-        choose, "try_device", lambda handle: Trial("error: no") if handle is broken else try_device(handle)
+        devices, "try_device", lambda handle: Trial("error: no") if handle is broken else try_device(handle)
     )
     with pytest.warns(UserWarning, match=r"device 0:1 .* cannot be used: it builds no kernel: error: no; it is left"):
         assert ids("all")[0] == ["0:0", "0:2"]
