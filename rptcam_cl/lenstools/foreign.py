@@ -80,7 +80,7 @@ def refuse(lens: Lens, form: str, of_surfaces: Iterable[tuple[int, str]], of_who
     """
     reasons = []
     if abs(float(lens.object_medium.index(LINE_D_NM)) - 1) > IN_AIR:
-        reasons.append(f"the medium in front of it is {lens.object_medium.name}, not air")
+        reasons.append(f"the medium in front of it is {lens.object_medium.name}, not air: a {form} begins in air")
     if lens.configurations:
         reasons.append("it is a zoom lens (choose a focal length)")
     where: dict[str, list[str]] = {}
