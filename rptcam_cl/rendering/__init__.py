@@ -17,10 +17,10 @@ from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
 from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, resolve_exposure
 from rptcam_cl.rendering.metering import weights as metering_weights
-from rptcam_cl.rendering.parts import Part, joined, split_of, split_text
 from rptcam_cl.rendering.precise_lens import check_precision
 from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, rendering_of
 from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
+from rptcam_cl.rendering.shares import Part, joined, split_of, split_text
 from rptcam_cl.rendering.tracer import Wavefront, signature
 from rptcam_cl.rendering.trees.cache import cache_folder
 from rptcam_cl.rendering.trees.scene_trees import scene_trees

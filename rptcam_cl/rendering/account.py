@@ -13,10 +13,10 @@ from rptcam_cl.cameras import camera_geometry
 from rptcam_cl.plan import LargestAlbedo, Plan
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.float32_margin import LensMargin
-from rptcam_cl.rendering.parts import is_shared
 from rptcam_cl.rendering.precise_lens import traces_in_float64
 from rptcam_cl.rendering.progressive import Rendering
 from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
+from rptcam_cl.rendering.shares import is_shared
 from rptcam_cl.scene import Scene
 
 OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a rim a few do

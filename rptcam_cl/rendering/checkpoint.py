@@ -26,7 +26,7 @@ from rptcam_cl._version import __version__
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.film_run import SavedState
-from rptcam_cl.rendering.parts import Part, joined
+from rptcam_cl.rendering.shares import Part, joined
 from rptcam_cl.scene import Scene
 
 MAGIC = b"RPTCAMCK"

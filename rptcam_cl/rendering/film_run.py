@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS
 from rptcam_cl.rendering.noise import NoiseWatch
-from rptcam_cl.rendering.saved_arrays import check_fits
 from rptcam_cl.rendering.several import AnyWavefront
 from rptcam_cl.rendering.waves import Wave
+
+GROWING = ("noise_tiles", "noise_runs")  # as many rows as tiles are left, or as runs are kept
+
+Arrays = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)
@@ -121,3 +125,34 @@ def _pieces(wave: Wave, slots: int | None) -> Iterator[Wave]:
     step = pixels if slots is None else max(slots // samples // BLOCK, 1) * BLOCK
     for pixel in range(first, first + pixels, step):
         yield pixel, min(step, first + pixels - pixel), start, samples
+
+
+def check_fits(saved: Arrays, fresh: Arrays) -> None:
+    """Refuse arrays that kernels would read or write beyond their ends.
+
+    Parameters
+    ----------
+    saved
+        Of the file.
+    fresh
+        The same arrays of the render at its start.
+
+    Raises
+    ------
+    StateError
+        When one is missing, or of another type or shape, or names a tile that is not there.
+    """
+    for name, wanted in fresh.items():
+        found = saved.get(name)
+        start = 1 if name in GROWING else 0
+        if found is None or found.dtype.kind != wanted.dtype.kind or found.ndim != wanted.ndim:
+            raise _misfit(name)
+        if found.shape[start:] != wanted.shape[start:]:
+            raise _misfit(name)
+    tiles = saved.get("noise_tiles", np.zeros(0))
+    if "noise_tiles" in fresh and tiles.size and int(tiles.max()) >= len(fresh["noise_tiles"]):
+        raise _misfit("noise_tiles")
+
+
+def _misfit(name: str) -> StateError:
+    return StateError(f"the saved render is damaged: its array {name} does not fit (render without --resume)")

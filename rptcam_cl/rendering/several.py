@@ -22,8 +22,7 @@ from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.film import PLANES, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_buffers import outcomes_of, share_removed
-from rptcam_cl.rendering.parts import Part, begun, ended, split_text
-from rptcam_cl.rendering.shares import measured_speed, owners, shares_of
+from rptcam_cl.rendering.shares import Part, begun, ended, measured_speed, owners, shares_of, split_text
 from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.rendering.worker import Job, Worker, by_tile
 from rptcam_cl.scene import RenderSettings
