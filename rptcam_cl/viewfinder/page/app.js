@@ -1,0 +1,143 @@
+/** The viewfinder: everything put together on an element, over any transport. */
+
+import { Compare } from "./compare.js";
+import { Dials } from "./dials.js";
+import { choice, h } from "./dom.js";
+import { exposurePanel, histogramView, meterText, Overlays } from "./exposure.js";
+import { Focus } from "./focus.js";
+import { Gestures, TOOLS } from "./gestures.js";
+import { Guides } from "./guides-panel.js";
+import { helpSheet, listen } from "./keys.js";
+import { LensView } from "./lens.js";
+import { Link } from "./link.js";
+import { Magnifier } from "./magnifier.js";
+import { Out } from "./out.js";
+import { Stage } from "./stage.js";
+import { Status } from "./status.js";
+import { Tabs } from "./tabs.js";
+import { Toasts } from "./toasts.js";
+
+export class Viewfinder {
+  /** Build the viewfinder in `root`; keys pressed in `keyTarget` are its own. */
+  constructor(root, transport, keyTarget = root) {
+    this.root = root;
+    this.link = new Link(transport);
+    this.stage = new Stage(this.link);
+    this.toasts = new Toasts();
+    this.status = new Status(this.link, this.stage);
+    this.dials = new Dials(this.link);
+    this.overlays = new Overlays(this.link, this.stage);
+    this.magnifier = new Magnifier(this.link, this.stage);
+    this.focus = new Focus(this.link, this.stage, this.overlays);
+    this.compare = new Compare(this.link, this.stage);
+    this.guides = new Guides(this.link, this.stage);
+    this.lens = new LensView(this.link);
+    this.out = new Out(this.link, this.toasts);
+    this.help = helpSheet();
+    this.gestures = new Gestures(this.stage, this.link, { pointed: (point) => this.pointed(point), clicked: (point) => this.clicked(point) });
+    this.meterTag();
+    this.scaleKey();
+    root.classList.add("vf");
+    root.replaceChildren(this.body());
+    this.toasts.follow(this.link);
+    this.link.on("hello", () => this.opened());
+    this.link.on("painted", (header) => root.dispatchEvent(new CustomEvent("vf-painted", { detail: header })));
+    this.link.on("told", (message) => root.dispatchEvent(new CustomEvent("vf-sent", { detail: message })));
+    listen(keyTarget, this);
+    new ResizeObserver(() => root.classList.toggle("vf-narrow", root.clientWidth < 860)).observe(root);
+  }
+
+  body() {
+    this.tools = choice("What a drag does", TOOLS, (tool) => this.gestures.use(tool), { value: "tilt", name: "tool" });
+    const foot = h("div", { class: "vf-foot" },
+      h("div", { class: "vf-tools" }, this.tools, h("span", { class: "vf-wheel" }),
+        h("button", { type: "button", class: "vf-button vf-ask", "aria-label": "Keys", "data-name": "help", on: { click: () => this.help.open() } }, "?")),
+      this.status.messages, this.dials.strip);
+    this.link.on("state", ({ wheel }) => {
+      foot.querySelector(".vf-wheel").textContent = wheel?.text ? `Wheel: ${wheel.text}` : "";
+    });
+    this.tabs = new Tabs("Instruments", this.panels(), () => this.wanted());
+    const side = h("aside", { class: "vf-side", "aria-label": "Instruments" }, histogramView(this.link), this.tabs.element);
+    return h("div", { class: "vf-body" }, this.status.element, h("main", { class: "vf-main" }, this.toasts.fault, this.stage.element, this.toasts.element), foot, side, this.help.element);
+  }
+
+  panels() {
+    const camera = h("div", { class: "vf-panel" }, h("h3", {}, "Lens, film, picture"), this.dials.others);
+    return [
+      { name: "camera", label: "Camera", element: camera },
+      { name: "exposure", label: "Exposure", element: exposurePanel(this.link, this.overlays) },
+      { name: "focus", label: "Focus", element: this.focus.panel(this.magnifier) },
+      { name: "lens", label: "Lens", element: this.lens.panel() },
+      { name: "guides", label: "Guides", element: this.guides.panel() },
+      { name: "compare", label: "Compare", element: this.compare.panel() },
+      { name: "out", label: "Save", element: this.out.panel() },
+    ];
+  }
+
+  /** After each hello, also of a server that came back: say again what this page shows. */
+  opened() {
+    this.stage.tellSize(true);
+    this.link.tell("view", { overlays: { ...this.overlays.on } });
+    this.wanted();
+    if (this.magnifier.on) this.magnifier.ask();
+  }
+
+  /** Ask for the data of the panels in sight; those that are not cost nothing. */
+  wanted() {
+    const panels = ["histogram", "meter", ...(this.tabs?.name === "lens" ? ["lens"] : [])];
+    if (this.link.last.link?.state === "open") this.link.tell("view", { panels });
+  }
+
+  pointed(point) {
+    this.pointer = point;
+    this.link.soon("pointer", "pointer", point ? { x: point.x, y: point.y } : { x: null, y: null });
+    this.magnifier.at(point);
+    if (!point) this.tag.hidden = true;
+  }
+
+  clicked(point) {
+    this.stage.element.focus({ preventScroll: true });
+    this.focus.at(point);
+  }
+
+  /** The meter's reading, beside the pointer. */
+  meterTag() {
+    this.tag = h("div", { class: "vf-tag vf-meter-tag", "aria-hidden": "true", hidden: true });
+    this.stage.over.append(this.tag);
+    this.link.on("meter", (reading) => {
+      this.tag.hidden = !this.pointer || reading.ev === null || reading.ev === undefined;
+      if (this.tag.hidden) return;
+      this.tag.textContent = meterText(reading);
+      const { x, y } = this.pointer;
+      this.tag.style.left = `${100 * x}%`;
+      this.tag.style.top = `${100 * y}%`;
+      this.tag.classList.toggle("vf-before", x > 0.6);
+      this.tag.classList.toggle("vf-above", y > 0.85);
+    });
+  }
+
+  /** The scale of false colour, while it is on. */
+  scaleKey() {
+    const key = h("div", { class: "vf-scale-key", hidden: true, "aria-label": "Scale of false colour, zones of a stop" });
+    this.stage.over.append(key);
+    this.link.on("hello", ({ false_colour: bands = [] }) => key.replaceChildren(...bands.map(({ name, colour }) => {
+      const band = h("span", {}, name);
+      const [r, g, b] = colour;
+      band.style.background = `rgb(${r} ${g} ${b})`;
+      band.style.color = 0.2126 * r + 0.7152 * g + 0.0722 * b > 110 ? "#000" : "#fff";
+      return band;
+    })));
+    this.overlays.changed = () => { key.hidden = !this.overlays.on.false_colour; };
+  }
+
+  use(number) {
+    const tool = TOOLS[number].value;
+    this.tools.show(tool);
+    this.gestures.use(tool);
+  }
+
+  pause() {
+    const paused = Boolean(this.link.last.state?.paused);
+    this.link.ask(paused ? "resume" : "pause").catch(() => {});
+  }
+}

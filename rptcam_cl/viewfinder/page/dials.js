@@ -1,0 +1,140 @@
+/** The camera's dials as the server lists them: those of an exposure below the picture, the others in the panel. */
+
+import { h, newId, select, toggle } from "./dom.js";
+import { Dial } from "./dial.js";
+
+// In the order of a camera's display; what else the server lists lies in the panel "Camera".
+const STRIP = ["mode", "shutter_s", "f_number", "iso", "auto_iso", "ev", "lock", "focus_m", "zoom"];
+const MODES = {
+  M: "Manual: you set aperture, time and ISO",
+  A: "Aperture priority: the camera sets the time",
+  S: "Shutter priority: the camera sets the aperture",
+  P: "Program: the camera sets aperture and time",
+};
+
+function modes(dial, turned) {
+  const name = newId("modes");
+  const inputs = dial.choices.map(({ value }) => h("input", { type: "radio", name, value, on: { change: () => turned(dial.name, value, false) } }));
+  const element = h("fieldset", { class: "vf-modes", "data-dial": dial.name }, h("legend", { class: "vf-hidden" }, dial.label),
+    dial.choices.map(({ value, label }, i) => h("label", { title: MODES[value] ?? label },
+      inputs[i], h("span", { "aria-label": MODES[value] ?? label }, value.length > 1 ? label : value))));
+  return {
+    element,
+    show(latest) {
+      inputs.forEach((input) => { input.checked = input.value === latest.value; });
+      element.disabled = !latest.enabled;
+    },
+  };
+}
+
+function list(dial, turned) {
+  const valueOf = (text) => dial.choices.find((each) => String(each.value) === text)?.value ?? text;
+  const element = select(dial.label, [], () => {}, {});
+  const field = element.querySelector("select");
+  field.dataset.dial = dial.name;
+  field.addEventListener("change", () => turned(dial.name, valueOf(field.value), false));
+  let filled = "";
+  return {
+    element,
+    show(latest) {
+      dial = latest;
+      const known = JSON.stringify(latest.choices);
+      if (known !== filled) element.fill(latest.choices, latest.value);
+      filled = known;
+      element.show(latest.value);
+      element.enable(latest.enabled);
+      element.title = latest.linked ?? "";
+    },
+  };
+}
+
+function onOff(dial, turned) {
+  const element = toggle(dial.label, (pressed) => turned(dial.name, pressed, false));
+  element.dataset.dial = dial.name;
+  return {
+    element,
+    show(latest) {
+      element.show(Boolean(latest.value));
+      element.disabled = !latest.enabled;
+      element.title = latest.linked ?? latest.text ?? "";
+    },
+  };
+}
+
+function text(dial, turned) {
+  const id = newId("text");
+  const input = h("input", { id, type: "text", "data-dial": dial.name, on: { change: () => turned(dial.name, input.value, false) } });
+  return {
+    element: h("div", { class: "vf-field" }, h("label", { for: id }, dial.label), input),
+    show(latest) {
+      if (document.activeElement !== input) input.value = latest.value ?? "";
+      input.disabled = !latest.enabled;
+    },
+  };
+}
+
+function made(dial, turned) {
+  if (dial.kind === "number") return new Dial(dial, turned);
+  if (dial.kind === "bool") return onOff(dial, turned);
+  if (dial.kind === "text") return text(dial, turned);
+  return dial.name === "mode" ? modes(dial, turned) : list(dial, turned);
+}
+
+export class Dials {
+  constructor(link) {
+    this.link = link;
+    this.known = new Map();
+    this.strip = h("div", { class: "vf-dials", role: "group", "aria-label": "Dials" });
+    this.others = h("div", { class: "vf-others" });
+    link.on("hello", (message) => this.show(message.dials ?? []));
+    link.on("state", (message) => this.show(message.dials ?? []));
+  }
+
+  show(dials) {
+    this.latest = new Map(dials.map((each) => [each.name, each]));
+    const turned = (...how) => this.turned(...how);
+    for (const dial of dials) {
+      if (!this.known.has(dial.name)) this.add(dial.name, made(dial, turned));
+      this.known.get(dial.name).show(dial);
+    }
+    for (const [name, { element }] of this.known) element.hidden = !this.latest.has(name);
+  }
+
+  add(name, control) {
+    const place = STRIP.indexOf(name);
+    control.element.dataset.place = place;
+    this.known.set(name, control);
+    if (place < 0) {
+      this.others.append(control.element);
+      return;
+    }
+    const after = [...this.strip.children].find((each) => Number(each.dataset.place) > place);
+    this.strip.insertBefore(control.element, after ?? null);
+  }
+
+  /** Send a new value; while the control is held at most one for each picture of the screen. */
+  turned(name, value, transient) {
+    if (transient) {
+      this.link.soon(`dial ${name}`, "dial", { name, value, transient });
+      return;
+    }
+    this.link.flush();
+    this.link.ask("dial", { name, value, transient }).catch(() => this.show([...this.latest.values()])); // the message shows why
+  }
+
+  /** Turn a dial by steps, as keys do. */
+  step(name, by) {
+    const control = this.known.get(name);
+    if (control instanceof Dial && !control.element.hidden) control.turn(by);
+  }
+
+  /** Go to the next choice, or press a button, as keys do. */
+  next(name) {
+    const dial = this.latest?.get(name);
+    if (!dial?.enabled) return;
+    if (dial.kind === "bool") this.turned(name, !dial.value, false);
+    if (dial.kind !== "choice") return;
+    const at = dial.choices.findIndex((each) => each.value === dial.value);
+    this.turned(name, dial.choices[(at + 1) % dial.choices.length].value, false);
+  }
+}

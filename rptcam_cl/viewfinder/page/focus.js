@@ -1,0 +1,151 @@
+/** Focusing: by a click, by the camera itself with its zones and the curve of its search; peaking and magnifier. */
+
+import { button, h, range, select, toggle } from "./dom.js";
+import { distance, percent } from "./numbers.js";
+import { plot } from "./plots.js";
+
+export const METHODS = [
+  { value: "", label: "Of the scene, or hybrid" },
+  { value: "contrast", label: "Contrast" },
+  { value: "phase", label: "Phase detection" },
+  { value: "hybrid", label: "Hybrid: phase, then contrast" },
+  { value: "depth", label: "Distance by rays" },
+  { value: "laplacian", label: "Sum-modified Laplacian" },
+  { value: "variance", label: "Variance, as in the paper" },
+];
+const HALF = 0.02; // of the picture's width: half the square that is drawn at a click
+
+function square({ x, y }, state) {
+  return { x0: x - HALF, x1: x + HALF, y0: y - HALF * 1.6, y1: y + HALF * 1.6, state };
+}
+
+function rectangle(zone, state) {
+  const [x0, x1, y0, y1] = Array.isArray(zone) ? zone : [zone.x0, zone.x1, zone.y0, zone.y1];
+  return { x0, x1, y0, y1, state };
+}
+
+/** The reach that is sharp, on a scale of distances that is even in 1 / distance, as lenses are engraved. */
+function depthScale(link) {
+  const element = h("div", { class: "vf-depth", role: "img" });
+  const near = h("span", {});
+  const far = h("span", {});
+  const band = h("span", { class: "vf-band" });
+  const needle = h("span", { class: "vf-needle" });
+  const words = h("p", { class: "vf-note" });
+  element.append(h("span", { class: "vf-track" }, band, needle), near, far);
+  link.on("state", ({ focus }) => {
+    element.hidden = words.hidden = !focus || !focus.distance_m || focus.near_m === undefined;
+    if (element.hidden) return;
+    const shortest = Math.min(focus.near_m ?? focus.distance_m, focus.distance_m) / 1.6;
+    const at = (metres) => (metres === null || !Number.isFinite(metres) ? 1 : Math.max(0, 1 - shortest / metres));
+    band.style.left = `${100 * at(focus.near_m)}%`;
+    band.style.right = `${100 * (1 - at(focus.far_m))}%`;
+    needle.style.left = `${100 * at(focus.distance_m)}%`;
+    near.textContent = distance(focus.near_m);
+    far.textContent = distance(focus.far_m);
+    const hyperfocal = focus.hyperfocal_m ? `; hyperfocal ${distance(focus.hyperfocal_m)}` : "";
+    words.textContent = `Sharp from ${near.textContent} to ${far.textContent}; focus ${distance(focus.distance_m)}${hyperfocal}`;
+    element.setAttribute("aria-label", words.textContent);
+  });
+  return [element, words];
+}
+
+export class Focus {
+  constructor(link, stage, overlays) {
+    Object.assign(this, { link, stage, overlays, zones: [] });
+    this.result = h("p", { class: "vf-note", role: "status" }, "Click the picture to focus there.");
+    this.curve = h("div", { class: "vf-chart" });
+    this.method = select("Method", METHODS, () => {}, { value: "", name: "method" });
+    this.start = button("Autofocus", () => this.auto(), { key: "f", name: "autofocus" });
+    this.useZone = toggle("Zone at the last point", () => {}, { name: "zone" });
+    link.on("state", ({ focus }) => this.standing(focus));
+    link.on("link", () => this.show([]));
+  }
+
+  standing(focus) {
+    if (this.busy || this.zones.length || !focus?.zones?.length) return;
+    this.show(focus.zones.map((zone) => rectangle(zone, "set")));
+  }
+
+  show(zones) {
+    this.zones = zones;
+    this.stage.show({ zones });
+    clearTimeout(this.fading);
+    if (zones.length && zones[0].state !== "busy") this.fading = setTimeout(() => this.show([]), 6000);
+  }
+
+  /** Focus at a point of the picture. */
+  at(point) {
+    this.point = point;
+    return this.search(square(point, "busy"), this.link.ask("focus", { x: point.x, y: point.y }));
+  }
+
+  /** Let the camera focus by itself. */
+  auto() {
+    const { x, y } = this.point ?? { x: 0.5, y: 0.5 };
+    const one = this.useZone.getAttribute("aria-pressed") === "true";
+    const zone = square({ x, y }, "busy");
+    const within = (value) => Math.min(1, Math.max(0, value));
+    const zones = one ? [[zone.x0, zone.x1, zone.y0, zone.y1].map(within)] : null;
+    const method = this.method.querySelector("select").value || null;
+    return this.search(one ? zone : null, this.link.ask("autofocus", { method, zones }));
+  }
+
+  async search(zone, answer) {
+    this.busy = true;
+    this.show(zone ? [zone] : []);
+    this.result.textContent = "Focusing …";
+    this.start.disabled = true;
+    try {
+      this.found(await answer, zone);
+    } catch (problem) {
+      this.result.textContent = problem.message;
+      this.show(zone ? [{ ...zone, state: "failed" }] : []);
+    } finally {
+      this.busy = false;
+      this.start.disabled = false;
+    }
+  }
+
+  found(report, zone) {
+    const sure = report.confidence === null || report.confidence === undefined ? "" : `, confidence ${percent(report.confidence)}`;
+    this.result.textContent = report.failure || `${distance(report.distance_m)} by ${report.method}${sure}`;
+    const state = report.failure ? "failed" : "found";
+    const zones = report.zones?.length && !zone ? report.zones.map((each) => rectangle(each, state)) : [];
+    this.show(zone ? [{ ...zone, state }] : zones);
+    this.draw(report.curve ?? []);
+  }
+
+  draw(curve) {
+    const points = curve.map((each) => (Array.isArray(each) ? each : [each.position, each.score])).filter(([x, y]) => Number.isFinite(x) && Number.isFinite(y));
+    if (points.length < 2) {
+      this.curve.replaceChildren(h("p", { class: "vf-note" }, "This method measures distances: it has no curve."));
+      return;
+    }
+    const xs = points.map(([x]) => x);
+    const top = Math.max(...points.map(([, y]) => y));
+    const best = points.find(([, y]) => y === top)[0];
+    const sorted = [...points].sort((a, b) => a[0] - b[0]);
+    const pad = (Math.max(...xs) - Math.min(...xs)) * 0.03 || 1;
+    this.curve.replaceChildren(plot({
+      title: `Curve of the search: ${points.length} probes, sharpest at ${best}`,
+      x: { from: Math.min(...xs) - pad, to: Math.max(...xs) + pad, label: curve[0].unit ?? "focus position, mm" },
+      y: { from: Math.min(0, ...points.map(([, y]) => y)), to: top * 1.05 || 1 },
+      series: [{ points: sorted, kind: "vf-line-soft" }, { points, dots: true }],
+      marks: [{ x: best }],
+    }));
+  }
+
+  panel(magnifier) {
+    const level = range("Peaking above", {
+      min: 0, max: 1, step: 0.05, value: 0.5, name: "peaking_level", text: (value) => percent(value),
+      changed: (value) => this.link.soon("peaking", "view", { peaking_level: value }),
+    });
+    return h("div", { class: "vf-panel" },
+      h("h3", {}, "Depth of field"), depthScale(this.link),
+      h("h3", {}, "Autofocus"), this.method,
+      h("div", { class: "vf-row" }, this.start, this.useZone), this.result, this.curve,
+      h("h3", {}, "By eye"),
+      h("div", { class: "vf-row" }, this.overlays.button("peaking", "Peaking", "p"), magnifier.button), level);
+  }
+}

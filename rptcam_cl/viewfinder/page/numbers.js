@@ -1,0 +1,64 @@
+/** Numbers as photographers write them. */
+
+/** A number with so many significant digits and no exponent. */
+export function digits(value, count = 3) {
+  if (!Number.isFinite(value)) return "∞";
+  if (value === 0) return "0";
+  const places = Math.max(0, count - 1 - Math.floor(Math.log10(Math.abs(value))));
+  const text = value.toFixed(Math.min(places, 6));
+  return (places ? text.replace(/\.?0+$/, "") : text).replace("-", "−");
+}
+
+/** A number with its sign and one place, as exposure values are written. */
+export function signed(value, places = 1) {
+  const text = Math.abs(value).toFixed(places);
+  return Number(text) === 0 ? `±${text}` : (value < 0 ? "−" : "+") + text;
+}
+
+/** A distance in metres, in the unit that suits it. */
+export function distance(metres) {
+  if (metres === null || metres === undefined || !Number.isFinite(metres) || metres > 9e5) return "∞";
+  if (metres < 0.1) return `${digits(metres * 1000)}\u00a0mm`;
+  return metres < 1 ? `${digits(metres * 100)}\u00a0cm` : `${digits(metres)}\u00a0m`;
+}
+
+/** An exposure time in seconds as on a dial: 1/125 s, 0.5 s, 4 s. */
+export function time(seconds) {
+  return seconds >= 0.29 ? `${digits(seconds, 2)}\u00a0s` : `1/${digits(1 / seconds, 3)}\u00a0s`;
+}
+
+/** A share as a percentage. */
+export function percent(share, count = 2) {
+  return `${digits(100 * share, count)}\u00a0%`;
+}
+
+/** How far a picture is reduced: full, 1/2, 1/4. */
+export function reduction(scale) {
+  return scale > 0.99 ? "full" : Math.abs(1 / scale - Math.round(1 / scale)) < 0.05 ? `1/${Math.round(1 / scale)}` : percent(scale);
+}
+
+const KNOWN = {
+  f_number: (value) => `f/${digits(value, 2)}`,
+  shutter_s: time,
+  iso: (value) => digits(value, 3),
+  ev: signed,
+  focus_m: distance,
+};
+
+/** The value of a dial until the server says how it is written. */
+export function dialText(dial, value) {
+  if (value === null || value === undefined) return "–";
+  if (typeof value !== "number") return String(value);
+  const known = KNOWN[dial.name];
+  return known ? known(value) : `${digits(value)}${dial.unit ? `\u00a0${dial.unit}` : ""}`;
+}
+
+/** The number that somebody typed: 2.8, f/2.8, 1/125, 0.65 m, 65 cm, ∞. Null when it is none. */
+export function typed(text) {
+  const plain = text.trim().toLowerCase().replace("−", "-").replace(",", ".");
+  if (/^(∞|inf|infinity)$/.test(plain)) return 1e6;
+  const found = /^(?:f\s*\/\s*)?([-+]?\d*\.?\d+)(?:\s*\/\s*(\d*\.?\d+))?\s*(mm|cm|m|s|ev|k|°)?$/.exec(plain);
+  if (!found) return null;
+  const value = Number(found[1]) / (found[2] ? Number(found[2]) : 1);
+  return value * ({ mm: 0.001, cm: 0.01 }[found[3]] ?? 1);
+}

@@ -1,0 +1,96 @@
+/** What leaves the viewfinder: the picture as a file, the scene as YAML, the command that renders it. */
+
+import { button, choice, h, newId } from "./dom.js";
+
+const FORMATS = [
+  { value: "png", label: "PNG" },
+  { value: "jpeg", label: "JPEG" },
+  { value: "exr", label: "EXR" },
+  { value: "dng", label: "DNG" },
+];
+const SUFFIX = { png: "png", jpeg: "jpg", exr: "exr", dng: "dng" };
+const KEPT_FOR = 60000; // [ms] that a browser has to fetch a download
+
+/** Offer bytes or text as a file. */
+export function download(name, content, media) {
+  const address = URL.createObjectURL(new Blob([content], { type: media }));
+  const link = h("a", { href: address, download: name });
+  document.body.append(link);
+  link.click();
+  link.remove();
+  setTimeout(() => URL.revokeObjectURL(address), KEPT_FOR);
+}
+
+async function copied(text, area) {
+  try {
+    await navigator.clipboard.writeText(text);
+    return true;
+  } catch {
+    area.focus();
+    area.select(); // without permission the user copies what is selected
+    return false;
+  }
+}
+
+export class Out {
+  constructor(link, toast) {
+    Object.assign(this, { link, toast, format: "png", scene: "picture" });
+    this.formats = choice("Format", FORMATS, (value) => { this.format = value; }, { value: "png", name: "format" });
+    this.text = h("textarea", { id: newId("text"), rows: 8, readonly: true, spellcheck: "false", hidden: true, "data-name": "text", "aria-label": "Text to copy" });
+    link.on("hello", ({ scene }) => { this.scene = (scene ?? "picture").replace(/\.\w+$/, ""); });
+  }
+
+  /** Save the picture in the format chosen. */
+  async picture() {
+    const name = `${this.scene.replace(/[^A-Za-z0-9 _.-]/g, "_").slice(0, 70)}.${SUFFIX[this.format]}`;
+    const file = await this.asked("save", { format: this.format, name });
+    if (!file) return;
+    download(file.name, file.bytes, file.media);
+    this.toast.show(`Saved ${file.name}`, "good");
+  }
+
+  async yaml() {
+    const answer = await this.asked("scene");
+    if (!answer) return;
+    this.show(answer.yaml);
+    download(answer.name ?? `${this.scene}.yaml`, answer.yaml, "text/yaml");
+    this.toast.show(`Saved ${answer.name ?? "the scene"}`, "good");
+  }
+
+  async command() {
+    const answer = await this.asked("command");
+    if (!answer) return;
+    this.show(answer.text);
+    const done = await copied(answer.text, this.text);
+    this.toast.show(done ? "The command line is in the clipboard" : "Copy the command line that is selected", "good");
+  }
+
+  show(text) {
+    this.text.hidden = false;
+    this.text.value = text;
+  }
+
+  /** An answer, or null after an error, which is shown by whoever shows errors. */
+  async asked(type, keys = {}) {
+    try {
+      return await this.link.ask(type, keys);
+    } catch {
+      return null;
+    }
+  }
+
+  panel() {
+    return h("div", { class: "vf-panel" },
+      h("h3", {}, "Picture"), this.formats,
+      h("div", { class: "vf-row" }, button("Save the picture", () => this.picture(), { key: "Ctrl+S", name: "save" })),
+      h("p", { class: "vf-note" }, "With the samples that it has now. Warnings and guides are not in the file."),
+      h("h3", {}, "Scene"),
+      h("div", { class: "vf-row" },
+        button("Save as YAML", () => this.yaml(), { name: "yaml" }), button("Copy the command", () => this.command(), { name: "command" })),
+      this.text,
+      h("h3", {}, "Back"),
+      h("div", { class: "vf-row" },
+        button("Camera as in the file", () => this.asked("reset", { what: "camera" }), { name: "reset-camera" }),
+        button("All as in the file", () => this.asked("reset", { what: "all" }), { name: "reset" })));
+  }
+}

@@ -1,0 +1,61 @@
+/** The line above the picture: scene, connection, and what the picture is worth: scale, samples, time, noise. */
+
+import { h } from "./dom.js";
+import { digits, percent, reduction } from "./numbers.js";
+
+const READINGS = [
+  { name: "scale", label: "scale", title: "Rendered samples against the full resolution" },
+  { name: "spp", label: "spp", title: "Samples per pixel" },
+  { name: "ms", label: "ms", title: "Time of this picture" },
+  { name: "noise", label: "noise", title: "Relative standard error of the picture" },
+];
+
+export class Status {
+  constructor(link, stage) {
+    this.stage = stage;
+    this.lamp = h("i", { class: "vf-link", "data-state": "connecting" });
+    this.words = h("span", { class: "vf-link-words", role: "status" });
+    this.name = h("span", {}, "Viewfinder");
+    this.values = Object.fromEntries(READINGS.map(({ name }) => [name, h("dd", { "data-reading": name }, "–")]));
+    const list = h("dl", { class: "vf-readings", "aria-label": "Picture" },
+      READINGS.map(({ name, label, title }) => h("div", { title }, h("dt", {}, label), this.values[name])));
+    this.messages = h("p", { class: "vf-messages", role: "status", hidden: true });
+    this.element = h("header", { class: "vf-top" }, h("h1", { class: "vf-name" }, this.lamp, this.name), this.words, list);
+    link.on("link", ({ state, words }) => this.connection(state, words));
+    link.on("hello", ({ scene, device }) => this.opened(scene, device));
+    link.on("painted", (header) => this.painted(header));
+    link.on("state", (state) => this.standing(state));
+  }
+
+  connection(state, words) {
+    this.lamp.dataset.state = state;
+    this.lamp.title = words;
+    this.words.textContent = state === "open" ? "" : words;
+  }
+
+  opened(scene, device) {
+    this.name.textContent = scene;
+    this.name.title = `${scene}, rendered by ${device}`;
+  }
+
+  standing({ messages = [], paused, changed = [] }) {
+    const words = [paused ? "Paused: press space to go on" : null, ...messages].filter(Boolean);
+    this.messages.hidden = words.length === 0;
+    this.messages.textContent = words.join(" · ");
+    this.name.classList.toggle("vf-changed", changed.length > 0);
+  }
+
+  painted({ kind, slot, scale, spp, ms, noise, stale, moving, width, height }) {
+    if (kind !== "picture") return;
+    if (slot === "A") {
+      this.values.scale.textContent = reduction(scale);
+      this.values.scale.classList.toggle("vf-reduced", scale < 0.99);
+      this.values.spp.textContent = String(spp);
+      this.values.ms.textContent = digits(ms, 3);
+      this.values.noise.textContent = noise === null || noise === undefined ? "–" : percent(noise);
+    }
+    const words = `Picture ${slot}, ${width} by ${height} pixels, scale ${reduction(scale)}, ${spp} samples per pixel`;
+    this.stage.panes[slot].describe(words + (stale ? ", of an older setting" : "") + (moving ? ", moving" : ""));
+    this.stage.panes[slot].element.classList.toggle("vf-stale", Boolean(stale));
+  }
+}
