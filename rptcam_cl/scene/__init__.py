@@ -65,6 +65,7 @@ from rptcam_cl.scene.render_settings import (
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject, Solid
 from rptcam_cl.scene.sensor import Sensor
+from rptcam_cl.scene.set_keys import set_keys
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
@@ -198,5 +199,6 @@ __all__ = [
     "read_zones",
     "scene_json_schema",
     "scene_json_schema_text",
+    "set_keys",
     "with_camera",
 ]

@@ -39,8 +39,7 @@ def apply_overrides(data: dict[Any, Any], overrides: Iterable[str]) -> dict[KeyP
     labels: dict[KeyPath, str] = {}
     for text in overrides:
         path, value = _parse(text)
-        parent = _parent(data, path, text)
-        _assign(parent, path, value, text)
+        parent = assign(data, path, value, f"--set {text}")
         # An entry taken out of a list moves the others away from their places in the file.
         moved = isinstance(parent, list) and value is None
         labels[path[:-1] if moved else path] = text
@@ -49,11 +48,36 @@ def apply_overrides(data: dict[Any, Any], overrides: Iterable[str]) -> dict[KeyP
 
 def _parse(text: str) -> tuple[KeyPath, Any]:
     key, equals, value = text.partition("=")
-    dots = re.sub(r"\[(\d+)\]", r".\1", key.strip())
-    if not equals or not dots or "" in dots.split("."):
+    path = key_path(key)
+    if not equals or not path:
         raise InputError(f"--set {text}: is not of the form key.path=value (for instance camera.f_number=4)")
-    path = tuple(int(part) if re.fullmatch(r"\d{1,9}", part) else part for part in dots.split("."))
     return path, (read_yaml(value, name=f"--set {text}").data if value.strip() else None)
+
+
+def key_path(text: str) -> KeyPath:
+    """Return the key path of ``objects.0.radius`` or ``objects[0].radius``; an empty one where it is none."""
+    dots = re.sub(r"\[(\d+)\]", r".\1", text.strip()).split(".")
+    return () if "" in dots else tuple(int(part) if re.fullmatch(r"\d{1,9}", part) else part for part in dots)
+
+
+def assign(data: dict[Any, Any], path: KeyPath, value: Any, text: str) -> Any:
+    """Set a key of a scene's data, whose mappings and lists on the way are replaced by copies.
+
+    Parameters
+    ----------
+    value
+        None removes the key.
+    text
+        What errors begin with.
+
+    Returns
+    -------
+    mapping or list
+        That has the key.
+    """
+    parent = _parent(data, path, text)
+    _assign(parent, path, value, text)
+    return parent
 
 
 def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
@@ -65,13 +89,23 @@ def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
                 value[_key(value, key)] = {}
             if path[:length] in _WORDS and isinstance(value[key], str):
                 value[key] = {_WORDS[path[:length]]: value[key]}
-            value = value[_key(value, key)]
+            place = _key(value, key)
         else:
-            value = value[_index(value, key, path[: length - 1], text)]
+            place = _index(value, key, path[: length - 1], text)
+        value[place] = value = _opened(value[place])
         if not isinstance(value, (dict, list)):
             problem = f"is {shown(value)} and has no keys{_hint(path, value)}"
-            raise InputError(f"--set {text}: {dotted(path[:length])}: {problem}")
+            raise InputError(f"{text}: {dotted(path[:length])}: {problem}")
     return value
+
+
+def _opened(value: Any) -> Any:
+    """Return a copy of a mapping, a list or a part of a scene, to be changed; other values as they are."""
+    if isinstance(value, SceneModel):
+        return _fields(value)
+    if isinstance(value, Mapping):
+        return dict(value)
+    return list(value) if isinstance(value, (list, tuple)) else value
 
 
 def _hint(path: KeyPath, value: Any) -> str:
@@ -89,7 +123,7 @@ def _key(mapping: dict[Any, Any], key: str | int) -> Any:
 def _index(items: list[Any], key: str | int, path: KeyPath, text: str) -> int:
     if not isinstance(key, int) or key >= len(items):
         span = f"0 to {len(items) - 1}" if items else "nothing, it is empty"
-        raise InputError(f"--set {text}: {dotted(path)}: no such entry (got {key}; allowed: {span})")
+        raise InputError(f"{text}: {dotted(path)}: no such entry (got {key}; allowed: {span})")
     return key
 
 
@@ -158,7 +192,7 @@ def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:
     data = _fields(scene)
     for name, changes in parts.items():
         data[name] = _fields(getattr(scene, name)) | dict(changes)
-    return _checked(scene, data)
+    return _checked(scene, data, parts)
 
 
 def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
@@ -169,12 +203,13 @@ def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
     InputError
         When the camera is not valid, or does not fit the scene.
     """
-    return _checked(scene, _fields(scene) | {"camera": dict(keys)})
+    return _checked(scene, _fields(scene) | {"camera": dict(keys)}, ("camera",))
 
 
-def _checked(scene: Scene, data: dict[str, Any]) -> Scene:
+def _checked(scene: Scene, data: dict[str, Any], changed: Iterable[str]) -> Scene:
+    made_of = scene.made_of | {name: data[name] for name in changed}
     try:
-        return Scene.model_validate(data, context={"folders": scene.folders, "scene": scene})
+        return Scene.model_validate(data, context={"scene": scene, "made_of": made_of})
     except ValidationError as problem:
         raise input_error(problem, data, lambda path, at_key: "") from None
 

@@ -71,10 +71,10 @@ def load_scene(
     where = _locator(document, labels)
     folders = Folders(Path(base_dir) if base_dir is not None else folder, tuple(Path(item) for item in allow_folders))
     try:
-        scene = Scene.model_validate(data, context={"folders": folders})
+        scene = Scene.model_validate(data, context={"folders": folders, "made_of": data})
     except ValidationError as problem:
         raise input_error(problem, data, where) from None
-    return _with_files(scene, where, missing)
+    return with_files(scene, where, missing)
 
 
 def _as_scene_mapping(data: Any, document: Document | None) -> dict[Any, Any]:
@@ -104,7 +104,7 @@ def _locator(document: Document | None, labels: dict[KeyPath, str]) -> Where:
     return where
 
 
-def _with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
+def with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
     """Return a scene whose files are where they may be; refuse one with others, naming all that are missing."""
     try:
         scene.lens_source()

@@ -78,6 +78,7 @@ class Scene(SceneModel):
     _folders: Folders = PrivateAttr(default_factory=Folders)
     _library: MeshLibrary = PrivateAttr()
     _stand_ins: tuple[str, ...] = PrivateAttr(default=())
+    _made_of: dict[str, Any] | None = PrivateAttr(default=None)
 
     @field_validator("materials", mode="before")
     @classmethod
@@ -115,6 +116,7 @@ class Scene(SceneModel):
     def _take_files(self, info: ValidationInfo) -> Self:
         """Take over how files are found: the folders of a scene file, or everything from the scene that is changed."""
         context = info.context or {}
+        self._made_of = context.get("made_of")
         given = context.get("scene")
         if given is not None:
             self._folders, self._library, self._stand_ins = given._folders, given._library, given._stand_ins
@@ -151,6 +153,13 @@ class Scene(SceneModel):
         """Folder of the scene file, where relative paths start; the working folder for a scene made in Python."""
         return self._folders.base
 
+    @property
+    def made_of(self) -> dict[str, Any]:
+        """The data that the scene was made of, by the keys at its top: those of a file, or parts of a scene."""
+        if self._made_of is not None:
+            return dict(self._made_of)
+        return {name: getattr(self, name) for name in self.model_fields_set}
+
     def report_missing_pictures(self, absent: list[str]) -> None:
         """Let meshes go on without their missing pictures, and add what is missing to a list as they are loaded."""
         self._library.absent = absent
@@ -158,7 +167,7 @@ class Scene(SceneModel):
     def with_stand_ins(self, objects: tuple[Object, ...], stand_ins: tuple[str, ...]) -> Scene:
         """Return the scene with the objects that are left, and what stands in for what is missing."""
         scene = self.model_copy(update={"objects": objects})
-        scene._stand_ins = stand_ins
+        scene._stand_ins, scene._made_of = stand_ins, None
         return scene
 
     def load_mesh(self, item: MeshObject) -> LoadedMesh:
