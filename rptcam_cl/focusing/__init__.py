@@ -10,10 +10,9 @@ from rptcam_cl.focusing.controller import (
     in_focus,
     zone_at,
 )
-from rptcam_cl.focusing.plot import focus_plot
 from rptcam_cl.focusing.probe import Drive, Policy, Zone, ZoneImage
 from rptcam_cl.focusing.renderer import ProbeRenderer
-from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach, ProbeRecord
+from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach, ProbeRecord, focus_plot
 from rptcam_cl.focusing.search import requested_autofocus
 
 __all__ = [

@@ -5,6 +5,8 @@ a few of them away from the focus nothing is left of a texture. Stopped down the
 the reach. So the first probes go through a small opening, whose depth of focus spans the steps between them. Each
 further round opens the stop by up to five and probes around the place where the last one found the top. The last round
 is made at the aperture of the picture, because spherical aberration moves the focus as a lens is stopped down.
+
+The walk of the rptcam paper, by variance, stands at the end for comparison.
 """
 
 from __future__ import annotations
@@ -12,10 +14,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing.measures import BEST, MEASURES, Peak, Probe, peak_of
-from rptcam_cl.focusing.probe import Policy, chosen
+from rptcam_cl.focusing.probe import Policy, Zone, chosen
 from rptcam_cl.focusing.report import FocusReport, NoContrast
-from rptcam_cl.focusing.search import Probes, Task, within
+from rptcam_cl.focusing.search import Probes, Task, requested_autofocus, within
 
 STEP = 8.0  # depths of focus between the probes of the first round: half of a texture's contrast remains that far away
 FIRST_PROBES = 5
@@ -254,3 +257,73 @@ def _by(method: str, measure: str, task: Task) -> FocusReport:
     state = probes.state_of(peak.place)
     sure = within(task.drive.depth_of_focus / 4, peak.error) if peak.inside else 0.0  # at the far end of the reach
     return task.report(method, state, task.zones[zone], peak.error, sure, probes.records(zone))
+
+
+WALK_START, WALK_STEP = 50.0, 5.0  # scene units, as the paper prints them: d = 50, s = 5
+WALK_END = 0.01  # of the distance
+WALK_SAMPLES = 128  # per pixel, as in the paper's pictures
+FARTHEST_FOCAL_LENGTHS = 100.0  # where it starts when that is out of reach, or the camera is focused at infinity
+MOST_STEPS = 38
+
+
+def focus_by_variance(task: Task) -> FocusReport:
+    """Return the focus at which the walk of the rptcam paper ends, kept for comparison; its confidence is unknown: 0.
+
+    It walks along the object distance in steps while the variance of the picture's luminance grows; where it does not,
+    it halves the step and turns; it stops when the step is small. Known weaknesses: the variance of a whole zone
+    changes by less than a percent over a wide range (docs/autofocus.md), noise adds to it, a walk ends in the first
+    local maximum, and it takes many probes. Nothing here makes up for them: there is no bracketing, no correction of
+    the noise, and no refusal.
+
+    It starts at 50 scene units with steps of 5, as the paper prints it; where a camera is focused already, from there
+    with steps of a tenth. The notes of the report say which.
+    """
+    probes = task.probes(MEASURES["variance"])
+    zone = task.zones[0]
+    start, why = _walk_start(task, probes)
+    distance, step = start, WALK_STEP / WALK_START * start
+    here = _probe_at(probes, distance, zone)
+    assert here is not None
+    notes = {"start_m": distance, "step_m": step, "started": why}
+    for _ in range(MOST_STEPS):
+        if abs(step) < WALK_END * distance:
+            break
+        there = _probe_at(probes, distance + step, zone)
+        if there is not None and there.found[0].value > here.found[0].value:
+            distance, here = distance + step, there
+        else:
+            step = -step / 2
+    state = probes.state_of(here.place)
+    report = task.report("variance", state, zone, math.inf, 0.0, probes.records(0))
+    report.notes.update(notes)
+    return report
+
+
+def _walk_start(task: Task, probes: Probes) -> tuple[float, str]:
+    """Return the object distance at which the walk starts [m], and why there."""
+    scene, zone = task.renderer.scene, task.zones[0]
+    far = FARTHEST_FOCAL_LENGTHS * task.drive.film_distance(task.renderer.state) * 1e-3
+    if task.near is None and requested_autofocus(scene) is not None:
+        printed = f"d = {WALK_START:g}, s = {WALK_STEP:g} scene units, as the paper prints it"
+        if _state_within_reach(probes, WALK_START * scene.metres_per_unit, zone) is None:
+            return far, f"far away, as {printed}, is out of reach"
+        return WALK_START * scene.metres_per_unit, printed
+    distance = task.drive.object_distance(task.renderer.state if task.near is None else task.near, zone)
+    if distance is None or math.isinf(distance) or _state_within_reach(probes, distance, zone) is None:
+        return far, "far away, where the camera was focused"
+    return distance, "where the camera was focused"
+
+
+def _state_within_reach(probes: Probes, distance_m: float, zone: Zone) -> float | None:
+    """Return the focus state of a distance; None beyond the reach of the camera."""
+    low, high = probes.drive.limits
+    try:
+        state = probes.drive.state_for(distance_m, zone)
+    except InputError:
+        return None
+    return state if low <= state <= high else None
+
+
+def _probe_at(probes: Probes, distance_m: float, zone: Zone) -> Probe | None:
+    state = _state_within_reach(probes, distance_m, zone)
+    return None if state is None else probes.at(probes.place_of(state), WALK_SAMPLES)

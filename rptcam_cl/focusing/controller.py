@@ -14,7 +14,7 @@ from pydantic import ValidationError
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, open_session
-from rptcam_cl.focusing.contrast import focus_by_contrast, focus_by_laplacian
+from rptcam_cl.focusing.contrast import focus_by_contrast, focus_by_laplacian, focus_by_variance
 from rptcam_cl.focusing.distance import check_reach, focus_by_depth
 from rptcam_cl.focusing.doubts import judged
 from rptcam_cl.focusing.drives import focus_drive
@@ -25,7 +25,6 @@ from rptcam_cl.focusing.probe import Drive, Policy, Zone
 from rptcam_cl.focusing.renderer import ProbeRenderer
 from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach
 from rptcam_cl.focusing.search import Task, requested_autofocus
-from rptcam_cl.focusing.variance import focus_by_variance
 from rptcam_cl.imaging import MARKED
 from rptcam_cl.scene import AutoFocus, Scene, change_scene, input_error, listed, load_scene, near_name, read_zones
 

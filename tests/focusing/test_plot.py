@@ -3,8 +3,7 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.focusing.plot import focus_plot
-from rptcam_cl.focusing.report import FocusReport, ProbeRecord
+from rptcam_cl.focusing.report import FocusReport, ProbeRecord, focus_plot
 from rptcam_cl.lenstools import chart_svg
 from tests.focusing.scenes import CENTRE
 
