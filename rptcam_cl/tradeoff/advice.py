@@ -1,4 +1,4 @@
-"""Which configuration to take for a time or an error."""
+"""Which configuration to use for a time or an error."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from dataclasses import replace
 from rptcam_cl.tradeoff.comparison import Advice
 from rptcam_cl.tradeoff.measurement import Measurement
 
-WORTH = 1.05  # times better than the most accurate configuration that another one has to be
+WORTH = 1.05  # factor by which another configuration must be better than the most accurate one
 
 
 def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
-    """Return the configuration that errs least after a time; the most accurate one unless another is clearly better.
+    """Return the configuration with the least error after a time; the most accurate one unless another is clearly better.
 
-    None of them where the time is not enough for a sample in every pixel.
+    Its name is None where the time is too short for one sample per pixel.
     """
     found = _trusted(found)
     errors = [each.error_after(seconds) for each in found]
@@ -31,7 +31,7 @@ def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
 
 
 def for_error(found: Sequence[Measurement], error: float) -> Advice:
-    """Return the configuration that is soonest at an error; the most accurate one unless another is clearly faster."""
+    """Return the configuration that reaches an error first; the most accurate one unless another is clearly faster."""
     found = _trusted(found)
     times = [each.seconds_until(error) for each in found]
     likely = [each.seconds_until(error, each.likely_bias) for each in found]
@@ -45,13 +45,13 @@ def for_error(found: Sequence[Measurement], error: float) -> Advice:
 
 
 def _trusted(found: Sequence[Measurement]) -> list[Measurement]:
-    """Return what may be advised, the most accurate one first.
+    """Return the measurements that may be advised, the most accurate one first.
 
-    Independent samples show what the lattice gains and are better by chance alone. Where noise hangs on rare paths,
-    chance decides between ways that differ by their noise only.
+    Independent samples show what the lattice gains; they can be better only by chance. Where noise comes from rare
+    paths, configurations that differ only in noise cannot be compared.
     """
     full = found[0]
-    rare = [full.hangs_on_rare or each.hangs_on_rare for each in found]
+    rare = [full.has_rare_paths or each.has_rare_paths for each in found]
     kept = [
         each
         for each, by_chance in zip(found[1:], rare[1:], strict=True)
@@ -61,7 +61,7 @@ def _trusted(found: Sequence[Measurement]) -> list[Measurement]:
 
 
 def _surely(found: Sequence[Measurement]) -> list[Measurement]:
-    """Return measurements as noisy and slow against the most accurate one as their intervals allow."""
+    """Return the measurements with the worst noise and time, relative to the first, that their intervals allow."""
     return [found[0], *(_at_worst(each, found[0].rate.value) for each in found[1:])]
 
 
@@ -74,7 +74,7 @@ def _at_worst(found: Measurement, full_rate: float) -> Measurement:
 
 
 def _clear_best(values: Sequence[float]) -> int:
-    """Return the place of the least value, or the first place unless that is clearly less."""
+    """Return the index of the least value if it is clearly less than the first, else 0."""
     best = min(range(len(values)), key=values.__getitem__)
     return 0 if values[0] <= WORTH * values[best] else best
 
@@ -82,6 +82,6 @@ def _clear_best(values: Sequence[float]) -> int:
 def _better_yet(
     found: Sequence[Measurement], likely: Sequence[float], sure: Sequence[float], chosen: int
 ) -> str | None:
-    """Return the name of the least likely value where that is another's and clearly less than the sure one chosen."""
+    """Return the name of another one whose likely value is clearly less than the sure value of the one chosen."""
     best = min(range(len(found)), key=likely.__getitem__)
     return found[best].name if best != chosen and WORTH * likely[best] < sure[chosen] else None

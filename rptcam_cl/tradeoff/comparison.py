@@ -13,7 +13,7 @@ from rptcam_cl.tradeoff.tiers.errors import FIELDS, TierError
 
 @dataclass(frozen=True)
 class Advice:
-    """Which configuration suits a wish.
+    """Which configuration suits a request.
 
     Attributes
     ----------
@@ -24,15 +24,15 @@ class Advice:
     chosen : str or None
         Name of the configuration; None where none reaches the error, or gives every pixel a sample in the time.
     seconds, error : float
-        What it takes and errs by; the error counts the bias at the upper end of its interval.
+        Its time [s] and its error, with the bias at the upper end of its interval.
     samples : int
-        Samples per pixel that it takes; 0 where none reaches the error.
+        Samples per pixel for that; 0 where none reaches the error.
     least_error, most_error : float
-        Between which the error lies after these samples, with noise and bias at the ends of their intervals.
+        Interval of the error after these samples, from the ends of those of noise and bias.
     full_seconds, full_error : float
         The same of the most accurate configuration.
     perhaps : str or None
-        Another one that would be clearly better yet if its bias were what was measured and not the most it may be.
+        Another one that is clearly better if its bias is what was measured, and not the upper end of its interval.
     """
 
     wish: str
@@ -57,19 +57,19 @@ class Comparison:
     scene, device : str
     resolution : (width, height)
     tiles : (rendered, all)
-        Tiles of 8 x 8 pixels that the pictures were made of.
+        Number of tiles of 8 x 8 pixels.
     grid : (rows, columns)
-        How the rendered ones lie, row by row.
+        Rows and columns of the rendered tiles.
     samples : (int, int, int)
-        Numbers of samples per pixel of the pictures; the last of some of the tiles only.
+        Samples per pixel of the three sets of pictures; the last has some of the tiles only.
     long_tiles : int
-        How many these are.
+        How many tiles the last set has.
     seeds : int
-        Independent pictures of each of the first two.
+        Number of independent pictures in each of the first two sets.
     seconds : float
-        Time that all took [s].
+        Time of the whole measurement [s].
     by_cpu : bool
-        Whether the times that count are CPU times divided by the cores.
+        Whether times are CPU times divided by the number of cores.
     measurements : tuple of Measurement
         The most accurate configuration first.
     cameras : tuple of TierError
@@ -77,9 +77,9 @@ class Comparison:
     allowed : str
         Camera model that `camera.accuracy: auto` takes; empty without a lens of surfaces.
     lens_colour_px : float or None
-        How far the lens moves light of other wavelengths [pixels].
+        Greatest displacement of light of other wavelengths by the lens [pixels].
     truncation : dict
-        How much paths beyond the scene's depth could bring, as `rendering.truncation` bounds it.
+        Bound on the light of paths beyond the scene's depth.
     advice : tuple of Advice
     skipped : dict
         Configurations that could not be rendered, and why.

@@ -14,11 +14,11 @@ from rptcam_cl.tradeoff.tiers.decide import Decision, choose_camera
 from rptcam_cl.tradeoff.tiers.tiers import TIERS, Tier, equivalent
 
 PARTS = ("film", "camera", "exposure", "shutter", "spectrum", "render")
-NOT_SAID = ("spp", "layers")  # of `render`: what a render is asked for besides
+NOT_SAID = ("spp", "layers")  # keys of `render` that do not change the configuration
 
 
 def settings(scene: Scene, wanted: Scene) -> tuple[str, ...]:
-    """Return what ``rptcam render --set`` takes to turn one scene into another that differs by such keys only."""
+    """Return the arguments of ``rptcam render --set`` that turn one scene into another; only such keys may differ."""
     return tuple(text for part in PARTS for text in _of_part(part, getattr(scene, part), getattr(wanted, part)))
 
 
@@ -46,22 +46,22 @@ SHORT_DEPTHS = (2, 4)  # edges: direct light alone, and two bounces more
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to render a scene.
+    """One configuration in which a scene is rendered.
 
     Attributes
     ----------
     name : str
     knob : str
-        What was changed of the most accurate one; empty for that one itself.
+        What differs from the most accurate one; empty for that one itself.
     scene : Scene
     tier : str
-        Camera model, as `accuracy.TIERS` has them; empty for the scene's own camera without a lens.
+        Camera model, one of `tiers.TIERS`; empty for a camera without a lens of surfaces.
     unbiased : bool
-        Whether the change cannot change the mean of the picture, only its noise.
+        Whether the change affects only the noise, not the mean of the picture.
     settings : tuple of str
-        What ``rptcam render --set`` takes to render the scene that is compared in this way.
+        Arguments of ``rptcam render --set`` that give this configuration.
     same_as : tuple of str
-        Other names that turned out to be the same way.
+        Names of other configurations that give the same picture.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Variant:
     same_as: tuple[str, ...] = ()
 
     def also(self, other: Variant) -> Variant:
-        """Return it with the name of another that is the same way, asked for by what is shorter to say."""
+        """Return it with the name of an equal configuration added, and the shorter settings of the two."""
         shorter = min(self.settings, other.settings, key=lambda texts: len(" ".join(texts)))
         return replace(self, settings=shorter, same_as=(*self.same_as, other.name))
 
@@ -97,7 +97,7 @@ class Ladder:
 
 
 def ladder(scene: Scene) -> Ladder:
-    """Return the configurations of a scene; some may turn out to be the same once they are planned."""
+    """Return the configurations of a scene; their plans may show that some are equal."""
     full = most_accurate(scene)
     is_lens = isinstance(full.scene.camera, RealisticCamera)
     decision = choose_camera(change_scene(full.scene, camera={"accuracy": "auto"})) if is_lens else None
@@ -120,11 +120,11 @@ def name_of(tier: Tier) -> str:
 
 
 def most_accurate(scene: Scene) -> Variant:
-    """Return a scene with everything that makes its picture more accurate.
+    """Return the most accurate configuration of a scene.
 
-    Every ray goes through every surface, aimed at the pupil's outline; the lens bends each wavelength by itself unless
-    the spectrum is fixed to RGB; no limit of samples or noise. The lens is traced in float32: in float64 no other mean
-    has been found.
+    Every ray goes through every surface and aims at the pupil's outline. The lens refracts each wavelength separately
+    unless the spectrum is RGB. Nothing is clamped. The lens is traced in float32, because float64 has shown no
+    difference in the mean.
     """
     plain = change_scene(scene, render={"clamp": None, "noise": None, "layers": (), "sampler": "lattice"})
     if not isinstance(scene.camera, RealisticCamera):
@@ -137,11 +137,11 @@ def most_accurate(scene: Scene) -> Variant:
 
 @dataclass(frozen=True)
 class _Change:
-    """A configuration yet to be made."""
+    """A configuration before its scene is made."""
 
     name: str
     knob: str
-    make: Callable[[], Scene]  # as it is asked for: `camera.accuracy` is yet to decide
+    make: Callable[[], Scene]  # as requested, before `camera.accuracy` chooses a camera model
     unbiased: bool = False
     tier: str = ""
 

@@ -29,7 +29,7 @@ LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pi
 RARE = 2.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
 SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
 FIRST_S, LAST_S, STEPS = 1e-4, 1e8, 121  # times at which errors are compared
-TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) that times are told for
+TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are reported
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class Timings:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One configuration. Times are those of the whole picture with the device to itself, unless told otherwise.
+    """One configuration. Times are for the whole picture on an idle device, unless stated otherwise.
 
     Attributes
     ----------
@@ -127,7 +127,7 @@ class Measurement:
         return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
 
     @property
-    def hangs_on_rare(self) -> bool:
+    def has_rare_paths(self) -> bool:
         """Whether the noise comes from paths that are so rarely met that it is hardly known."""
         return self.noise[1].high > RARE * self.noise[1].low or self.slope.low > SLOW
 

@@ -31,10 +31,10 @@ DASHES = {"thick_lens": "--"}  # which often lies on the thin lens's curve
 def tradeoff_plot(report: Comparison, title: str) -> Figure:
     """Return the three pictures.
 
-    On the left root of relMSE over time, a line each; those that become level have reached their bias, and what falls
-    as fast as noise does falls along the dotted guide. Dots are where a line meets that of the most accurate one. On
-    the right how far cheaper cameras put light beside its place. Below how much the pictures of the configurations that
-    differ most do so, tile by tile; those that are advised come first.
+    On the left is the root of relMSE over time, one line for each configuration. A line becomes level where it reaches
+    its bias; noise falls along the dotted guide. A dot marks where a line crosses that of the most accurate one. On the
+    right is how far cheaper cameras displace light. Below are maps, tile by tile, of the configurations that differ
+    most; those that are advised come first.
     """
     shown = _most_biased(report)
     columns, rows = report.resolution

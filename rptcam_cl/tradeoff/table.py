@@ -21,7 +21,7 @@ CAMERA_COLUMNS = ("camera", *(f"at {field:g}" for field in SHOWN_FIELDS), "brigh
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of texts under the names of their columns, and what they tell."""
+    """Rows of texts under the names of their columns, with a title."""
 
     title: str
     columns: tuple[str, ...]
@@ -29,11 +29,11 @@ class Table:
 
 
 def tables(report: Comparison) -> list[Table]:
-    """Return what each configuration errs by, what each takes, and the errors of cheaper cameras if there are any."""
+    """Return the errors of the configurations, their costs, and the errors of cheaper cameras if there are any."""
     found = report.measurements
-    wrong = f"What each is wrong by against {REFERENCE}, however long it renders"
-    taken = "What each takes: time of a sample in every pixel, noise, time to an error, time before the first ray"
-    over = "How far cheaper cameras put light beside its place, from the middle of the picture (0) to its corner (1)"
+    wrong = f"Error against {REFERENCE}, without noise"
+    taken = "Cost: time of one sample per pixel, noise, time to an error, time before the first ray"
+    over = "How far cheaper cameras displace light, from the middle of the picture (0) to its corner (1)"
     made = [Table(wrong, ERROR_COLUMNS, [_errors(each) for each in found if each.knob])]
     made.append(Table(taken, COST_COLUMNS, [_costs(each) for each in found]))
     if cameras := _cameras(report):

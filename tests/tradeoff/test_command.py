@@ -106,14 +106,14 @@ def test_times_and_rates_are_those_of_the_runs(report):
 def test_depth_is_bounded_by_the_reflectance(report):
     assert report.truncation["bound"] == pytest.approx(0.8**6 / (1 - 0.8))
     assert any(
-        "Paths of light end after 6 edges" in line and "would add at most 131 %" in line
+        "Light paths end after 6 edges" in line and "add at most 131 %" in line
         for line in recommendation(report)
     )
 
 
 def test_report_reads_well(report):
     said = recommendation(report)
-    assert said[0].startswith("In 1 s: take ")
+    assert said[0].startswith("In 1 s: use ")
     assert any(line.startswith("Full accuracy (full in the tables) is the most accurate way") for line in said)
     errors, costs, cameras = tables(report)
     assert all(len(row) == len(table.columns) for table in (errors, costs, cameras) for row in table.rows)
@@ -208,4 +208,4 @@ def test_command_writes_what_it_is_asked_for(tmp_path, capsys):
     assert "pinhole" in [found["name"] for found in told["measurements"]]
     assert "depth 2" in (tmp_path / "out.md").read_text()
     assert (tmp_path / "out.svg").read_text().startswith("<svg")
-    assert "In 60 s: take " in capsys.readouterr().out
+    assert "In 60 s: use " in capsys.readouterr().out
