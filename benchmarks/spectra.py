@@ -35,7 +35,7 @@ Array = NDArray[np.float64]
 
 
 def scenes(shrink: int) -> dict[str, Scene]:
-    """Return the scenes: the reference with spheres, by what of it bends each wavelength by itself."""
+    """Return the scenes: the reference with spheres, by what of it refracts each wavelength separately."""
     plain, lens = (reference_scene(name, shrink=shrink, roulette=True) for name in ("A", "A_lens"))
     content = read_yaml(REFERENCE / "A.yaml").data
     content["objects"][-1]["material"] = GLASS

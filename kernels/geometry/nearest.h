@@ -42,7 +42,7 @@ static F root_beyond(Ray ray, int i, Scene scene)
 #endif
 }
 
-#define FAR_SIDE  (-2)     // stands for a triangle in what the chance of the second hit hangs on
+#define FAR_SIDE  (-2)     // in place of a triangle, for the random choice at the second hit
 
 // Where the lanes that hit primitive i at t find it without a hole: there, on its far side, or nowhere.
 static F past_holes(I lanes, Ray ray, F t, int i, Scene scene)

@@ -1,6 +1,6 @@
 // Surfaces with holes: whether a ray finds one there. A mask is there from its cutoff on; otherwise the ray passes with the
-// probability that the opacity leaves. That choice hangs on the bits of the ray and on what it meets, so it is the same
-// however often and in whatever order the surface is asked.
+// probability that the opacity leaves. The choice depends only on the bits of the ray and on what it meets, so it is the
+// same however often and in whatever order the surface is tested.
 #ifndef OPACITY_H
 #define OPACITY_H
 #include "common/rng.h"

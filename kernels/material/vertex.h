@@ -22,7 +22,7 @@ typedef struct {
     I  kind;        // MATERIAL_…
     I  emitter;     // index of the emitter that light sampling chooses for this primitive, or -1
 #if HAS_DISPERSION
-    I  splits;      // glass that bends each wavelength by itself
+    I  splits;      // glass that refracts each wavelength separately
 #endif
 #if HAS_CLOSURE
     Closure closure;

@@ -36,7 +36,7 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
     Parameters
     ----------
     lens_colour
-        Whether the lens bends each wavelength by itself: only where a picture of this size shows it with ``auto``.
+        Whether the lens refracts each wavelength separately: only where a picture of this size shows it with ``auto``.
     """
     scene = at_opening(scene)
     if isinstance(scene.camera, RealisticCamera):

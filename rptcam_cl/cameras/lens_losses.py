@@ -1,4 +1,4 @@
-"""What surfaces and glass take from the light, as the scene asks for it and as the device needs it."""
+"""Light that surfaces and glass take: from the settings of the scene to the numbers of the device."""
 
 from __future__ import annotations
 

@@ -47,7 +47,7 @@ def left_out(
     Parameters
     ----------
     sampling
-        Of outlines along a film radius it is asked for film points on +x alone.
+        For outlines along a film radius, only film points on +x are given.
     margin
         Shares of the pupil's size by which a point must lie outside.
     """

@@ -37,7 +37,7 @@ class PupilSampling:
     parameters: PupilCircle | PupilGrid
     table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
     radial: bool = False
-    instead_of: str = ""  # the tier that was asked for, where its tables would lose light
+    instead_of: str = ""  # the requested tier, where its tables would lose light
     widened: float = 1.0  # factor on the paraxial pupil of the thick tier, without which it would lose light
 
     @property

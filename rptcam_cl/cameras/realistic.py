@@ -37,7 +37,7 @@ def build(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
     Raises
     ------
     InputError
-        When the lens cannot be focused or stopped as asked, or lets no light through to the centre of the film.
+        When the lens cannot be focused or stopped as requested, or lets no light through to the centre of the film.
     """
     return model_of(scene, lens_setting(scene), lens_colour=lens_colour)
 
@@ -101,7 +101,7 @@ def model_of(
 
 @dataclass(frozen=True)
 class _Colour:
-    """Whether a lens bends each wavelength by itself, and what the picture's metadata should say of it."""
+    """Whether a lens refracts each wavelength separately, and what the picture's metadata should say of it."""
 
     dispersive: bool
     metadata: dict[str, Any] = field(default_factory=dict)

@@ -137,7 +137,7 @@ class LensSetting:
     focus_distance_mm : float or None
         Object plane in focus to film; None when the film stands where no object is sharp.
     camera : LensCamera
-        What was asked for.
+        The request.
     """
 
     lens: Lens
@@ -187,7 +187,7 @@ def lens_setting(scene: Scene) -> LensSetting:
     Raises
     ------
     InputError
-        When it cannot be zoomed, stopped down or focused as asked.
+        When it cannot be zoomed, stopped down or focused as requested.
     """
     camera = scene.camera
     assert isinstance(camera, LensCamera)

@@ -107,7 +107,7 @@ def build(scene: Scene) -> CameraModel:
     Raises
     ------
     InputError
-        When the lens cannot be set as asked, or is not one that a thick lens stands for.
+        When the lens cannot be set as requested, or is not one that a thick lens stands for.
     """
     return model_of(scene, lens_setting(scene))
 

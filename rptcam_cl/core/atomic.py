@@ -14,7 +14,7 @@ STRAY_SECONDS = 7 * 24 * 3600  # after which a file that is still being written 
 
 
 def _process_space() -> str:
-    """Return what tells where process numbers count: one start of one system, one container; nothing if unknown.
+    """Return what identifies the scope of process numbers: a boot of a system, a container; empty if unknown.
 
     Host names do not: two containers with one name have processes of the same numbers.
     """
@@ -35,7 +35,7 @@ def _temporary_name() -> str:
 
 def _is_alive(pid: int) -> bool:
     if os.name != "posix":
-        return True  # signal 0 asks on POSIX only; elsewhere it would be sent
+        return True  # signal 0 is a query on POSIX only; elsewhere it would be sent
     try:
         os.kill(pid, 0)
     except ProcessLookupError:

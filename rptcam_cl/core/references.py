@@ -99,7 +99,7 @@ class References:
         return path, content
 
     def digests(self) -> dict[str, str]:
-        """Return the SHA-256 of each file that was read, by the name that it was asked for."""
+        """Return the SHA-256 of each file that was read, by the name in the request."""
         return dict(sorted(self._read.items()))
 
 

@@ -51,7 +51,7 @@ class Document:
     name : str
         File name used in messages.
     files : References
-        Reads the files that the document names; those of the working folder unless told otherwise.
+        Reads the files that the document names; by default those of the working folder.
     """
 
     data: Any

@@ -1,4 +1,4 @@
-"""The device that a user means, by a word, a list as ``0:0,1:0`` or the environment. Never asks."""
+"""The devices that a user chooses by a word, a list as ``0:0,1:0`` or the environment. There is no prompt."""
 
 from __future__ import annotations
 

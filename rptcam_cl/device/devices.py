@@ -15,8 +15,8 @@ from rptcam_cl.device.trial import Trial, first_error, try_device
 class DeviceInfo:
     """One OpenCL device; ``id`` is ``platform:device`` as used by ``--device``.
 
-    ``failure`` is what its driver failed with when it was asked about the device; what is known then is little, and
-    ``handle`` is None where there is nothing but a driver.
+    ``failure`` is the error of its driver when it was queried. Most other members are then unknown, and ``handle`` is
+    None where there is only a driver.
     """
 
     id: str
@@ -95,12 +95,12 @@ def _unknown(identity: str, platform: Any, handle: Any, failure: str) -> DeviceI
 
 
 def device_details(info: DeviceInfo) -> dict[str, Any]:
-    """Return everything about a device that its drivers tell and that matters here.
+    """Return everything about a device that its drivers report and that matters here.
 
     ``problem`` is why it cannot be used, if so. ``renamed`` holds the processor's name by PoCL and the one that it
     got in its place (see `rptcam_cl.device.pocl_processor`). ``kernel_target`` is the processor that PoCL's kernels
     are compiled for, so that its built-ins can be inlined (see `rptcam_cl.device.program`); None where the compiler
-    needs no such help. What a driver does not tell is None.
+    needs no such help. What a driver does not report is None.
     """
     trial = Trial() if info.failure else try_device(info.handle)
     return {

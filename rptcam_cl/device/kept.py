@@ -28,7 +28,7 @@ def kept_bytes(kind: str, name: str) -> bytes | None:
 
 
 def keep_bytes(kind: str, name: str, content: bytes) -> None:
-    """Keep something under a name, whole or not at all; what went unused longest makes room for it."""
+    """Keep something under a name, whole or not at all; the least recently used makes room for it."""
     folder = cache_dir(kind)
     temporary = folder / f".{name}-{secrets.token_hex(4)}.tmp"
     with contextlib.suppress(OSError):

@@ -54,7 +54,7 @@ def load_opencl() -> Any:
         show_intel_runtime()
     try:
         import pyopencl
-    except Exception as error:  # a missing library, or a cache of its own that a user has asked for
+    except Exception as error:  # a missing library, or a cache folder that a user has set
         raise DeviceError(f"pyopencl cannot be imported ({error}); {to_install()}") from error
     return pyopencl
 

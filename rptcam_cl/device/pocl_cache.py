@@ -114,7 +114,7 @@ def _is_whole(path: Path) -> bool:
 
 
 def _whole_library(head: bytes, size: int) -> bool:
-    """Tell whether a shared library ends where its section headers, which a linker puts last, say."""
+    """Return whether a shared library ends where its section headers, which a linker puts last, say."""
     if not head.startswith(_ELF) or len(head) < 64:
         return False
     offset, entry, count = struct.unpack_from("<Q10xHH", head, 40)
@@ -122,7 +122,7 @@ def _whole_library(head: bytes, size: int) -> bool:
 
 
 def _whole_bitcode(file: io.FileIO, head: bytes, size: int) -> bool:
-    """Tell whether the top-level blocks of LLVM's bitcode fill the file to its end (LLVM Bitcode File Format)."""
+    """Return whether the top-level blocks of LLVM's bitcode fill the file to its end (LLVM Bitcode File Format)."""
     if not head.startswith(_BITCODE):
         return False
     place = 4

@@ -27,7 +27,7 @@ _kept: list[Any] = []  # the names' memory: the records point to it until the pr
 
 
 def processor_flags() -> frozenset[str]:
-    """Return the features that the system tells of its processor; none where it tells nothing."""
+    """Return the features of the processor that the system reports; none where it reports nothing."""
     try:
         return frozenset(Path("/proc/cpuinfo").read_text(encoding="ascii", errors="replace").split())
     except OSError:
@@ -70,7 +70,7 @@ def rename_processor(device: Any, log: str) -> tuple[str, str] | None:
 
 
 def rename_as_before(device: Any, old: str, new: str) -> bool:
-    """Repeat in this process what `rename_processor` did in another; tell whether the name is now the new one.
+    """Repeat in this process what `rename_processor` did in another; return whether the name is now the new one.
 
     Nothing is touched unless the processor has the old name here too.
     """

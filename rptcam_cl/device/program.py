@@ -116,7 +116,7 @@ def build_program(context: Any, device: Any, source: str, options: list[str]) ->
     if kept and hashlib.sha256(kept[_HASH_BYTES:]).digest() == kept[:_HASH_BYTES]:
         try:
             return cl.Program(context, [device], [kept[_HASH_BYTES:]]).build(options=options, devices=[device])
-        except cl.Error:  # of a driver that has changed and does not tell
+        except cl.Error:  # of a driver that has changed without a new version
             pass
     program = cl.Program(context, source).build(options=options, devices=[device])
     binary = bytes(program.get_info(cl.program_info.BINARIES)[0])

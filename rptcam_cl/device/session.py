@@ -27,7 +27,7 @@ LLVMPIPE_LOOP_LIMIT = 65535
 
 
 def is_llvmpipe(handle: Any) -> bool:
-    """Tell whether a pyopencl device is llvmpipe."""
+    """Return whether a pyopencl device is llvmpipe."""
     return bool(handle.name.startswith("llvmpipe"))
 
 
@@ -182,14 +182,14 @@ class Session:
         """Copy ``array`` to the start of ``buffer``."""
         import pyopencl as cl
 
-        with self._telling():
+        with self._named_failures():
             cl.enqueue_copy(self.queue, buffer, array)
 
     def fill_zero(self, buffer: Any, nbytes: int) -> None:
         """Enqueue filling the first ``nbytes`` of a buffer with zeros."""
         import pyopencl as cl
 
-        with self._telling():
+        with self._named_failures():
             cl.enqueue_fill_buffer(self.queue, buffer, np.zeros(1, np.uint32), 0, nbytes)
 
     def _allocated(self, make: Any, nbytes: int) -> Any:
@@ -207,7 +207,7 @@ class Session:
         import pyopencl as cl
 
         out = np.empty(count, dtype)
-        with self._telling():
+        with self._named_failures():
             cl.enqueue_copy(self.queue, out, buffer)
         return out
 
@@ -217,12 +217,12 @@ class Session:
 
     def finish(self) -> None:
         """Wait until everything enqueued has run."""
-        with self._telling():
+        with self._named_failures():
             self.queue.finish()
 
     @contextmanager
-    def _telling(self) -> Iterator[None]:
-        """Tell of a device that has stopped as what it is."""
+    def _named_failures(self) -> Iterator[None]:
+        """Raise a DeviceError for a device that has stopped."""
         import pyopencl as cl
 
         try:

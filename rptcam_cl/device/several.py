@@ -49,7 +49,7 @@ def open_sessions(wanted: Wanted = None, split: Split | None = None) -> tuple[li
 
 
 def means_all(wanted: Wanted) -> bool:
-    """Return whether the devices were not named, but all were asked for: one that cannot begin may be left out."""
+    """Return whether `all` devices were requested rather than named ones; one that cannot begin is then left out."""
     if wanted is None:
         return several_of_environment() == [ALL]
     return not isinstance(wanted, Session) and ALL in ([wanted] if isinstance(wanted, str) else wanted)

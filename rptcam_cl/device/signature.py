@@ -2,7 +2,7 @@
 
 A parameter may depend on the facts of the program, and lists of them are macros (``SCENE_PARAMETERS`` of
 ``kernels/common/scene.h``). So conditions and macros are resolved here as a C preprocessor does it, as far as the heads
-of kernels need it. OpenCL can tell the names, too, but not every driver does, and none of a program that it has kept.
+of kernels need it. OpenCL can report the names, too, but not every driver does, and none of a program that it has kept.
 """
 
 from __future__ import annotations

@@ -37,8 +37,8 @@ class Trial:
     """What the trial of a device showed.
 
     ``problem`` is why it cannot be used, None where it can. ``library_arch`` is the processor that PoCL's built-ins
-    were compiled for, where kernels must be told to match it. ``renamed`` holds the processor's name by PoCL and the
-    one that it was given in its place, see `rptcam_cl.device.pocl_processor`.
+    were compiled for, where kernels must match it. ``renamed`` holds the processor's name by PoCL and the one
+    that it was given in its place, see `rptcam_cl.device.pocl_processor`.
     """
 
     problem: str | None = None
@@ -92,7 +92,7 @@ def _recalled(name: str) -> Trial | None:
 
 
 def _helped(handle: Any, trial: Trial) -> bool:
-    """Give the processor here the name that it needed in the trial; tell whether that, if anything, could be done."""
+    """Rename the processor here as in the trial; return whether that succeeded or was not needed."""
     return trial.renamed is None or rename_as_before(handle, *trial.renamed)
 
 
@@ -117,7 +117,7 @@ def _tried_apart(handle: Any) -> Trial:
 
 
 def _ending(code: int, said: str) -> str:
-    """Return how a process ended that was to try a device and told nothing."""
+    """Return how the process of a trial ended that printed no result."""
     if code < 0:
         name = signal.Signals(-code).name if -code in signal.valid_signals() else f"signal {-code}"
         return f"error: the driver crashed on a trivial kernel ({name})"
@@ -144,7 +144,7 @@ def try_here(handle: Any) -> Trial:
     if not is_pocl(handle):
         return Trial(problem=_build(handle, _source(None, "")))
     arch = pocl_library_arch()
-    # The name is part of the text: PoCL's cache must not answer for a compiler that was told another one.
+    # The name is part of the text: PoCL's cache must not return what was compiled under another name.
     own = own_name(handle)
     log = _build(handle, _source(arch, own))
     if log is None:
@@ -158,12 +158,12 @@ def try_here(handle: Any) -> Trial:
 
 
 def is_pocl(handle: Any) -> bool:
-    """Tell whether a device belongs to PoCL on this very processor."""
+    """Return whether a device belongs to PoCL on this very processor."""
     return "portable computing language" in handle.platform.name.lower() and handle.name.startswith(("pthread", "cpu"))
 
 
 def pocl_library_arch() -> str | None:
-    """Return the processor that PoCL's library of built-ins was compiled for, where kernels must be told to match it.
+    """Return the processor that PoCL's library of built-ins was compiled for, where kernels must match it.
 
     That is so on x86-64 with AVX2: "haswell", or "skylake-avx512" with AVX-512. None elsewhere.
     """

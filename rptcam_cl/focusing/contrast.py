@@ -44,21 +44,21 @@ def first_stop(probes: Probes) -> float:
 
 
 def greatest_contrast(probes: Probes, policy: Policy, start: tuple[float, float] | None = None) -> tuple[Peak, int]:
-    """Return the top of the contrast at full aperture, and the zone that decided.
+    """Return the top of the contrast at full aperture, and the zone that was chosen.
 
     Parameters
     ----------
     probes
         The camera.
     policy
-        Which zone decides when they differ.
+        Which zone is chosen when they differ.
     start : (place, reach) or None
         Where to search and how far to either side [mm]; over the whole reach of the lens by default.
 
     Raises
     ------
     NoContrast
-        When nothing in the zones tells sharp from blurred.
+        When sharp and blurred cannot be distinguished in any zone.
     """
     stop = first_stop(probes)
     low, high = probes.ends
@@ -235,7 +235,7 @@ def focus_by_contrast(task: Task) -> FocusReport:
     Raises
     ------
     NoContrast
-        When nothing in the zones tells sharp from blurred.
+        When sharp and blurred cannot be distinguished in any zone.
     """
     return _by("contrast", BEST, task)
 
@@ -246,7 +246,7 @@ def focus_by_laplacian(task: Task) -> FocusReport:
     Raises
     ------
     NoContrast
-        When nothing in the zones tells sharp from blurred.
+        When sharp and blurred cannot be distinguished in any zone.
     """
     return _by("laplacian", "sum_modified_laplacian", task)
 

@@ -348,7 +348,7 @@ def focus_by_phase(task: Task) -> FocusReport:
     Raises
     ------
     NoContrast
-        When no zone tells a distance.
+        When no zone gives a distance.
     """
     search = phase_search(task)
     state = search.finish()
@@ -359,12 +359,12 @@ def focus_by_phase(task: Task) -> FocusReport:
 
 
 def phase_search(task: Task) -> PhaseSearch:
-    """Return the search of the zone that decides, after its first probe.
+    """Return the search of the chosen zone, after its first probe.
 
     Raises
     ------
     NoContrast
-        When no zone tells a distance.
+        When no zone gives a distance.
     """
     start = task.renderer.state if task.near is None else task.near
     searches: dict[int, PhaseSearch] = {}
@@ -380,7 +380,7 @@ def phase_search(task: Task) -> PhaseSearch:
     if not searches:
         assert refusal is not None
         raise refusal
-    decides = chosen(task.policy, task.zones, {k: search.match.vergence for k, search in searches.items()})
-    found = searches[decides]
+    index = chosen(task.policy, task.zones, {k: search.match.vergence for k, search in searches.items()})
+    found = searches[index]
     found.others = [probe for search in searches.values() if search is not found for probe in search.probes]
     return found

@@ -25,7 +25,7 @@ from rptcam_cl.rendering import TILE, FilmLayout, SceneBuffers, Wavefront
 from rptcam_cl.scene import Exposure, LayerName, RealisticCamera, Scene, at_opening, change_scene
 
 # Shares of the opening's diameter, the first f/100 for a lens of f/2. Where a lens is stopped down so far that rays,
-# which aim at boxes, hardly ever find the pupil, the next one is taken.
+# which aim at boxes, rarely find the pupil, the next one is taken.
 OPENINGS = (0.02, 0.1, 0.5, 1.0)
 ENOUGH = 0.05  # of the rays pass
 SAMPLES = 16  # per pixel

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 class NoContrast(InputError):  # noqa: N818  (a refusal, as photographers call it)
-    """Nothing in the zone tells focus from blur; the camera stays as it was."""
+    """Focus and blur cannot be distinguished in the zone; the camera stays as it was."""
 
 
 class OutOfReach(InputError):  # noqa: N818  (the same)
@@ -46,7 +46,7 @@ class ProbeRecord:
     film_distance_mm : float
         Distance to the film in that state.
     value, error : float
-        Measure and its standard error, of the zone that decided.
+        Measure and its standard error, of the chosen zone.
     stop : float
         Share of the opening's diameter.
     samples : int
@@ -88,7 +88,7 @@ class FocusReport:
     depth_of_focus_mm : float
         2 N c along the coordinate.
     zone : Zone
-        The zone that decided.
+        The chosen zone.
     zones : tuple of Zone
         All of them.
     probes : list of ProbeRecord

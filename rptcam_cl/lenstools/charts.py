@@ -59,7 +59,7 @@ STYLE: dict[str, Any] = {
     "svg.fonttype": "none",  # letters stay letters, to be searched and read aloud
     "svg.hashsalt": "rptcam_cl",  # the same chart always gives the same text
 }
-# What each kind of file says of itself: its title, and neither date nor version.
+# Metadata of each kind of file: the title, without date and version.
 UNSAID: dict[str, dict[str, Any]] = {
     ".svg": {"Date": None, "Creator": None},
     ".png": {"Software": None},

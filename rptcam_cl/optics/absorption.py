@@ -53,5 +53,5 @@ def interpolated(
     outside = (wavelength < low) | (wavelength > high)
     if len(wavelengths_nm) > 1 and np.any(outside):
         bad = float(np.extract(outside, wavelength)[0])
-        raise InputError(f"the {what} is known from {low:g} to {high:g} nm (asked for {bad:g} nm)")
+        raise InputError(f"the {what} is known from {low:g} to {high:g} nm (requested {bad:g} nm)")
     return np.asarray(np.interp(wavelength, wavelengths_nm, values), dtype=np.float64)

@@ -181,7 +181,7 @@ def _in_range(wavelength_nm: ArrayLike, limits: Range | None, name: str) -> Arra
     if limits is not None and (np.any(wavelength < limits[0]) or np.any(wavelength > limits[1])):
         bad = float(np.extract((wavelength < limits[0]) | (wavelength > limits[1]), wavelength)[0])
         raise InputError(
-            f"glass {name or '(unnamed)'} is known from {limits[0]:g} to {limits[1]:g} nm (asked for {bad:g} nm)"
+            f"glass {name or '(unnamed)'} is known from {limits[0]:g} to {limits[1]:g} nm (requested {bad:g} nm)"
         )
     return wavelength
 
@@ -189,5 +189,5 @@ def _in_range(wavelength_nm: ArrayLike, limits: Range | None, name: str) -> Arra
 def _root(square: ArrayLike, name: str) -> Array:
     value = np.asarray(square, dtype=np.float64)
     if not np.all(value > 0):
-        raise InputError(f"glass {name or '(unnamed)'} has no real index at a wavelength that was asked for")
+        raise InputError(f"glass {name or '(unnamed)'} has no real index at a requested wavelength")
     return np.sqrt(value)

@@ -51,7 +51,7 @@ class Lens(Prescription):
         if diameter_mm > has * (1 + 1e-9):
             widest = self.first_order().f_number
             speed = f", f/{widest:.3g}" if np.isfinite(widest) else ""
-            raise InputError(f"{self.name}: the stop opens to {has:.5g} mm{speed} (asked for {diameter_mm:.5g} mm)")
+            raise InputError(f"{self.name}: the stop opens to {has:.5g} mm{speed} (requested {diameter_mm:.5g} mm)")
         surfaces = list(self.surfaces)
         surfaces[self.stop_index] = replace(stop, semi_diameter=min(diameter_mm, has) / 2)
         return replace(self, surfaces=tuple(surfaces))

@@ -32,7 +32,7 @@ def floated(lens: Lens, distance_mm: float) -> Lens:
     if distance_mm < nearest.distance_mm * (1 - 1e-9):
         raise InputError(
             f"{lens.name}: its floating groups focus down to {nearest.distance_mm:.6g} mm from the film "
-            f"(asked for {distance_mm:.6g} mm)"
+            f"(requested {distance_mm:.6g} mm)"
         )
     states = sorted(lens.floating, key=lambda state: 1 / state.distance_mm)
     away = [0.0, *(1 / state.distance_mm for state in states)]
@@ -71,7 +71,7 @@ def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM)
         if abs(lengths - focal_length_mm).min() <= 1e-9 * focal_length_mm:
             return _between(lens, float(near))
         raise InputError(
-            f"{lens.name}: zooms from {lengths.min():.5g} to {lengths.max():.5g} mm (asked for {focal_length_mm:g} mm)"
+            f"{lens.name}: zooms from {lengths.min():.5g} to {lengths.max():.5g} mm (requested {focal_length_mm:g} mm)"
         )
     low, high = float(states[change[0]]), float(states[change[0] + 1])
     for _ in range(60):
@@ -137,7 +137,7 @@ def focused_by_group(
         near, far = _reach(lens, film_distance_mm, wavelength_nm)
         raise InputError(
             f"{lens.name}: its group focuses from {near:.6g} to {far:.6g} mm from the film "
-            f"(asked for {object_distance_mm:.6g} mm)"
+            f"(requested {object_distance_mm:.6g} mm)"
         )
     low, high = float(shifts[change[0]]), float(shifts[change[0] + 1])
     sign = np.sign(errors[change[0]])

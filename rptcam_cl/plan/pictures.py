@@ -36,7 +36,7 @@ def remembered(key: str, make: Callable[[], Made]) -> Made:
     Parameters
     ----------
     key
-        Tells everything that the result depends on, files by their content: who changes a file changes the key.
+        Contains everything that the result depends on, files by their content: a changed file changes the key.
     make
         Called where nothing is kept. The result is shared, so nobody may change it.
     """
@@ -78,7 +78,7 @@ class Colours:
         Mean linear colour.
     form : TexelFormat
     name : str
-        Tells it from all others.
+        Identifies it among all others.
     """
 
     words: NDArray[np.uint32]

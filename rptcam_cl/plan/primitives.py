@@ -142,7 +142,7 @@ def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
 
 
 def with_meshes(primitives: list[Primitive], scene: Scene) -> tuple[list[Primitive], MeshPlan | None]:
-    """Return the primitives with the meshes, which stand last, in the order that their pools ask for; and the pools."""
+    """Return the primitives with the meshes, which stand last, in the order that their pools need; and the pools."""
     solid = [primitive for primitive in primitives if primitive.mesh is None]
     meshes = [primitive for primitive in primitives if primitive.mesh is not None]
     if not meshes:

@@ -90,7 +90,7 @@ def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: flo
 def seen_by(
     scene: Scene, camera: CameraModel | None, spectra: KnownSpectra, materials: Materials
 ) -> tuple[CameraModel, Spectrum]:
-    """Return the camera of a scene, or the one given, and the kind of light of its paths: as asked for, or as needed.
+    """Return the camera of a scene, or the one given, and the kind of light of its paths: as requested, or as needed.
 
     A mode that nothing in the scene calls for is not compiled: without dispersion, `dispersive` is RGB.
     """

@@ -1,4 +1,4 @@
-"""What a render tells of itself: statistics, metadata for the files of the picture, and its own errors."""
+"""What a render reports: statistics, metadata for the files of the picture, and its errors."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class LayerPass:
     session, plan, layout, buffers
         Of the wavefront.
     planes
-        The layers asked for, at least one.
+        The requested layers, at least one.
     lanes : int
         Per work item.
     state, tiles, capacity

@@ -41,7 +41,7 @@ SPOT_AREA = 0.02  # of the frame
 
 @dataclass(frozen=True)
 class ResolvedExposure:
-    """A scene whose exposure is settled.
+    """A scene with its exposure resolved.
 
     Attributes
     ----------
@@ -59,7 +59,7 @@ class ResolvedExposure:
 
 
 def resolve_exposure(scene: Scene, session: Session, reading_cd_m2: float | None = None) -> ResolvedExposure:
-    """Return the scene with its exposure settled, metered on a device where the scene asks for that.
+    """Return the scene with its exposure resolved, by metering on a device where its mode is `auto`.
 
     Parameters
     ----------
@@ -177,5 +177,5 @@ def _settings(scene: Scene, irradiance: float) -> dict[str, Any]:
 def _check_range(what: str, found: float, least: float, most: float) -> None:
     if not least <= found <= most:
         raise InputError(
-            f"exposure: auto metering asks for an {what} out of range (got {found:.3g}; allowed: {least:g} to {most:g})"
+            f"exposure: auto metering needs an {what} out of range (got {found:.3g}; allowed: {least:g} to {most:g})"
         )

@@ -1,4 +1,4 @@
-"""How noisy a picture is, while its render is under way and when nobody asked, and which tiles need more.
+"""How noisy a picture is, with a noise target and without, and which tiles need more samples.
 
 The samples of a pixel are not independent of each other, so their spread says nothing of the error of their mean.
 Runs of them do: a power of two of consecutive samples is a whole lattice, shifted at random, and the means of four to
@@ -6,8 +6,8 @@ eight such runs of equal length estimate the variance of their mean. Together th
 is smaller than if the runs were independent: the estimate errs to the safe side.
 
 The sums are taken from the film at the ends of runs; runs are 16 samples long and join in pairs once there are eight.
-Decisions are made per tile of 8 x 8 pixels, after 64 samples at the earliest and after whole runs: pixels that decided
-by themselves would stop while they happen to be dark.
+Decisions are made per tile of 8 x 8 pixels, after 64 samples at the earliest and after whole runs: pixels that stopped
+on their own estimate would stop while they happen to be dark.
 
 The film is looked at whenever the samples have doubled, which costs little. At the end the difference between the means
 of the samples before and after such a look estimates the variance of the mean of all. Parts of a lattice together are
@@ -51,7 +51,7 @@ class NoiseReport:
     Attributes
     ----------
     target : float or None
-        The relative standard error asked for.
+        The relative standard error requested.
     median, worst : float
         Relative standard error of the tiles.
     met : float
@@ -226,7 +226,7 @@ def _achieved(
 
 
 class TwoParts:
-    """Looks at the film of a render under way, so that its noise can be told at the end."""
+    """Looks at the film during a render, so that its noise can be reported at the end."""
 
     def __init__(self, layout: FilmLayout) -> None:
         self._layout = layout
@@ -253,13 +253,13 @@ class TwoParts:
 
 
 def _luminance(sums: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the sum of luminance per pixel, in float32: what is asked for is noise, far above its rounding."""
+    """Return the sum of luminance per pixel, in float32, whose rounding is far below the noise."""
     weights = LUMINANCE.astype(np.float32)
     return np.asarray(weights @ sums[:3] - weights @ sums[3:])
 
 
 class NoiseWatch:
-    """Looks at the film as samples come in: tile by tile where that was asked for, else by two parts of the samples.
+    """Looks at the film as samples come in: tile by tile with a noise target, else by two parts of the samples.
 
     Attributes
     ----------
@@ -311,13 +311,13 @@ class NoiseWatch:
         return np.full(len(self._wavefront.layout.whole_list()), done, np.uint32)
 
     def variance(self) -> NDArray[np.float32]:
-        """Return the variance of each pixel's mean luminance; nan where it was not asked for."""
+        """Return the variance of each pixel's mean luminance; nan where it is not recorded."""
         if self.estimate is not None:
             return self.estimate.variance
         return np.full(self._wavefront.layout.pixels, np.nan, np.float32)
 
     def report(self) -> NoiseReport | None:
-        """Return how noisy the tiles are, where that was asked for."""
+        """Return how noisy the tiles are, where that is recorded."""
         return None if self.estimate is None else self.estimate.report()
 
     def achieved(self, done: int, sums: NDArray[np.float32]) -> AchievedNoise | None:

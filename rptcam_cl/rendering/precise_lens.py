@@ -50,7 +50,7 @@ class PreciseLens:
     camera
         Whose lens it is; its kernel and its facts are those of every later camera.
     facts
-        Of the pass ``generate``, whose random numbers, film points and aims are to be met.
+        Of the pass ``generate``, whose random numbers, film points and aims are used.
     capacity
         Slots of a wave.
     buffers

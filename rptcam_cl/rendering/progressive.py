@@ -28,7 +28,7 @@ class Progress:
     samples_done : int
         Samples per pixel done.
     spp_target : int or None
-        Samples per pixel asked for; None when only time ends the render.
+        Samples per pixel requested; None when only time ends the render.
     seconds : float
         Time spent rendering [s].
     msamples_per_second : float
@@ -76,11 +76,11 @@ class Rendering:
     samples : (height, width) array
         Samples of each pixel.
     variance : (height, width) array
-        Of each pixel's mean luminance; nan unless it was asked for and there are 64 samples to estimate it from.
+        Of each pixel's mean luminance; nan unless it is recorded and there are 64 samples to estimate it from.
     noise : NoiseReport or None
         How noisy the tiles are, likewise.
     achieved : AchievedNoise or None
-        How noisy the picture is, as far as it is known without having been asked for.
+        How noisy the picture is, as far as it is known without a noise target.
     seconds : float
         Time spent rendering [s].
     interrupted : bool
@@ -236,7 +236,7 @@ class _Clock:
         return self.elapsed + 0.5 * per_sample >= seconds
 
     def report(self) -> None:
-        """Tell the listener how far the render is."""
+        """Report progress to the listener."""
         if self._on_progress is None:
             return
         blocked = None

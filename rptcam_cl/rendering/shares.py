@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS
 from rptcam_cl.rendering.tracer import Wavefront
 
-MEASURED_SECONDS = 0.3  # that each device renders before its share is settled
+MEASURED_SECONDS = 0.3  # that each device renders before its share is known
 STEPS = 1000  # shares are whole numbers of these parts, so that their text repeats them exactly
 GOLDEN = (5**0.5 - 1) / 2  # its multiples, less their whole parts, are spread evenly, however many there are
 

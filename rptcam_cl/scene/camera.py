@@ -116,7 +116,7 @@ def pose_matrix(pose: Vector) -> Vector:
 
 
 def _turns_little(first: Vector, second: Vector) -> NDArray[np.bool_]:
-    """Return where (n,) a camera between two poses (n, 3, 3) surely keeps a view, as it hardly turns."""
+    """Return where (n,) a camera between two poses (n, 3, 3) surely keeps a view, because its turn is small."""
     view, up = first[:, 1] - first[:, 0], first[:, 2]
     view_step, up_step = second[:, 1] - second[:, 0] - view, second[:, 2] - up
     view_length, up_length, view_change, up_change = (

@@ -1,4 +1,4 @@
-"""Checks across the parts of a scene: refusals of what float32 cannot hold, and warnings of what is hardly meant."""
+"""Checks across the parts of a scene: errors where float32 is too small, and warnings of probable mistakes."""
 
 from __future__ import annotations
 

@@ -97,8 +97,8 @@ class SpectrumSettings(SceneModel):
     disperse; spectra at three wavelengths per path. By default what the scene needs."""
 
     lens: LensColour | None = None
-    """Whether the lens bends each wavelength by itself; `auto`: where that moves light by more than half a pixel, or
-    than `camera.accuracy` allows."""
+    """Whether the lens refracts each wavelength separately; `auto`: where that moves light by more than half a pixel,
+    or than `camera.accuracy` allows."""
 
     @model_validator(mode="before")
     @classmethod
@@ -107,7 +107,7 @@ class SpectrumSettings(SceneModel):
 
     @property
     def lens_colour(self) -> LensColour:
-        """Whether the lens bends each wavelength by itself."""
+        """Whether the lens refracts each wavelength separately."""
         if self.mode == "rgb":
             return "off"
         return self.lens or ("on" if self.mode == "dispersive" else "auto")

@@ -29,7 +29,7 @@ class Check:
     note : str
         Anything else worth saying; for a check that could not be made, why.
     skipped : bool
-        Whether it asks for what the device does not offer; it then neither passes nor fails.
+        Whether it needs what the device does not offer; it then neither passes nor fails.
     """
 
     name: str

@@ -40,7 +40,7 @@ def environment(device: str | None = None) -> dict[str, Any]:
     Parameters
     ----------
     device
-        The devices to tell of, as ``--device`` on the command line; all of them when absent.
+        The devices to report, as ``--device`` on the command line; all of them when absent.
     """
     found: dict[str, Any] = {
         "version": __version__,
@@ -131,4 +131,4 @@ def _device_lines(device: dict[str, Any]) -> list[str]:
 
 
 def _renaming(old: str, new: str) -> str:
-    return f"    PoCL takes the processor for {old!r}, for which it cannot compile; it was told {new!r}"
+    return f"    PoCL takes the processor for {old!r}, for which it cannot compile; it compiles for {new!r}"

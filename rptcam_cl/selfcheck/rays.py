@@ -121,7 +121,7 @@ class Met:
 
 
 class ObjectRays:
-    """Objects on a device, the eye where it is asked for; with a tree over them where they are many."""
+    """Objects on a device, the eye where requested; with a tree over them where they are many."""
 
     def __init__(self, session: Session, objects: list[dict[str, Any]], eye: Any = (0, 0, 0), **keys: Any) -> None:
         target = [eye[0], eye[1], eye[2] - 1]

@@ -13,7 +13,7 @@ WORTH = 1.05  # factor by which another configuration must be better than the mo
 
 
 def for_time(found: Sequence[Measurement], seconds: float) -> Advice:
-    """Return the configuration with the least error after a time; the most accurate one unless another is clearly better.
+    """Return the configuration with the least error after a time; the first one unless another is clearly better.
 
     Its name is None where the time is too short for one sample per pixel.
     """

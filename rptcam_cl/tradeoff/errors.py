@@ -25,7 +25,7 @@ EDGE = 0.01  # of the mean: what keeps dark pixels from counting beyond measure
 
 @dataclass(frozen=True)
 class PairErrors:
-    """What every pair of seeds tells of one configuration; matrices (seeds, seeds) with nothing on the diagonal.
+    """The results of every pair of seeds for one configuration; matrices (seeds, seeds) with nothing on the diagonal.
 
     Attributes
     ----------

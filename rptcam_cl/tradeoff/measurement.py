@@ -113,22 +113,22 @@ class Measurement:
 
     @property
     def sure_bias_of_tiles(self) -> Array:
-        """The bias of tiles where it is above what noise could be, and 0 elsewhere."""
+        """The bias of tiles where it is larger than noise explains, and 0 elsewhere."""
         return np.where(self.bias_of_tiles > SURE * self.noise_of_tiles, self.bias_of_tiles, 0.0)
 
     @property
     def sure_bias(self) -> float:
-        """What the bias is at most, as relMSE: the upper end of its interval, or nothing where there can be none."""
+        """The upper end of the interval of the bias, as relMSE; 0 where there can be none."""
         return 0.0 if self.unbiased or not self.knob else max(self.bias.high, 0.0)
 
     @property
     def likely_bias(self) -> float:
-        """What the bias was measured to be, as relMSE, or nothing where there can be none."""
+        """The measured bias, as relMSE; 0 where there can be none."""
         return 0.0 if self.unbiased or not self.knob else max(self.bias.value, 0.0)
 
     @property
     def has_rare_paths(self) -> bool:
-        """Whether the noise comes from paths that are so rarely met that it is hardly known."""
+        """Whether the noise comes from paths so rare that its size is uncertain."""
         return self.noise[1].high > RARE * self.noise[1].low or self.slope.low > SLOW
 
     def error_after(self, seconds: float, bias: float | None = None) -> float:
@@ -164,7 +164,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class _Replicates:
-    """What one configuration takes and errs by for each draw of the seeds; the first draw has each once."""
+    """Cost and error of one configuration for each draw of the seeds; the first draw has each seed once."""
 
     sample_s: Array
     law: NoiseLaw
@@ -233,7 +233,7 @@ def measurements(
 
 
 def _bias(error: PairErrors, reference: PairErrors, counts: NDArray[np.int64]) -> Array:
-    """Return the bias, which is at least what the brightness of the whole picture proves where that surely differs.
+    """Return the bias; a certain difference in the brightness of the whole picture is its lower limit.
 
     Light that few paths bring, each to a pixel of its own, is missing in no pixel of two pictures, but in their means.
     """

@@ -35,7 +35,7 @@ class Ready:
     facts : dict
         What a picture's metadata would say of camera and spectrum.
     truncation : dict
-        How much longer paths could bring, as `numerics.knowledge.truncation` tells it.
+        Bound on the light of longer paths, from `rendering.truncation`.
     """
 
     configuration: Variant

@@ -1,6 +1,6 @@
 """Intervals of what is measured by a few independent repetitions: bootstrap over the seeds.
 
-What a picture errs by is a mean over pairs of different seeds (a U-statistic), which is free of the noise of either:
+The error of a picture is a mean over pairs of different seeds (a U-statistic), which is free of the noise of either:
 two independent pictures are never wrong in the same way by chance. Seeds are drawn anew, with all that was measured
 under them together; pairs of a seed with itself never count. With few seeds the percentiles of the bootstrap lie too
 close together, and are widened as those of a normal distribution would have to be to match Student's (T. C. Hesterberg,

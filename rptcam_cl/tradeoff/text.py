@@ -42,14 +42,10 @@ def caveats(report: Comparison) -> list[str]:
     said += _unsure(report)
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
-        said.append("Times are CPU times divided by the number of cores: those of a render that has the machine to itself.")
+        said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
     if clock > SHOWS_LOAD:
-        said.append(
-            f"Wall times were {clock:.1f} times as long, as other work shared the machine or cores were idle."
-        )
-    said += [
-        f"The same picture: {' = '.join((f.name, *f.same_as))}." for f in report.measurements if f.same_as
-    ]
+        said.append(f"Wall times were {clock:.1f} times as long, as other work shared the machine or cores were idle.")
+    said += [f"The same picture: {' = '.join((f.name, *f.same_as))}." for f in report.measurements if f.same_as]
     reasons: dict[str, list[str]] = {}
     for name, why in report.skipped.items():
         reasons.setdefault(why, []).append(name)
@@ -58,7 +54,7 @@ def caveats(report: Comparison) -> list[str]:
 
 
 def _unsure(report: Comparison) -> list[str]:
-    """Return a warning where the noise of the advised configurations or of the reference comes from rare bright paths."""
+    """Return a warning where the noise of an advised configuration or the reference comes from rare bright paths."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
     rare = [_called(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
     if not rare:

@@ -60,7 +60,7 @@ def value_per_radiance(resolved: Scene) -> float:
     Parameters
     ----------
     resolved
-        With its exposure settled.
+        With its exposure resolved.
     """
     exposure = resolved.exposure
     if exposure.mode not in ("irradiance", "physical"):

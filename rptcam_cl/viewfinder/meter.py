@@ -35,7 +35,7 @@ def film_reading(pixels: Film, resolved: Scene, settings: Exposure | None = None
     pixels
         The film (h, w, 3) of the whole frame, or of its crop, at any resolution.
     resolved
-        The scene that it was rendered from, with its exposure settled.
+        The scene that it was rendered from, with its exposure resolved.
     settings
         Whose metering counts; by default that of the scene. With a crop, what is left of the metered part counts.
     """

@@ -87,5 +87,5 @@ def test_measured_coating_has_its_reflectance_and_the_angles_of_bare_glass():
 
 
 def test_measured_coating_does_not_guess_beyond_what_was_measured():
-    with pytest.raises(InputError, match=r"reflectance of a coating is known from 400 to 700 nm \(asked for 720 nm\)"):
+    with pytest.raises(InputError, match=r"reflectance of a coating is known from 400 to 700 nm \(requested 720 nm\)"):
         MEASURED.transmittance(Interface(1.0, BK7), 720.0)

@@ -60,7 +60,7 @@ def test_gaps_go_by_the_inverse_of_the_distance(tmp_path):
     near, half = floated(lens, NEAR_MM), floated(lens, 2 * NEAR_MM)
     assert [near.surfaces[k].thickness for k in (1, 4)] == pytest.approx([6, 5])
     assert [half.surfaces[k].thickness for k in (1, 4)] == pytest.approx([7, 4.5])
-    with pytest.raises(InputError, match=r"focus down to 417 mm from the film \(asked for 300 mm\)"):
+    with pytest.raises(InputError, match=r"focus down to 417 mm from the film \(requested 300 mm\)"):
         floated(lens, 300)
     plain = load_lens("dgauss-50mm")
     assert floated(plain, 300) is plain

@@ -139,7 +139,7 @@ def test_other_dispersion_laws(tmp_path):
 
 
 def test_a_wavelength_outside_the_range_of_a_glass_is_refused():
-    with pytest.raises(InputError, match=r"glass N-BK7 is known from 300 to 2500 nm \(asked for 5000 nm\)"):
+    with pytest.raises(InputError, match=r"glass N-BK7 is known from 300 to 2500 nm \(requested 5000 nm\)"):
         load_lens(
             {"surfaces": [{"radius": 50, "thickness": 3, "glass": "N-BK7", "diameter": 20}, {"diameter": 20}]}
         ).first_order(5000.0)
@@ -248,7 +248,7 @@ def test_an_unknown_name_is_answered_with_near_ones(tmp_path):
 
 def test_stop_settings_are_refused_beyond_what_the_lens_has():
     lens = load_lens("dgauss-50mm")
-    with pytest.raises(InputError, match=r"the stop opens to 17\.1 mm, f/2\.03 \(asked for 20 mm\)"):
+    with pytest.raises(InputError, match=r"the stop opens to 17\.1 mm, f/2\.03 \(requested 20 mm\)"):
         lens.with_stop_diameter(20)
     with pytest.raises(InputError, match=r"opens to f/2\.03, a stop of 17\.1 mm \(f/1\.4 would need 24\.797 mm\)"):
         lens.stop_diameter_for(1.4)

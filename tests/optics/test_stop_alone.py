@@ -34,7 +34,7 @@ def test_what_needs_power_is_refused(hole):
             ask()
     with pytest.raises(InputError, match="Hole: has no focal length, so no f-number; set stop_diameter_mm instead"):
         hole.stop_diameter_for(8.0)
-    with pytest.raises(InputError, match=r"the stop opens to 0\.4 mm \(asked for 1 mm\)"):
+    with pytest.raises(InputError, match=r"the stop opens to 0\.4 mm \(requested 1 mm\)"):
         hole.with_stop_diameter(1.0)
 
 

@@ -57,7 +57,7 @@ def test_glass_absorbs_along_the_slanted_way():
 def test_bundled_glass_has_the_catalogues_internal_transmittance():
     lens = slab(thickness=25.0)
     assert axial_transmittance(lens, [400.0, 546.0], GLASS_ALONE) == pytest.approx([0.992, 0.996], abs=1e-12)
-    with pytest.raises(InputError, match=r"absorption of N-BK7 is known from 300 to 1060 nm \(asked for 1500 nm\)"):
+    with pytest.raises(InputError, match=r"absorption of N-BK7 is known from 300 to 1060 nm \(requested 1500 nm\)"):
         axial_transmittance(lens, 1500.0, COATED)
     assert axial_transmittance(lens, 1500.0, LensTransmission(absorption=False)) < 1
 

@@ -39,7 +39,7 @@ def test_zooming_to_a_focal_length_between(name):
 
 
 def test_outside_the_range_is_refused_with_the_range():
-    with pytest.raises(InputError, match=r"zooms from 72\.1\d* to 193\.\d+ mm \(asked for 300 mm\)"):
+    with pytest.raises(InputError, match=r"zooms from 72\.1\d* to 193\.\d+ mm \(requested 300 mm\)"):
         zoomed(load_lens("zoom-70-200mm"), 300)
     with pytest.raises(InputError, match="is not a zoom lens"):
         zoomed(load_lens("dgauss-50mm"), 60)
@@ -77,7 +77,7 @@ def test_the_reach_of_a_group_is_known(tmp_path):
     lens = loaded(tmp_path, telephoto_with_group((0.0, 1.0)))
     film = film_distance(lens, float("inf"))
     with pytest.raises(
-        InputError, match=r"its group focuses from \d+\.?\d* to inf mm from the film \(asked for 1000 mm\)"
+        InputError, match=r"its group focuses from \d+\.?\d* to inf mm from the film \(requested 1000 mm\)"
     ):
         focused_by_group(lens, 1000.0, film)
     with pytest.raises(InputError, match="has no focusing group"):

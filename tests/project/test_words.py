@@ -1,4 +1,4 @@
-"""Identifiers speak the standard words of CONTRIBUTING's glossary, and no home-made ones of old."""
+"""Identifiers and prose use the standard words of CONTRIBUTING's glossary, and no home-made ones of old."""
 
 import re
 import tokenize
@@ -15,6 +15,9 @@ RETIRED_IN_KERNELS = {"self", "part", "edge"}
 FOLDERS = ("pass", "integrator", "geometry", "material", "light")
 CLASSES = {"Stand", "Painting"}
 STANDARD = {"finish"}  # of a queue, as OpenCL's clFinish
+# In comments, docstrings and pages: those that have a standard word in every sense.
+RETIRED_IN_PROSE = re.compile(r"\b(told|settle[sd]?|hangs? on|asked for|never asks)\b", re.IGNORECASE)
+PAGES = ("README.md", "CHANGELOG.md", "docs/*.md", "benchmarks/README.md", "examples/README.md")
 
 
 def words(name: str) -> set[str]:
@@ -68,3 +71,34 @@ def test_retired_words_are_found_in_names_and_not_in_others() -> None:
         map(is_retired, ["hue", "TOLD_BY", "_look_of", "onLook", "LegCount", "settled_", "Stand", "read_finish"])
     )
     assert not any(map(is_retired, ["finish", "stand_in", "standard", "legendre", "lookup", "undecided", "Outlook"]))
+
+
+def prose_of_python(path: Path) -> Iterator[tuple[int, str]]:
+    """Comments and texts of several lines, with the lines that they begin at."""
+    with path.open("rb") as stream:
+        for token in tokenize.tokenize(stream.readline):
+            if token.type == tokenize.COMMENT or (token.type == tokenize.STRING and '"""' in token.string):
+                yield token.start[0], token.string
+
+
+def prose(checkout: Path) -> Iterator[tuple[Path, int, str]]:
+    """All prose of the checkout: a file, the line where a piece begins, and the piece."""
+    for path in (checkout / "rptcam_cl").rglob("*.py"):
+        yield from ((path, number, text) for number, text in prose_of_python(path))
+    for path in (checkout / "kernels").rglob("*.[hc]*"):
+        lines = enumerate(path.read_text("utf-8").splitlines(), 1)
+        yield from ((path, number, line.partition("//")[2]) for number, line in lines)
+    for path in (path for pattern in PAGES for path in checkout.glob(pattern)):
+        yield from ((path, number, line) for number, line in enumerate(path.read_text("utf-8").splitlines(), 1))
+
+
+def test_prose_has_no_retired_word(checkout: Path) -> None:
+    pieces = list(prose(checkout))
+    assert len(pieces) > 10_000
+    said = ((path, number, RETIRED_IN_PROSE.search(text)) for path, number, text in pieces)
+    assert [f"{path} from line {number} on: {word[0]}" for path, number, word in said if word] == []
+
+
+def test_retired_words_are_found_in_prose_and_not_in_others() -> None:
+    assert all(map(RETIRED_IN_PROSE.search, ["as it was told.", "Settled", "it hangs on noise", "the size asked for"]))
+    assert not any(map(RETIRED_IN_PROSE.search, ["stold", "unsettling", "hanging on a wall", "asked politely"]))

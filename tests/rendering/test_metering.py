@@ -166,12 +166,12 @@ def test_black_frame_and_exposures_out_of_reach_are_refused():
     with pytest.raises(InputError, match=r"^exposure: auto metering \(average\) finds no light to go by \(got 0 cd/m²"):
         rptcam_cl.render(world(environment=black), spp=1)
     dark = {"mode": "auto", "lock_cd_m2": 1e-10, "iso": 1e-3}
-    with pytest.raises(InputError, match=r"^exposure: auto metering asks for an exposure time in s out of range \(got"):
+    with pytest.raises(InputError, match=r"^exposure: auto metering needs an exposure time in s out of range \(got"):
         rptcam_cl.render(world(exposure=dark), spp=1)
-    with pytest.raises(InputError, match=r"asks for an exposure compensation in stops out of range \(got 103"):
+    with pytest.raises(InputError, match=r"needs an exposure compensation in stops out of range \(got 103"):
         rptcam_cl.render(world(PINHOLE, {"mode": "auto", "lock_cd_m2": 1e-12, "ev": 56}), spp=1)
     bright = {"mode": "auto", "lock_cd_m2": 1e18, "priority": "shutter"}
-    with pytest.raises(InputError, match=r"^exposure: auto metering asks for an ISO out of range \(got"):
+    with pytest.raises(InputError, match=r"^exposure: auto metering needs an ISO out of range \(got"):
         rptcam_cl.render(world(exposure=bright), spp=1)
 
 

@@ -106,8 +106,7 @@ def test_times_and_rates_are_those_of_the_runs(report):
 def test_depth_is_bounded_by_the_reflectance(report):
     assert report.truncation["bound"] == pytest.approx(0.8**6 / (1 - 0.8))
     assert any(
-        "Light paths end after 6 edges" in line and "add at most 131 %" in line
-        for line in recommendation(report)
+        "Light paths end after 6 edges" in line and "add at most 131 %" in line for line in recommendation(report)
     )
 
 

@@ -79,7 +79,7 @@ def _copies(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray
 
 
 def _vertex_keys(positions: NDArray[np.float32]) -> NDArray[np.uint64]:
-    """Return 64 bits for each position that hardly ever agree for different ones."""
+    """Return a hash of 64 bits for each position."""
     keys = np.zeros(len(positions), np.uint64)
     for axis in range(3):
         bits = (positions[:, axis] + np.float32(0)).view(np.uint32)

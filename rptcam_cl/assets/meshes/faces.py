@@ -201,7 +201,7 @@ def different_rows(columns: list[NDArray[Any]]) -> tuple[NDArray[np.intp], NDArr
 
 
 def _one_column(columns: list[NDArray[Any]]) -> list[NDArray[Any]]:
-    """Return columns of whole numbers from -1 on as one that tells the same rows apart, where 63 bits hold it."""
+    """Return columns of whole numbers from -1 on as one that distinguishes the same rows, where 63 bits hold it."""
     if any(column.dtype.kind != "i" for column in columns) or not len(columns[0]):
         return columns
     spans = [int(column.max()) + 2 for column in columns]

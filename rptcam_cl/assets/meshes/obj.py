@@ -29,7 +29,7 @@ class FaceLines:
     """The faces of one material.
 
     Corners are rows (n, 3) of indices that count from 0, `MISSING` where a corner has no texture coordinate or normal;
-    sizes tell how many corners each face has, and lines where it stands.
+    sizes are the numbers of corners of the faces, and lines where it stands.
     """
 
     def __init__(self, path: Path) -> None:

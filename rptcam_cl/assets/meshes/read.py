@@ -29,7 +29,7 @@ def read_mesh_file(path: Path, find: Find) -> MeshContents:
     Parameters
     ----------
     path : Path
-        The file; its suffix tells the format.
+        The file; its suffix gives the format.
     find : callable
         Returns the checked path of a further file that this one names.
 

@@ -102,7 +102,7 @@ def convert_scene(source: Path, target: Path, *, missing: Missing = "error") -> 
         Where the scene of ours is to go; files that it names lie in the folder of it.
     missing
         What becomes of pictures and meshes that are not there: an error that names them all, or grey in place of
-        pictures and no object in place of meshes, which the report tells.
+        pictures and no object in place of meshes; the report lists them.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def _no_objects(context: Context, source: Path) -> str:
 
 
 def _note_unused(context: Context) -> None:
-    """Report every parameter that nobody looked up."""
+    """Report every parameter that was never looked up."""
     for parameters in _all_parameters(context.scene):
         for item in parameters.unused():
             context.report.ignored(item.place, f'{parameters.what}: "{item.kind} {item.name}"')

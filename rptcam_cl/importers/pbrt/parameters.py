@@ -1,4 +1,4 @@
-"""Parameter lists of pbrt directives: read, looked up by name, and asked at the end for what nobody looked up."""
+"""Parameter lists of pbrt directives: read, looked up by name; those that were never looked up are reported."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ class Parameters:
         self.used.update(names)
 
     def unused(self) -> Iterator[Parameter]:
-        """Yield the parameters that nobody looked up."""
+        """Yield the parameters that were never looked up."""
         return (item for name, item in self.items.items() if name not in self.used)
 
     def _single(self, name: str, values: list[float] | list[str] | list[bool]) -> float | str | bool:

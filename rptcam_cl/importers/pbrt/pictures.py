@@ -24,7 +24,7 @@ _LARGEST_FILE = 16 * LARGEST_PIXELS
 
 
 def is_readable(path: Path) -> bool:
-    """Return whether a picture can be shown, told by its suffix."""
+    """Return whether a picture can be shown, by its suffix."""
     return path.suffix.lower() in (*SUFFIXES, *OTHERS)
 
 

@@ -116,7 +116,7 @@ def _axes(up: Array) -> tuple[Array, Array]:
 
 
 def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
-    """Return the factor that gives the upper half sphere the illuminance that is asked for, 1 if none is."""
+    """Return the factor that gives the upper half sphere the requested illuminance; 1 without a request."""
     size = len(pixels)
     if pixels.shape[1] != size:
         raise place.error(

@@ -105,7 +105,7 @@ class PbrtScene:
         return self.materials[use.name]
 
     def placed(self) -> Iterator[tuple[ShapeUse, Matrix, Instance | None]]:
-        """Yield every shape with its placement in the world, instances told apart."""
+        """Yield every shape with its placement in the world, once for each instance."""
         for item in self.shapes:
             if isinstance(item, ShapeUse):
                 yield item, item.shape.world_from_object, None

@@ -14,7 +14,7 @@ from rptcam_cl.importers.pbrt.textures import Shade, value
 
 Keys = dict[str, Any]
 
-# A rough surface whose index is nearer to 1 has no facets that could be told apart (see scene.dielectric).
+# A rough surface whose index is nearer to 1 has no distinguishable facets (see scene.dielectric).
 LEAST_BEND = 0.01
 
 # A share of light that is too small to matter.
@@ -33,7 +33,7 @@ def conductor(metal: Keys, alphas: tuple[float, float] | None) -> Keys:
 
 
 def dielectric(index: float, alphas: tuple[float, float] | None) -> Keys:
-    """Return a transparent solid; one that hardly bends light is smooth, as ours must be."""
+    """Return a transparent solid; one with an index near 1 is smooth, as ours must be."""
     rough = alpha_keys(alphas) if abs(index - 1) >= LEAST_BEND else {}
     return {"kind": "dielectric", "index": index, **rough}
 

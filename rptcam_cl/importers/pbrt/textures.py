@@ -48,7 +48,7 @@ class Shade:
 
     @cached_property
     def colour(self) -> Array:
-        """The mean; that of a picture is found when it is asked for, as the whole picture must be read."""
+        """The mean; that of a picture is computed on demand, as the whole picture must be read."""
         return self.mean() if callable(self.mean) else self.mean
 
     def keys(self) -> Any:
@@ -101,7 +101,7 @@ def number_shade(context: Context, entity: Entity, name: str, default: float) ->
 
 
 def single(context: Context, entity: Entity, name: str, found: Shade) -> float:
-    """Return the mean over the channels of a parameter where ours takes one number; that of a colour is told."""
+    """Return the mean over the channels of a parameter where ours takes one number; a colour is reported."""
     if np.ptp(found.colour) > 1e-6:
         place = entity.parameters.items[name].place
         context.report.approximated(place, f'{entity.what}: the colour "{name}" as its mean over the channels')

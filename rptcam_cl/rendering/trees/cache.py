@@ -92,7 +92,7 @@ def _keep(path: Path, tree: Bvh) -> None:
 
 
 def _evict(folder: Path, newest: Path) -> None:
-    """Remove the trees that went unused longest until the rest is small enough, and what killed runs left behind."""
+    """Remove the least recently used trees until the rest is small enough, and the remains of killed runs."""
     for stray in folder.glob(".*.tmp"):
         if stray.stat().st_mtime < time.time() - STRAY_SECONDS:
             stray.unlink(missing_ok=True)

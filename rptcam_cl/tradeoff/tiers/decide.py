@@ -21,12 +21,12 @@ FIRST_ORDER: tuple[Tier, ...] = ("pinhole", "thin_lens", "thick_lens")
 
 @dataclass(frozen=True)
 class Decision:
-    """What was decided, and by which numbers.
+    """The camera model that was chosen, and the numbers behind the choice.
 
     Attributes
     ----------
     scene : Scene
-        With the camera that was chosen, and with `spectrum.lens` as decided.
+        With the camera that was chosen, and with `spectrum.lens` set.
     tier : str
     errors : tuple of TierError
         Of every tier that there is for the lens.
@@ -43,7 +43,7 @@ class Decision:
 def choose_camera(scene: Scene) -> Decision:
     """Return a scene with the cheapest camera whose errors its `camera.accuracy` allows; as it was without that key.
 
-    Whether the lens bends each wavelength by itself is decided too, by the same bounds, where `spectrum` leaves it
+    Whether the lens refracts each wavelength separately follows from the same bounds, where `spectrum` leaves it
     open.
     """
     camera = scene.camera
@@ -63,7 +63,7 @@ def choose_camera(scene: Scene) -> Decision:
 
 
 def _lens_colour(scene: Scene, found: Findings, allowed: Accuracy) -> LensColour:
-    """Return whether the lens is to bend each wavelength by itself: as asked for, or as the bounds say."""
+    """Return whether the lens refracts each wavelength separately: as requested, or as the bounds say."""
     if scene.spectrum.lens_colour != "auto":
         return scene.spectrum.lens_colour
     shows = (found.colour_px or 0.0) > allowed.max_error_px or found.tint > allowed.max_illumination_error
@@ -73,7 +73,7 @@ def _lens_colour(scene: Scene, found: Findings, allowed: Accuracy) -> LensColour
 def _polynomials(
     scene: Scene, found: Findings, allowed: Accuracy, lens_colour: LensColour
 ) -> tuple[Findings, Literal["fitted", "realistic"]]:
-    """Return what was found, with the errors of polynomials where asked for or worth it, and the choice."""
+    """Return what was found, with the errors of polynomials where requested or worth it, and the choice."""
     camera, (columns, rows) = scene.camera, scene.film.resolution
     requested = isinstance(camera, RealisticCamera) and camera.rays == "fitted"
     surfaces = len(lens_setting(scene).lens.surfaces)

@@ -70,7 +70,7 @@ def tier_errors(truth: Truth, depths_mm: Sequence[float], tiers: Sequence[Tier])
     depths_mm
         Distances of what the picture shows ahead of the film, along the axis [mm].
     tiers
-        Which ones; the traced lens itself errs by nothing.
+        Which ones; the traced lens itself has no error.
     """
     return [_errors(truth, depths_mm, tier) for tier in tiers]
 

@@ -1,4 +1,4 @@
-"""What was measured of a scene's lens, what was decided by it, and both in plain words."""
+"""What was measured of a scene's lens, the camera model chosen from it, and both in words."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Findings:
     tier : str
         The camera model that was chosen.
     colours : str
-        Whether the lens bends each wavelength by itself, as decided.
+        Whether the lens refracts each wavelength separately.
     """
 
     errors: tuple[TierError, ...] = ()
@@ -91,7 +91,7 @@ def _plain(value: float | Sequence[float | None] | None) -> Any:
 
 
 def _sentences(found: Findings, allowed: Accuracy) -> Iterator[str]:
-    """Yield what was decided, then what was found of the lens, then why no cheaper model was taken."""
+    """Yield what was chosen, then what was found of the lens, then why no cheaper model was taken."""
     bounds = f"allowed are {pixels(allowed.max_error_px)} and {per_cent(allowed.max_illumination_error)}"
     chosen = next((error for error in found.errors if error.tier == found.tier), None)
     errs = "every ray is traced" if chosen is None else _effects(chosen)
@@ -121,7 +121,7 @@ def _lens(found: Findings, allowed: Accuracy) -> Iterator[str]:
 
 
 def _carried(found: Findings) -> str:
-    return "the lens bends each wavelength by itself" if found.colours == "on" else "one wavelength stands for all"
+    return "the lens refracts each wavelength separately" if found.colours == "on" else "one wavelength stands for all"
 
 
 def _effects(error: TierError, beyond: Accuracy | None = None) -> str:

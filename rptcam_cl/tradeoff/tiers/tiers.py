@@ -31,7 +31,7 @@ def fitted_to(scene: Scene, *, colours: bool) -> RayMap:
     Parameters
     ----------
     colours
-        Whether the lens bends each wavelength by itself.
+        Whether the lens refracts each wavelength separately.
 
     Raises
     ------

@@ -215,7 +215,7 @@ class Truth:
     tint : float
         How much more of one colour than of another the lens takes, where the picture shows it.
     coloured : bool
-        Whether the scene asks for the lens's own colours and it has any.
+        Whether the scene uses the lens's own colours and it has any.
     """
 
     scene: Scene

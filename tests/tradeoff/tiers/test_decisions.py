@@ -36,7 +36,7 @@ def test_colour_beyond_the_bound_keeps_the_traced_lens_that_disperses():
     assert found.scene.spectrum.lens == "on"
     assert camera_model(found.scene, found.scene.spectrum.lens_colour).facts["LENS_DISPERSION"] > 0
     assert "not thin_lens: colour" in said(found)
-    assert "the lens bends each wavelength by itself" in said(found)
+    assert "the lens refracts each wavelength separately" in said(found)
 
 
 def test_colour_within_the_bound_leaves_the_cheaper_model():
