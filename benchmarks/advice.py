@@ -1,4 +1,4 @@
-"""Does the advice of ``rptcam tradeoff`` hold? Scenes rendered as advised, beside what was promised.
+"""Does the advice of ``rptcam tradeoff`` hold? Scenes rendered as advised, beside the predicted errors and times.
 
     python -m benchmarks.advice [NAME …] [--budget 40] [--json FILE] [--markdown FILE]
 
@@ -34,13 +34,14 @@ TIME_OFF = 0.25
 BEHIND = 1.05  # times the error of `full` after the same time that the advice may have
 UNSURE = 0.2  # relative uncertainty of the squared error from which on nothing is said of it
 COLUMNS = (
-    "scene", "wish", "advice", "spp", "promised error", "obtained", "promised time", "obtained", "full then", "verdict",
+    "scene", "request", "advice", "spp", "predicted error", "measured", "predicted time", "measured", "full then",
+    "verdict",
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Case:
-    """A scene file and what advice is asked for: a time to render [s] and an error."""
+    """A scene file and what to advise for: a time to render [s] and an error."""
 
     name: str
     path: Path
@@ -184,7 +185,7 @@ def main() -> int:
         for verdict in found:
             print(" | ".join(row(verdict)), file=sys.stderr)
     print_machine(facts | {"load_average_after": machine(device)["load_average"]})
-    text = table("Advice beside what came of it", COLUMNS, [row(verdict) for verdict in verdicts])
+    text = table("Advice and results", COLUMNS, [row(verdict) for verdict in verdicts])
     print(text)
     if options.markdown is not None:
         options.markdown.write_text(text + "\n", encoding="utf-8")

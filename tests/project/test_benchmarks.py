@@ -67,7 +67,15 @@ def test_advice_is_told_beside_what_came_of_it(checkout: Path, tmp_path: Path) -
     assert page.read_text("utf-8").strip() in printed
     assert [found["advice"]["wish"] for found in results["verdicts"]] == ["time", "error"]
     assert all(found["obtained"]["uncertainty"] > 0 and found["verdict"] for found in results["verdicts"])
-    assert results["said"]["landscape"][0].startswith("In 200 ms: take")
+    assert results["said"]["landscape"][0].startswith("In 200 ms: use")
+
+
+@pytest.mark.slow
+def test_advised_configurations_are_counted(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "advised")
+    assert set(results["first_light"].values()) <= {"compared", "chosen", "may be better"}
+    assert "chosen" in results["first_light"].values()
+    assert "| independent samples |" in printed
 
 
 @pytest.mark.slow
