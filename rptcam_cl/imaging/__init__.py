@@ -4,7 +4,7 @@ from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
 from rptcam_cl.imaging.development import Development, developed_values, quantised
 from rptcam_cl.imaging.film_files import read_film
 from rptcam_cl.imaging.image import Image
-from rptcam_cl.imaging.layers import MARKED
+from rptcam_cl.imaging.marks import MARKED
 from rptcam_cl.imaging.picture_settings import develop, with_picture_settings
 from rptcam_cl.imaging.raw import RawImage, check_raw_output
 from rptcam_cl.imaging.scene_sensor import check_sensor, sensor_of

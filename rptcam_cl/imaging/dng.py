@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.imaging.mosaic import CHANNELS
-from rptcam_cl.imaging.sensor import RawFrame, SensorModel, camera_from_xyz
+from rptcam_cl.imaging.raw_frame import RawFrame
+from rptcam_cl.imaging.sensor import SensorModel, camera_from_xyz
 
 # Types of TIFF fields, as tifffile numbers them.
 _BYTE, _ASCII, _SHORT, _LONG, _RATIONAL, _SRATIONAL = 1, 2, 3, 4, 5, 10

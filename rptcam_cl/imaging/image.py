@@ -18,7 +18,8 @@ from rptcam_cl.imaging.denoise import GUIDES, denoised
 from rptcam_cl.imaging.development import PLAIN, Development, developed_values
 from rptcam_cl.imaging.layers import Layer, check_layers
 from rptcam_cl.imaging.raw import RawImage
-from rptcam_cl.imaging.sensor import SensorModel, exposed
+from rptcam_cl.imaging.raw_frame import exposed
+from rptcam_cl.imaging.sensor import SensorModel
 
 SENSOR = "sensor"  # where metadata keep the sensor behind the film
 

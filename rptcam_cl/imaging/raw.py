@@ -15,7 +15,8 @@ from numpy.typing import DTypeLike, NDArray
 from rptcam_cl.core.atomic import check_writable, replacing
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.dng import LINEAR_RAW, Tag, dng_tags, photometric_of
-from rptcam_cl.imaging.sensor import RawFrame, SensorModel, linear_picture
+from rptcam_cl.imaging.raw_frame import RawFrame, linear_picture
+from rptcam_cl.imaging.sensor import SensorModel
 
 
 @dataclass(frozen=True, eq=False)

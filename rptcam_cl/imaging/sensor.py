@@ -1,4 +1,4 @@
-"""The sensor after the render: light becomes electrons and numbers (EMVA 1288), and a linear picture again."""
+"""A sensor during an exposure: its amounts by EMVA 1288, its speed by ISO 12232, how its channels see colours."""
 
 from __future__ import annotations
 
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from rptcam_cl.colour import LUMENS_PER_WATT, srgb_from_xyz
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging.mosaic import check_size, demosaiced, is_mosaic, mosaic
 
 PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG", "none", "monochrome")
 DEMOSAICS = ("malvar", "bilinear")
 _AMOUNTS = ("full_well_e", "read_noise_e", "system_gain_dn_per_e", "black_level_dn", "dark_e", "prnu", "dsnu_e")
+
+# ISO 12232, saturation-based speed: S = 78 / H, where H [lx s] is the exposure that just saturates.
+SATURATION_LUX_SECONDS = 78.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,86 +136,6 @@ class SensorModel:
             raise InputError(f"the metadata describe no sensor ({error!r}; render the scene anew)") from None
 
 
-Array = NDArray[np.float64]
-
-MOST_ELECTRONS = 1e15  # of a pixel; beyond any well, and within what random numbers of a Poisson law are made for
-_PHOTONS, _READING, _SENSITIVITY, _OFFSET = range(4)
-
-
-@dataclass(frozen=True, eq=False)
-class RawFrame:
-    """What a sensor puts out.
-
-    Attributes
-    ----------
-    numbers : uint16 array, (height, width) or (height, width, 3)
-        The raw numbers [DN].
-    sensor : SensorModel
-    """
-
-    numbers: NDArray[np.uint16]
-    sensor: SensorModel
-
-
-def exposed(film: NDArray[np.floating], sensor: SensorModel) -> RawFrame:
-    """Return the raw frame of a linear film; the same seeds give the same numbers with one version of NumPy.
-
-    Parameters
-    ----------
-    film : (height, width, 3) array
-        Linear film; not-a-number counts as 0, and so does light that a channel would see as less than nothing.
-    sensor : SensorModel
-
-    Raises
-    ------
-    InputError
-        The picture is too small for a Bayer mosaic.
-    """
-    mean = mean_electrons(film, sensor) * (1.0 + sensor.prnu * _pattern(_SENSITIVITY, film.shape, sensor))
-    light = np.clip(mean + sensor.dark_e, 0.0, MOST_ELECTRONS)
-    charge = _generator(_PHOTONS, sensor.seed).poisson(light).astype(np.float64)
-    charge += sensor.dsnu_e * _pattern(_OFFSET, film.shape, sensor)
-    np.minimum(charge, sensor.full_well_e, out=charge)
-    if sensor.read_noise_e:
-        charge += sensor.read_noise_e * _generator(_READING, sensor.seed).standard_normal(charge.shape)
-    level = np.floor(sensor.black_level_dn + sensor.system_gain_dn_per_e * charge + 0.5)
-    return RawFrame(np.clip(level, 0, sensor.top_dn).astype(np.uint16), sensor)
-
-
-def mean_electrons(film: NDArray[np.floating], sensor: SensorModel) -> Array:
-    """Return the mean electrons that light sets free in each pixel, (height, width) or (height, width, 3)."""
-    check_size(sensor.bayer, film.shape[1], film.shape[0])
-    largest = float(np.finfo(np.float32).max)
-    light = np.nan_to_num(np.asarray(film, np.float64), nan=0.0, posinf=largest, neginf=-largest)
-    electrons = np.maximum(light @ sensor.electrons, 0.0)
-    if sensor.bayer == "monochrome":
-        return np.asarray(electrons.sum(axis=2))
-    return mosaic(electrons, sensor.pattern) if is_mosaic(sensor.bayer) else electrons
-
-
-def _generator(stream: int, seed: int, *more: int) -> np.random.Generator:
-    return np.random.Generator(np.random.Philox(np.random.SeedSequence(seed, spawn_key=(stream, *more))))
-
-
-def _pattern(stream: int, shape: tuple[int, ...], sensor: SensorModel) -> Array:
-    """Return standard normal numbers that belong to the pixels of the whole film, whatever part of it is seen."""
-    amount = sensor.prnu if stream == _SENSITIVITY else sensor.dsnu_e
-    height, width = shape[:2]
-    depth = 3 if sensor.bayer == "none" else 1
-    if not amount:
-        return np.zeros((1, 1, 1) if depth == 3 else (1, 1))
-    left, top = sensor.origin
-    rows = np.empty((height, width, depth))
-    for row in range(height):
-        numbers = _generator(stream, sensor.pattern_seed, top + row).standard_normal((left + width, depth))
-        rows[row] = numbers[left:]
-    return rows if depth == 3 else rows[..., 0]
-
-
-# ISO 12232, saturation-based speed: S = 78 / H, where H [lx s] is the exposure that just saturates.
-SATURATION_LUX_SECONDS = 78.0
-
-
 def white_electrons_at_iso(electrons_per_joule: NDArray[np.float64], pixel_area_m2: float, iso: float) -> float:
     """Return the electrons that white light of the saturating exposure of an ISO speed gives the fullest channel.
 
@@ -234,7 +156,7 @@ def system_gain(top_dn: float, black_level_dn: float, saturation_e: float) -> fl
     return (top_dn - black_level_dn) / saturation_e
 
 
-def rgb_from_balanced(sensor: SensorModel) -> Array:
+def rgb_from_balanced(sensor: SensorModel) -> NDArray[np.float64]:
     """Return the matrix (3, 3) from white-balanced raw channels to linear sRGB; white stays white.
 
     It undoes how the sensor's channels see the colours of the film: exact for light of RGB colours.
@@ -242,26 +164,6 @@ def rgb_from_balanced(sensor: SensorModel) -> Array:
     return np.linalg.inv((sensor.electrons / sensor.electrons.sum(axis=0)).T)
 
 
-def camera_from_xyz(sensor: SensorModel) -> Array:
+def camera_from_xyz(sensor: SensorModel) -> NDArray[np.float64]:
     """Return the matrix (3, 3) from CIE XYZ under D65 to raw channels, whose highest is 1 for white of Y = 1."""
     return np.asarray(sensor.electrons.T @ srgb_from_xyz() / sensor.white_electrons.max())
-
-
-def linear_picture(frame: RawFrame) -> NDArray[np.float32]:
-    """Return the linear picture (height, width, 3) of a raw frame, in the scale of the film and in linear sRGB.
-
-    Highlights stay neutral: all channels end where, after white balance, the first of them saturates.
-    """
-    sensor = frame.sensor
-    scale = 1.0 / (sensor.system_gain_dn_per_e * sensor.white_electrons)
-    if is_mosaic(sensor.bayer):
-        shape = (*frame.numbers.shape, 3)
-        per_pixel = mosaic(np.broadcast_to(scale, shape), sensor.pattern)
-    else:
-        per_pixel = scale if sensor.bayer == "none" else scale[0]
-    ceiling = (sensor.white_level_dn - sensor.dark_level_dn) * scale.min()
-    balanced = np.minimum((frame.numbers - sensor.dark_level_dn) * per_pixel, ceiling)
-    if sensor.bayer == "monochrome":
-        return np.repeat(balanced[..., None], 3, axis=2).astype(np.float32)
-    colours = demosaiced(balanced, sensor.pattern, sensor.demosaic) if is_mosaic(sensor.bayer) else balanced
-    return np.asarray(colours @ rgb_from_balanced(sensor).T, np.float32)

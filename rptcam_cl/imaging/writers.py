@@ -15,7 +15,8 @@ from rptcam_cl.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.atomic import check_writable, replacing
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.development import Development, developed_codes
-from rptcam_cl.imaging.layers import MARKED, Layer, exr_channels, with_rectangles
+from rptcam_cl.imaging.layers import Layer, exr_channels
+from rptcam_cl.imaging.marks import MARKED, with_rectangles
 from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes
 from rptcam_cl.imaging.png import write_png_to
 from rptcam_cl.imaging.tiff import write_tiff_to

@@ -7,7 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from rptcam_cl.imaging import RawImage
-from rptcam_cl.imaging.sensor import RawFrame, SensorModel
+from rptcam_cl.imaging.raw_frame import RawFrame
+from rptcam_cl.imaging.sensor import SensorModel
 from rptcam_cl.viewfinder.histogram import clipping, histogram, raw_histogram, stop_histogram, thinned
 
 

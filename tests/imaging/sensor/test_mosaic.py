@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from rptcam_cl.imaging.mosaic import demosaiced, mosaic
-from rptcam_cl.imaging.sensor import exposed, linear_picture
+from rptcam_cl.imaging.raw_frame import exposed, linear_picture
 from tests.imaging.sensor.sensors import flat, sensor
 
 ORDERS = ("RGGB", "BGGR", "GRBG", "GBRG")

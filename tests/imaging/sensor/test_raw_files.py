@@ -12,7 +12,8 @@ import tifffile
 from rptcam_cl.colour.response import RESPONSES
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging.raw import RawImage, check_raw_output
-from rptcam_cl.imaging.sensor import SensorModel, exposed
+from rptcam_cl.imaging.raw_frame import exposed
+from rptcam_cl.imaging.sensor import SensorModel
 from tests.imaging.sensor.sensors import sensor
 from tests.imaging.sensor.test_mosaic import CHART
 
