@@ -19,7 +19,7 @@ from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.tradeoff.advice import for_error, for_time
 from rptcam_cl.tradeoff.comparison import Comparison
 from rptcam_cl.tradeoff.errors import pair_errors
-from rptcam_cl.tradeoff.ladder import ladder, most_accurate
+from rptcam_cl.tradeoff.ladder import Ladder, ladder, most_accurate
 from rptcam_cl.tradeoff.measurement import Measurement, measurements
 from rptcam_cl.tradeoff.plot import tradeoff_plot
 from rptcam_cl.tradeoff.runs import Ready, prepare
@@ -31,6 +31,9 @@ BUDGET_S = 60.0
 WISHED_S, WISHED_ERROR = 60.0, 0.02
 DRAWS_SEED = 7  # of the bootstrap
 TITLE = "Accuracy and time"
+
+Tell = Callable[[str, float], Any]
+"""Takes what is being done and the share of the work that is done."""
 
 
 class TradeoffReport(Comparison):
@@ -60,7 +63,7 @@ def measure_tradeoff(
     error: float = WISHED_ERROR,
     size: tuple[int, int] | None = None,
     device: str | Session | None = None,
-    on_progress: Callable[[str, float], Any] | None = None,
+    on_progress: Tell | None = None,
 ) -> TradeoffReport:
     """Return what each approximation of a scene's picture costs and gains, and which to take; see docs/tradeoff.md.
 
@@ -94,41 +97,21 @@ def measure_tradeoff(
         scene = change_scene(scene, film={"resolution": size})
     session = device if isinstance(device, Session) else open_session(device)
     tell("focus and exposure", 0.0)
-    sharp, _ = in_focus(scene, session, None)
-    shot = resolve_exposure(most_accurate(sharp).scene, session)
-    fixed = change_scene(sharp, exposure=_given(shot.scene.exposure), shutter=_given(shot.scene.shutter))
+    fixed = _with_focus_and_exposure(scene, session)
     steps = ladder(fixed)
-    count = len(steps.configurations)
-    ready, impossible = prepare(
-        steps.configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count)
-    )
+    ready, impossible = _prepared(steps, session, tell)
     left = max(budget - (time.perf_counter() - begun), budget / 3)
     pictures = render_by_turns(ready, left, scene.render.seed, lambda words, share: tell(words, 0.3 + 0.7 * share))
-    if not any(picture.any() for picture in pictures.pixels[0]):
-        raise InputError(
-            "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
-            f" camera within render.max_depth, which is {fixed.render.max_depth})"
-        )
+    _check_light(pictures, fixed)
     tell("errors", 1.0)
     found = _measured(ready, pictures)
-    decision = steps.decision
     return TradeoffReport(
-        scene=fixed.content_hash(),
-        device=session.info.name,
-        resolution=fixed.film.resolution,
-        tiles=(len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
-        grid=pictures.tiles.shape,
-        samples=(*pictures.samples, pictures.long.samples),
-        long_tiles=len(pictures.long.chosen),
-        seeds=pictures.seeds,
+        **_conditions(fixed, session, ready, pictures),
         seconds=time.perf_counter() - begun,
-        by_cpu=pictures.by_cpu,
         measurements=tuple(found),
-        cameras=() if decision is None else decision.errors,
-        allowed="" if decision is None else decision.tier,
-        lens_colour_px=ready[0].facts.get("lens_colour_px"),
-        truncation=ready[0].truncation,
         advice=(for_time(found, seconds), for_error(found, error)),
+        cameras=() if steps.decision is None else steps.decision.errors,
+        allowed="" if steps.decision is None else steps.decision.tier,
         skipped=steps.skipped | impossible,
     )
 
@@ -138,6 +121,44 @@ def _check_wishes(**wishes: float) -> None:
         most, allowed = (1.0, "between 0 and 1") if name == "error" else (math.inf, "above 0, in seconds")
         if not (isinstance(value, int | float) and 0 < value < most):
             raise InputError(f"{name}: is out of range (got {value!r}; allowed: a number {allowed})")
+
+
+def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
+    """Return the scene in focus, with the exposure that its most accurate picture is metered to."""
+    sharp, _ = in_focus(scene, session, None)
+    shot = resolve_exposure(most_accurate(sharp).scene, session)
+    return change_scene(sharp, exposure=_given(shot.scene.exposure), shutter=_given(shot.scene.shutter))
+
+
+def _prepared(steps: Ladder, session: Session, tell: Tell) -> tuple[list[Ready], dict[str, str]]:
+    """Return the configurations compiled, and why others cannot be."""
+    count = len(steps.configurations)
+    return prepare(steps.configurations, session, lambda name, done: tell(f"preparing: {name}", 0.3 * done / count))
+
+
+def _check_light(pictures: Pictures, scene: Scene) -> None:
+    if not any(picture.any() for picture in pictures.pixels[0]):
+        raise InputError(
+            "the picture is black, so that there is nothing to compare (allowed: a scene whose light reaches the"
+            f" camera within render.max_depth, which is {scene.render.max_depth})"
+        )
+
+
+def _conditions(scene: Scene, session: Session, ready: list[Ready], pictures: Pictures) -> dict[str, Any]:
+    """Return what was compared and how: the members of a report that no measurement is in."""
+    return {
+        "scene": scene.content_hash(),
+        "device": session.info.name,
+        "resolution": scene.film.resolution,
+        "tiles": (len(pictures.tiles.tiles), ready[0].wavefront.layout.tiles),
+        "grid": pictures.tiles.shape,
+        "samples": (*pictures.samples, pictures.long.samples),
+        "long_tiles": len(pictures.long.chosen),
+        "seeds": pictures.seeds,
+        "by_cpu": pictures.by_cpu,
+        "lens_colour_px": ready[0].facts.get("lens_colour_px"),
+        "truncation": ready[0].truncation,
+    }
 
 
 def _given(part: Any) -> dict[str, Any]:
