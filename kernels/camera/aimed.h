@@ -1,5 +1,5 @@
-// What cameras with a lens share: the ray from a film point to where it aims, and what it weighs behind the lens. The mean is
-// the film's irradiance E = int L cos^4 / Z^2 dA over the pupil, as a ray that the lens blocks weighs zero.
+// What cameras with a lens share: the ray from a film point to where it aims, and what it weighs behind the lens. The mean
+// is the film's irradiance E = int L cos^4 / Z^2 dA over the pupil, as a ray that the lens blocks weighs zero.
 // Z is the distance from the film to the last vertex [mm]; the tables are as in lens/pupil.h.
 #ifndef AIMED_H
 #define AIMED_H
@@ -18,7 +18,8 @@ static Aimed aimed_ray(Lane lane, F4 u, const __global Camera *camera, const __g
 {
     const __global RealisticCamera *own = &camera->own.realistic;
     Aimed ray;
-    ray.fx = -film_x(lane, u.a, camera) * own->film_half_width;      // a lens inverts: right in the picture is left on the film
+    // A lens inverts: right in the picture is left on the film.
+    ray.fx = -film_x(lane, u.a, camera) * own->film_half_width;
     ray.fy = -film_y(lane, u.b, camera) * own->film_half_height;
     ray.at = aim(ray.fx, ray.fy, u.c, u.d, own, tables);
     ray.away = f3(ray.at.x - ray.fx, ray.at.y - ray.fy, (F)(own->film_distance));

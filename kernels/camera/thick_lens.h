@@ -1,6 +1,7 @@
 // A ray from the film through the paraxial exit pupil, continued by first-order optics to the entrance pupil and the
 // object point. The weight is the paraxial irradiance cos^4 A / Z^2 of the pupil's disk.
-// All is linear in the film point [mm] and in the point of the unit disk that the pupil is (rptcam_cl/cameras/thick_lens.py).
+// All is linear in the film point [mm] and in the point of the unit disk that the pupil is
+// (rptcam_cl/cameras/thick_lens.py).
 #include "camera/film_point.h"
 #include "lens/half_pupil.h"
 
@@ -10,7 +11,8 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
 {
     const __global ThickLensCamera *own = &camera->own.thick_lens;
     CameraRay r;
-    F fx = -film_x(lane, u.a, camera) * own->film_half_width;      // a lens inverts: right in the picture is left on the film
+    // A lens inverts: right in the picture is left on the film.
+    F fx = -film_x(lane, u.a, camera) * own->film_half_width;
     F fy = -film_y(lane, u.b, camera) * own->film_half_height;
     F s, c;
     sincos_turns(u.c, &s, &c);
@@ -21,9 +23,11 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     F sy = own->film_slope_per_film * fy + own->film_slope_per_pupil * py;
     F cos2 = ONE / (1.0f + sx * sx + sy * sy);
     F mm = (F)(own->metres_per_mm);
-    r.o = f3((own->height_per_film * fx + own->height_per_pupil * px) * mm, (own->height_per_film * fy + own->height_per_pupil * py) * mm,
+    r.o = f3((own->height_per_film * fx + own->height_per_pupil * px) * mm,
+             (own->height_per_film * fy + own->height_per_pupil * py) * mm,
              (F)(own->first_vertex_z));
-    r.d = normalized(f3(own->slope_per_film * fx + own->slope_per_pupil * px, own->slope_per_film * fy + own->slope_per_pupil * py, -ONE));
+    r.d = normalized(f3(own->slope_per_film * fx + own->slope_per_pupil * px,
+                        own->slope_per_film * fy + own->slope_per_pupil * py, -ONE));
     r.weight = own->weight * cos2 * cos2;
 #if HALF_PUPIL
     r.weight = of_half(r.weight, px, py, ZERO, ZERO, camera);

@@ -14,7 +14,8 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     F lx, ly;
     aperture_point(u.c, u.d, tables, &lx, &ly);
     r.o = f3(lx * own->aperture_radius, ly * own->aperture_radius, ZERO);
-    F3 target = f3(film_x(lane, u.a, camera) * own->half_width * focus, film_y(lane, u.b, camera) * own->half_height * focus, -focus);
+    F3 target = f3(film_x(lane, u.a, camera) * own->half_width * focus,
+                   film_y(lane, u.b, camera) * own->half_height * focus, -focus);
     r.d = normalized(sub(target, r.o));
     r.weight = ONE;
 #if HALF_PUPIL

@@ -8,8 +8,8 @@
 #define NO_PRIMITIVE   (-1)
 #define PATH_ENDED     (-2)
 
-// Where the slots of a wave lie on the film, whose buffers hold tiles of 8 x 8 pixels in row order, each as four of 4 x 4, so
-// that 8 neighbouring lanes are 4 x 2 pixels. `tiles` lists the tiles that are rendered. Slots run through the pixels
+// Where the slots of a wave lie on the film, whose buffers hold tiles of 8 x 8 pixels in row order, each as four of 4 x 4,
+// so that 8 neighbouring lanes are 4 x 2 pixels. `tiles` lists the tiles that are rendered. Slots run through the pixels
 // [first_pixel, first_pixel + pixels) of that list, then through the samples of the wave.
 typedef struct { I x, y; U pixel, sample; I inside; } Lane;
 

@@ -12,11 +12,11 @@ typedef struct { F a, b; } Pair;
 // A rank-1 lattice sequence (Cools, Kuo, Nuyens 2006): sample i of a pixel lies at phi(i) z + shift, modulo 1, where phi
 // mirrors the binary digits of i at the point. Any 2^k samples from a multiple of 2^k on are a shifted lattice of that size.
 // The shift is the hash of pixel and dimension, uniform and independent over both: each sample alone is uniform, so the
-// mean is unbiased (Cranley and Patterson 1976), and pixels are independent.
-// The generating vector z was searched (benchmarks/lattice_search.py) component by component for 2^2 to 2^18 samples, and
-// for the pairs and triples that integrands of paths depend on. Lights of different vertices are never in one product, so they
-// share their components. So many components cannot all be good together at few samples: from the third vertex on directions
-// take the samples in another order, which makes them independent of the rest.
+// mean is unbiased (Cranley and Patterson 1976), and pixels are independent. The generating vector z was searched
+// (benchmarks/lattice_search.py) component by component for 2^2 to 2^18 samples, and for the pairs and triples that
+// integrands of paths depend on. Lights of different vertices are never in one product, so they share their components. So
+// many components cannot all be good together at few samples: from the third vertex on directions take the samples in
+// another order, which makes them independent of the rest.
 #define DEEP 6u     // dimension of the third vertex's direction
 
 static U reversed_bits(U x)

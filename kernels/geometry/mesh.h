@@ -63,7 +63,8 @@ static int is_solid(OneRay ray, int triangle, float b1, float b2, int first_prim
 #endif
 
 // Lowers `hit` to the nearest triangle of a block but `origin`; whether there is one.
-IN_PLACE static int hit_block(int index, BoxRay r, int origin, OneRay ray, int first_primitive, Scene scene, TriangleHit *hit)
+IN_PLACE static int hit_block(int index, BoxRay r, int origin, OneRay ray, int first_primitive, Scene scene,
+                              TriangleHit *hit)
 {
     const __global float *block = scene.blocks + (size_t)index * BLOCK_FLOATS;
     const __global int *triangles = (const __global int *)(block + 9 * LEAF_WIDTH);

@@ -149,7 +149,8 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 }
 #endif
 
-// How each kind finds `t` of the primitive p from the ray `here`, which is taken to where p is at rest: negative, infinite or NaN where there is no hit.
+// How each kind finds `t` of the primitive p from the ray `here`, which is taken to where p is at rest: negative, infinite
+// or NaN where there is no hit.
 #define SPHERE_T     t = hit_sphere(p, here, origin);
 #define ELLIPSOID_T  t = hit_ellipsoid(p, here, origin);
 #define RECTANGLE_T  F u; F v; t = hit_flat(p, here, &u, &v);                                      \

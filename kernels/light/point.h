@@ -12,8 +12,8 @@
 #endif
 
 #if EMITTER_SPOTS
-// Share of the intensity on the axis towards a point that sees the lamp in direction `to`: a smooth step in the cosine. u.w is
-// 1 - cos of the cone, v.w what its fading part takes of it, inverted.
+// Share of the intensity on the axis towards a point that sees the lamp in direction `to`: a smooth step in the cosine. u.w
+// is 1 - cos of the cone, v.w what its fading part takes of it, inverted.
 static F spot_share(const __global Emitter *es, I e, F3 to)
 {
     F3 off = f3(to.x + OF_LAMP(normal.x), to.y + OF_LAMP(normal.y), to.z + OF_LAMP(normal.z));

@@ -1,5 +1,5 @@
-// Gradient noise: a random slope at every lattice point (by hash, no table), blended smoothly over each cell (the fifth-order
-// fade of Perlin, «Improving noise», 2002), and the sum of octaves of it.
+// Gradient noise: a random slope at every lattice point (by hash, no table), blended smoothly over each cell (the
+// fifth-order fade of Perlin, «Improving noise», 2002), and the sum of octaves of it.
 #ifndef NOISE_H
 #define NOISE_H
 #include "common/math.h"

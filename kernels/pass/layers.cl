@@ -110,7 +110,8 @@ __kernel void layers(SCENE_PARAMETERS
         add_weighted3(&sums, LAYER_ALBEDO, seen, base_color(vertex));
 #endif
 #if LAYER_COC >= 0
-        F away = view->by_depth ? depth + view->blur_origin_z : dot3(sub(seen_at, scale(back, (F)(view->blur_origin_z))), ray.d);
+        F away = view->by_depth ? depth + view->blur_origin_z
+                                : dot3(sub(seen_at, scale(back, (F)(view->blur_origin_z))), ray.d);
         F vergence = on ? ONE / MAX(away, (F)(SMALLEST_DISTANCE)) : ZERO;
         add_weighted(&sums, LAYER_COC, passed ? weight : ZERO, circle_of_confusion(here, vergence, view));
 #endif
