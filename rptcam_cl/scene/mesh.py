@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self
 
@@ -41,21 +41,25 @@ class MeshLibrary:
         Where files may lie.
     named : mapping of str to NamedMesh
         The scene's `meshes`.
-
-    Attributes
-    ----------
-    absent : list of str or None
-        Takes what there is to say of missing pictures, which grey stands for then; None where they are errors.
+    absent : list of str, optional
+        Takes what there is to say of missing pictures, which grey stands for then; without it they are errors.
     """
 
-    def __init__(self, folders: Folders, named: Mapping[str, NamedMesh]) -> None:
-        self.absent: list[str] | None = None
+    def __init__(self, folders: Folders, named: Mapping[str, NamedMesh], absent: list[str] | None = None) -> None:
+        self._absent = absent
         self._folders = folders
         self._named = named
         self._known: dict[tuple[Path | _Same, NormalsMode], MeshContents] = {}
         self._meshes: dict[str, Mesh] = {}
         self._materials: dict[FileMaterial, Material] = {}
         self._loaded: dict[_Same, LoadedMesh] = {}
+
+    def begun_anew(self, objects: Iterable[object], absent: list[str]) -> MeshLibrary:
+        """Return a library that has of this one what it loaded for some objects, and reads files again for others."""
+        library = MeshLibrary(self._folders, self._named, absent)
+        wanted = {_Same(item) for item in objects if isinstance(item, MeshObject)}
+        library._loaded |= {key: mesh for key, mesh in self._loaded.items() if key in wanted}
+        return library
 
     def load(self, item: MeshObject) -> LoadedMesh:
         """Return the parts and materials of an object; they are found once.
@@ -92,7 +96,7 @@ class MeshLibrary:
             raise InputError(f"needs the key material: {why} (allowed: a material mapping, or the name of one)")
         for material in given:
             if material not in self._materials:
-                self._materials[material] = material_of(material, self._folders, self.absent)
+                self._materials[material] = material_of(material, self._folders, self._absent)
         return tuple(self._materials[material] for material in given)
 
 

@@ -162,7 +162,7 @@ class Scene(SceneModel):
 
     def report_missing_pictures(self, absent: list[str]) -> None:
         """Let meshes go on without their missing pictures, and add what is missing to a list as they are loaded."""
-        self._library.absent = absent
+        self._library = self._library.begun_anew(self.objects, absent)
 
     def with_stand_ins(self, objects: tuple[Object, ...], stand_ins: tuple[str, ...]) -> Scene:
         """Return the scene with the objects that are left, and what stands in for what is missing."""

@@ -1,5 +1,7 @@
 """Keys of a loaded scene set to other values: the same scene as from a file that says so, and what stays, stays."""
 
+import gc
+import weakref
 from pathlib import Path
 from typing import Any
 
@@ -98,3 +100,18 @@ def test_file_that_is_not_there_is_named(scene: Scene, tmp_path: Path) -> None:
     placed = load_scene(DATA, base_dir=tmp_path)
     with pytest.raises(InputError, match=r"environment\.file: no such file"):
         set_keys(placed, {"environment": {"kind": "image", "file": "missing.hdr"}})
+
+
+def test_mesh_that_stays_is_not_read_again_and_one_that_goes_is_forgotten() -> None:
+    corners, face = [[0, 4, 1], [1, 4, 1], [0, 4, 2]], [[0, 1, 2]]
+    meshes = [{"shape": "mesh", "vertices": corners, "faces": face, "material": "grey"} for _ in range(2)]
+    scene = load_scene(DATA | {"objects": meshes})
+    held = [scene.load_mesh(item).contents for item in scene.objects]  # type: ignore[arg-type]
+    changed = set_keys(scene, {"objects.1.vertices": [*corners[:2], [0, 4, 3]]})
+    first, second = changed.objects
+    assert changed.load_mesh(first).contents is held[0]  # type: ignore[arg-type]
+    assert changed.load_mesh(second).bounds()[1][2] == 3  # type: ignore[arg-type]
+    gone = weakref.ref(scene.objects[1])
+    del scene, held
+    gc.collect()
+    assert gone() is None
