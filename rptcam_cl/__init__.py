@@ -9,9 +9,12 @@ from rptcam_cl.core.errors import DeviceError, InputError, NumericError, RptcamE
 
 if TYPE_CHECKING:
     from rptcam_cl.api import (
+        Change,
         FocusReport,
+        Frame,
         Image,
         Progress,
+        RenderSession,
         Scene,
         autofocus,
         choose_device,
@@ -25,12 +28,15 @@ if TYPE_CHECKING:
     )
 
 __all__ = [
+    "Change",
     "DeviceError",
     "FocusReport",
+    "Frame",
     "Image",
     "InputError",
     "NumericError",
     "Progress",
+    "RenderSession",
     "RptcamError",
     "Scene",
     "StateError",

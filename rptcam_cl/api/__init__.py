@@ -3,7 +3,9 @@
 A render has three stages, each of which can be called alone: `prepare`, `run` and `report`.
 """
 
+from rptcam_cl.api.frames import Change, Frame
 from rptcam_cl.api.interface import devices, load_lens, render
+from rptcam_cl.api.session import RenderSession
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, prepare, report, run
 from rptcam_cl.device import choose_device
@@ -14,10 +16,13 @@ from rptcam_cl.scene import Scene, load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
 
 __all__ = [
+    "Change",
     "FocusReport",
+    "Frame",
     "Image",
     "Prepared",
     "Progress",
+    "RenderSession",
     "RenderSettings",
     "Scene",
     "autofocus",

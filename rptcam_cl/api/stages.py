@@ -41,6 +41,45 @@ from rptcam_cl.tradeoff import choose_camera
 
 
 @dataclass(frozen=True)
+class Resolved:
+    """A scene with all that it leaves to be found.
+
+    Attributes
+    ----------
+    scene : Scene
+        In focus, with its camera model and its exposure.
+    metadata : dict
+        How these were found.
+    focus : dict or None
+        What autofocus found, as `in_focus` takes it.
+    metered_cd_m2 : float or None
+        The luminance that the exposure follows from.
+    """
+
+    scene: Scene
+    metadata: dict[str, Any]
+    focus: dict[str, Any] | None
+    metered_cd_m2: float | None
+
+
+def resolve(
+    scene: Scene, session: Session, focus: dict[str, Any] | None = None, metered_cd_m2: float | None = None
+) -> Resolved:
+    """Return a scene in focus, with the camera model and the exposure that it leaves to be found.
+
+    Parameters
+    ----------
+    focus, metered_cd_m2
+        What was found before, to be kept.
+    """
+    sharp, focus = in_focus(scene, session, focus)
+    chosen = choose_camera(sharp)
+    exposed = resolve_exposure(chosen.scene, session, metered_cd_m2)
+    metadata = exposed.metadata | chosen.metadata | ({} if focus is None else focus["metadata"])
+    return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2)
+
+
+@dataclass(frozen=True)
 class Prepared:
     """A scene that is ready to be rendered.
 
@@ -104,8 +143,8 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     saved = saver.load() if saver is not None and settings.resume else None
 
     # Resolve what the scene leaves open, plan, compile
-    resolved, metadata = _resolved(scene, sessions[0], saver)
-    plan = make_plan(resolved)
+    found = resolve(scene, sessions[0]) if saver is None else _resolved_as_saved(scene, sessions[0], saver)
+    plan = make_plan(found.scene)
     started = time.perf_counter()
     if settings.on_progress is not None:
         settings.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -115,7 +154,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     if saver is not None:
         saver.parts_since = lambda done: _parts(wavefront, saved, done)
     seconds = {"start": started - begun, "compile": time.perf_counter() - started}
-    return Prepared(settings, scene, layers, resolved, metadata, plan, wavefront, saver, saved, begun, seconds)
+    return Prepared(settings, scene, layers, found.scene, found.metadata, plan, wavefront, saver, saved, begun, seconds)
 
 
 def run(prepared: Prepared) -> Rendering:
@@ -168,17 +207,11 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     return image
 
 
-def _resolved(scene: Scene, session: Session, saver: Saver | None) -> tuple[Scene, dict[str, Any]]:
-    """Return the scene in focus, with the camera model and the exposure that it leaves to be found, and its metadata.
-
-    What was found for an earlier part of the render is kept.
-    """
-    sharp, focus = in_focus(scene, session, None if saver is None else saver.focus)
-    chosen = choose_camera(sharp)
-    exposed = resolve_exposure(chosen.scene, session, None if saver is None else saver.metered_cd_m2)
-    if saver is not None:
-        saver.metered_cd_m2, saver.focus = exposed.metered_cd_m2, focus
-    return exposed.scene, exposed.metadata | chosen.metadata | ({} if focus is None else focus["metadata"])
+def _resolved_as_saved(scene: Scene, session: Session, saver: Saver) -> Resolved:
+    """Return a resolved scene; what was found for an earlier part of the render is kept."""
+    found = resolve(scene, session, saver.focus, saver.metered_cd_m2)
+    saver.metered_cd_m2, saver.focus = found.metered_cd_m2, found.focus
+    return found
 
 
 def _wavefront(

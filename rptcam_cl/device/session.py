@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import copy
+import threading
 import warnings
+from collections import OrderedDict
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
@@ -24,6 +27,7 @@ from rptcam_cl.device.trial import AVX512_ARCH, try_device
 # `src/gallium/auxiliary/gallivm/lp_bld_limits.h`, "shared between every loop"). Kernels must get their work in pieces
 # small enough.
 LLVMPIPE_LOOP_LIMIT = 65535
+MOST_PROGRAMS = 48  # that a session keeps; those used longest ago are let go
 
 
 def is_llvmpipe(handle: Any) -> bool:
@@ -105,7 +109,7 @@ class Launch:
 
 
 class Session:
-    """Context, in-order queue and program cache of one device. Programs are built once per source text."""
+    """Context, in-order queue and program cache of one device. Programs are built once and kept."""
 
     def __init__(self, info: DeviceInfo, *, profiling: bool = False) -> None:
         cl = load_opencl()
@@ -121,7 +125,8 @@ class Session:
         except cl.Error as error:
             raise DeviceError(f"device {info.id} {info.name} cannot be used: {error}") from error
         self._library_arch = try_device(info.handle).library_arch
-        self._programs: dict[str, Program] = {}
+        self._programs: OrderedDict[tuple[Any, ...], Program] = OrderedDict()
+        self._finding, self._building = threading.Lock(), threading.Lock()
 
     @property
     def kind(self) -> str:
@@ -148,12 +153,32 @@ class Session:
 
     def program(self, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Program:
         """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use."""
+        key = (*files, frozenset(facts.items()), declarations)
+        if (known := self._known_program(key)) is not None:
+            return known
         source = assemble(files, facts, declarations, library_arch=self._library_arch)
-        if source not in self._programs:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")  # pyopencl reports any text in a build log
-                self._programs[source] = Program(self.context, self.info.handle, source)
-        return self._programs[source]
+        with self._building, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # pyopencl reports any text in a build log
+            program = self._known_program(key) or Program(self.context, self.info.handle, source)
+        with self._finding:
+            self._programs[key] = program
+            while len(self._programs) > MOST_PROGRAMS:
+                self._programs.popitem(last=False)
+        return program
+
+    def _known_program(self, key: tuple[Any, ...]) -> Program | None:
+        with self._finding:
+            if key in self._programs:
+                self._programs.move_to_end(key)
+            return self._programs.get(key)
+
+    def beside(self) -> Session:
+        """Return a session of the same device, buffers and programs with a queue of its own, for another thread."""
+        import pyopencl as cl
+
+        other = copy.copy(self)
+        other.queue = cl.CommandQueue(self.context, self.info.handle)
+        return other
 
     def upload(self, array: NDArray[Any], *, in_place: bool = False) -> Any:
         """Return a read-only buffer that holds ``array``.

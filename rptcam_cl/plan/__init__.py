@@ -3,7 +3,7 @@
 from rptcam_cl.plan.albedo import LargestAlbedo
 from rptcam_cl.plan.motion import Movements, Places
 from rptcam_cl.plan.packed_meshes import PackedMeshes, TriangleGroup, shifted
-from rptcam_cl.plan.plan import Plan, make_plan
+from rptcam_cl.plan.plan import Plan, make_plan, with_film
 
 __all__ = [
     "LargestAlbedo",
@@ -14,4 +14,5 @@ __all__ = [
     "TriangleGroup",
     "make_plan",
     "shifted",
+    "with_film",
 ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ from rptcam_cl.plan.packed_meshes import PackedMeshes
 from rptcam_cl.plan.primitives import Owners, Primitive, owners_of, pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.spectrum import Spectrum, seen_by
 from rptcam_cl.plan.textures import Textures, TextureTable
-from rptcam_cl.scene import Scene, at_opening
+from rptcam_cl.scene import Film, Scene, at_opening
 
 
 @dataclass(frozen=True)
@@ -99,3 +99,14 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
         eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
         albedo=largest_albedo(materials),
     )
+
+
+def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:
+    """Return the plan of a scene with a film of the same size in other pixels."""
+    (before, rows), (columns, lines) = scene.film.resolution, film.resolution
+    record = plan.camera.record.copy()
+    record["width"], record["height"] = columns, lines
+    record["per_width"] *= before / columns
+    record["per_height"] *= rows / lines
+    trajectory, _ = camera_trajectory(at_opening(scene).model_copy(update={"film": film}))
+    return replace(plan, camera=replace(plan.camera, record=record), trajectory=trajectory)

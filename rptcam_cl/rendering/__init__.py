@@ -24,6 +24,7 @@ from rptcam_cl.rendering.shares import Part, joined, split_of, split_text
 from rptcam_cl.rendering.tracer import Wavefront, signature
 from rptcam_cl.rendering.trees.cache import cache_folder
 from rptcam_cl.rendering.trees.scene_trees import scene_trees
+from rptcam_cl.rendering.wavefront_pool import WavefrontPool
 
 __all__ = [
     "GEOMETRY",
@@ -43,6 +44,7 @@ __all__ = [
     "SceneBuffers",
     "SharedWavefront",
     "Wavefront",
+    "WavefrontPool",
     "anomalies",
     "cache_folder",
     "check_precision",

@@ -1,0 +1,431 @@
+"""The render session: a scene on a device that is changed and rendered again; only what changes is redone."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.api.ahead import Ahead
+from rptcam_cl.api.frames import Change, Frame, Kind, Pace
+from rptcam_cl.api.settings import RenderSettings
+from rptcam_cl.api.stages import Prepared, Resolved, report, resolve
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.device import Session, open_sessions
+from rptcam_cl.focusing import requested_autofocus
+from rptcam_cl.imaging import Image, check_sensor
+from rptcam_cl.plan import Plan, make_plan, with_film
+from rptcam_cl.rendering import FilmLayout, FilmRun, SceneBuffers, WavefrontPool, rendering_of, window
+from rptcam_cl.scene import Scene, load_scene, set_keys
+
+FOCUSES_ANEW = ("focus", "kind", "lens", "zoom", "focal_length_mm")  # keys of the camera; others leave the focus found
+WITHOUT_SAMPLES = {"picture"}  # parts of a scene that change no film
+
+
+@dataclass(frozen=True, eq=False)
+class _State:
+    """A scene as it is rendered."""
+
+    scene: Scene
+    found: Resolved
+    plan: Plan
+    buffers: SceneBuffers
+    is_metered: bool  # whether the exposure is that of this very scene, and not of one before
+
+
+class RenderSession:
+    """A scene on a device, to be changed and rendered again: poses, lenses, materials, whatever a scene file says.
+
+    What does not change stays on the device, compiled. After N samples the film has the very bits of
+    `rptcam_cl.render` with ``spp=N`` of `scene`, whatever was changed before.
+
+    Focus is found as by a camera's single autofocus: at the beginning, and whenever a change sets the focus to ``auto``
+    or takes another lens. Every other change leaves the focus as it was found, and `scene` names it in place of
+    ``auto``. Exposure ``auto`` is metered anew for each changed film, as a camera does until the exposure is locked
+    (``exposure.lock_cd_m2``); glances go by the last reading.
+
+    All methods are for one thread, but for `cancel` and `ready`.
+
+    Parameters
+    ----------
+    scene
+        A scene, or anything that `load_scene` takes.
+    device
+        As for `render`, but one device.
+    size, seed
+        Replace the scene's resolution [pixels] and seed.
+
+    Raises
+    ------
+    InputError, DeviceError
+        As `render` does.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | str | Path | Mapping[str, Any],
+        *,
+        device: str | Session | None = None,
+        size: tuple[int, int] | None = None,
+        seed: int | None = None,
+    ) -> None:
+        self._begun = time.perf_counter()
+        self._settings = RenderSettings(size=size, seed=seed)
+        given = self._given(scene)
+        sessions, _ = open_sessions(device)
+        if len(sessions) > 1:
+            raise InputError("device: a session renders on one device (name one of them)")
+        self._device = sessions[0]
+        self._pool, self._ahead = WavefrontPool(self._device), Ahead(self._device)
+        self._cancelled = threading.Event()
+        self._pace = Pace(self._cancelled)
+        self._generation = 0
+        self._run: FilmRun | None = None
+        self._noise: tuple[int, float] | None = None  # samples, and the relative standard error at them
+        self._waiting: _State | None = None
+        self._seconds = 0.0  # spent on the film
+        self._shown = self._state(given, None)
+        self._compile(self._shown)
+        self._hash: str | None = given.content_hash()
+
+    @property
+    def device(self) -> Session:
+        """The device that it renders on."""
+        return self._device
+
+    @property
+    def scene(self) -> Scene:
+        """The scene as requested; what autofocus found for an earlier scene stands in place of ``auto``."""
+        return self._newest.scene
+
+    @property
+    def resolved(self) -> Scene:
+        """The scene in focus, with its camera model and its exposure."""
+        return self._newest.found.scene
+
+    @property
+    def metadata(self) -> dict[str, Any]:
+        """How focus, camera model and exposure were found."""
+        return dict(self._newest.found.metadata)
+
+    @property
+    def resolution(self) -> tuple[int, int]:
+        """Width and height of the frames [pixels]."""
+        _, _, width, height = window(self._shown.scene)
+        return width, height
+
+    @property
+    def generation(self) -> int:
+        """Counts the changes that are shown."""
+        return self._generation
+
+    @property
+    def spp(self) -> int:
+        """Samples that every pixel of the film has."""
+        return 0 if self._run is None else self._run.done
+
+    @property
+    def ready(self) -> bool:
+        """Whether nothing is compiled in the background."""
+        return self._ahead.ready
+
+    def change(self, changes: Mapping[str, Any], *, wait: bool = True) -> Change:
+        """Set keys of the scene, as `rptcam_cl.scene.set_keys` does; the film is empty then, unless it stays the same.
+
+        Parameters
+        ----------
+        changes
+            Values as a scene file has them, by key path: ``{"camera.f_number": 4, "objects.2.radius": 0.5}``. None
+            removes a key; one that excludes others replaces them.
+        wait
+            Whether to wait where kernels have to be compiled. Otherwise the session goes on with the scene before,
+            until they are.
+
+        Raises
+        ------
+        InputError
+            When the changed scene is not valid; the session is as it was.
+        """
+        self._check_open()
+        return self._take_over(self._changed(changes), focus_anew=_focuses_anew(changes), wait=wait)
+
+    def replace(self, scene: Scene | str | Path | Mapping[str, Any], *, wait: bool = True) -> Change:
+        """Take another scene, as `change` does; its focus and exposure are found anew.
+
+        Raises
+        ------
+        InputError
+            When it is not valid; the session is as it was.
+        """
+        self._check_open()
+        given = self._given(scene)
+        content = given.content_hash()
+        files_changed = content != self._hash  # a lens or a picture, though the scene may say the same
+        change = self._take_over(given, focus_anew=True, wait=wait, anyway=files_changed)
+        self._hash = content
+        return change
+
+    def prepare(self, changes: Mapping[str, Any]) -> None:
+        """Compile in the background what a change would need; nothing that is shown changes.
+
+        Raises
+        ------
+        InputError
+            As `change` would.
+        """
+        self._check_open()
+        state = self._state(self._focused(self._changed(changes)), self._newest)
+        self._ahead.begin(state.plan, state.buffers, state.scene.render)
+
+    def take(self, samples: int = 1) -> Frame:
+        """Add samples to the film and return it; a sample that was left is the first of them.
+
+        Raises
+        ------
+        InputError
+            When less than one is asked for.
+        """
+        if samples < 1:
+            raise InputError(f"samples: is out of range (got {samples!r}; allowed: at least 1)")
+        begun = time.perf_counter()
+        run = self._film()
+        complete = self._add(run, samples)
+        sums = run.wavefront.sums()
+        seconds = time.perf_counter() - begun
+        self._seconds += seconds
+        pixels = run.wavefront.layout.picture(sums, run.samples_of_tiles())
+        return Frame(pixels, run.done, complete, seconds, self._noise_of(run, sums), 1.0, self._generation)
+
+    def glance(self, scale: float = 0.25) -> Frame:
+        """Return one sample per pixel of the same view at a share of its resolution; the film stays as it is.
+
+        Raises
+        ------
+        InputError
+            When the scale is not above 0 and at most 1.
+        """
+        if not 0 < scale <= 1:
+            raise InputError(f"scale: is out of range (got {scale!r}; allowed: above 0, at most 1)")
+        begun = time.perf_counter()
+        self._arrive()
+        state = self._shown
+        settings = state.scene.render.model_copy(update={"layers": (), "noise": None})
+        plan, layout = _scaled(state, scale)
+        buffers = self._pool.upload(plan)
+        run = FilmRun(self._pool.wavefront(plan, buffers, layout, settings, "glance"))
+        complete = self._add(run, 1)
+        pixels = run.pixels()
+        return Frame(pixels, run.done, complete, time.perf_counter() - begun, None, scale, self._generation)
+
+    def cancel(self) -> None:
+        """End a `take` or `glance` under way in another thread: it returns with what there is."""
+        self._cancelled.set()
+
+    def pixels(self) -> NDArray[np.float32]:
+        """Return the film so far, (height, width, 3); black before the first sample."""
+        return self._film().pixels()
+
+    def image(self) -> Image:
+        """Return the film so far as `render` returns it, with its metadata and statistics.
+
+        Raises
+        ------
+        InputError
+            Before the first sample.
+        """
+        run = self._film()
+        while not run.is_whole:
+            self._add(run, 1)
+        if run.done == 0:
+            raise InputError("the session has no samples yet (call take() first)")
+        state = self._shown
+        rendering = rendering_of(
+            run, start=0, seconds=self._seconds, new_samples=run.wavefront.camera_rays, interrupted=False
+        )
+        settings = replace(self._settings, device=self._device)
+        prepared = Prepared(
+            settings, state.scene, state.scene.render.layers, state.found.scene, state.found.metadata, state.plan,
+            run.wavefront, None, None, self._begun, {"start": 0.0, "compile": 0.0},
+        )  # fmt: skip
+        return report(prepared, rendering)
+
+    def close(self) -> None:
+        """Let go of the device; the session is of no use then."""
+        self._run, self._waiting = None, None
+        self._ahead.close()
+        self._pool.close()
+        self._closed = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    _closed = False
+
+    @property
+    def _newest(self) -> _State:
+        return self._waiting or self._shown
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise StateError("the session is closed (make another one)")
+
+    def _given(self, scene: Scene | str | Path | Mapping[str, Any]) -> Scene:
+        found = self._settings.applied_to(scene if isinstance(scene, Scene) else load_scene(scene))
+        check_sensor(found, *window(found)[2:])
+        return found
+
+    def _changed(self, changes: Mapping[str, Any]) -> Scene:
+        scene = set_keys(self.scene, changes)
+        check_sensor(scene, *window(scene)[2:])
+        return scene
+
+    def _focused(self, scene: Scene) -> Scene:
+        """Return a scene with the focus that was found for the newest one, where it asks for autofocus."""
+        known = self._newest.found.focus
+        if known is None or requested_autofocus(scene) is None:
+            return scene
+        return set_keys(scene, {f"camera.{key}": value for key, value in known["camera"].items()})
+
+    def _take_over(self, scene: Scene, *, focus_anew: bool, wait: bool, anyway: bool = False) -> Change:
+        before = self._newest
+        keys = _changed_parts(before.scene, scene)
+        if not keys and not anyway:
+            return Change("none", (), self._waiting is None)
+        if set(keys) <= WITHOUT_SAMPLES and not anyway:
+            self._replace_scene(scene)
+            return Change("picture", keys, self._waiting is None)
+        state = self._state(scene if focus_anew else self._focused(scene), None if focus_anew else before)
+        self._hash = None
+        compiled = self._ahead.knows(state.plan, state.buffers, scene.render)
+        if not compiled and not wait:
+            self._waiting = state
+            self._ahead.begin(state.plan, state.buffers, scene.render)
+            return Change("program", keys, ready=False)
+        self._compile(state)
+        self._show(state)
+        return Change(_kind(before.plan, state.plan, compiled, keys), keys)
+
+    def _state(self, scene: Scene, before: _State | None) -> _State:
+        """Return a scene ready to be rendered; its exposure goes by the last reading where there is one."""
+        reading = None if before is None else before.found.metered_cd_m2
+        found = resolve(scene, self._device, metered_cd_m2=reading)
+        plan = make_plan(found.scene)
+        return _State(scene, found, plan, self._pool.upload(plan), reading is None)
+
+    def _compile(self, state: _State) -> None:
+        self._ahead.compile(state.plan, state.buffers, state.scene.render)
+
+    def _show(self, state: _State) -> None:
+        self._shown, self._waiting, self._run = state, None, None
+        self._noise, self._seconds = None, 0.0
+        self._generation += 1
+
+    def _replace_scene(self, scene: Scene) -> None:
+        """Take a scene that gives the same film."""
+        if self._waiting is not None:
+            self._waiting = replace(self._waiting, scene=scene)
+        else:
+            self._shown = replace(self._shown, scene=scene)
+            self._generation += 1
+
+    def _arrive(self) -> None:
+        """Show the scene that has been waited for, once it is compiled."""
+        self._check_open()
+        waiting = self._waiting
+        if waiting is not None and self._ahead.ready:
+            self._compile(waiting)
+            self._show(waiting)
+
+    def _film(self) -> FilmRun:
+        """Return the film of the scene that is shown, metered."""
+        self._arrive()
+        state = self._shown
+        if self._run is None:
+            if not state.is_metered:
+                state = self._shown = self._metered(state)
+            settings = state.scene.render
+            wavefront = self._pool.wavefront(
+                state.plan, state.buffers, FilmLayout.of(state.scene.film), settings, "film"
+            )
+            self._run = FilmRun(wavefront, settings.noise)
+        return self._run
+
+    def _metered(self, state: _State) -> _State:
+        """Return a state with the exposure of its own scene."""
+        if state.found.metered_cd_m2 is None:
+            return replace(state, is_metered=True)
+        metered = self._state(state.scene, None)
+        self._compile(metered)
+        return metered
+
+    def _add(self, run: FilmRun, samples: int) -> bool:
+        """Add samples to a film unless that is cancelled; return whether all are there."""
+        self._cancelled.clear()
+        end = run.done + samples
+        count, most = self._pace.enqueued(run.wavefront.finish), run.wavefront.samples_per_wave
+        complete = True
+        while complete and run.done < end and not run.watch.satisfied:
+            complete = run.add(min(end - run.done, most), count, slots=self._pace.slots)
+            complete = complete and not (self._cancelled.is_set() and run.done < end)
+        run.wavefront.finish()
+        return complete
+
+    def _noise_of(self, run: FilmRun, sums: NDArray[np.float32]) -> float | None:
+        last = 1 if self._noise is None else self._noise[0]
+        if run.is_whole and run.done >= 2 * last:
+            achieved = run.watch.achieved(run.done, sums)
+            self._noise = None if achieved is None else (run.done, achieved.picture)
+        if self._noise is None:
+            return None
+        samples, noise = self._noise
+        return float(noise * np.sqrt(samples / run.done))
+
+
+def _focuses_anew(changes: Mapping[str, Any]) -> bool:
+    """Return whether a change asks for another focus, or makes that which was found one of another lens."""
+    keys = [key.split(".") for key in changes]
+    return any(key[0] == "camera" and (len(key) == 1 or key[1] in FOCUSES_ANEW) for key in keys)
+
+
+def _changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
+    """Return the keys at the top of a scene that say something else."""
+    one, other = before.made_of, after.made_of
+    return tuple(name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name)))
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if one is other:
+        return True
+    try:
+        return bool(one == other)
+    except ValueError:  # of arrays in them
+        return False
+
+
+def _kind(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) -> Kind:
+    """Return the dearest that another plan takes."""
+    if not compiled:
+        return "program"
+    return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
+
+
+def _scaled(state: _State, scale: float) -> tuple[Plan, FilmLayout]:
+    """Return the plan of a state with a film of fewer pixels, and that film."""
+    film = state.found.scene.film
+    columns, rows = (max(round(side * scale), 1) for side in film.resolution)
+    if state.scene.camera.kind == "environment":
+        columns = 2 * rows
+    smaller = film.model_copy(update={"resolution": (columns, rows)})
+    return with_film(state.plan, state.found.scene, smaller), FilmLayout.of(smaller)
