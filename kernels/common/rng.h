@@ -1,4 +1,4 @@
-// A counter-based hash: four words per counter (pixel, sample, dimension, seed), hence the same whatever the wave size,
+// A counter-based hash: four words per counter (pixel, sample, dimension, seed), so the same for any wave size,
 // order or interruption. PCG4D of Jarzynski and Olano, «Hash functions for GPU rendering», JCGT 9(3) 2020: a bijection of
 // its 128-bit input, so no two counters collide.
 #ifndef RNG_H

@@ -190,7 +190,7 @@ class RenderSession:
         Raises
         ------
         InputError
-            When less than one is asked for.
+            When less than one is requested.
         """
         if samples < 1:
             raise InputError(f"samples: is out of range (got {samples!r}; allowed: at least 1)")

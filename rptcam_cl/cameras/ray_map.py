@@ -185,7 +185,7 @@ def ray_map(
     distances_mm
         From the first surface, at which rays are compared.
     max_error_px
-        What a ray may err by.
+                Largest allowed error of a ray.
 
     Raises
     ------

@@ -69,7 +69,7 @@ def traced_rays(
 
 
 def allowed_px(camera: RealisticCamera) -> float:
-    """Return what a fitted ray of a camera may err by [pixels]."""
+    """Return the largest allowed error of a fitted ray of a camera [pixels]."""
     return LARGEST_ERROR_PX if camera.accuracy is None else min(camera.accuracy.max_error_px, LARGEST_ERROR_PX)
 
 
@@ -85,7 +85,7 @@ def fitted_map(
     range_nm
         Both ends of the wavelengths of rays, or None where all have the camera's.
     max_error_px
-        What a ray may err by in the plane in focus and far away.
+        Largest allowed error of a ray in the plane in focus and far away.
 
     Raises
     ------

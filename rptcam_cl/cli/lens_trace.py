@@ -1,4 +1,4 @@
-"""``rptcam lens trace``: what becomes of single rays."""
+"""``rptcam lens trace``: the path and fate of single rays."""
 
 import argparse
 import sys

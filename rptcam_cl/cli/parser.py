@@ -172,7 +172,7 @@ def add_overrides(parser: argparse.ArgumentParser) -> None:
 
 
 def add_missing(parser: argparse.ArgumentParser) -> None:
-    """Add what becomes of missing files."""
+    """Add the option for missing files."""
     parser.add_argument(
         "--missing", choices=("error", "grey"), default="error",
         help="files that are not there: an error that names them all (default), or grey in place of pictures, and"

@@ -15,7 +15,7 @@ from rptcam_cl.focusing.report import FocusReport
 from rptcam_cl.focusing.search import Task
 
 SURE = 0.5  # confidence below which a focus counts as not found
-SHARP_SHARE = 0.05  # of what the zone shows, that depth wants within the depth of field
+SHARP_SHARE = 0.05  # of what the zone shows, that depth requires within the depth of field
 AT_AN_END = 1.0  # depths of focus from the end of the reach, where the target may lie beyond
 APART = 4.0  # depths of focus between two distances, or two line focuses, that are worth a word
 LEAST_SHARE = 0.2  # of a zone that shows another distance

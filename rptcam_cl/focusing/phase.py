@@ -124,7 +124,7 @@ def _through(
 ) -> tuple[ZoneImage, ZoneImage]:
     """Return what a zone shows through the half before the line and that beyond it.
 
-    With the same random numbers the noise of the halves would be each other's negative: hence two seeds.
+    With the same random numbers the noise of the halves would be each other's negative. Two seeds avoid that.
     """
     camera = renderer.camera(state, stop)
     before, beyond = (

@@ -145,7 +145,7 @@ class FocusReport:
         }
 
     def kept(self, why: InputError) -> FocusReport:
-        """Return the same focus, kept for want of a better one."""
+        """Return the same focus, kept because no better one was found."""
         failure = f"{why}; the focus of the frame before is kept"
         return replace(self, confidence=0.0, probes=[], notes={"kept": True}, failure=failure, remarks=())
 

@@ -29,7 +29,7 @@ PROJECTIONS: dict[str, tuple[Callable[[float], float], str]] = {
     "orthographic": (math.sin, "f sin(angle)"),
 }
 NARROW = 30.0  # degrees up to which all projections are alike, and f tan(angle) is what is meant
-RECTILINEAR = 0.1  # share of the height that a lens of straight lines may err by, and still be one
+RECTILINEAR = 0.1  # largest distortion of a lens that counts as keeping lines straight, as a share of the height
 ACROSS = 48  # rays across a beam whose middle is sought
 BARREL = 90.0  # degrees at which f tan(angle) has no height
 

@@ -51,7 +51,7 @@ class Surroundings:
     flux : float
         Integral of the radiance over all directions of what light sampling knows [W/m², luminance]; else 0.
     sun : DistantSun or None
-        Shines besides.
+                Shines in addition.
     """
 
     kind: EnvironmentKind

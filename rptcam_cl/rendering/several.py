@@ -228,7 +228,7 @@ class SharedWavefront:
         """Nothing to wait for: `enqueue` has waited."""
 
     def _gathered(self, read: Callable[[Wavefront], NDArray[np.float32]]) -> NDArray[np.float32]:
-        """Return planes of which each device has its tiles."""
+        """Return planes with the tiles of each device."""
         while True:
             failed, whole = [], None
             for worker in self._live():

@@ -78,7 +78,7 @@ def begun(parts: Sequence[Part], first: int, split: str, dropped: Mapping[str, s
 
 
 def ended(parts: Sequence[Part], done: int) -> list[Part]:
-    """Return the parts of which each ends where the next begins, the last after ``done`` samples."""
+    """Return the parts, each ending where the next begins, the last after ``done`` samples."""
     ends = [*(part["samples"][0] for part in parts[1:]), done][: len(parts)]
     found = [part | {"samples": [part["samples"][0], end]} for part, end in zip(parts, ends, strict=True)]
     return [part for part in found if part["samples"][1] > part["samples"][0]]

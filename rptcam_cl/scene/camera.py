@@ -208,7 +208,7 @@ class ThinLensCamera(Pose):
         Raises
         ------
         InputError
-            When autofocus has yet to find it.
+            Before autofocus has found it.
         """
         if self.focus_distance_m is None:
             raise InputError(NOT_FOUND_YET)
@@ -358,15 +358,15 @@ class RealisticCamera(LensCamera):
     auto takes the last. It changes noise only."""
 
     rays: Literal["traced", "fitted"] = "traced"
-    """How rays come through the lens: traced through every surface, or by polynomials fitted to such rays, which err by
-    a quarter of a pixel at most."""
+    """How rays come through the lens: traced through every surface, or by polynomials fitted to such rays, with
+    an error of a quarter of a pixel at most."""
 
     precision: Literal["single", "double"] = "single"
     """Arithmetic in which rays go through the lens: float32, or float64 on devices that have it; everything else is
     float32."""
 
     accuracy: Annotated[Accuracy, AlsoAccepts(AUTO)] | None = None
-    """What a cheaper camera model may err by to be taken instead; by default every ray is traced."""
+    """Largest error of a cheaper camera model that may replace the lens; by default every ray is traced."""
 
 
 Camera = Annotated[

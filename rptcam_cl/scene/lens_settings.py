@@ -1,4 +1,4 @@
-"""What a scene says about its lens: which one, the shape of its opening, its losses, and what a model may err by."""
+"""What a scene says about its lens: which one, its opening, its losses, and the largest error of a cheaper model."""
 
 from __future__ import annotations
 
@@ -210,7 +210,7 @@ AUTO = {"const": "auto", "description": "The bounds that they have by default."}
 
 
 class Accuracy(SceneModel):
-    """What a cheaper camera model may err by to be taken in place of the traced lens; `auto` for the bounds below."""
+    """Largest error of a cheaper camera model that may replace the traced lens; `auto` for the bounds below."""
 
     max_error_px: Annotated[float, Field(ge=0, le=1e6), NUMBER] = 0.5
     """Distance by which light may fall beside its place anywhere on the picture [pixels]."""

@@ -66,7 +66,7 @@ class Outcome:
 
 
 def outcomes(session: Session, suite: Sequence[CheckGroup] = SUITE) -> Iterator[Outcome]:
-    """Yield what becomes of each part of a suite; a device that fails in one is still tried in the next."""
+    """Yield the result of each part of a suite; a device that fails in one is still tried in the next."""
     for part in suite:
         begun = time.perf_counter()
         try:

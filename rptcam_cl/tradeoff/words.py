@@ -49,7 +49,7 @@ def pixels(value: float) -> str:
 
 
 def bias(found: Interval) -> str:
-    """Return the root of a bias as relMSE with its interval; only what it is at most where it may be nothing."""
+    """Return the root of a bias (relMSE) with its interval; only the upper end where it may be zero."""
     low, value, high = (math.sqrt(max(end, 0.0)) for end in (found.low, found.value, found.high))
     if high == 0:
         return "none"
@@ -71,7 +71,7 @@ def ends(found: Interval, say: Callable[[float], str] = seconds) -> str:
 
 
 def crossing(found: Interval) -> str:
-    """Return the time until which something is better with its interval, which may say nothing."""
+    """Return the time until which something is better, with its interval; ``not known`` if that is all times."""
     return "not known" if found.low <= 0 and math.isinf(found.high) else ends(found, until)
 
 

@@ -26,7 +26,7 @@ from rptcam_cl.importers.pbrt.state import PbrtScene
 from rptcam_cl.importers.pbrt.world import read_world
 from rptcam_cl.scene import Missing, load_scene
 
-# Parameters of every camera that have to do with motion, of which there is none.
+# Parameters of every camera that concern motion, which is not converted.
 SHUTTER = ("shutteropen", "shutterclose")
 
 

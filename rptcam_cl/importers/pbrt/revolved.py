@@ -1,4 +1,4 @@
-"""Surfaces of revolution as meshes: parts of spheres, disks and cylinders, and the shapes that pbrt-v3 has besides."""
+"""Surfaces of revolution as meshes: parts of spheres, disks and cylinders, and the shapes that only pbrt-v3 has."""
 
 from __future__ import annotations
 

@@ -106,7 +106,7 @@ def _sentences(found: Findings, allowed: Accuracy) -> Iterator[str]:
 
 
 def _lens(found: Findings, allowed: Accuracy) -> Iterator[str]:
-    """Yield what shows of the lens at this size of pixels."""
+    """Yield what is visible of the lens at this size of pixels."""
     if found.blur_px == math.inf:
         yield "part of the film sees nothing through the lens"
     elif found.blur_px is not None:
