@@ -64,7 +64,7 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
 #if HAS_EMITTERS
     I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
     if (ANY(rival)) {
-        F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), path.ray.o, t, absolute(cos_i));
+        F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), path.ray.o, path.ray.d, t, absolute(cos_i));
         weight = rival ? against_lights(path.pdf, other) : weight;
     }
 #endif

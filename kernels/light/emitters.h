@@ -1,54 +1,37 @@
 // Next-event estimation: one emitter per vertex, picked by power, one direction towards it.
 // Rectangles, parallelograms and disks are sampled by area, spheres by the cone that they subtend (stable for small
-// angles: 1 - cos is never formed by subtraction) and suns likewise, points and directional lights exactly, a picture of the
-// environment by its brightness.
+// angles: 1 - cos is never formed by subtraction) and suns likewise, solids as light/solids.h says, points and directional
+// lights exactly, a picture of the environment by its brightness.
 #ifndef EMITTERS_H
 #define EMITTERS_H
-#include "common/scene.h"
-#include "geometry/hit.h"
 #include "common/curve.h"
+#include "light/emitter.h"
 #include "light/environment.h"
 #include "light/emitter_texture.h"
 #include "light/point.h"
-
-typedef struct {
-    F3 direction;   // from the shading point, unit
-    F  reach;       // distance to the emitter
-    F3 radiance;    // emitted radiance / density, cosine and BSDF left out; zero where the sample is void
-    F  pdf;         // solid-angle density incl. the pick; 0 for point and directional lights, which no BSDF sample can meet
-    I  primitive;   // the emitter's primitive or NO_PRIMITIVE
-    I  triangle;        // and its triangle
-} LightSample;
-
-#if ONE_EMITTER
-#define OF_EMITTER(T, member) ((T)(es->member))
-#else
-#define OF_EMITTER(T, member) GATHER(T, es, e, .member)
+#if EMITTER_SOLIDS
+#include "light/solids.h"
 #endif
-
-static F3 gather_a(const __global Emitter *es, I e)
-{
-    return f3(OF_EMITTER(F, a.x), OF_EMITTER(F, a.y), OF_EMITTER(F, a.z));
-}
-
-static F3 gather_normal(const __global Emitter *es, I e)
-{
-    return f3(OF_EMITTER(F, normal.x), OF_EMITTER(F, normal.y), OF_EMITTER(F, normal.z));
-}
 
 // Density, over the solid angle seen from `o`, with which sample_emitter would have chosen the point that a ray along `d`
 // met at distance t with cosine `cos_there` on the emitter.
-static F emitter_pdf(const __global Emitter *es, I e, F3 o, F t, F cos_there)
+static F emitter_pdf(const __global Emitter *es, I e, F3 o, F3 d, F t, F cos_there)
 {
     F pick = OF_EMITTER(F, pick);
     F extent = OF_EMITTER(F, a.w);
     F pdf = pick * t * t / (extent * MAX(cos_there, (F)(1e-20f)));
 #if EMITTER_SPHERES
     I sphere = OF_EMITTER(I, kind) == EMITTER_SPHERE;
-    F3 to_centre = sub(gather_a(es, e), o);
+    F3 to_centre = sub(THREE_OF_EMITTER(a), o);
     F sin2 = extent * extent / dot3(to_centre, to_centre);
     F cone = 2.0f * PI_F * sin2 / (1.0f + root(1.0f - sin2));
     pdf = sphere ? (sin2 < 1.0f ? pick / cone : ZERO) : pdf;
+#endif
+#if EMITTER_SOLIDS
+    I kind = OF_EMITTER(I, kind);
+    I solid = kind >= EMITTER_BOX;
+    if (ANY(solid))
+        pdf = solid ? pick * solid_pdf(es, e, kind, o, d, t) : pdf;
 #endif
     return pdf;
 }
@@ -92,7 +75,7 @@ static void sample_flat(const __global Emitter *es, I e, I flat, F d2, LightSamp
 {
     F pick = OF_EMITTER(F, pick);
     F extent = OF_EMITTER(F, a.w);
-    F cos_there = -dot3(gather_normal(es, e), s->direction);
+    F cos_there = -dot3(THREE_OF_EMITTER(normal), s->direction);
     I two_sided = OF_EMITTER(I, two_sided) != 0;
     cos_there = two_sided ? absolute(cos_there) : cos_there;
     I faces = flat & (cos_there > 0.0f);
@@ -114,7 +97,7 @@ static void sample_round(const __global Emitter *es, I e, I kind, F distance, F 
 #if EMITTER_SUNS
     I sun = kind == EMITTER_SUN;
     sin2_max = sun ? extent : sin2_max;
-    s->direction = select3(sun, gather_normal(es, e), s->direction);
+    s->direction = select3(sun, THREE_OF_EMITTER(normal), s->direction);
 #endif
     F versine = u * sin2_max / (1.0f + root(1.0f - sin2_max));      // 1 - cos of the sampled angle
     F sin2 = versine * (2.0f - versine);
@@ -165,7 +148,7 @@ static void sample_point(Scene scene, I e, I kind, F d2, LightSample *s, F *weig
 static void sample_directional(const __global Emitter *es, I e, I kind, LightSample *s, F *weight)
 {
     I parallel = kind == EMITTER_DIRECTIONAL;
-    s->direction = select3(parallel, gather_normal(es, e), s->direction);
+    s->direction = select3(parallel, THREE_OF_EMITTER(normal), s->direction);
     s->reach = parallel ? (F)(NEVER) : s->reach;
     *weight = parallel ? ONE / OF_EMITTER(F, pick) : *weight;
 }
@@ -201,7 +184,7 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
     I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &inside, &share);
 #endif
     I kind = OF_EMITTER(I, kind);
-    F3 a = gather_a(es, e);
+    F3 a = THREE_OF_EMITTER(a);
     LightSample s;
     s.primitive = OF_EMITTER(I, primitive);
 #if EMITTER_TRIANGLES
@@ -209,7 +192,7 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 #else
     s.triangle = (I)(NO_TRIANGLE);
 #endif
-    s.radiance = f3(OF_EMITTER(F, radiance.x), OF_EMITTER(F, radiance.y), OF_EMITTER(F, radiance.z));
+    s.radiance = THREE_OF_EMITTER(radiance);
     s.pdf = ZERO;
     F weight = ZERO;
     // Go to its centre or position, of a flat one to a point on it.
@@ -218,17 +201,28 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
     F x = ZERO, y = ZERO;
 #endif
 #if EMITTER_FLATS
-    F3 bu = f3(OF_EMITTER(F, u.x), OF_EMITTER(F, u.y), OF_EMITTER(F, u.z));
-    F3 bv = f3(OF_EMITTER(F, v.x), OF_EMITTER(F, v.y), OF_EMITTER(F, v.z));
+    F3 bu = THREE_OF_EMITTER(u);
+    F3 bv = THREE_OF_EMITTER(v);
     I flat = is_flat(kind);
     place_on_flat(kind, u, v, &x, &y);
     to = select3(flat, add(to, add(scale(bu, x), scale(bv, y))), to);
+#endif
+#if EMITTER_SOLIDS
+    I solid = kind >= EMITTER_BOX;
+    F solid_density = ZERO;
+    if (ANY(solid))
+        to = select3(solid, sample_solid(es, e, kind, p, u, v, &solid_density), to);
 #endif
     F d2 = dot3(to, to);
     F distance = sqrt(d2);
     s.direction = scale(to, ONE / distance);
     s.reach = distance;
     // Weigh the sample by its density, and turn towards what has no such point.
+#if EMITTER_SOLIDS
+    I seen = solid & (solid_density > 0.0f);
+    s.pdf = seen ? OF_EMITTER(F, pick) * solid_density : s.pdf;
+    weight = seen ? ONE / s.pdf : weight;
+#endif
 #if EMITTER_FLATS
     sample_flat(es, e, flat, d2, &s, &weight);
 #endif
@@ -238,7 +232,7 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
 #if EMITTER_TEXTURES
     I textured = (OF_EMITTER(I, texture) >= 0) & (s.primitive >= 0) & (weight > 0.0f);
     if (ANY(textured)) {
-        F3 there = sub(along(p, s.direction, s.reach), a);
+        F3 there = along(p, s.direction, s.reach);
         s.radiance = select3(textured, textured_radiance(e, textured, x, y, there, scene), s.radiance);
     }
 #endif

@@ -2,22 +2,16 @@
 #ifndef POINT_H
 #define POINT_H
 #include "common/angles.h"
-#include "common/scene.h"
+#include "light/emitter.h"
 #include "material/image.h"
-
-#if ONE_EMITTER
-#define OF_LAMP(member) ((F)(es->member))
-#else
-#define OF_LAMP(member) GATHER(F, es, e, .member)
-#endif
 
 #if EMITTER_SPOTS
 // Share of the intensity on the axis towards a point that sees the lamp in direction `to`: a smooth step in the cosine. u.w
 // is 1 - cos of the cone, v.w what its fading part takes of it, inverted.
 static F spot_share(const __global Emitter *es, I e, F3 to)
 {
-    F3 off = f3(to.x + OF_LAMP(normal.x), to.y + OF_LAMP(normal.y), to.z + OF_LAMP(normal.z));
-    F x = (OF_LAMP(u.w) - 0.5f * dot3(off, off)) * OF_LAMP(v.w);
+    F3 off = f3(to.x + OF_EMITTER(F, normal.x), to.y + OF_EMITTER(F, normal.y), to.z + OF_EMITTER(F, normal.z));
+    F x = (OF_EMITTER(F, u.w) - 0.5f * dot3(off, off)) * OF_EMITTER(F, v.w);
     x = MIN(MAX(x, ZERO), ONE);
     return x * x * (3.0f - 2.0f * x);
 }

@@ -75,6 +75,10 @@ class EmitterKind(IntEnum):
     PROFILE = 7  # a point whose intensity in each direction is a picture
     SUN = 8
     ENVIRONMENT = 9
+    BOX = 10  # this one and those below are solids, see kernels/light/solids.h
+    ELLIPSOID = 11
+    CYLINDER = 12
+    CONE = 13
 
 
 class EnvironmentKind(IntEnum):

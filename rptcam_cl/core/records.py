@@ -147,15 +147,16 @@ TEXTURE = Record(
 EMITTER = Record(
     "Emitter",
     (
-        ("float4", "a"),  # corner, centre or position; w: area, radius of a sphere, squared sine of a sun's radius
-        ("float4", "u"),  # edge, or axis of a disk or profile; w: cone of a spot, see kernels/light/point.h
+        # corner, centre or position; w: area, radius of a sphere, squared sine of a sun's radius, size of a solid
+        ("float4", "a"),
+        ("float4", "u"),  # edge, or axis of a disk, profile or solid; w: cone of a spot, see kernels/light/point.h
         ("float4", "v"),
-        ("float4", "normal"),  # or the direction towards a light at infinity, or of the axis of a spot or profile
+        # or the direction towards a light at infinity, or of the axis of a spot or profile; third axis of a solid
+        ("float4", "normal"),
         ("float4", "radiance"),  # radiance, intensity or irradiance
-        (
-            "float4",
-            "uv",
-        ),  # texture coordinates at the corner; z: handedness of a sphere, whose u and v are axes x and z
+        # texture coordinates at the corner; z: handedness of a sphere, whose u and v are axes x and z; of a solid this
+        # and the next two are the rows of object_from_world
+        ("float4", "uv"),
         ("float4", "uv_x"),  # and how they change along u and v
         ("float4", "uv_y"),
         ("int", "kind"),

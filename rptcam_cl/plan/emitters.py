@@ -1,6 +1,6 @@
 """What light sampling can choose: lamps of every shape, emissive meshes, lights, and a picture around the scene.
 
-Emissive boxes, cylinders, cones, ellipsoids and planes shine as well, but only BSDF sampling finds them.
+Emissive planes, insides of solids, what moves and what has holes shine as well, but only BSDF sampling finds them.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from rptcam_cl.plan.lights import light_emitter, sun_emitter
 from rptcam_cl.plan.meshes import Mesh, corners_of_box
 from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.primitives import Primitive, sphere_of
+from rptcam_cl.plan.solid_lamps import SOLIDS, area_of_solid, fill_solid
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.scene import LARGEST_RADIANCE, Colour, Emissive, Material, Principled, Scene, Texture, has_holes
 
@@ -83,6 +84,11 @@ class Emitters:
             "EMITTER_TRIANGLES": int(EmitterKind.TRIANGLE in self.kinds),
             "EMITTER_DISKS": int(EmitterKind.DISK in self.kinds),
             "EMITTER_SPHERES": int(EmitterKind.SPHERE in self.kinds),
+            "EMITTER_SOLIDS": int(bool(self.kinds & set(SOLIDS.values()))),
+            "EMITTER_BOXES": int(EmitterKind.BOX in self.kinds),
+            "EMITTER_ELLIPSOIDS": int(EmitterKind.ELLIPSOID in self.kinds),
+            "EMITTER_CYLINDERS": int(EmitterKind.CYLINDER in self.kinds),
+            "EMITTER_CONES": int(EmitterKind.CONE in self.kinds),
             "EMITTER_POINTS": int(EmitterKind.POINT in self.kinds),
             "EMITTER_SPOTS": int(EmitterKind.SPOT in self.kinds),
             "EMITTER_PROFILES": int(EmitterKind.PROFILE in self.kinds),
@@ -93,27 +99,36 @@ class Emitters:
         }
 
 
-def _flat(kind: EmitterKind, primitive: Primitive, record: np.void) -> float:
+def _flat(primitive: Primitive, record: np.void) -> float:
+    """Fill in a rectangle or a disk; return its area."""
+    disk = primitive.kind is Kind.DISK
     x, y, _, origin = primitive.placement[:3].T
-    area = float(np.linalg.norm(np.cross(x, y))) * (np.pi if kind is EmitterKind.DISK else 1.0)
+    area = float(np.linalg.norm(np.cross(x, y))) * (np.pi if disk else 1.0)
     normal = np.linalg.inv(primitive.placement)[2, :3]
-    record["kind"] = kind
+    record["kind"] = EmitterKind.DISK if disk else EmitterKind.RECTANGLE
     record["a"] = (*origin, area)
     record["u"][:3], record["v"][:3], record["normal"][:3] = x, y, normal / np.linalg.norm(normal)
     record["uv_x"][:2], record["uv_y"][:2] = (1, 0), (0, 1)
-    return np.pi * area
+    return area
 
 
 def _sphere(primitive: Primitive, record: np.void) -> float:
+    """Fill in a sphere; return its area."""
     center, radius = sphere_of(primitive.placement)
     record["kind"] = EmitterKind.SPHERE
     record["a"] = (*center, radius)
     axes = primitive.placement[:3, :3] / radius
     record["u"][:3], record["v"][:3], record["uv"][2] = axes[:, 0], axes[:, 2], np.sign(np.linalg.det(axes))
-    return 4 * np.pi**2 * radius**2
+    return 4 * np.pi * radius**2
 
 
-_SAMPLED = {Kind.RECTANGLE: EmitterKind.RECTANGLE, Kind.DISK: EmitterKind.DISK, Kind.SPHERE: EmitterKind.SPHERE}
+def _solid(primitive: Primitive, record: np.void) -> float:
+    """Fill in a solid; return its area."""
+    fill_solid(record, primitive.kind, primitive.placement)
+    return area_of_solid(primitive.kind, primitive.placement[:3, :3])
+
+
+_SAMPLED = {Kind.RECTANGLE: _flat, Kind.DISK: _flat, Kind.SPHERE: _sphere, **dict.fromkeys(SOLIDS, _solid)}
 
 
 @dataclass(frozen=True)
@@ -155,11 +170,10 @@ def _surface_emitter(index: int, primitive: Primitive, glow: _Glow) -> Found | N
     if primitive.kind not in _SAMPLED or glow.strength <= 0:
         return None
     record: np.void = EMITTER.zeros(1)[0]
-    kind = _SAMPLED[primitive.kind]
-    factor = _sphere(primitive, record) if kind is EmitterKind.SPHERE else _flat(kind, primitive, record)
+    area = _SAMPLED[primitive.kind](primitive, record)
     glow.fill(record)
     record["primitive"], record["triangle"] = index, -1
-    return np.array([record], EMITTER.dtype), np.array([factor * glow.strength])
+    return np.array([record], EMITTER.dtype), np.array([np.pi * area * glow.strength])
 
 
 def _mesh_emitters(

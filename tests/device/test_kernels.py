@@ -31,6 +31,7 @@ RARE = [
     {"shape": "sphere", "center": [0, 0, 9], "radius": 1, "transform": [{"scale": [1, 2, 1]}], "material": "grid"},
     PLANE | {"material": {"kind": "matte", "reflectance": 0.5}},
 ]
+SOLIDS = ("box", "cylinder", "cone", "sphere")  # of a sphere an ellipsoid
 PATTERNS = {
     "gradient": {"kind": "gradient", "start": 0.1, "end": 0.9},
     "noise": {"kind": "noise", "low": 0.1, "high": 0.9},
@@ -85,7 +86,8 @@ def all_facts():
     patterns = PATTERNS | {"grid": GRID}
     materials = {name: {"kind": "matte", "reflectance": pattern} for name, pattern in patterns.items()} | EVERY_MATERIAL
     shown = [PLANE | {"material": name} for name in (*PATTERNS, *EVERY_MATERIAL)]
-    scene |= {"objects": scene["objects"] + RARE + shown + meshes, "materials": materials}
+    solids = [item | {"material": GLOW} for item in [*scene["objects"], *RARE] if item["shape"] in SOLIDS]
+    scene |= {"objects": scene["objects"] + RARE + solids + shown + meshes, "materials": materials}
     scene |= {"lights": scene["lights"] + LIGHTS, "environment": PATTERNS["image"], "render": {"clamp": 9.0}}
     scene |= {"spectrum": "spectral"}
     leaning = [{"time_s": 0}, {"time_s": 1e-3}, {"time_s": 1, "up": [0.1, 0, 1]}]

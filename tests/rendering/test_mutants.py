@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rptcam_cl.plan import make_plan
 from tests.cameras import test_exposure as exposure
 from tests.device import test_bsdf_sampling as bsdf_sampling
 from tests.device import test_bsdf_values as bsdf_values
@@ -18,10 +19,16 @@ from tests.rendering import test_furnaces as furnaces
 from tests.rendering import test_lens_light as lens
 from tests.rendering import test_materials as materials
 from tests.rendering import test_world as world
+from tests.rendering.light import test_solid_lamps as solids
 from tests.rendering.pictures import WHITE, looking, pixels, scene_of
 from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
 
 pytestmark = pytest.mark.slow
+
+
+def weights_of(shape):
+    scene = solids.every_lamp()
+    solids.test_weights_add_up_to_the_solid_angle(open_session(), scene, make_plan(scene), shape, "skewed and mirrored")
 
 
 def pixel_of_rays():
@@ -97,6 +104,13 @@ MUTANTS = [
     Mutant("point light lacks the pick", "ONE / (d2 * pick)", "ONE / d2", emitters.test_emitters_of_every_kind_add_up),
     Mutant("cone of a sphere lamp too wide", "F versine = u * sin2_max", "F versine = u * 1.1f * sin2_max",
            lambda: emitters.test_sphere(1.5, 0.9)),
+    Mutant("directions of an ellipsoid not stretched", "cubed(stretch) * ", "stretch * ",
+           lambda: weights_of("ellipsoid")),
+    Mutant("face of a box chosen at no cost", "relative * relative * share *", "relative * relative *",
+           lambda: weights_of("box")),
+    Mutant("tube seen as wide from everywhere", "(angle * line.span)", "(PI_F * line.span)",
+           lambda: weights_of("cylinder")),
+    Mutant("generators of a cone chosen evenly", "1.5f * (1.0f - x * x)", "ONE", lambda: weights_of("cone")),
     Mutant("shadows forgotten", "keep3(wanted & NOT(dark)", "keep3(wanted",
            lambda: emitters.test_light_without_a_surface_is_blocked("point")),
     Mutant("samples share their numbers", "h.b = sample * 1664525u", "h.b = sample * 0u",

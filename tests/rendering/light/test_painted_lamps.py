@@ -89,6 +89,28 @@ def test_painted_sphere(folder, mirror) -> None:
     assert_irradiance(folder, lamp, expected, f"sphere {mirror}")
 
 
+def test_painted_box(folder) -> None:
+    # from the ground below only its bottom is seen, whose u and v go along x and y
+    low, size = np.array([-0.4, -0.2, 0.8]), np.array([1.1, 0.9, 0.3])
+    lamp = {"shape": "box", "min": low.tolist(), "max": (low + size).tolist(), "material": GLOW}
+    a, b, share = square()
+    points = low + np.stack([a, b, np.zeros_like(a)], axis=1) * size
+    colours = 5 * expected_colours(PICTURE, np.stack([a, b]), "repeat")
+    down = np.broadcast_to([0.0, 0.0, -1.0], points.shape)
+    assert_irradiance(folder, lamp, irradiance(points, down, size[0] * size[1] * share, colours), "box")
+
+
+def test_painted_cylinder(folder) -> None:
+    base, radius, height = np.array([0.3, 0.2, 1.0]), 0.4, 0.7
+    lamp = {"shape": "cylinder", "base": base.tolist(), "top": [0.3, 0.2, 1.7], "radius": radius, "capped": False}
+    a, b, share = square()
+    around = np.stack([np.cos(2 * np.pi * a), np.sin(2 * np.pi * a), np.zeros_like(a)], axis=1)
+    points = base + radius * around + height * b[:, None] * [0, 0, 1]
+    colours = 5 * expected_colours(PICTURE, np.stack([a, b]), "repeat")
+    expected = irradiance(points, around, 2 * np.pi * radius * height * share, colours)
+    assert_irradiance(folder, {**lamp, "material": GLOW}, expected, "cylinder")
+
+
 def test_painted_mesh(folder) -> None:
     # the rectangle as two triangles, with corners out of order
     corner, x, y = np.array([-0.4, -0.2, 0.8]), np.array([0, 1.2, 0]), np.array([1.1, 0, 0.2])
@@ -107,7 +129,7 @@ def test_picture_is_the_same_without_light_sampling(folder) -> None:
     camera = looking([0, -4, 2], [0, 0, 0.4])
     scene = load_scene(scene_of([GROUND, *lamps], camera, depth=2, resolution=(32, 24)), base_dir=folder)
     plan = make_plan(scene)
-    off = {"HAS_EMITTERS": 0, "ONE_EMITTER": 0, "EMITTER_TEXTURES": 0}
+    off = {fact: 0 for fact in plan.facts if "EMITTER" in fact}
     alone = replace(plan, facts={**plan.facts, **off})
     both, bsdf = batches(scene, plan, "lamps", 6, 32), batches(scene, alone, "lamps bsdf", 6, 256)
     assert_same_tiles(both, bsdf)
