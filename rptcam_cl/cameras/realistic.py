@@ -58,20 +58,18 @@ def model_of(
     lens, back_mm = _shaped(scene, camera, setting.lens), setting.film_distance_mm
     losses = setting.transmission
     clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, by_first_order=bool(windows))
-    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    half_film_mm = (width_mm / 2, height_mm / 2)
     colour = _colour(scene, setting, lens_colour)
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
-    if windows:
-        pupil = pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
-    else:
-        pupil = pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
+    pupil = _pupil(scene, camera, lens, back_mm, sampled_nm, windows)
     if camera.rays == "fitted":
         through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
     else:
         through = traced_rays(lens, camera, back_mm, colour.dispersive, losses)
+    said = through.metadata | setting.metadata | {"on_axis_irradiance": on_axis}
+    if losses:
+        said["transmittance"] = on_axis / clear
     return CameraModel(
         through.kernel,
         _record(scene, camera, setting, lens, pupil, len(through.surfaces)),
@@ -80,13 +78,8 @@ def model_of(
         surfaces=through.surfaces,
         stop=through.stop,
         has_lens=True,
-        metadata={
-            "camera": "realistic",
-            **through.metadata,
-            **setting.metadata,
-            "on_axis_irradiance": on_axis,
-        }
-        | ({"transmittance": on_axis / clear} if losses else {})
+        metadata={"camera": "realistic"}
+        | said
         | pupil.metadata
         | colour.metadata
         | _projection(scene, camera, setting),
@@ -120,6 +113,22 @@ def _irradiance(
             f" (film distance {back_mm:g} mm)"
         )
     return clear, on_axis
+
+
+def _pupil(
+    scene: Scene,
+    camera: RealisticCamera,
+    lens: Lens,
+    back_mm: float,
+    sampled_nm: tuple[float, ...],
+    windows: Sequence[Window],
+) -> PupilSampling:
+    """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
+    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+    half_film_mm = (width_mm / 2, height_mm / 2)
+    if windows:
+        return pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
+    return pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
 
 
 def _record(

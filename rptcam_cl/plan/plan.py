@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,7 @@ from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
 from rptcam_cl.plan.materials import pack_materials
+from rptcam_cl.plan.meshes import MeshPlan
 from rptcam_cl.plan.motion import Movements, pack_movements
 from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.packed_meshes import PackedMeshes
@@ -49,6 +51,19 @@ def _is_smooth(primitive: Primitive) -> bool:
     return primitive.mesh is not None and primitive.mesh.normals is not None
 
 
+def _facts_of_shapes(
+    primitives: list[Primitive], meshes: MeshPlan | None, materials: Mapping[str, int]
+) -> dict[str, int]:
+    """Return which kinds of primitives there are, and what their surfaces require beside positions and normals."""
+    kinds = {primitive.kind for primitive in primitives}
+    return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
+        "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or materials["HAS_NORMAL_MAP"]),
+        "HAS_SHADING_NORMAL": int(materials["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
+        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
+        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+    }
+
+
 def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
     """Return the plan of a scene, with its own camera unless another one is given."""
     scene = at_opening(scene)
@@ -64,20 +79,13 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
     camera, spectrum = seen_by(scene, camera, spectra, shown)
     textures = table.pack()
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
-    kinds = {primitive.kind for primitive in primitives}
-    facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind}
-    facts |= shown.facts | textures.facts | emitters.facts
     movements = pack_movements(scene, primitives)
-    facts |= movements.facts | {
-        "HAS_TANGENT": int(shown.facts["HAS_ANISOTROPY"] or shown.facts["HAS_NORMAL_MAP"]),
-        "HAS_SHADING_NORMAL": int(shown.facts["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
-        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
-        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
+    facts = shown.facts | textures.facts | emitters.facts | movements.facts | spectrum.facts
+    facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "CAMERA_SEGMENTS": min(segments, 2),
         "MOVES": int(segments > 0 or movements.facts["HAS_MOTION"] > 0),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
-        **spectrum.facts,
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
     }
     return Plan(
