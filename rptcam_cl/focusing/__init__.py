@@ -10,7 +10,8 @@ from rptcam_cl.focusing.controller import (
     in_focus,
     zone_at,
 )
-from rptcam_cl.focusing.probe import Drive, Policy, Zone, ZoneImage
+from rptcam_cl.focusing.drives import focus_drive
+from rptcam_cl.focusing.probe import Drive, Policy, Zone, ZoneImage, circle_of_confusion
 from rptcam_cl.focusing.renderer import ProbeRenderer
 from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach, ProbeRecord, focus_plot
 from rptcam_cl.focusing.search import requested_autofocus
@@ -27,7 +28,9 @@ __all__ = [
     "Zone",
     "ZoneImage",
     "autofocus",
+    "circle_of_confusion",
     "find_focus",
+    "focus_drive",
     "focus_plot",
     "focus_settings",
     "focused_scene",

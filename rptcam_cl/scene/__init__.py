@@ -19,7 +19,7 @@ from rptcam_cl.scene.change import at_opening, change_scene, with_camera
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure, Shutter
 from rptcam_cl.scene.file_reference import FileReference
-from rptcam_cl.scene.film import Film, FilmFilter
+from rptcam_cl.scene.film import SIDES_MM, Film, FilmFilter
 from rptcam_cl.scene.lens_settings import (
     Accuracy,
     Aperture,
@@ -50,7 +50,16 @@ from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, Norm
 from rptcam_cl.scene.mesh import LoadedMesh, MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
 from rptcam_cl.scene.motion import CameraKeyframe, ObjectKeyframe, Trajectory, moments, quaternion_of
-from rptcam_cl.scene.picture import PictureSettings, ToneCurve, WhiteBalance
+from rptcam_cl.scene.picture import (
+    COOLEST,
+    HOTTEST,
+    LIGHTS,
+    NO_BALANCE,
+    TONES,
+    PictureSettings,
+    ToneCurve,
+    WhiteBalance,
+)
 from rptcam_cl.scene.problems import input_error
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, LONGEST_S, SHORTEST_S, Colour
 from rptcam_cl.scene.render_settings import (
@@ -74,21 +83,27 @@ from rptcam_cl.scene.transform import Rotation, TransformStep
 
 __all__ = [
     "ADAPTIVE_SPP",
+    "COOLEST",
     "FILM_LAYERS",
     "FLOAT32_MAX",
     "FLOAT32_MIN_NORMAL",
+    "HOTTEST",
     "LARGEST_RADIANCE",
     "LAYER_NAMES",
     "LEAST_CD_M2",
     "LEAST_ISO",
+    "LIGHTS",
     "LONGEST_S",
     "METHODS",
     "MOST_CD_M2",
     "MOST_ISO",
     "MOST_STOPS",
     "NOT_FOUND_YET",
+    "NO_BALANCE",
     "POLICIES",
     "SHORTEST_S",
+    "SIDES_MM",
+    "TONES",
     "AbsorbingMaterial",
     "Accuracy",
     "Aperture",

@@ -6,45 +6,21 @@ radiance, times what time and ISO make of it (ISO 12232), times compensation and
 
 from __future__ import annotations
 
-from collections import OrderedDict
-from typing import TYPE_CHECKING
-
 from rptcam_cl.cameras import camera_model, lens_setting, on_axis_irradiance, stop_shape, values_per_irradiance
 from rptcam_cl.optics import on_axis_irradiance as lens_irradiance
 from rptcam_cl.scene import Exposure, RealisticCamera, Scene
-
-if TYPE_CHECKING:
-    from collections.abc import Hashable
-
-KEPT = 64  # cameras whose light is remembered
-_known: OrderedDict[Hashable, float | None] = OrderedDict()
+from rptcam_cl.viewfinder.remembered import by_optics
 
 
+@by_optics
 def irradiance_per_radiance(scene: Scene) -> float | None:
     """Return the irradiance of the film's centre for radiance 1 everywhere; None where there is no film to speak of.
 
     Parameters
     ----------
     scene
-        In focus. The last cameras are remembered.
+        In focus.
     """
-    key = _key(scene)
-    if key not in _known:
-        _known[key] = _found(scene)
-        while len(_known) > KEPT:
-            _known.popitem(last=False)
-    _known.move_to_end(key)
-    return _known[key]
-
-
-def _key(scene: Scene) -> Hashable:
-    """Return what the light depends on: the camera but for its pose, the film, and an ideal lens's f-number."""
-    camera = scene.camera.model_dump(mode="json", exclude={"eye", "target", "up", "motion"})
-    pose = (scene.camera.eye, scene.camera.target) if "point" in str(camera.get("focus")) else ()
-    return (repr(camera), pose, scene.film.size_m(), scene.exposure.f_number, scene.metres_per_unit)
-
-
-def _found(scene: Scene) -> float | None:
     camera = scene.camera
     if not isinstance(camera, RealisticCamera):
         plain = scene.model_copy(update={"exposure": Exposure()})

@@ -1,0 +1,131 @@
+"""Which lenses the viewfinder offers: those of the library, and lens files that lie in the scene's own folder.
+
+A client names a lens of this list and nothing else: no path that it sends is ever opened.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from functools import cache, lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.references import Folders, References
+from rptcam_cl.optics import Lens, list_lenses, load_lens, named_lens
+from rptcam_cl.scene import LensCamera, Scene, listed, near_name
+
+SUFFIXES = (".yaml", ".yml", ".json", ".dat", ".zmx", ".seq", ".txt")
+_MIXED = (".yaml", ".yml", ".json")
+FOLDERS = ("", "lenses")  # of the scene's folder, that are searched
+MOST_FILES = 200
+MOST_BYTES = 1 << 20
+
+
+@dataclass(frozen=True)
+class LensEntry:
+    """A lens to choose.
+
+    Attributes
+    ----------
+    name : str
+        What the scene says: a name of the library, or a file relative to the scene's folder.
+    title : str
+        What the lens is called.
+    focal_length_mm, f_number : float or None
+        At the first position of a zoom; None for a lens without focal length.
+    zoom : bool
+    kind : str
+        ``library`` or ``file``.
+    """
+
+    name: str
+    title: str
+    focal_length_mm: float | None
+    f_number: float | None
+    zoom: bool
+    kind: Literal["library", "file"]
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return the entry as plain values."""
+        return asdict(self)
+
+
+def lens_entries(scene: Scene) -> list[LensEntry]:
+    """Return the lenses that a scene can be seen through, the library first; a scene's own prescription is not here."""
+    return [*_library(), *_files(scene.folders)]
+
+
+@cache
+def _library() -> tuple[LensEntry, ...]:
+    return tuple(_entry(name, named_lens(name), "library") for name in list_lenses())
+
+
+def _entry(name: str, lens: Lens, kind: Literal["library", "file"]) -> LensEntry:
+    first = lens.first_order()
+    return LensEntry(
+        name, lens.name, _finite(first.focal_length_mm), _finite(first.f_number), len(lens.configurations) > 1, kind
+    )
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def _files(folders: Folders) -> list[LensEntry]:
+    """Return the lenses among the files of the scene's folder; what is none is passed over."""
+    found = []
+    for folder in FOLDERS:
+        place = folders.base / folder
+        paths = sorted(place.iterdir())[:MOST_FILES] if place.is_dir() else []
+        for path in paths:
+            name = path.relative_to(folders.base).as_posix()
+            if path.suffix.lower() in SUFFIXES and (entry := _of_file(folders, name)) is not None:
+                found.append(entry)
+    return found
+
+
+def _of_file(folders: Folders, name: str) -> LensEntry | None:
+    try:
+        path = folders.find(name)
+        status = path.stat()
+        return _read(path, folders, name, status.st_mtime_ns) if status.st_size <= MOST_BYTES else None
+    except (RptcamError, OSError):
+        return None
+
+
+@lru_cache(maxsize=4 * MOST_FILES)
+def _read(path: Path, folders: Folders, name: str, changed_ns: int) -> LensEntry | None:
+    """Return the lens of a file, None where it is something else; read again when it has changed."""
+    try:
+        if path.suffix.lower() in _MIXED and b"surfaces" not in path.read_bytes():
+            return None  # a scene, or something else
+        return _entry(name, load_lens(path, References(folders.beside(path))), "file")
+    except (RptcamError, OSError):
+        return None
+
+
+def chosen_lens(scene: Scene, name: str) -> LensEntry:
+    """Return the entry of a lens by its name.
+
+    Raises
+    ------
+    InputError
+        None of that name is offered.
+    """
+    entries = {entry.name: entry for entry in lens_entries(scene)}
+    if name not in entries:
+        raise InputError(
+            f"lens: is not one of the list{near_name(name, list(entries))}"
+            f" (got {name[:80]!r}; allowed: {listed(list(entries))})"
+        )
+    return entries[name]
+
+
+def current_name(scene: Scene) -> str | None:
+    """Return the name of the scene's lens; of a prescription written out, what it is called; None without one."""
+    if not isinstance(scene.camera, LensCamera):
+        return None
+    lens = scene.camera.lens
+    return lens if isinstance(lens, str) else str(lens.get("name", "own prescription"))

@@ -1,0 +1,316 @@
+"""Dials on scenes: the changes are the scene's own keys, what they mean for the film, limits, and what is refused."""
+
+import copy
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import list_lenses
+from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene.change import apply_overrides
+from rptcam_cl.viewfinder.depth_of_field import INFINITY_M, nearest_focus_m
+from rptcam_cl.viewfinder.dial_list import dial_list
+from rptcam_cl.viewfinder.dials import (
+    DIALS,
+    Dials,
+    follow_light,
+    meter_needle,
+    read_dials,
+    turn_dial,
+    wheel,
+    zoom_clicks,
+)
+from rptcam_cl.viewfinder.lens_choice import lens_entries
+from rptcam_cl.viewfinder.light import value_per_radiance
+
+POSE = {"eye": [0, 0, 0], "target": [0, 0, -2]}
+LENS = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 2}, "f_number": 4, **POSE}
+CAMERAS: dict[str, dict[str, Any]] = {
+    "traced": LENS,
+    "thick": LENS | {"kind": "thick_lens"},
+    "thin": {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 4, "focus_distance_m": 2, **POSE},
+    "pinhole": {"kind": "pinhole", "fov_degrees": 40, **POSE},
+}
+READING = 250.0
+
+
+class Body:
+    """A camera with its dials, whose scene follows them; `auto` is resolved as metering does, from a known reading."""
+
+    def __init__(self, camera: str | Mapping[str, Any] = "traced", reading: float = READING, **parts: Any) -> None:
+        keys = CAMERAS[camera] if isinstance(camera, str) else camera
+        self.data: dict[str, Any] = {"film": {"resolution": [36, 24]}, "camera": dict(keys)} | parts
+        self.reading = reading
+        self.messages: tuple[str, ...] = ()
+        self._load()
+        self.dials = read_dials(self.scene, self.resolved)
+
+    def _load(self, overrides: tuple[str, ...] = ()) -> None:
+        self.scene = load_scene(self.data, overrides)
+        self.resolved = self._exposed(self.scene)
+
+    def _exposed(self, scene: Scene) -> Scene:
+        exposure = scene.exposure
+        if exposure.mode != "auto":
+            return scene
+        keys = {"neutral_density_stops": exposure.neutral_density_stops, "f_number": exposure.f_number}
+        physical = type(exposure).model_validate({"mode": "physical", "iso": exposure.iso} | keys)
+        whole = scene.model_copy(update={"exposure": physical})
+        value = (exposure.lock_cd_m2 or self.reading) / 683.002 * value_per_radiance(whole)
+        missing = exposure.target * 2**exposure.ev / value
+        if exposure.priority == "shutter":
+            return whole.model_copy(update={"exposure": physical.model_copy(update={"iso": physical.iso * missing})})
+        shutter = scene.shutter.model_copy(update={"time_s": scene.shutter.time_s * missing})
+        return whole.model_copy(update={"shutter": shutter})
+
+    def turn(self, name: str, value: Any, reading: float | None = None) -> "Body":
+        turned = turn_dial(self.dials, self.scene, self.resolved, name, value, reading or self.reading)
+        return self.take(turned.dials, turned.changes, turned.messages)
+
+    def take(self, dials: Dials, changes: Mapping[str, Any], messages: tuple[str, ...]) -> "Body":
+        done = [f"{key}={yaml.safe_dump(value, default_flow_style=True)}" for key, value in changes.items()]
+        self.data = load_scene_data(self.data, done)
+        self._load()
+        self.dials, self.messages = dials, messages
+        return self
+
+    @property
+    def value(self) -> float:
+        """What the film makes of the reading."""
+        return self.reading / 683.002 * value_per_radiance(self.resolved)
+
+    def listed(self, name: str) -> dict[str, Any]:
+        entries = dial_list(self.dials, self.scene, self.resolved)
+        return next(entry for entry in entries if entry["name"] == name)
+
+
+def load_scene_data(data: dict[str, Any], overrides: list[str]) -> dict[str, Any]:
+    """The content of a scene with `--set` applied."""
+
+    changed = copy.deepcopy(data)
+    apply_overrides(changed, overrides)
+    return changed
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+@pytest.mark.parametrize("mode", ["A", "S", "P"])
+def test_metered_part_becomes_middle_grey(camera: str, mode: str) -> None:
+    body = Body(camera).turn("mode", mode)
+    assert math.log2(body.value / 0.18) == pytest.approx(0, abs=1e-4)
+    body.turn("ev", 1)
+    assert math.log2(body.value / 0.18) == pytest.approx(1, abs=1e-4)
+    assert body.scene.exposure.ev == (1 if mode == "A" else 0)
+    assert read_dials(body.scene, body.resolved, body.dials) == body.dials
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_manual_mode_keeps_what_was_found(camera: str) -> None:
+    body = Body(camera, exposure={"mode": "auto", "f_number": 4} if camera == "pinhole" else {"mode": "auto"})
+    assert (body.dials.mode, body.scene.exposure.mode) == ("A", "auto")
+    before = body.value
+    body.turn("mode", "M")
+    assert (body.scene.exposure.mode, body.scene.shutter.time_s) == ("physical", body.resolved.shutter.time_s)
+    assert body.value == pytest.approx(before, rel=1e-12)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_scene_values_become_settings_of_the_same_brightness_and_back(camera: str) -> None:
+    body = Body(camera, exposure={"mode": "relative", "ev": 1.5, "neutral_density_stops": 1})
+    before = body.value
+    body.turn("mode", "M")
+    assert body.data["exposure"]["mode"] == "physical"
+    assert body.value == pytest.approx(before, rel=1e-9)
+    body.turn("mode", "relative")
+    assert body.data["exposure"]["mode"] == "relative"
+    assert body.value == pytest.approx(before, rel=1e-9)
+
+
+def test_exposure_follows_the_dial_that_is_turned() -> None:
+    body = Body().turn("mode", "A")
+    first = body.resolved.shutter.time_s
+    body.turn("f_number", 8)
+    assert body.scene.camera.f_number == 8  # type: ignore[union-attr]
+    assert math.log2(body.resolved.shutter.time_s / first) == pytest.approx(2, abs=0.02)  # a lens is no ideal one
+    body.turn("mode", "S").turn("shutter_s", 1 / 125)
+    assert body.scene.shutter.time_s == 2**-7
+    assert math.log2(body.value / 0.18) == pytest.approx(0, abs=1e-4)
+    body.turn("mode", "M").turn("iso", 800)
+    assert math.log2(body.value / 0.18) == pytest.approx(3, abs=1e-3)
+    assert meter_needle(body.dials, body.scene, body.resolved, READING) == pytest.approx(3, abs=1e-3)
+    body.turn("auto_iso", True)
+    assert body.scene.exposure.priority == "shutter"
+    assert body.resolved.exposure.iso == pytest.approx(100, rel=1e-3)
+    body.turn("auto_iso", False)
+    assert body.scene.exposure.mode == "physical"
+    assert body.scene.exposure.iso == pytest.approx(100, rel=1e-3)
+
+
+def test_dials_that_follow_say_so_and_do_not_turn() -> None:
+    body = Body().turn("mode", "S")
+    before = dict(body.data)
+    assert body.listed("f_number")["linked"] == "computed by exposure mode S"
+    assert not body.listed("f_number")["enabled"]
+    assert "follows" in body.turn("f_number", 8).messages[0]
+    assert body.data == before
+
+
+def test_light_is_followed_in_every_mode_but_not_while_locked() -> None:
+    for mode in ("S", "P"):
+        body = Body().turn("mode", mode)
+        body.reading = 4 * READING
+        turned = follow_light(body.dials, body.scene, body.resolved, body.reading)
+        body.take(turned.dials, turned.changes, turned.messages)
+        assert math.log2(body.value / 0.18) == pytest.approx(0, abs=1e-4)
+        assert follow_light(body.dials, body.scene, body.resolved, body.reading * 1.01).changes == {}
+        body.turn("lock", True)
+        assert follow_light(body.dials, body.scene, body.resolved, 100 * READING).changes == {}
+    body = Body().turn("mode", "A")
+    assert (
+        follow_light(body.dials, body.scene, body.resolved, 4 * READING).changes == {}
+    )  # the scene's metering follows
+    body.turn("lock", True)
+    assert body.scene.exposure.lock_cd_m2 == READING
+    body.turn("lock", False)
+    assert body.scene.exposure.lock_cd_m2 is None
+
+
+def test_limits_of_the_shutter_hold_back_what_the_meter_asks_for() -> None:
+    body = Body(reading=1e7).turn("mode", "A")
+    assert body.scene.exposure.mode == "physical"
+    assert body.scene.shutter.time_s == 2**-15
+    assert "1/32000 is the limit" in body.messages[0] and "too bright" in body.messages[0]
+    turned = follow_light(body.dials, body.scene, body.resolved, READING)
+    assert turned.changes["exposure"]["mode"] == "auto"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "key", "found"),
+    [
+        ("f_number", 5.6, "camera.f_number", 2**2.5),
+        ("f_number", 1.0, "camera.f_number", pytest.approx(2.03015, rel=1e-5)),
+        ("f_number", 100, "camera.f_number", 32.0),
+        ("shutter_s", 1 / 500, "shutter.time_s", 2**-9),
+        ("focus_m", 3.5, "camera.focus", {"distance_m": 3.5}),
+        ("focus_m", 2e6, "camera.focus", {"distance_m": INFINITY_M}),
+        ("stop", "star", "camera.aperture", {"shape": "star"}),
+        ("blades", 5, "camera.aperture", {"shape": "polygon", "blades": 5}),
+        ("blades", 0, "camera.aperture", {"shape": "circle"}),
+        ("format", "aps_c", "film.format", "aps_c"),
+        ("white_balance", "D50", "picture.white_balance", "D50"),
+        ("white_balance", 3200, "picture.white_balance", {"temperature_k": 3200.0}),
+        ("temperature_k", 100, "picture.white_balance", {"temperature_k": 1800.0}),
+        ("tone", "agx", "picture.tone", "agx"),
+    ],
+)
+def test_dial_sets_its_key(name: str, value: Any, key: str, found: Any) -> None:
+    body = Body()
+    assert turn_dial(body.dials, body.scene, body.resolved, name, value).changes == {key: found}
+    body.turn(name, value)
+
+
+def test_nearest_focus_is_the_end_of_the_ring() -> None:
+    body = Body()
+    nearest = nearest_focus_m(body.scene)
+    body.turn("focus_m", 0.01)
+    assert body.listed("focus_m")["value"] == pytest.approx(nearest)
+    assert "nearest focus" in body.messages[0]
+    scale = body.listed("focus_m")["scale"]
+    assert scale["position"] == pytest.approx(0, abs=1e-9)
+    assert [mark["position"] for mark in scale["marks"]] == sorted(mark["position"] for mark in scale["marks"])
+
+
+def test_every_lens_of_the_library_can_be_mounted_and_the_old_one_again() -> None:
+    names = [entry.name for entry in lens_entries(Body().scene)]
+    assert names[: len(list_lenses())] == list_lenses()
+    body = Body()
+    for name in ("zoom-70-200mm", "wide-22mm", "dgauss-50mm"):
+        body.turn("lens", name)
+        assert body.scene.camera.lens == name  # type: ignore[union-attr]
+        assert body.listed("lens")["value"] == name
+        assert body.listed("focus_m")["value"] == pytest.approx(2, rel=1e-6)
+
+
+@pytest.mark.parametrize("camera", ["thin", "pinhole"])
+def test_a_lens_on_an_ideal_camera_keeps_its_place_and_focus(camera: str) -> None:
+    body = Body(camera).turn("lens", "dgauss-50mm")
+    assert (body.scene.camera.kind, body.scene.camera.target) == ("realistic", (0, 0, -2))
+    assert body.listed("focus_m")["value"] == pytest.approx(2)
+
+
+def test_lens_files_are_those_of_the_scenes_folder(tmp_path: Path) -> None:
+    source = Path(__file__).parents[2] / "lenses" / "biotar-58mm.yaml"
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    (folder / "mine.yaml").write_text(source.read_text("utf-8"), "utf-8")
+    (folder / "scene.yaml").write_text(yaml.safe_dump({"camera": LENS}), "utf-8")
+    (folder / "broken.yaml").write_text("surfaces: 3", "utf-8")
+    (tmp_path / "outside.yaml").write_text(source.read_text("utf-8"), "utf-8")
+    (folder / "link.yaml").symlink_to(tmp_path / "outside.yaml")
+    scene = load_scene(folder / "scene.yaml")
+    assert [entry.name for entry in lens_entries(scene) if entry.kind == "file"] == ["mine.yaml"]
+    dials = read_dials(scene, scene)
+    assert turn_dial(dials, scene, scene, "lens", "mine.yaml").changes["camera.lens"] == "mine.yaml"
+    for name in ("link.yaml", "../outside.yaml", str(tmp_path / "outside.yaml"), "broken.yaml"):
+        with pytest.raises(InputError, match="not one of the list"):
+            turn_dial(dials, scene, scene, "lens", name)
+
+
+def test_wheel_zooms_a_zoom_widens_a_pinhole_and_crops_a_prime() -> None:
+    zoom = Body(LENS | {"lens": "zoom-70-200mm"})
+    thin, pinhole, prime = (Body(name) for name in ("thin", "pinhole", "traced"))
+    assert [wheel(body.scene)["does"] for body in (zoom, thin, pinhole, prime)] == ["zoom", "angle", "angle", "crop"]
+    for body in (zoom, thin, pinhole, prime):
+        start, size = body.listed("zoom")["value"], body.scene.film.size_m()
+        for clicks, factor in ((4, 1.03**4), (-4, 1.0)):
+            turned = zoom_clicks(body.dials, body.scene, body.resolved, clicks)
+            body.take(turned.dials, turned.changes, turned.messages)
+            assert body.listed("zoom")["value"] == pytest.approx(start * factor, rel=1e-5)
+        assert body.scene.film.size_m() == pytest.approx(size, rel=1e-12)
+    turned = zoom_clicks(prime.dials, prime.scene, prime.resolved, -1)
+    assert turned.changes == {} and turned.messages
+
+
+def test_crop_of_a_prime_outlives_other_changes() -> None:
+    body = Body().turn("zoom", 100)
+    again = read_dials(body.scene, body.resolved, body.dials)
+    assert again.whole_mm == pytest.approx((36, 24))
+    body.dials = again
+    assert body.listed("zoom")["text"].endswith("× crop")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("nothing", 1), ("mode", "Q"), ("mode", 3), ("f_number", "4"), ("f_number", float("nan")), ("iso", None),
+        ("ev", float("inf")), ("auto_iso", 1), ("lock", "yes"), ("metering", "matrix"), ("focus_m", 0),
+        ("focus_m", -1), ("zoom", True), ("lens", "no-such-lens"), ("lens", 4), ("stop", "image"), ("blades", 5.5),
+        ("format", "vhs"), ("white_balance", "sunny"), ("white_balance", [1]), ("temperature_k", "warm"),
+        ("tone", None),
+    ],
+)  # fmt: skip
+def test_what_a_dial_cannot_be_is_refused(name: str, value: Any) -> None:
+    body = Body("traced")
+    with pytest.raises(InputError):
+        turn_dial(body.dials, body.scene, body.resolved, name, value)
+
+
+@pytest.mark.parametrize("camera", CAMERAS)
+def test_list_has_every_dial_and_is_plain(camera: str) -> None:
+
+    body = Body(camera)
+    entries = dial_list(body.dials, body.scene, body.resolved)
+    assert {entry["name"] for entry in entries} == set(DIALS)
+    json.dumps(entries, allow_nan=False)
+    for entry in entries:
+        if entry["kind"] == "number" and entry["enabled"] and entry["value"] is not None:
+            assert entry["min"] <= entry["value"] * (1 + 1e-9) and entry["value"] <= entry["max"] * (1 + 1e-9), entry[
+                "name"
+            ]
+        if entry["kind"] == "choice":
+            assert entry["value"] in [choice["value"] for choice in entry["choices"]]
