@@ -118,7 +118,7 @@ class Panel:
 
     @property
     def view(self) -> Scene:
-        """The scene whose optics count: in focus, with the camera that was asked for and no cheaper one."""
+        """The scene whose optics count: in focus, with the requested camera and no cheaper one."""
         return self.resolved if type(self.resolved.camera) is type(self.scene.camera) else self.scene
 
     @property
