@@ -15,7 +15,7 @@ from rptcam_cl.scene.camera import (
     ThinLensCamera,
     pose_matrix,
 )
-from rptcam_cl.scene.change import at_opening, change_scene, with_camera
+from rptcam_cl.scene.change import apply_overrides, at_opening, change_scene, with_camera
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure, Shutter
 from rptcam_cl.scene.file_reference import FileReference
@@ -73,6 +73,7 @@ from rptcam_cl.scene.render_settings import (
 )
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject, Solid
+from rptcam_cl.scene.scene_text import plain, scene_text
 from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.set_keys import set_keys
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
@@ -200,6 +201,7 @@ __all__ = [
     "WhiteBalance",
     "ZonesFile",
     "alpha_pair",
+    "apply_overrides",
     "at_opening",
     "change_scene",
     "has_holes",
@@ -209,11 +211,13 @@ __all__ = [
     "load_scene",
     "moments",
     "near_name",
+    "plain",
     "pose_matrix",
     "quaternion_of",
     "read_zones",
     "scene_json_schema",
     "scene_json_schema_text",
+    "scene_text",
     "set_keys",
     "with_camera",
 ]

@@ -20,11 +20,10 @@ from rptcam_cl.importers.pbrt.lights import convert_lights
 from rptcam_cl.importers.pbrt.objects import Objects, count_values
 from rptcam_cl.importers.pbrt.parameters import Parameters
 from rptcam_cl.importers.pbrt.report import Report
-from rptcam_cl.importers.pbrt.scene_text import plain, scene_text
 from rptcam_cl.importers.pbrt.sky import convert_sky
 from rptcam_cl.importers.pbrt.state import PbrtScene
 from rptcam_cl.importers.pbrt.world import read_world
-from rptcam_cl.scene import Missing, load_scene
+from rptcam_cl.scene import Missing, load_scene, plain, scene_text
 
 # Parameters of every camera that concern motion, which is not converted.
 SHUTTER = ("shutteropen", "shutterclose")

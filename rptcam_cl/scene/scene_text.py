@@ -1,4 +1,4 @@
-"""A scene of ours as YAML text: sections in their usual order, one object a line."""
+"""A scene's data as YAML text: sections in their usual order, one object a line."""
 
 from __future__ import annotations
 
@@ -8,11 +8,26 @@ from typing import Any
 import numpy as np
 import yaml
 
-SECTIONS = (
-    "metres_per_unit", "film", "camera", "exposure", "render", "picture", "materials", "meshes", "objects", "lights",
-    "environment",
-)  # fmt: skip
-_Dumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+from rptcam_cl.core.strict_yaml import parse_scalar
+from rptcam_cl.scene.scene import Scene
+
+_LISTS, _NAMED = ("objects", "lights"), ("materials", "meshes")
+_LibDumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+class _Dumper(_LibDumper):  # type: ignore[misc]
+    """Writes text in quotes where YAML 1.2 would read it as something else; PyYAML alone goes by YAML 1.1."""
+
+
+def _text(dumper: Any, value: str) -> Any:
+    try:
+        is_text = isinstance(parse_scalar(value), str)
+    except ValueError:
+        is_text = False
+    return dumper.represent_scalar("tag:yaml.org,2002:str", value, style=None if is_text else '"')
+
+
+_Dumper.add_representer(str, _text)
 
 
 def plain(value: Any) -> Any:
@@ -25,19 +40,19 @@ def plain(value: Any) -> Any:
 
 
 def scene_text(scene: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
-    """Return the YAML text of a scene."""
+    """Return the YAML text of a scene's data; comments stand above it."""
     lines = [f"# {line}" for comment in comments for line in comment.splitlines()]
-    for name in SECTIONS:
+    for name in Scene.model_fields:
         if name in scene:
             lines += _section(name, scene[name])
     return "\n".join([*lines, ""])
 
 
 def _section(name: str, value: Any) -> Iterator[str]:
-    if name in ("objects", "lights"):
+    if name in _LISTS and value:
         yield f"{name}:"
         yield from (f"  - {_flow(item)}" for item in value)
-    elif name in ("materials", "meshes"):
+    elif name in _NAMED and value:
         yield f"{name}:"
         yield from (f"  {_flow(key)}: {_flow(item)}" for key, item in value.items())
     else:
