@@ -10,12 +10,15 @@ import hashlib
 import io
 import os
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from rptcam_cl.core.errors import InputError, MissingFileError, StateError
 
+_NAMED: ContextVar[set[Path] | None] = ContextVar("files that were named", default=None)
 _WITHOUT_WAITING = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 
 
@@ -52,6 +55,8 @@ class Folders:
             regular, exists = path.is_file(), path.exists()
         except (OSError, ValueError, RuntimeError) as problem:
             raise InputError(f"is not a usable path ({problem})") from None
+        if inside and (named := _NAMED.get()) is not None:
+            named.add(path)
         if not inside:
             allowed = ", ".join(dict.fromkeys(map(str, roots)))
             raise InputError(f"lies outside the {self.owner}'s folder (got {path}; allowed: files in {allowed})")
@@ -101,6 +106,17 @@ class References:
     def digests(self) -> dict[str, str]:
         """Return the SHA-256 of each file that was read, by the name in the request."""
         return dict(sorted(self._read.items()))
+
+
+@contextmanager
+def named_files() -> Iterator[set[Path]]:
+    """A set that takes the real path of every file that is named while the block runs, found or missing."""
+    named: set[Path] = set()
+    token = _NAMED.set(named)
+    try:
+        yield named
+    finally:
+        _NAMED.reset(token)
 
 
 def open_regular(path: Path, most: int) -> io.BufferedReader:
