@@ -49,7 +49,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_outputs(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
-        help="picture to write, format by suffix: .png and .tif developed, .exr, .npy and .npz linear; may be repeated",
+        help="picture to write, format by suffix: .png, .jpg and .tif developed, .exr, .npy and .npz linear; may be"
+        " repeated",
     )  # fmt: skip
     parser.add_argument(
         "--raw", action="append", default=[], type=Path, metavar="OUT", dest="raws",

@@ -85,7 +85,8 @@ class Image:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Save by suffix.
 
-        ``.png``, ``.tif`` and ``.tiff``: developed, of 8 or 16 bits. ``.exr``: linear, with layers and metadata.
+        ``.png``, ``.tif`` and ``.tiff``: developed, of 8 or 16 bits. ``.jpg`` and ``.jpeg``: developed, of 8 bits, with
+        losses. ``.exr``: linear, with layers and metadata.
         ``.npy``: the linear array alone. ``.npz``: the linear array as ``rgb``, every layer by its name, and
         ``metadata`` as JSON text.
 

@@ -1,4 +1,4 @@
-"""The picture files: PNG and TIFF for screens, OpenEXR and NumPy arrays for the linear film and its layers."""
+"""The picture files: PNG, JPEG and TIFF for screens, OpenEXR and NumPy arrays for the linear film and its layers."""
 
 import itertools
 import json
@@ -15,6 +15,7 @@ from rptcam_cl.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.atomic import check_writable, replacing
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.development import Development, developed_codes
+from rptcam_cl.imaging.icc import profile
 from rptcam_cl.imaging.layers import Layer, exr_channels
 from rptcam_cl.imaging.marks import MARKED, with_rectangles
 from rptcam_cl.imaging.photographic import ALL_METADATA, exif_bytes, exr_attributes
@@ -35,6 +36,7 @@ _EXR_RESERVED = {
 _COLOUR_SPACE = "lin_rec709_scene"
 MOST_MARKS = 1000
 PNG_BITS, TIFF_BITS = 8, 16  # unless the picture says otherwise
+JPEG_BITS, JPEG_QUALITY = 8, 95  # whatever the picture says: the format has no other bits
 
 
 def _text(value: Any) -> str:
@@ -96,18 +98,34 @@ def film_part(metadata: Metadata, pixels: Pixels) -> Part:
 
 def png_to(stream: BinaryIO, pixels: Pixels, metadata: Metadata, development: Development, bits: int) -> None:
     """Write the developed picture; each piece of metadata becomes a text chunk, some also EXIF data."""
-    part = film_part(metadata, pixels)
-    codes = developed_codes(pixels, development, part, bits)
-    if zones := _rectangles(metadata.get(MARKED)):
-        codes = with_rectangles(codes, zones, part)
+    codes = _marked_codes(pixels, metadata, development, bits)
     texts = {key: _text(value) for key, value in {**metadata, "ev": development.ev}.items()}
     encoded = development.tone != "linear"
     write_png_to(stream, codes, texts, exif_bytes(metadata, encoded=encoded), encoded=encoded)
 
 
+def _marked_codes(pixels: Pixels, metadata: Metadata, development: Development, bits: int) -> NDArray[Any]:
+    """Return the developed picture, with the zones that are to be drawn."""
+    part = film_part(metadata, pixels)
+    codes = developed_codes(pixels, development, part, bits)
+    zones = _rectangles(metadata.get(MARKED))
+    return with_rectangles(codes, zones, part) if zones else codes
+
+
 def _write_png(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
     with path.open("xb") as stream:
         png_to(stream, pixels, metadata, development, development.bits or PNG_BITS)
+
+
+def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
+    """Write the developed picture with its EXIF data; the format has no place for the rest of the metadata."""
+    import PIL.Image
+
+    encoded = development.tone != "linear"
+    picture = PIL.Image.fromarray(_marked_codes(pixels, metadata, development, JPEG_BITS))
+    options = {"quality": JPEG_QUALITY, "subsampling": 0, "icc_profile": profile(encoded=encoded)}
+    with path.open("xb") as stream:
+        picture.save(stream, "JPEG", exif=b"Exif\0\0" + exif_bytes(metadata, encoded=encoded), **options)
 
 
 def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
@@ -166,6 +184,8 @@ def _write_npz(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
 
 _WRITERS: dict[str, Callable[[Path, Pixels, Metadata, Development, Layers], None]] = {
     ".png": _write_png,
+    ".jpg": _write_jpeg,
+    ".jpeg": _write_jpeg,
     ".tif": _write_tiff,
     ".tiff": _write_tiff,
     ".exr": _write_exr,
@@ -174,7 +194,7 @@ _WRITERS: dict[str, Callable[[Path, Pixels, Metadata, Development, Layers], None
 }
 SUFFIXES = tuple(_WRITERS)
 LAYER_SUFFIXES = (".exr", ".npz")
-DEVELOPED_SUFFIXES = (".png", ".tif", ".tiff")
+DEVELOPED_SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff")
 
 
 def _suffix(path: str | os.PathLike[str]) -> str:

@@ -44,7 +44,7 @@ def scene_text(scene: Mapping[str, Any], comments: tuple[str, ...] = ()) -> str:
     lines = [f"# {line}" for comment in comments for line in comment.splitlines()]
     for name in Scene.model_fields:
         if name in scene:
-            lines += _section(name, scene[name])
+            lines += _section(name, plain(scene[name]))
     return "\n".join([*lines, ""])
 
 

@@ -50,6 +50,20 @@ def test_png_holds_the_developed_picture_and_the_metadata(tmp_path: Path, image:
     assert text["ev"] == "-1.0"
 
 
+def test_jpeg_holds_the_developed_picture_closely_and_its_exif_data(tmp_path: Path) -> None:
+    slope = np.linspace(0, 1, 64, dtype=np.float32)
+    pixels = np.stack(np.broadcast_arrays(slope[:, None], slope[None, :], np.float32(0.3)), axis=-1)
+    image = Image(pixels, metadata=METADATA)
+    for name in ("picture.jpg", "picture.JPEG"):
+        image.save(tmp_path / name)
+        with PIL.Image.open(tmp_path / name) as picture:
+            assert picture.format == "JPEG"
+            error = np.asarray(picture, np.float64) - quantised(image.developed(), 8)
+            assert abs(error).max() <= 6  # what quality 95 loses of a slope
+            assert picture.getexif().get_ifd(0x8769)[0x829D] == 2.0  # FNumber
+            assert picture.info["icc_profile"]
+
+
 def test_exr_holds_the_film_bit_for_bit_in_scanlines(tmp_path: Path, image: Image) -> None:
     image.save(tmp_path / "film.exr")
     with OpenEXR.File(str(tmp_path / "film.exr")) as file:
@@ -87,11 +101,11 @@ def test_exr_keeps_values_that_half_floats_cannot(tmp_path: Path, value: float) 
         assert np.array_equal(file.channels()["RGB"].pixels, pixels, equal_nan=True)
 
 
-@pytest.mark.parametrize("name", ["picture", "picture.jpg", "picture.png.gz", ".png", "picture."])
+@pytest.mark.parametrize("name", ["picture", "picture.gif", "picture.png.gz", ".png", "picture."])
 def test_unknown_suffix_names_the_known_ones(tmp_path: Path, image: Image, name: str) -> None:
-    with pytest.raises(InputError, match=r"allowed \.png \.tif \.tiff \.exr \.npy"):
+    with pytest.raises(InputError, match=r"allowed \.png \.jpg \.jpeg \.tif \.tiff \.exr \.npy"):
         check_output(tmp_path / name)
-    with pytest.raises(InputError, match=r"allowed \.png \.tif \.tiff \.exr \.npy"):
+    with pytest.raises(InputError, match=r"allowed \.png \.jpg \.jpeg \.tif \.tiff \.exr \.npy"):
         image.save(tmp_path / name)
 
 
