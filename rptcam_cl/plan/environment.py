@@ -20,6 +20,7 @@ from rptcam_cl.scene import ConstantEnvironment, GradientEnvironment, ImageEnvir
 
 Array = NDArray[np.float64]
 MOST_CELLS = (1024, 2048)  # rows and columns that light sampling tells apart: 24 MB of tables
+LEAST_CONTRAST = 1e-6  # share of a picture's light above its mean: less is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +50,7 @@ class Surroundings:
     distribution : array of float32
         Tables of `sampling_tables`; one zero where there are none.
     flux : float
-        Integral of the radiance over all directions of what light sampling knows [W/m², luminance]; else 0.
+        Integral over all directions of the radiance that light sampling takes on [W/m², luminance]; else 0.
     sun : DistantSun or None
                 Shines in addition.
     """
@@ -63,18 +64,21 @@ class Surroundings:
 
 @dataclass(frozen=True, eq=False)
 class _Brightness:
-    """What light sampling knows of a picture: rows and columns of cells, tables, integral over the sphere."""
+    """What light sampling knows of a picture: rows and columns of cells, tables; the integral over the sphere of the
+    picture's brightness, and of what light sampling takes on of it."""
 
     cells: tuple[int, int]
     tables: NDArray[np.float32]
     total: float
+    sampled: float
 
     @classmethod
     def of(cls, colours: Colours) -> _Brightness:
         shares = cell_shares(brightness_of(colours))
-        tables = sampling_tables(shares)
+        above = compensated(shares)
+        tables = sampling_tables(above)
         tables.flags.writeable = False
-        return cls((shares.shape[0], shares.shape[1]), tables, float(shares.sum()))
+        return cls((shares.shape[0], shares.shape[1]), tables, float(shares.sum()), float(above.sum()))
 
     @property
     def nbytes(self) -> int:
@@ -112,7 +116,7 @@ def _of_picture(record: NDArray[np.void], colours: Colours, directions: Array, g
     if brightness.total <= 0 or gain <= 0:
         return Surroundings(EnvironmentKind.NONE, record, np.zeros(1, np.float32), 0.0)
     record["rows"], record["columns"] = brightness.cells
-    return Surroundings(EnvironmentKind.IMAGE, record, brightness.tables, gain * brightness.total)
+    return Surroundings(EnvironmentKind.IMAGE, record, brightness.tables, gain * brightness.sampled)
 
 
 def _of_sky(record: NDArray[np.void], sky: SkyEnvironment, textures: TextureTable) -> Surroundings:
@@ -168,6 +172,19 @@ def cell_shares(brightness: Array) -> Array:
     bands = -np.diff(np.cos(np.linspace(0, np.pi, height + 1))) * (2 * np.pi / width)
     rows, columns = min(height, MOST_CELLS[0]), min(width, MOST_CELLS[1])
     return _gathered(_gathered(smooth * bands[:, None], rows, 0), columns, 1)
+
+
+def compensated(shares: Array) -> Array:
+    """Return what each cell has above the mean brightness of the sphere; nothing where all is even.
+
+    Directions chosen by the BSDF find the rest, and MIS leaves it to them: light samples are for the bright parts of a
+    picture (Karlík et al., «MIS compensation», ACM TOG 38(6) 2019).
+    """
+    rows, columns = shares.shape
+    bands = -np.diff(np.cos(np.linspace(0, np.pi, rows + 1))) * (2 * np.pi / columns)
+    total = shares.sum()
+    above = np.maximum(shares - (total / (4 * np.pi) * bands)[:, None], 0.0)
+    return above if above.sum() > LEAST_CONTRAST * total else np.zeros_like(shares)
 
 
 def _gathered(values: Array, count: int, axis: int) -> Array:

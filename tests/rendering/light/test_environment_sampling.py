@@ -5,12 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan
+from rptcam_cl.plan.environment import cell_shares, compensated
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.scene import load_scene
 from tests.device.probes import open_session, run
 from tests.rendering.light.pictures import bilinear, direction_of, rough_sky, save_exr
+from tests.rendering.pictures import MATTE, looking, pixels, scene_of
 from tests.support.statistics import ALPHA, chi_squared
 
 CAMERA = {"kind": "environment", "eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -67,15 +70,39 @@ def test_counts_follow_the_density(session: Session, tmp_path: Path) -> None:
     # within a cell directions are even in longitude and polar angle: its probability is density * sine * area
     expected = np.full(rows * columns, np.nan)
     expected[cells] = density * np.sin(np.pi * v) * 2 * np.pi**2 / (rows * columns)
-    assert np.isfinite(expected).all()
+    found = np.isfinite(expected)
+    above = compensated(cell_shares(sky @ LUMINANCE))[::-1].ravel() > 0
+    np.testing.assert_array_equal(found, above)
+    observed, expected = observed[found], expected[found]
     assert expected.sum() == pytest.approx(1, abs=1e-4)
     assert chi_squared(observed, expected / expected.sum() * count) > ALPHA
     wrong = np.roll(expected, 1)
     assert chi_squared(observed, wrong / wrong.sum() * count) < 1e-12
 
 
+def test_light_samples_take_what_is_above_the_mean() -> None:
+    shares = cell_shares(rough_sky() @ LUMINANCE)
+    bands = -np.diff(np.cos(np.linspace(0, np.pi, 33))) * 2 * np.pi / 64
+    mean = shares.sum() / (4 * np.pi)
+    np.testing.assert_allclose(compensated(shares), np.maximum(shares - mean * bands[:, None], 0), atol=1e-12)
+
+
+def test_even_sky_has_no_light_samples() -> None:
+    assert (compensated(cell_shares(np.full((32, 64), 0.3))) == 0).all()
+
+
+def test_even_sky_is_as_bright_as_it_says(tmp_path: Path) -> None:
+    save_exr(tmp_path / "sky.exr", np.full((8, 16, 3), 0.25))
+    environment = {"kind": "image", "file": "sky.exr", "up": [0, 0, 1]}
+    ground = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": MATTE}
+    scene = scene_of([ground], looking([0, 0, 1], [1, 0, 0]), depth=2, resolution=(8, 8), environment=environment)
+    loaded = load_scene(scene, base_dir=tmp_path)
+    assert make_plan(loaded).emitters.count == 0
+    np.testing.assert_allclose(pixels(loaded, spp=4), 0.25, rtol=1e-5)
+
+
 def test_positions_within_a_cell_are_even(session: Session, tmp_path: Path) -> None:
-    sky = np.full((2, 4, 3), 1.0)
+    sky = np.array([[1.0, 0.0, 1.0, 0.0], [0.0, 1.0, 0.0, 1.0]])[..., None] * np.ones(3)
     direction, _, _, _, _ = sampled(session, tmp_path, sky, 1 << 18)
     u, v = place(direction)
     counts, _, _ = np.histogram2d(u * 4 % 1, v * 2 % 1, bins=16, range=[[0, 1], [0, 1]])
