@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
@@ -14,30 +14,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.api.ahead import Ahead
-from rptcam_cl.api.frames import Change, Frame, Kind, Pace
+from rptcam_cl.api.frames import Change, Frame, Pace
+from rptcam_cl.api.scene_state import SceneState, changed_parts, focuses_anew, kind_of, reading_of, scaled
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report, resolve
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device import Session, open_sessions
 from rptcam_cl.focusing import requested_autofocus
 from rptcam_cl.imaging import Image, check_sensor
-from rptcam_cl.plan import Plan, make_plan, with_film
-from rptcam_cl.rendering import FilmLayout, FilmRun, SceneBuffers, WavefrontPool, rendering_of, window
+from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.rendering import (
+    FilmLayout,
+    FilmRun,
+    WavefrontPool,
+    rendering_of,
+    window,
+)
 from rptcam_cl.scene import Scene, load_scene, set_keys
 
-FOCUSES_ANEW = ("focus", "kind", "lens", "zoom", "focal_length_mm")  # keys of the camera; others leave the focus found
 WITHOUT_SAMPLES = {"picture"}  # parts of a scene that change no film
-
-
-@dataclass(frozen=True, eq=False)
-class _State:
-    """A scene as it is rendered."""
-
-    scene: Scene
-    found: Resolved
-    plan: Plan
-    buffers: SceneBuffers
-    is_metered: bool  # whether the exposure is that of this very scene, and not of one before
 
 
 class RenderSession:
@@ -89,9 +84,10 @@ class RenderSession:
         self._generation = 0
         self._run: FilmRun | None = None
         self._noise: tuple[int, float] | None = None  # samples, and the relative standard error at them
-        self._waiting: _State | None = None
+        self._waiting: SceneState | None = None
         self._seconds = 0.0  # spent on the film
         self._shown = self._state(given, None)
+        self._reading = self._shown.found.metered_cd_m2  # of the exposure meter, for glances
         self._compile(self._shown)
         self._hash: str | None = given.content_hash()
 
@@ -154,7 +150,7 @@ class RenderSession:
             When the changed scene is not valid; the session is as it was.
         """
         self._check_open()
-        return self._take_over(self._changed(changes), focus_anew=_focuses_anew(changes), wait=wait)
+        return self._take_over(self._changed(changes), focus_anew=focuses_anew(changes), wait=wait)
 
     def replace(self, scene: Scene | str | Path | Mapping[str, Any], *, wait: bool = True) -> Change:
         """Take another scene, as `change` does; its focus and exposure are found anew.
@@ -217,11 +213,14 @@ class RenderSession:
         self._arrive()
         state = self._shown
         settings = state.scene.render.model_copy(update={"layers": (), "noise": None})
-        plan, layout = _scaled(state, scale)
+        plan, film = scaled(state, scale, self._reading)
+        layout = FilmLayout.of(film)
         buffers = self._pool.upload(plan)
         run = FilmRun(self._pool.wavefront(plan, buffers, layout, settings, "glance"))
         complete = self._add(run, 1)
         pixels = run.pixels()
+        if complete and state.found.metered_cd_m2 is not None:
+            self._reading = reading_of(pixels, plan, state, film) or self._reading
         return Frame(pixels, run.done, complete, time.perf_counter() - begun, None, scale, self._generation)
 
     def cancel(self) -> None:
@@ -274,7 +273,7 @@ class RenderSession:
     _closed = False
 
     @property
-    def _newest(self) -> _State:
+    def _newest(self) -> SceneState:
         return self._waiting or self._shown
 
     def _check_open(self) -> None:
@@ -300,7 +299,7 @@ class RenderSession:
 
     def _take_over(self, scene: Scene, *, focus_anew: bool, wait: bool, anyway: bool = False) -> Change:
         before = self._newest
-        keys = _changed_parts(before.scene, scene)
+        keys = changed_parts(before.scene, scene)
         if not keys and not anyway:
             return Change("none", (), self._waiting is None)
         if set(keys) <= WITHOUT_SAMPLES and not anyway:
@@ -315,21 +314,37 @@ class RenderSession:
             return Change("program", keys, ready=False)
         self._compile(state)
         self._show(state)
-        return Change(_kind(before.plan, state.plan, compiled, keys), keys)
+        return Change(kind_of(before.plan, state.plan, compiled, keys), keys)
 
-    def _state(self, scene: Scene, before: _State | None) -> _State:
-        """Return a scene ready to be rendered; its exposure goes by the last reading where there is one."""
-        reading = None if before is None else before.found.metered_cd_m2
-        found = resolve(scene, self._device, metered_cd_m2=reading)
-        plan = make_plan(found.scene)
-        return _State(scene, found, plan, self._pool.upload(plan), reading is None)
+    def _state(self, scene: Scene, before: SceneState | None) -> SceneState:
+        """Return a scene ready to be rendered; by the last reading of the meter and coarse tables, for glances."""
+        if before is None:
+            found = resolve(scene, self._device)
+            return self._planned(scene, found, make_plan(found.scene), is_final=True)
+        found = resolve(scene, self._device, metered_cd_m2=self._reading)
+        plan = make_plan(found.scene, coarse=True)
+        if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
+            plan = make_plan(found.scene)
+        return self._planned(scene, found, plan, is_final=False)
 
-    def _compile(self, state: _State) -> None:
+    def _planned(self, scene: Scene, found: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
+        return SceneState(scene, found, plan, self._pool.upload(plan), is_final)
+
+    def _final(self, state: SceneState) -> SceneState:
+        """Return a state as `render` has it."""
+        found = resolve(state.scene, self._device, state.found.focus)
+        final = self._planned(state.scene, found, make_plan(found.scene), is_final=True)
+        self._compile(final)
+        self._reading = found.metered_cd_m2
+        return final
+
+    def _compile(self, state: SceneState) -> None:
         self._ahead.compile(state.plan, state.buffers, state.scene.render)
 
-    def _show(self, state: _State) -> None:
+    def _show(self, state: SceneState) -> None:
         self._shown, self._waiting, self._run = state, None, None
         self._noise, self._seconds = None, 0.0
+        self._reading = self._reading or state.found.metered_cd_m2
         self._generation += 1
 
     def _replace_scene(self, scene: Scene) -> None:
@@ -353,22 +368,14 @@ class RenderSession:
         self._arrive()
         state = self._shown
         if self._run is None:
-            if not state.is_metered:
-                state = self._shown = self._metered(state)
+            if not state.is_final:
+                state = self._shown = self._final(state)
             settings = state.scene.render
             wavefront = self._pool.wavefront(
                 state.plan, state.buffers, FilmLayout.of(state.scene.film), settings, "film"
             )
             self._run = FilmRun(wavefront, settings.noise)
         return self._run
-
-    def _metered(self, state: _State) -> _State:
-        """Return a state with the exposure of its own scene."""
-        if state.found.metered_cd_m2 is None:
-            return replace(state, is_metered=True)
-        metered = self._state(state.scene, None)
-        self._compile(metered)
-        return metered
 
     def _add(self, run: FilmRun, samples: int) -> bool:
         """Add samples to a film unless that is cancelled; return whether all are there."""
@@ -391,41 +398,3 @@ class RenderSession:
             return None
         samples, noise = self._noise
         return float(noise * np.sqrt(samples / run.done))
-
-
-def _focuses_anew(changes: Mapping[str, Any]) -> bool:
-    """Return whether a change asks for another focus, or makes that which was found one of another lens."""
-    keys = [key.split(".") for key in changes]
-    return any(key[0] == "camera" and (len(key) == 1 or key[1] in FOCUSES_ANEW) for key in keys)
-
-
-def _changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
-    """Return the keys at the top of a scene that say something else."""
-    one, other = before.made_of, after.made_of
-    return tuple(name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name)))
-
-
-def _is_same(one: Any, other: Any) -> bool:
-    if one is other:
-        return True
-    try:
-        return bool(one == other)
-    except ValueError:  # of arrays in them
-        return False
-
-
-def _kind(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) -> Kind:
-    """Return the dearest that another plan takes."""
-    if not compiled:
-        return "program"
-    return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
-
-
-def _scaled(state: _State, scale: float) -> tuple[Plan, FilmLayout]:
-    """Return the plan of a state with a film of fewer pixels, and that film."""
-    film = state.found.scene.film
-    columns, rows = (max(round(side * scale), 1) for side in film.resolution)
-    if state.scene.camera.kind == "environment":
-        columns = 2 * rows
-    smaller = film.model_copy(update={"resolution": (columns, rows)})
-    return with_film(state.plan, state.found.scene, smaller), FilmLayout.of(smaller)

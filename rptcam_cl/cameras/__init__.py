@@ -30,17 +30,19 @@ _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
 }
 
 
-def camera_model(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
+def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
     """Return what the camera of a scene needs on the device, where it is when the shutter opens.
 
     Parameters
     ----------
     lens_colour
         Whether the lens refracts each wavelength separately: only where a picture of this size shows it with ``auto``.
+    coarse
+        Whether a table of the pupil does that is made faster and holds all but slivers of it.
     """
     scene = at_opening(scene)
     if isinstance(scene.camera, RealisticCamera):
-        return exposed(realistic.build(scene, lens_colour), scene)
+        return exposed(realistic.build(scene, lens_colour, coarse=coarse), scene)
     return exposed(_MODELS[scene.camera.kind](scene), scene)
 
 

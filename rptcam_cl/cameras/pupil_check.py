@@ -77,17 +77,17 @@ def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin
     nodes = columns * rows
     frames = sampling.table[: 4 * nodes].reshape(rows, columns, 4).astype(np.float64)
     radii = sampling.table[4 * (nodes + 1) :][: 4 * nodes * DIRECTIONS].reshape(rows, columns, DIRECTIONS, 4)[..., 0]
-    outline = np.zeros((len(film), 4 + DIRECTIONS))
-    for row, column, share in _corners(sampling, film):
-        at = np.concatenate([frames[row, column], radii[row, column]], axis=-1)
-        outline += share[:, None] * at
-    away = (points - outline[:, :2]) / np.maximum(outline[:, 2:4], 1e-300)
+    corners = _corners(sampling, film)
+    frame = sum((share[:, None] * frames[row, column] for row, column, share in corners), np.zeros((len(film), 4)))
+    away = (points - frame[:, :2]) / np.maximum(frame[:, 2:], 1e-300)
     turn = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) % 1.0 * DIRECTIONS
     first = np.minimum(turn.astype(int), DIRECTIONS - 1)
-    each = np.arange(len(film))
-    reach = [outline[each, 4 + k % DIRECTIONS] for k in (first, first + 1)]
-    radius = reach[0] + (turn - first) * (reach[1] - reach[0])
-    return np.asarray((np.hypot(*away.T) > radius + margin) & (outline[:, 2] > 0))
+    here, ahead = (
+        sum((share * radii[row, column, k % DIRECTIONS] for row, column, share in corners), np.zeros(len(film)))
+        for k in (first, first + 1)
+    )
+    radius = here + (turn - first) * (ahead - here)
+    return np.asarray((np.hypot(*away.T) > radius + margin) & (frame[:, 2] > 0))
 
 
 def _corners(sampling: PupilSampling, film: Array) -> list[tuple[NDArray[np.int64], NDArray[np.int64], Array]]:

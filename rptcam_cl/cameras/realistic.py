@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from rptcam_cl.cameras.blur import traced_blur
 from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
-from rptcam_cl.cameras.pupil import pupil_sampling
+from rptcam_cl.cameras.pupil import ByContent, coarse_pupil, pupil_sampling
 from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilSampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
 from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
@@ -29,21 +30,27 @@ SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
 TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
 AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
 LOSS_SAMPLES = 101  # and those at which losses are
+REMEMBERED = 64  # lens states whose irradiance is kept
 
 
-def build(scene: Scene, lens_colour: LensColour = "off") -> CameraModel:
-    """Return the camera for the device; ``lens_colour`` as in `camera_model`.
+def build(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
+    """Return the camera for the device; arguments as in `camera_model`.
 
     Raises
     ------
     InputError
         When the lens cannot be focused or stopped as requested, or lets no light through to the centre of the film.
     """
-    return model_of(scene, lens_setting(scene), lens_colour=lens_colour)
+    return model_of(scene, lens_setting(scene), lens_colour=lens_colour, coarse=coarse)
 
 
 def model_of(
-    scene: Scene, setting: LensSetting, windows: Sequence[Window] = (), *, lens_colour: LensColour = "off"
+    scene: Scene,
+    setting: LensSetting,
+    windows: Sequence[Window] = (),
+    *,
+    lens_colour: LensColour = "off",
+    coarse: bool = False,
 ) -> CameraModel:
     """Return the camera of a scene with its lens set in some other way than the scene says.
 
@@ -62,7 +69,7 @@ def model_of(
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
-    pupil = _pupil(scene, camera, lens, back_mm, sampled_nm, windows)
+    pupil = _pupil(scene, camera, lens, back_mm, sampled_nm, windows, coarse)
     if camera.rays == "fitted":
         through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
     else:
@@ -104,7 +111,7 @@ def _irradiance(
     lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission, *, by_first_order: bool
 ) -> tuple[float, float]:
     """Return the irradiance in the centre of the film under unit radiance, without losses in the lens and with them."""
-    irradiance = paraxial_irradiance if by_first_order else on_axis_irradiance
+    irradiance = paraxial_irradiance if by_first_order else _on_axis
     clear = irradiance(lens, back_mm, wavelength_nm)
     on_axis = irradiance(lens, back_mm, wavelength_nm, losses) if losses else clear
     if not on_axis > 0:
@@ -122,13 +129,27 @@ def _pupil(
     back_mm: float,
     sampled_nm: tuple[float, ...],
     windows: Sequence[Window],
+    coarse: bool,
 ) -> PupilSampling:
     """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
     half_film_mm = (width_mm / 2, height_mm / 2)
     if windows:
         return pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
-    return pupil_sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
+    sampling = coarse_pupil if coarse else pupil_sampling
+    return sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
+
+
+def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+    """Return the irradiance on the axis; that of a round stop without losses is remembered."""
+    if losses or (lens.stop is not None and lens.stop.stop_shape is not None):
+        return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
+    return _remembered_on_axis(ByContent(lens), back_mm, wavelength_nm)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered_on_axis(content: ByContent, back_mm: float, wavelength_nm: float) -> float:
+    return on_axis_irradiance(content.lens, back_mm, wavelength_nm)
 
 
 def _record(

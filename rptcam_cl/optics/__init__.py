@@ -48,7 +48,15 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
 from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid, narrowed, spread_points
-from rptcam_cl.optics.pupil_shape import DIRECTIONS, FINE, PupilShapes, narrowing_probes, pupil_boxes, pupil_shapes
+from rptcam_cl.optics.pupil_shape import (
+    COARSE_OUTLINES,
+    DIRECTIONS,
+    FINE,
+    PupilShapes,
+    narrowing_probes,
+    pupil_boxes,
+    pupil_shapes,
+)
 from rptcam_cl.optics.ray_trace import Rays, Status, trace
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.shapes import Biconic, Form, Toroid, short_radius
@@ -75,6 +83,7 @@ __all__ = [
     "BARE",
     "BULGE",
     "BY_NAME",
+    "COARSE_OUTLINES",
     "COATED",
     "DIRECTIONS",
     "FINE",

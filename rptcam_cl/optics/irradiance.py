@@ -30,6 +30,7 @@ MANY_STEPS = 1024  # along an azimuth, where the pupil has parts besides the mai
 STRAYS = 4096  # rays of a film point over the whole rear window, in search of such parts
 LEAST_SHARE = 1e-7  # of the window's radius, from which a pupil on the axis is found
 BISECTIONS = 24
+BUNDLE = 128  # rays, up to which tracing more takes no longer
 LOSS_RAYS = 4096  # of a film point, that say how much of its light is lost
 GOLDEN_TURN = np.pi * (3 - np.sqrt(5))
 
@@ -211,9 +212,19 @@ def _bisect(
     probe: FilmProbe, film: Array, centre: Array, rays: Array, low: Array, high: Array, low_passes: NDArray[np.bool_]
 ) -> Array:
     """Return where, between two distances from the centre, rays begin or cease to pass."""
-    low, high = low.copy(), high.copy()
-    for _ in range(BISECTIONS):
-        middle = (low + high) / 2
-        same = probe.passes(film, centre + rays * middle[:, None]) == low_passes
-        low, high = np.where(same, middle, low), np.where(same, high, middle)
+    left = BISECTIONS
+    while left:
+        # All middles that the next few bisections may come to are traced together where the bundle is small.
+        depth = min(left, max(int(np.log2(BUNDLE / max(len(low), 1))), 1))
+        places = np.stack([low, high], axis=1)
+        for _ in range(depth):
+            finer = np.empty((len(places), 2 * places.shape[1] - 1))
+            finer[:, ::2], finer[:, 1::2] = places, (places[:, :-1] + places[:, 1:]) / 2
+            places = finer
+        same = probe.passes(film, centre + rays[:, None] * places[..., None]) == low_passes[:, None]
+        each, first = np.arange(len(places)), np.zeros(len(places), np.int64)
+        for level in range(depth - 1, -1, -1):
+            first += np.where(same[each, first + 2**level], 2**level, 0)
+        low, high = places[each, first], places[each, first + 1]
+        left -= depth
     return (low + high) / 2

@@ -6,6 +6,7 @@ import contextlib
 import difflib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -51,9 +52,16 @@ def named_lens(name: str) -> Lens:
     InputError
         When none has that name.
     """
+    path = lenses_dir() / f"{name}.yaml"
     if name not in list_lenses():
         raise _unknown(name)
-    return read_native(read_yaml(lenses_dir() / f"{name}.yaml"))
+    return _kept(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=16)
+def _kept(path: Path, modified_ns: int) -> Lens:
+    """Return the lens of a file of the library as it was modified last."""
+    return read_native(read_yaml(path))
 
 
 def load_lens(

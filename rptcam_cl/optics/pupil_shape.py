@@ -26,22 +26,46 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 DIRECTIONS = 64  # of the table, all round
-FINER = 2  # directions traced per direction of the table
-SCAN = 10  # points along a direction
-RING_SCAN = 40  # the same where the middle is obstructed, beside which slivers of light may pass
+RING_SCAN = 40  # points along a direction where the middle is obstructed, beside which slivers of light may pass
 LIT_SCAN = 14  # film points
 LIT_BISECTIONS = 8
 FARTHEST = 1.75  # in the frame of the box round the pupil
-BISECTIONS = 6
-RADIAL_NODES = 41
-FILM_NODES = 9  # along each side of the film, for a lens without rotational symmetry
 COARSE = (16, 16)
 FINE = (32, 16)  # half of a pupil, at one film point
 NEAR = 1.0  # sizes of a pupil, round it, in which that of the next film point is sought
-MARGIN = 0.003  # of the radius, beyond what was traced
 EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
 EDGE_MARGIN = 0.15
-FILM_MARGIN = 0.01  # the same for a grid over the film, whose nodes stand farther apart
+
+
+@dataclass(frozen=True)
+class Fineness:
+    """How finely outlines are traced; coarse ones are wider, and hold the pupil all but for slivers.
+
+    Attributes
+    ----------
+    radial_nodes : int
+        Along a film radius.
+    film_nodes : int
+        Along each side of the film, for a lens without rotational symmetry.
+    directions : int
+        Traced per direction of the table.
+    scan, bisections : int
+        Points along a direction, and steps between two of them.
+    margin, film_margin : float
+        Share of the radius beyond what was traced; for a grid over the film, whose nodes stand farther apart.
+    """
+
+    radial_nodes: int
+    film_nodes: int
+    directions: int
+    scan: int
+    bisections: int
+    margin: float
+    film_margin: float
+
+
+FINE_OUTLINES = Fineness(41, 9, 2, 10, 6, 0.003, 0.01)
+COARSE_OUTLINES = Fineness(9, 4, 1, 7, 4, 0.02, 0.04)
 
 
 @dataclass(frozen=True)
@@ -76,6 +100,7 @@ def pupil_shapes(
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
     wavelength_nm: Wavelengths = LINE_D_NM,
+    fineness: Fineness = FINE_OUTLINES,
 ) -> PupilShapes:
     """Return the outlines of the pupil over the film.
 
@@ -88,6 +113,8 @@ def pupil_shapes(
         Half the sides of the film.
     wavelength_nm : float or tuple
         With several, the outlines hold the pupil of each.
+    fineness : Fineness
+        `COARSE_OUTLINES` take a fifth of the time.
 
     Raises
     ------
@@ -96,9 +123,10 @@ def pupil_shapes(
     """
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
     if lens.is_rotational:
-        x, y = np.linspace(0.0, _lit_radius(probes, float(np.hypot(*half_film_mm))), RADIAL_NODES), np.zeros(1)
+        lit = _lit_radius(probes, float(np.hypot(*half_film_mm)))
+        x, y = np.linspace(0.0, lit, fineness.radial_nodes), np.zeros(1)
     else:
-        x, y = (np.linspace(-half, half, FILM_NODES) for half in half_film_mm)
+        x, y = (np.linspace(-half, half, fineness.film_nodes) for half in half_film_mm)
     film = np.stack(np.meshgrid(_with_middles(x), _with_middles(y)), axis=-1)
     nodes = film[::2, ::2].copy()
     if lens.is_rotational:
@@ -106,8 +134,9 @@ def pupil_shapes(
     centres, axes = _frames(probes, nodes)
     if not axes.any():
         raise InputError(f"{lens.name}: no light reaches the film {film_distance_mm:g} mm behind the lens")
-    reach = _reach(probes[-1], film, _between(centres), _between(axes))
-    radii = _envelope(reach) * (1.0 + (MARGIN if lens.is_rotational else FILM_MARGIN))
+    reach = _reach(probes[-1], film, _between(centres), _between(axes), fineness)
+    margin = fineness.margin if lens.is_rotational else fineness.film_margin
+    radii = _envelope(reach, fineness.directions) * (1.0 + margin)
     if lens.is_rotational and x[-1] < np.hypot(*half_film_mm):
         radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
     return PupilShapes(bool(lens.is_rotational), x, y, centres, axes, radii)
@@ -254,19 +283,19 @@ def _between(values: Array) -> Array:
     return values
 
 
-def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> Array:
-    """Return how far the pupil reaches in its frame, shape (rows, columns, FINER * DIRECTIONS).
+def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array, fineness: Fineness) -> Array:
+    """Return how far the pupil reaches in its frame, shape (rows, columns, directions).
 
-    Along each direction SCAN points are tried from the outside inwards until one passes, then the edge behind it is
+    Along each direction points are tried from the outside inwards until one passes, then the edge behind it is
     bisected; so an outline that is not star-shaped from the centre is still held.
     """
-    shape = (*film.shape[:2], FINER * DIRECTIONS)
+    shape = (*film.shape[:2], fineness.directions * DIRECTIONS)
     mirrored = film.shape[0] == 1  # radial nodes: v and -v are alike
     count = shape[2] // 2 + 1 if mirrored else shape[2]
     angles = np.arange(count) * 2 * np.pi / shape[2]
     frame = axes[:, :, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
     points, origins = (np.broadcast_to(values[:, :, None, :], frame.shape) for values in (film, centres))
-    scan = RING_SCAN if probe.lens.is_obstructed else SCAN
+    scan = RING_SCAN if probe.lens.is_obstructed else fineness.scan
     step = FARTHEST / scan
 
     def passing(rho: Array, of: Mask) -> Mask:
@@ -277,7 +306,7 @@ def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> Array:
         dark = low == 0.0
         low[dark] = np.where(passing(np.full(int(dark.sum()), k * step), dark), k * step, 0.0)
     high, lit = low + step, low > 0
-    for _ in range(BISECTIONS):
+    for _ in range(fineness.bisections):
         middle = (low[lit] + high[lit]) / 2
         inside = passing(middle, lit)
         low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
@@ -285,9 +314,9 @@ def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array) -> Array:
     return np.concatenate([reach, reach[..., -2:0:-1]], axis=2) if mirrored else reach
 
 
-def _envelope(reach: Array) -> Array:
+def _envelope(reach: Array, directions: int) -> Array:
     """Return radii at the nodes that, interpolated over film and direction, hold the outlines traced at every point."""
-    around = np.maximum(reach, np.maximum(np.roll(reach, 1, axis=2), np.roll(reach, -1, axis=2)))[..., ::FINER]
+    around = np.maximum(reach, np.maximum(np.roll(reach, 1, axis=2), np.roll(reach, -1, axis=2)))[..., ::directions]
     for axis in (0, 1):
         if around.shape[axis] > 1:
             moved = np.moveaxis(around, axis, 0)

@@ -64,8 +64,8 @@ def _facts_of_shapes(
     }
 
 
-def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
-    """Return the plan of a scene, with its own camera unless another one is given."""
+def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool = False) -> Plan:
+    """Return the plan of a scene, with its own camera unless another one is given; ``coarse`` as for `camera_model`."""
     scene = at_opening(scene)
     trajectory, segments = camera_trajectory(scene)
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
@@ -76,7 +76,7 @@ def make_plan(scene: Scene, camera: CameraModel | None = None) -> Plan:
     surroundings = pack_environment(scene, table, spectra)
     first_triangles = meshes.first_triangles if meshes else ()
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
-    camera, spectrum = seen_by(scene, camera, spectra, shown)
+    camera, spectrum = seen_by(scene, camera, spectra, shown, coarse=coarse)
     textures = table.pack()
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)

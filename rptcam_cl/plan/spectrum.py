@@ -88,14 +88,14 @@ def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: flo
 
 
 def seen_by(
-    scene: Scene, camera: CameraModel | None, spectra: KnownSpectra, materials: Materials
+    scene: Scene, camera: CameraModel | None, spectra: KnownSpectra, materials: Materials, *, coarse: bool = False
 ) -> tuple[CameraModel, Spectrum]:
     """Return the camera of a scene, or the one given, and the kind of light of its paths: as requested, or as needed.
 
     A mode that nothing in the scene calls for is not compiled: without dispersion, `dispersive` is RGB.
     """
     settings = scene.spectrum
-    camera = camera or camera_model(scene, settings.lens_colour)
+    camera = camera or camera_model(scene, settings.lens_colour, coarse=coarse)
     lens = camera.bends_colours
     low, high = camera.usable_nm
     if low >= GREEN_NM or high <= GREEN_NM:

@@ -15,7 +15,7 @@ from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
-from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, resolve_exposure
+from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2, resolve_exposure
 from rptcam_cl.rendering.metering import weights as metering_weights
 from rptcam_cl.rendering.precise_lens import check_precision
 from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, rendering_of
@@ -54,6 +54,7 @@ __all__ = [
     "lens_margin",
     "metered_cd_m2",
     "metering_weights",
+    "reading_cd_m2",
     "render_plan",
     "rendering_of",
     "resolve_exposure",

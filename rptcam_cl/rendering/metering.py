@@ -58,13 +58,13 @@ class ResolvedExposure:
     metadata: dict[str, Any] = field(default_factory=dict)
 
 
-def resolve_exposure(scene: Scene, session: Session, reading_cd_m2: float | None = None) -> ResolvedExposure:
+def resolve_exposure(scene: Scene, session: Session, known_cd_m2: float | None = None) -> ResolvedExposure:
     """Return the scene with its exposure resolved, by metering on a device where its mode is `auto`.
 
     Parameters
     ----------
-    reading_cd_m2
-        Of an earlier part of this render, in place of metering.
+    known_cd_m2
+        Reading of an earlier part of this render, in place of metering.
 
     Raises
     ------
@@ -74,9 +74,9 @@ def resolve_exposure(scene: Scene, session: Session, reading_cd_m2: float | None
     exposure = scene.exposure
     if exposure.mode != "auto":
         return ResolvedExposure(scene)
-    reading = exposure.lock_cd_m2 or reading_cd_m2 or metered_cd_m2(scene, session)
+    reading = exposure.lock_cd_m2 or known_cd_m2 or metered_cd_m2(scene, session)
     metadata = {"metered_cd_m2": reading, "metering": "locked" if exposure.lock_cd_m2 else exposure.metering}
-    on_axis = on_axis_irradiance(camera_model(_relative(scene)), exposure)
+    on_axis = on_axis_irradiance(camera_model(_relative(scene), coarse=True), exposure)
     update = (
         _compensation(exposure, reading) if on_axis is None else _settings(scene, reading / LUMENS_PER_WATT * on_axis)
     )
@@ -95,14 +95,19 @@ def metered_cd_m2(scene: Scene, session: Session) -> float:
     plan = make_plan(small)
     wavefront = Wavefront(session, plan, FilmLayout.of(small.film), small.render)
     rendering = render_plan(wavefront, spp=small.render.spp, seconds=None, has_lens=plan.camera.has_lens)
-    values = rendering.pixels.astype(np.float64) @ LUMINANCE
-    reading = float(np.sum(values * weights(scene.exposure, small.film))) * LUMENS_PER_WATT
+    reading = reading_cd_m2(rendering.pixels, scene.exposure, small.film)
     if not LEAST_CD_M2 <= reading <= MOST_CD_M2:
         raise InputError(
             f"exposure: auto metering ({scene.exposure.metering}) finds no light to go by (got {reading:.3g} cd/m²;"
             " allowed: a scene with light in the metered part of the frame, or mode relative or physical)"
         )
     return reading
+
+
+def reading_cd_m2(radiances: NDArray[np.floating], exposure: Exposure, film: Film) -> float:
+    """Return what the meter reads of a film (height, width, 3) of radiances [W/(m² sr)], in cd/m²."""
+    values = radiances.astype(np.float64) @ LUMINANCE
+    return float(np.sum(values * weights(exposure, film))) * LUMENS_PER_WATT
 
 
 def weights(exposure: Exposure, film: Film) -> NDArray[np.float64]:

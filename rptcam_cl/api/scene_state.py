@@ -1,0 +1,91 @@
+"""A scene as a session renders it, and what changes of it come to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.api.frames import Kind
+from rptcam_cl.api.stages import Resolved
+from rptcam_cl.plan import Plan, with_film
+from rptcam_cl.rendering import SceneBuffers, reading_cd_m2
+from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene
+
+FOCUSES_ANEW = ("focus", "kind", "lens", "zoom", "focal_length_mm")  # keys of the camera; others leave the focus found
+
+
+@dataclass(frozen=True, eq=False)
+class SceneState:
+    """A scene with all that rendering it takes.
+
+    Attributes
+    ----------
+    scene : Scene
+        As requested.
+    found : Resolved
+    plan : Plan
+    buffers : SceneBuffers
+        The plan on the device.
+    is_final : bool
+        Whether exposure and pupil are those of a render, and not found in a quicker way for glances.
+    """
+
+    scene: Scene
+    found: Resolved
+    plan: Plan
+    buffers: SceneBuffers
+    is_final: bool
+
+
+def focuses_anew(changes: Mapping[str, Any]) -> bool:
+    """Return whether a change asks for another focus, or makes that which was found one of another lens."""
+    keys = [key.split(".") for key in changes]
+    return any(key[0] == "camera" and (len(key) == 1 or key[1] in FOCUSES_ANEW) for key in keys)
+
+
+def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
+    """Return the keys at the top of a scene that say something else."""
+    one, other = before.made_of, after.made_of
+    return tuple(name for name in Scene.model_fields if not _is_same(one.get(name), other.get(name)))
+
+
+def _is_same(one: Any, other: Any) -> bool:
+    if one is other:
+        return True
+    try:
+        return bool(one == other)
+    except ValueError:  # of arrays in them
+        return False
+
+
+def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) -> Kind:
+    """Return the dearest that another plan takes."""
+    if not compiled:
+        return "program"
+    return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
+
+
+def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:
+    """Return the plan of a state with a film of fewer pixels, exposed by a reading of the meter; and that film."""
+    film = state.found.scene.film
+    columns, rows = (max(round(side * scale), 1) for side in film.resolution)
+    if state.scene.camera.kind == "environment":
+        columns = 2 * rows
+    smaller = film.model_copy(update={"resolution": (columns, rows)})
+    plan, metered = with_film(state.plan, state.found.scene, smaller), state.found.metered_cd_m2
+    if metered is not None and reading is not None:
+        plan.camera.record["exposure"] *= metered / reading
+    return plan, smaller
+
+
+def reading_of(pixels: NDArray[np.float32], plan: Plan, state: SceneState, film: Film) -> float | None:
+    """Return what the exposure meter reads of a glance; None where it has seen a part of the film, or hardly light."""
+    if film.crop is not None or state.scene.exposure.lock_cd_m2:
+        return None
+    per_radiance = float(plan.camera.record["exposure"][0]) * plan.camera.axial_weight
+    reading = reading_cd_m2(pixels, state.scene.exposure, film) / per_radiance
+    return reading if LEAST_CD_M2 <= reading <= MOST_CD_M2 else None
