@@ -6,12 +6,14 @@ from rptcam_cl.tradeoff.plot import tradeoff_plot
 from rptcam_cl.tradeoff.table import markdown, tables
 from rptcam_cl.tradeoff.text import caveats, recommendation
 from rptcam_cl.tradeoff.tiers.decide import choose_camera
+from rptcam_cl.tradeoff.tiers.tiers import equivalent
 
 __all__ = [
     "Advice",
     "TradeoffReport",
     "caveats",
     "choose_camera",
+    "equivalent",
     "markdown",
     "measure_tradeoff",
     "recommendation",

@@ -1,0 +1,92 @@
+"""Focus at a click is the answer of `rptcam focus`, and sets the scene to it."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rptcam_cl.cameras import lens_setting
+from rptcam_cl.cli import main
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.device import open_session
+from rptcam_cl.focusing import NoContrast
+from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene.change import apply_overrides
+from rptcam_cl.viewfinder.click_focus import focus_at, focus_zones
+
+CHECKER = {
+    "kind": "matte",
+    "reflectance": {"kind": "checker", "even": [0.8, 0.8, 0.8], "odd": [0.1, 0.1, 0.1], "scale": [40, 40]},
+}
+CONTENT: dict[str, Any] = {
+    "film": {"resolution": [96, 64]},
+    "camera": {
+        "kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 1.5}, "eye": [0, 0, 0],
+        "target": [0, 0, -1],
+    },
+    "objects": [
+        {"shape": "rectangle", "corner": [-1, -1, -1], "edge_u": [1, 0, 0], "edge_v": [0, 2, 0], "material": CHECKER},
+        {"shape": "rectangle", "corner": [0, -2, -3], "edge_u": [3, 0, 0], "edge_v": [0, 4, 0], "material": CHECKER},
+    ],
+    "environment": {"kind": "constant", "radiance": [1, 1, 1]},
+    "render": {"seed": 5},
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    return load_scene(CONTENT)
+
+
+def command(file: Path, capsys: pytest.CaptureFixture[str], *options: str) -> dict[str, Any]:
+    """What `rptcam focus` prints as JSON."""
+    file.write_text(json.dumps(CONTENT), "utf-8")
+    assert main(["focus", str(file), "--json", *options]) == 0
+    found: dict[str, Any] = json.loads(capsys.readouterr().out)
+    return found
+
+
+@pytest.mark.parametrize("x", [0.25, 0.75])
+def test_click_focus_is_the_answer_of_the_command(
+    scene: Scene, x: float, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = focus_at(scene, open_session(None), x, 0.5, "depth")
+    expected = command(tmp_path / "scene.yaml", capsys, "--point", f"{x},0.5", "--method", "depth")
+    assert found.report.state == expected["state"]
+    assert found.as_dict()["distance_m"] == expected["focus_distance_m"] == pytest.approx(1 if x < 0.5 else 3, rel=0.01)
+    assert [[probe["position"], probe["score"]] for probe in found.as_dict()["curve"]] == expected["probes"]
+    data = json.loads(json.dumps(CONTENT))
+    apply_overrides(data, [f"{key}={json.dumps(value)}" for key, value in found.changes.items()])
+    assert lens_setting(load_scene(data)).film_distance_mm == expected["film_distance_mm"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["contrast", "phase"])
+def test_zones_and_curve_are_those_of_the_command(
+    scene: Scene, method: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    zone = [0.6, 0.8, 0.4, 0.6]
+    found = focus_zones(scene, open_session(None), method, [zone]).as_dict()
+    expected = command(tmp_path / "scene.yaml", capsys, "--zone", "0.6,0.8,0.4,0.6", "--method", method)
+    assert found["film_distance_mm"] == expected["film_distance_mm"]
+    assert found["zones"] == [zone]
+    assert [[probe["position"], probe["score"]] for probe in found["curve"]] == expected["probes"]
+    assert len(found["curve"]) == len(expected["details"]) > 1
+
+
+def test_what_cannot_be_focused_is_refused(scene: Scene) -> None:
+    device = open_session(None)
+    for method in ("sonar", ""):
+        with pytest.raises(InputError, match="method"):
+            focus_at(scene, device, 0.5, 0.5, method)
+    with pytest.raises(InputError):
+        focus_at(scene, device, 1.5, 0.5)
+    with pytest.raises(InputError, match="too many"):
+        focus_zones(scene, device, None, [[0, 1, 0, 1]] * 65)
+    empty = load_scene(CONTENT | {"objects": []})
+    with pytest.raises(NoContrast):
+        focus_at(empty, device, 0.5, 0.5, "depth")
+    pinhole = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 0], "target": [0, 0, -1]}
+    with pytest.raises(InputError, match="sharp"):
+        focus_at(load_scene(CONTENT | {"camera": pinhole}), device, 0.5, 0.5)
