@@ -16,20 +16,28 @@ from rptcam_cl.lenstools.charts import (
     styled,
 )
 from rptcam_cl.lenstools.codev_file import codev_text
-from rptcam_cl.lenstools.colours import FAINT, INK
-from rptcam_cl.lenstools.device_tracing import Precision, TraceableLens, device_tracer, trace_on_device, traceable
+from rptcam_cl.lenstools.colours import FAINT, INK, wavelength_colour
+from rptcam_cl.lenstools.cross_section import blades, glass, lines, obstruction
+from rptcam_cl.lenstools.device_tracing import (
+    LensTracer,
+    Precision,
+    TraceableLens,
+    device_tracer,
+    trace_on_device,
+    traceable,
+)
 from rptcam_cl.lenstools.distortion import PROJECTIONS, distortion_chart, distortion_table, followed_projection
 from rptcam_cl.lenstools.drawing import draw_lens, svg
 from rptcam_cl.lenstools.fields import default_fields
 from rptcam_cl.lenstools.foreign import left_out
 from rptcam_cl.lenstools.lens_state import Setting, setting
-from rptcam_cl.lenstools.mtf import mtf_chart, mtf_table
+from rptcam_cl.lenstools.mtf import field_mtf, mtf_chart, mtf_table
 from rptcam_cl.lenstools.pbrt_table import loses_dispersion, pbrt_text
 from rptcam_cl.lenstools.picture import Drawing, svg_text
 from rptcam_cl.lenstools.prescription import lens_text
 from rptcam_cl.lenstools.psf import npy_bytes, point_image, psf_chart
 from rptcam_cl.lenstools.ray_paths import Tracer, reference
-from rptcam_cl.lenstools.spots import at_best_focus, film_spots, spot_chart, spot_table
+from rptcam_cl.lenstools.spots import FilmSpot, at_best_focus, film_spots, spot_chart, spot_table
 from rptcam_cl.lenstools.transmittance import Row, transmittance_chart, transmittance_table
 from rptcam_cl.lenstools.vignetting import film_radii, vignetting_chart, vignetting_table
 from rptcam_cl.lenstools.zemax_file import zemax_text
@@ -40,6 +48,8 @@ __all__ = [
     "INK",
     "PROJECTIONS",
     "Drawing",
+    "FilmSpot",
+    "LensTracer",
     "Precision",
     "Row",
     "Setting",
@@ -48,6 +58,7 @@ __all__ = [
     "View",
     "add_key",
     "at_best_focus",
+    "blades",
     "chart_svg",
     "check_suffix",
     "codev_text",
@@ -57,17 +68,21 @@ __all__ = [
     "distortion_table",
     "draw_lens",
     "encoded",
+    "field_mtf",
     "film_radii",
     "film_spots",
     "followed_projection",
+    "glass",
     "left_out",
     "lens_text",
+    "lines",
     "loses_dispersion",
     "mtf_chart",
     "mtf_table",
     "new_chart",
     "new_figure",
     "npy_bytes",
+    "obstruction",
     "pbrt_text",
     "point_image",
     "psf_chart",
@@ -85,5 +100,6 @@ __all__ = [
     "transmittance_table",
     "vignetting_chart",
     "vignetting_table",
+    "wavelength_colour",
     "zemax_text",
 ]

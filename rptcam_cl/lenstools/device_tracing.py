@@ -134,11 +134,11 @@ def trace_on_device(
     wavelengths = np.asarray(wavelength_nm, float)
     different = np.unique(wavelengths) if count else np.zeros(0)
     if len(different) > 1 and precision == "single" and not transmission and _has_polynomials(lens, different):
-        tracer = _Tracer(lens, session, different[0], start, precision, IDEAL, dispersive=True)
+        tracer = LensTracer(lens, session, different[0], start, precision, IDEAL, dispersive=True)
         tracer.trace(points, vectors, rays, slice(0, count), np.broadcast_to(wavelengths, (count,)))
         return rays
     for wavelength in different:
-        tracer = _Tracer(lens, session, float(wavelength), start, precision, transmission)
+        tracer = LensTracer(lens, session, float(wavelength), start, precision, transmission)
         if len(different) == 1:
             tracer.trace(points, vectors, rays, slice(0, count))
         else:
@@ -152,8 +152,20 @@ def _has_polynomials(lens: Lens, wavelengths_nm: Array) -> bool:
     return bool(low <= wavelengths_nm.min() and wavelengths_nm.max() <= high) and disperses(lens)
 
 
-class _Tracer:
-    """A lens on the device, at one wavelength or with one for every ray, which traces rays a block at a time."""
+class LensTracer:
+    """A lens on the device, at one wavelength or with one for every ray, which traces rays a block at a time.
+
+    Parameters
+    ----------
+    lens, session, wavelength_nm
+        What is traced, where, and at which wavelength [nm].
+    start
+        ``film`` or ``scene``: side where rays begin.
+    precision, transmission
+        As of `trace_on_device`.
+    dispersive
+        Whether every ray brings a wavelength of its own.
+    """
 
     def __init__(
         self,
@@ -167,7 +179,7 @@ class _Tracer:
         dispersive: bool = False,
     ) -> None:
         double = precision == "double"
-        self.session = session
+        self.session, self.surfaces_of = session, lens
         self.real = np.float64 if double else np.float32
         self.lanes = DOUBLE_LANES if double else session.lanes
         self.backwards = start == "film"
@@ -196,8 +208,15 @@ class _Tracer:
         rays: Rays,
         rows: slice | NDArray[np.intp],
         wavelengths_nm: Array | None = None,
+        surfaces: int | None = None,
     ) -> None:
-        """Trace some rows of points and directions (n, 3) and write them to the same rows of ``rays``."""
+        """Trace some rows of points and directions (n, 3) and write them to the same rows of ``rays``.
+
+        Parameters
+        ----------
+        surfaces
+            Number of surfaces, in the order in which rays meet them, behind which they are stopped; all by default.
+        """
         count = rows.stop if isinstance(rows, slice) else len(rows)
         size = PACKETS * self.lanes * GROUP
         capacity = min(-(-count // size) * size, BLOCK)
@@ -205,7 +224,8 @@ class _Tracer:
         table = np.zeros((ROWS if rays.transmittance is None else ROWS + 1, capacity), self.real)
         table[ROWS:] = 1.0  # what a lens leaves that loses nothing
         memory = self.session.allocate(table.nbytes)
-        launch = self.session.bind(program, "trace_rays", **self.lens, rays=memory, capacity=np.uint32(capacity))
+        lens = self.lens if surfaces is None else self.lens | {"count": np.int32(surfaces)}
+        launch = self.session.bind(program, "trace_rays", **lens, rays=memory, capacity=np.uint32(capacity))
         for low in range(0, count, BLOCK):
             high = min(low + BLOCK, count)
             part = slice(low, high) if isinstance(rows, slice) else rows[low:high]
@@ -215,7 +235,31 @@ class _Tracer:
             self.session.write(memory, table)
             launch.enqueue(capacity // (PACKETS * self.lanes), GROUP)
             out = self.session.read(memory, self.real, table.size).reshape(table.shape)
-            self._unpack(out[:, : high - low], rays, part)
+            self._unpack(out[:, : high - low], rays, part, self._end(surfaces))
+
+    def paths(self, points: Array, vectors: Array, wavelengths_nm: Array | None = None) -> tuple[Array, Rays]:
+        """Return where rays (n, 3) start and meet each surface (surfaces + 1, n, 3), and what becomes of them.
+
+        Surfaces come in the order in which rays meet them. From the one that stops a ray on, it stays where it was
+        stopped; a ray that misses a surface stays on the one before.
+        """
+        count = len(points)
+        corners = [np.array(points, np.float64)]
+        for surfaces in range(1, int(self.lens["count"]) + 1):
+            rays = Rays(np.empty((count, 3)), np.empty((count, 3)), np.empty(count, np.int32),
+                        np.empty(count, np.int32), np.empty(0))  # fmt: skip
+            self.trace(points, vectors, rays, slice(0, count), wavelengths_nm, surfaces)
+            corners.append(rays.origins)
+        return np.stack(corners), rays
+
+    def _end(self, surfaces: int | None) -> tuple[float, float]:
+        """Return z of the last vertex that rays reach [mm], and which way they then travel: 1 to +z, -1 to -z."""
+        if surfaces is None:
+            return self.last, self.sense_behind
+        lens = self.surfaces_of
+        k = len(lens.surfaces) - surfaces if self.backwards else surfaces - 1
+        sense = -float(lens.senses[k]) if self.backwards else float(lens.senses[k + 1])
+        return float(lens.vertices[k]), sense
 
     def _pack(self, points: Array, vectors: Array, table: NDArray[Any]) -> None:
         """Fill the rows that the kernel reads: points from the first vertex it meets, unit directions, z along them."""
@@ -237,12 +281,13 @@ class _Tracer:
                 table[2, near] = z[far] + step * along[far]
         table[:5, count:], table[5, count:] = 0.0, 1.0
 
-    def _unpack(self, out: NDArray[Any], rays: Rays, part: slice | NDArray[np.intp]) -> None:
+    def _unpack(self, out: NDArray[Any], rays: Rays, part: slice | NDArray[np.intp], end: tuple[float, float]) -> None:
         """Write what the kernel wrote to rows of ``rays``."""
+        last, sense_behind = end
         rays.origins[part] = out[:3].T
         rays.directions[part] = out[3:6].T
-        rays.origins[part, 2] = out[2].astype(np.float64) * self.sense_behind + self.last
-        if self.sense_behind < 0:
+        rays.origins[part, 2] = out[2].astype(np.float64) * sense_behind + last
+        if sense_behind < 0:
             rays.directions[part, 2] = -out[5]
         rays.status[part] = out[6]
         if rays.transmittance is not None:

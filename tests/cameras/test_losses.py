@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cameras.records import lens_records
-from rptcam_cl.lenstools.device_tracing import _Tracer, trace_on_device
+from rptcam_cl.lenstools.device_tracing import LensTracer, trace_on_device
 from rptcam_cl.optics import Rays, load_lens
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.transmission import COATED, IDEAL, UNCOATED, LensTransmission, with_coating
@@ -47,7 +47,7 @@ LOSSES = {
 }
 
 
-class ColouredTracer(_Tracer):
+class ColouredTracer(LensTracer):
     """A lens on the device whose rays bring their wavelengths [nm]."""
 
     def __init__(self, lens, session, wavelengths_nm, start, precision, transmission):
