@@ -1,12 +1,14 @@
-"""Media that lens files may name: Sellmeier coefficients b, c [square micrometres] and valid range [nm].
+"""Media that lens files may name: Sellmeier coefficients b, c [square micrometres], valid range [nm], transmittance.
 
-Glasses: SCHOTT catalogue of 2017-01-20, as collected by refractiveindex.info (public domain). Others: fused silica,
+Glasses: SCHOTT catalogue of 2017-01-20, as collected by refractiveindex.info (public domain); internal transmittance
+turned back from its extinction coefficients k by tau = exp(-4 pi k d / L): every number came out as the catalogue's
+decimals to within 5e-5, and glasses without one have none published. Others: fused silica,
 Malitson, J. Opt. Soc. Am. 55, 1205 (1965); calcium fluoride, Malitson, Appl. Opt. 2, 1103 (1963); water at 20 degrees,
 Daimon and Masumura, Appl. Opt. 46, 3811 (2007).
 """
 
+from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.glass import Sellmeier
-from rptcam_cl.optics.glass_absorption import ABSORPTIONS
 
 _SELLMEIER: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, float]]] = {
     "N-BK7": ((1.03961212, 0.231792344, 1.01046945), (0.00600069867, 0.0200179144, 103.560653), (300, 2500)),
@@ -41,7 +43,49 @@ _SELLMEIER: dict[str, tuple[tuple[float, ...], tuple[float, ...], tuple[float, f
     ),
 }
 
+THICKNESS_MM = 25.0
+
+_PER_TEN_THOUSAND = """
+nm        300  310  320  334  350  365  370  380  390  400  405  420  436  460  500  546  580  620  660  700 1060
+N-BK7     500 2500 5200 7800 9200 9710 9770 9830 9890 9920 9930 9930 9920 9930 9940 9960 9950 9940 9940 9960 9970
+K10       200 1300 3100 7200 9100 9580 9660 9730 9820 9860 9870 9880 9880 9900 9910 9920 9930 9930 9940 9970 9960
+N-BAK1    700 2900 5700 8200 9300 9690 9770 9830 9880 9900 9900 9900 9890 9900 9920 9950 9950 9950 9950 9970 9960
+N-BALF4     -    -    -    - 3800 7500 8200 9000 9400 9640 9700 9810 9830 9860 9930 9950 9960 9950 9950 9970 9930
+N-SK2       -  400 1800 4900 7800 9200 9400 9700 9790 9840 9850 9840 9820 9830 9900 9950 9950 9940 9940 9950 9950
+N-SK4       -    -    - 2000 6100 8300 8700 9300 9600 9750 9790 9830 9830 9850 9920 9950 9950 9950 9950 9960 9930
+N-SK11    200 1600 4100 7100 8800 9400 9500 9630 9700 9750 9800 9850 9880 9900 9940 9970 9960 9950 9950 9960 9950
+N-SK15      -    -    - 1800 5630 8000 8500 9100 9410 9600 9660 9740 9780 9820 9900 9930 9930 9920 9920 9940 9910
+N-SK16      -  200 1100 4000 7000 8600 8900 9300 9560 9700 9740 9790 9810 9840 9910 9940 9940 9930 9940 9960 9950
+N-SSK2      -    -    -    - 2500 6700 7500 8600 9200 9540 9630 9750 9800 9850 9920 9950 9950 9930 9940 9960 9920
+N-LAK12     -    -  100 1500 4600 7300 7900 8700 9200 9400 9430 9520 9580 9680 9860 9910 9900 9880 9890 9930 9920
+LLF1        -  100 3000 8100 9550 9810 9840 9880 9920 9933 9940 9950 9960 9960 9960 9970 9970 9960 9960 9970 9960
+LF5         -    -  400 5700 8800 9540 9610 9730 9840 9920 9920 9930 9940 9950 9960 9968 9970 9980 9980 9980 9980
+F2          -    -    - 2110 7800 9210 9400 9630 9770 9850 9870 9910 9930 9940 9970 9980 9980 9980 9970 9980 9980
+F5          -    -    - 3000 7600 9100 9300 9600 9730 9820 9850 9880 9900 9910 9940 9950 9950 9950 9960 9970 9980
+SF1         -    -    -    -  300 5000 6400 7900 8700 9200 9300 9610 9760 9840 9930 9960 9960 9950 9950 9960 9960
+SF4         -    -    -    -    - 2800 4500 6900 8200 8900 9100 9500 9670 9800 9910 9960 9960 9950 9950 9960 9960
+SF5         -    -    -    - 3100 7300 8000 8800 9200 9500 9590 9730 9820 9880 9930 9960 9960 9950 9950 9960 9960
+SF6         -    -    -    -    -  300 1300 4400 6600 8000 8400 9200 9550 9780 9910 9960 9964 9954 9955 9965 9990
+SF10        -    -    -    -    -    -    -  600 3700 6900 7900 9200 9610 9780 9890 9950 9950 9930 9930 9950 9970
+SF11        -    -    -    -    -    -    -    -  100 2000 3400 7000 8600 9400 9760 9890 9910 9910 9910 9930 9970
+N-FK51A   350 1200 3000 6300 8750 9630 9760 9880 9920 9930 9930 9920 9920 9930 9960 9970 9970 9960 9950 9950 9940
+N-KZFS4     -    -    - 1500 6000 8200 8600 9100 9300 9480 9520 9610 9680 9760 9870 9920 9930 9920 9930 9940 9960
+"""
+
+
+def _absorptions() -> dict[str, Absorption]:
+    """Return the absorption of each glass by its name."""
+    head, *rows = (line.split() for line in _PER_TEN_THOUSAND.strip().splitlines())
+    result = {}
+    for name, *values in rows:
+        known = [(float(nm), int(value) / 1e4) for nm, value in zip(head[1:], values, strict=True) if value != "-"]
+        wavelengths, transmittances = zip(*known, strict=True)
+        result[name] = Absorption.from_transmittance(wavelengths, transmittances, THICKNESS_MM)
+    return result
+
+
+_ABSORPTIONS = _absorptions()
 GLASSES = {
-    name: Sellmeier(b, c, range_nm=limits, name=name, absorption=ABSORPTIONS.get(name))
+    name: Sellmeier(b, c, range_nm=limits, name=name, absorption=_ABSORPTIONS.get(name))
     for name, (b, c, limits) in _SELLMEIER.items()
 }

@@ -1,7 +1,6 @@
 """Files small enough to read in one go."""
 
 import ast
-import statistics
 from pathlib import Path
 
 MOST_LINES = 400
@@ -17,9 +16,11 @@ def test_no_file_is_longer_than_400_lines(checkout: Path, tracked: list[str]) ->
     assert long == {}
 
 
-def test_median_module_has_at_most_150_lines(checkout: Path, tracked: list[str]) -> None:
-    sizes = [lines(checkout / name) for name in tracked if name.startswith("rptcam_cl/") and name.endswith(".py")]
-    assert statistics.median(sizes) <= 150
+def test_one_module_in_ten_at_most_is_shorter_than_60_lines(checkout: Path, tracked: list[str]) -> None:
+    # One idea a file: what is shorter is mostly a piece of a neighbour's idea. The faces of rooms and commands are not.
+    modules = [name for name in tracked if name.startswith("rptcam_cl/") and name.endswith(".py")]
+    sizes = [lines(checkout / name) for name in modules if "__" not in name and "/cli/" not in name]
+    assert sum(size < 60 for size in sizes) <= 0.1 * len(sizes)
 
 
 def test_nine_of_ten_functions_have_at_most_40_lines(checkout: Path, tracked: list[str]) -> None:
