@@ -7,7 +7,7 @@ from rptcam_cl.api.frames import Change, Frame
 from rptcam_cl.api.interface import devices, load_lens, render
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.api.stages import Prepared, prepare, report, run
+from rptcam_cl.api.stages import Prepared, picture_so_far, prepare, report, run
 from rptcam_cl.device import choose_device
 from rptcam_cl.focusing import FocusReport, autofocus, focused_scene
 from rptcam_cl.imaging import Image, develop
@@ -33,6 +33,7 @@ __all__ = [
     "load_lens",
     "load_scene",
     "measure_tradeoff",
+    "picture_so_far",
     "prepare",
     "render",
     "report",

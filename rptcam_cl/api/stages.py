@@ -30,6 +30,7 @@ from rptcam_cl.rendering import (
     joined,
     lens_margin,
     render_plan,
+    rendering_of,
     resolve_exposure,
     split_of,
     split_text,
@@ -171,6 +172,19 @@ def run(prepared: Prepared) -> Rendering:
         on_progress=settings.on_progress,
         should_stop=settings.should_stop,
     )
+
+
+def picture_so_far(prepared: Prepared, progress: Progress) -> Image:
+    """Return the image of a render under way from its latest `Progress`, not denoised: each pixel by its samples."""
+    assert progress.film is not None, "the render has begun"
+    film = progress.film
+    film.wavefront.finish()
+    rendering = rendering_of(
+        film, start=progress.samples_at_start, seconds=progress.seconds, new_samples=film.wavefront.camera_rays,
+        interrupted=False,
+    )  # fmt: skip
+    plain = replace(prepared.settings, denoise=False, strict=False, numerics=False)
+    return report(replace(prepared, settings=plain, saver=None), rendering)
 
 
 def report(prepared: Prepared, rendering: Rendering) -> Image:

@@ -3,6 +3,7 @@
 import argparse
 import contextlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,10 +11,13 @@ from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json, print_warnings
 from rptcam_cl.cli.parser import Commands
+from rptcam_cl.cli.previews import Previews
 from rptcam_cl.cli.progress import as_duration, progress_on_stderr
+from rptcam_cl.cli.watch import render_again
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError
 
 if TYPE_CHECKING:
+    from rptcam_cl.api import Progress, RenderSettings
     from rptcam_cl.imaging import Image
     from rptcam_cl.scene import Scene
 
@@ -43,6 +47,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="fail, with exit code 5, when numbers cannot be trusted or autofocus failed; the picture is still written",
     )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
+    parser.add_argument(
+        "--preview", type=values.duration, metavar="TIME",
+        help="write the picture so far to the outputs now and then, as every 10s",
+    )  # fmt: skip
+    parser.add_argument(
+        "--watch", action="store_true",
+        help="render again whenever the scene file or a file that it names changes, until Ctrl-C",
+    )  # fmt: skip
     parser.set_defaults(run=_run, parser=parser)
 
 
@@ -210,49 +222,80 @@ def _shared(stats: dict[str, Any]) -> str | None:
     return f"devices: {', '.join(done)}{repeat}"
 
 
-def _render(arguments: argparse.Namespace, scene: "Scene", checkpoint: Path) -> tuple["Image", NumericError | None]:
-    """Return the picture, and why a strict render fails all the same."""
-    from rptcam_cl.api import render
+def _settings(
+    arguments: argparse.Namespace, on_progress: "Callable[[Progress], Any]", should_stop: Callable[[], bool]
+) -> "RenderSettings":
+    from rptcam_cl.api import RenderSettings
+
+    return RenderSettings(
+        spp=arguments.spp,
+        seconds=arguments.time,
+        seed=arguments.seed,
+        size=arguments.size,
+        crop=arguments.crop,
+        layers=_layers(arguments),
+        denoise=arguments.denoise,
+        noise=arguments.noise,
+        checkpoint=None if arguments.watch else _checkpoint(arguments),
+        resume=arguments.resume,
+        device=_devices(arguments),
+        split=arguments.split,
+        numerics=arguments.stats is not None,
+        strict=arguments.strict,
+        on_progress=on_progress,
+        should_stop=should_stop,
+    )
+
+
+def _render(
+    arguments: argparse.Namespace, scene: "Scene", should_stop: Callable[[], bool] | None
+) -> tuple["Image", NumericError | None]:
+    """Return the picture, and why a strict render fails all the same; Ctrl-C ends it unless something else does."""
+    from rptcam_cl.api import prepare, report, run
     from rptcam_cl.imaging import Image
 
-    shown = contextlib.nullcontext() if arguments.quiet else progress_on_stderr(arguments.time)
-    with stop_on_interrupt() as stop, shown as show:
+    previews = Previews(arguments.preview, arguments.outputs)
+    with contextlib.ExitStack() as stack:
+        should_stop = should_stop or stack.enter_context(stop_on_interrupt()).is_set
+        show = None if arguments.quiet else stack.enter_context(progress_on_stderr(arguments.time))
+
+        def on_progress(progress: "Progress") -> None:
+            if show is not None:
+                show(progress)
+            previews.write_if_due(progress)
+
+        previews.prepared = prepared = prepare(scene, _settings(arguments, on_progress, should_stop))
+        rendering = run(prepared)
         try:
-            image = render(
-                scene,
-                spp=arguments.spp,
-                seconds=arguments.time,
-                seed=arguments.seed,
-                size=arguments.size,
-                crop=arguments.crop,
-                layers=_layers(arguments),
-                denoise=arguments.denoise,
-                noise=arguments.noise,
-                checkpoint=checkpoint,
-                resume=arguments.resume,
-                device=_devices(arguments),
-                split=arguments.split,
-                numerics=arguments.stats is not None,
-                strict=arguments.strict,
-                on_progress=show,
-                should_stop=stop.is_set,
-            )
+            return report(prepared, rendering), None
         except NumericError as failure:
             assert isinstance(failure.image, Image)
             return failure.image, failure
-    return image, None
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    if not arguments.watch:
+        return _picture(arguments)
+    if arguments.resume:
+        raise InputError("--watch: every picture begins anew (allowed: without --resume)")
+    with stop_on_interrupt() as stop:
+        render_again(arguments.scene, stop, lambda should_stop: _picture(arguments, should_stop))
+    return 0
+
+
+def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | None = None) -> int:
+    """Load the scene, render it, write the outputs and return the exit code; interrupted, a watched one writes none."""
     from rptcam_cl.api import load_scene
 
     scene = load_scene(arguments.scene, arguments.overrides, missing=arguments.missing)
     _check_outputs(arguments, scene)
     print_warnings(scene.warnings)
     checkpoint = _checkpoint(arguments)
-    if checkpoint.exists() and not arguments.resume and not arguments.quiet:
+    if checkpoint.exists() and not arguments.resume and not arguments.watch and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
-    image, failure = _render(arguments, scene, checkpoint)
+    image, failure = _render(arguments, scene, should_stop)
+    if arguments.watch and image.stats["interrupted"]:
+        return INTERRUPTED
     _save(image, arguments)
     print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:

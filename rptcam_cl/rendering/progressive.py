@@ -161,7 +161,7 @@ def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, 
     """Return what a film has come to, of so many samples per pixel at the start and so many of all pixels since."""
     wavefront, watch, done = run.wavefront, run.watch, run.done
     layout = wavefront.layout
-    tiles = watch.samples_of_tiles(done)
+    tiles = run.samples_of_tiles()
     in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": watch.variance()}
     film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
     found = wavefront.layers() | film
