@@ -48,30 +48,37 @@ export class Compare {
     link.on("state", ({ compare }) => compare && this.standing(compare));
   }
 
-  standing({ mode }) {
-    if (mode === this.mode || this.asking) return;
-    this.mode = mode;
-    this.modes.show(mode);
-    this.stage.arrange(mode);
+  /** Another page, or this one before a reload, has changed what is compared. */
+  standing({ mode, difference = false, model = null, changes = {} }) {
+    if (this.asking || (mode === this.mode && difference === this.difference)) return;
+    Object.assign(this, { mode, difference, model });
+    this.text.value = Object.entries(changes).map(([key, value]) => `${key} = ${JSON.stringify(value)}`).join("\n");
+    this.shown(changes);
+  }
+
+  /** Show what is in force. */
+  shown(changes) {
+    this.stage.arrange(this.mode);
+    this.modes.show(this.mode);
+    this.map.show(this.difference);
+    this.figure.hidden = this.numbers.hidden = !this.difference || this.mode === "off";
+    this.words.textContent = this.mode === "off" ? "Nothing is compared." : this.named(changes);
   }
 
   async set(what) {
+    const before = { mode: this.mode, model: this.model, difference: this.difference };
     Object.assign(this, what);
     this.asking = true;
     try {
       const changes = changesOf(this.text.value);
       await this.link.ask("compare", { mode: this.mode, difference: this.difference && this.mode !== "off", changes, model: this.model });
-      this.stage.arrange(this.mode);
-      this.modes.show(this.mode);
-      this.words.textContent = this.mode === "off" ? "Nothing is compared." : this.named(changes);
+      this.shown(changes);
     } catch (problem) {
+      Object.assign(this, before);
+      this.shown({});
       this.words.textContent = problem.message;
-      this.modes.show((this.mode = this.stage.mode));
     } finally {
       this.asking = false;
-      this.map.show(this.difference);
-      this.figure.hidden = !this.difference || this.mode === "off";
-      this.numbers.hidden = this.figure.hidden;
     }
   }
 

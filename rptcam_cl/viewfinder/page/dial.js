@@ -1,7 +1,7 @@
 /** One dial of the camera: drawn like a ring with its marks, turned by drag, wheel, arrow keys or by typing a value. */
 
 import { h, newId } from "./dom.js";
-import { dialText, typed } from "./numbers.js";
+import { capital, dialText, typed } from "./numbers.js";
 
 const NOTCH = 12; // [CSS pixels] of a drag from step to step
 const REST = 250; // [ms] after the last turn of the wheel
@@ -52,16 +52,18 @@ export class Dial {
   show(description) {
     this.dial = description;
     this.steps = stepsOf(description);
-    this.label.textContent = description.label;
+    this.label.textContent = capital(description.label);
     this.element.classList.toggle("vf-linked", Boolean(description.linked));
     this.knob.setAttribute("aria-disabled", String(!description.enabled));
-    this.knob.title = description.linked ? `${description.label}: ${description.linked}` : `${description.label}: drag, turn the wheel or press Enter to type`;
-    if (!this.held) this.display(description.value, description.text);
+    this.knob.title = `${this.label.textContent}: ${description.linked || "drag, turn the wheel or press Enter to type"}`;
+    if (!this.held || description.value === this.steps[this.at]) this.display(description.value, description.text);
   }
 
   display(value, text = null) {
     this.at = value === null ? 0 : nearest(this.steps, value);
-    const shown = text ?? dialText(this.dial, value);
+    const written = text || dialText(this.dial, value);
+    const { label } = this.dial;
+    const shown = written.startsWith(`${label} `) ? written.slice(label.length + 1) : written;
     this.value.textContent = shown;
     this.ring.style.backgroundPositionX = `calc(50% - ${this.at * 6}px)`;
     this.knob.setAttribute("aria-valuetext", shown);

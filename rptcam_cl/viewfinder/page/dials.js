@@ -2,6 +2,7 @@
 
 import { h, newId, select, toggle } from "./dom.js";
 import { Dial } from "./dial.js";
+import { capital } from "./numbers.js";
 
 // In the order of a camera's display; what else the server lists lies in the panel "Camera".
 const STRIP = ["mode", "shutter_s", "f_number", "iso", "auto_iso", "ev", "lock", "focus_m", "zoom"];
@@ -17,7 +18,7 @@ function modes(dial, turned) {
   const inputs = dial.choices.map(({ value }) => h("input", { type: "radio", name, value, on: { change: () => turned(dial.name, value, false) } }));
   const element = h("fieldset", { class: "vf-modes", "data-dial": dial.name }, h("legend", { class: "vf-hidden" }, dial.label),
     dial.choices.map(({ value, label }, i) => h("label", { title: MODES[value] ?? label },
-      inputs[i], h("span", { "aria-label": MODES[value] ?? label }, value.length > 1 ? label : value))));
+      inputs[i], h("span", { class: value.length > 1 ? "vf-word" : null, "aria-label": MODES[value] ?? label }, value.length > 1 ? capital(label) : value))));
   return {
     element,
     show(latest) {
@@ -29,7 +30,7 @@ function modes(dial, turned) {
 
 function list(dial, turned) {
   const valueOf = (text) => dial.choices.find((each) => String(each.value) === text)?.value ?? text;
-  const element = select(dial.label, [], () => {}, {});
+  const element = select(capital(dial.label), [], () => {}, {});
   const field = element.querySelector("select");
   field.dataset.dial = dial.name;
   field.addEventListener("change", () => turned(dial.name, valueOf(field.value), false));
@@ -38,8 +39,10 @@ function list(dial, turned) {
     element,
     show(latest) {
       dial = latest;
-      const known = JSON.stringify(latest.choices);
-      if (known !== filled) element.fill(latest.choices, latest.value);
+      const own = latest.choices.some((each) => each.value === latest.value) ? [] : [{ value: latest.value ?? "", label: latest.text || "–" }];
+      const choices = [...own, ...latest.choices].map((each) => ({ ...each, label: capital(each.label) }));
+      const known = JSON.stringify(choices);
+      if (known !== filled) element.fill(choices, latest.value);
       filled = known;
       element.show(latest.value);
       element.enable(latest.enabled);
@@ -49,7 +52,7 @@ function list(dial, turned) {
 }
 
 function onOff(dial, turned) {
-  const element = toggle(dial.label, (pressed) => turned(dial.name, pressed, false));
+  const element = toggle(capital(dial.label), (pressed) => turned(dial.name, pressed, false));
   element.dataset.dial = dial.name;
   return {
     element,
@@ -65,7 +68,7 @@ function text(dial, turned) {
   const id = newId("text");
   const input = h("input", { id, type: "text", "data-dial": dial.name, on: { change: () => turned(dial.name, input.value, false) } });
   return {
-    element: h("div", { class: "vf-field" }, h("label", { for: id }, dial.label), input),
+    element: h("div", { class: "vf-field" }, h("label", { for: id }, capital(dial.label)), input),
     show(latest) {
       if (document.activeElement !== input) input.value = latest.value ?? "";
       input.disabled = !latest.enabled;

@@ -1,6 +1,7 @@
 /** Focusing: by a click, by the camera itself with its zones and the curve of its search; peaking and magnifier. */
 
 import { button, h, range, select, toggle } from "./dom.js";
+import { focusScale } from "./focus-scale.js";
 import { distance, percent } from "./numbers.js";
 import { plot } from "./plots.js";
 
@@ -13,6 +14,12 @@ export const METHODS = [
   { value: "laplacian", label: "Sum-modified Laplacian" },
   { value: "variance", label: "Variance, as in the paper" },
 ];
+/** The methods that the server has, with the words that are known for them. */
+function named(methods) {
+  const known = new Map(METHODS.map((each) => [each.value, each]));
+  return [METHODS[0], ...methods.map((each) => known.get(each.value) ?? each)];
+}
+
 const HALF = 0.02; // of the picture's width: half the square that is drawn at a click
 
 function square({ x, y }, state) {
@@ -24,32 +31,6 @@ function rectangle(zone, state) {
   return { x0, x1, y0, y1, state };
 }
 
-/** The reach that is sharp, on a scale of distances that is even in 1 / distance, as lenses are engraved. */
-function depthScale(link) {
-  const element = h("div", { class: "vf-depth", role: "img" });
-  const near = h("span", {});
-  const far = h("span", {});
-  const band = h("span", { class: "vf-band" });
-  const needle = h("span", { class: "vf-needle" });
-  const words = h("p", { class: "vf-note" });
-  element.append(h("span", { class: "vf-track" }, band, needle), near, far);
-  link.on("state", ({ focus }) => {
-    element.hidden = words.hidden = !focus || !focus.distance_m || focus.near_m === undefined;
-    if (element.hidden) return;
-    const shortest = Math.min(focus.near_m ?? focus.distance_m, focus.distance_m) / 1.6;
-    const at = (metres) => (metres === null || !Number.isFinite(metres) ? 1 : Math.max(0, 1 - shortest / metres));
-    band.style.left = `${100 * at(focus.near_m)}%`;
-    band.style.right = `${100 * (1 - at(focus.far_m))}%`;
-    needle.style.left = `${100 * at(focus.distance_m)}%`;
-    near.textContent = distance(focus.near_m);
-    far.textContent = distance(focus.far_m);
-    const hyperfocal = focus.hyperfocal_m ? `; hyperfocal ${distance(focus.hyperfocal_m)}` : "";
-    words.textContent = `Sharp from ${near.textContent} to ${far.textContent}; focus ${distance(focus.distance_m)}${hyperfocal}`;
-    element.setAttribute("aria-label", words.textContent);
-  });
-  return [element, words];
-}
-
 export class Focus {
   constructor(link, stage, overlays) {
     Object.assign(this, { link, stage, overlays, zones: [] });
@@ -58,6 +39,7 @@ export class Focus {
     this.method = select("Method", METHODS, () => {}, { value: "", name: "method" });
     this.start = button("Autofocus", () => this.auto(), { key: "f", name: "autofocus" });
     this.useZone = toggle("Zone at the last point", () => {}, { name: "zone" });
+    link.on("hello", ({ methods }) => methods && this.method.fill(named(methods), ""));
     link.on("state", ({ focus }) => this.standing(focus));
     link.on("link", () => this.show([]));
   }
@@ -142,7 +124,7 @@ export class Focus {
       changed: (value) => this.link.soon("peaking", "view", { peaking_level: value }),
     });
     return h("div", { class: "vf-panel" },
-      h("h3", {}, "Depth of field"), depthScale(this.link),
+      h("h3", {}, "Depth of field"), focusScale(this.link),
       h("h3", {}, "Autofocus"), this.method,
       h("div", { class: "vf-row" }, this.start, this.useZone), this.result, this.curve,
       h("h3", {}, "By eye"),

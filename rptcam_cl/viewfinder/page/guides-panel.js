@@ -26,7 +26,7 @@ export class Guides {
     this.buttons = LINES.map(({ name, label, key }) => toggle(label, (on) => this.change({ [name]: on }), { key, name, pressed: Boolean(this.shown[name]) }));
     this.aspect = choice("Aspect mask", ASPECTS, (value) => this.change({ aspect: value }), { value: this.shown.aspect, name: "aspect" });
     this.note = h("p", { class: "vf-note" });
-    link.on("state", ({ guides }) => this.circle(guides?.image_circle ?? null));
+    link.on("state", ({ guides }) => guides !== undefined && this.circle(guides?.image_circle ?? null));
     stage.show(this.shown);
   }
 

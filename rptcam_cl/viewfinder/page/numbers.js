@@ -37,10 +37,15 @@ export function reduction(scale) {
   return scale > 0.99 ? "full" : Math.abs(1 / scale - Math.round(1 / scale)) < 0.05 ? `1/${Math.round(1 / scale)}` : percent(scale);
 }
 
+/** Words as the first of a line. */
+export function capital(words) {
+  return words.charAt(0).toUpperCase() + words.slice(1);
+}
+
 const KNOWN = {
   f_number: (value) => `f/${digits(value, 2)}`,
   shutter_s: time,
-  iso: (value) => digits(value, 3),
+  iso: (value) => digits(value, 6),
   ev: signed,
   focus_m: distance,
 };

@@ -45,12 +45,12 @@ export class Status {
     this.name.classList.toggle("vf-changed", changed.length > 0);
   }
 
-  painted({ kind, slot, scale, spp, ms, noise, stale, moving, width, height }) {
+  painted({ kind, slot, scale, spp, target_spp: target, ms, noise, stale, moving, width, height }) {
     if (kind !== "picture") return;
     if (slot === "A") {
       this.values.scale.textContent = reduction(scale);
       this.values.scale.classList.toggle("vf-reduced", scale < 0.99);
-      this.values.spp.textContent = String(spp);
+      this.values.spp.textContent = target > 1 ? `${spp}\u2009/\u2009${target}` : String(spp);
       this.values.ms.textContent = digits(ms, 3);
       this.values.noise.textContent = noise === null || noise === undefined ? "–" : percent(noise);
     }
