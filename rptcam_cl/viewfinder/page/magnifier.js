@@ -34,7 +34,6 @@ export class Magnifier {
   ask() {
     const ratio = window.devicePixelRatio || 1;
     const side = Math.round(Math.min(LARGEST, Math.max(96, this.stage.panes.A.size.width * SHARE * ratio)));
-    this.element.style.width = `${side / ratio}px`;
     this.element.classList.toggle("vf-left", this.point.x > 0.5 && this.point.y < 0.6);
     this.link.soon("magnify", "magnify", { x: this.point.x, y: this.point.y, width: side, height: Math.round(side * 0.75) });
   }
@@ -43,6 +42,7 @@ export class Magnifier {
     this.canvas.width = bitmap.width;
     this.canvas.height = bitmap.height;
     this.canvas.getContext("2d").drawImage(bitmap, 0, 0);
+    this.canvas.style.width = `${bitmap.width / (window.devicePixelRatio || 1)}px`;
     this.caption.textContent = `1:1 · ${header.spp} spp`;
   }
 }
