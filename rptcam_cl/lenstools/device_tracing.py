@@ -195,6 +195,7 @@ class LensTracer:
             lens, wavelength_nm, side, 0.0, double=double, dispersive=dispersive, transmission=transmission
         )
         self.facts = traced.facts | {"VW": self.lanes, "DOUBLE": int(double), "LENS_KEEP_FAILED": 1}
+        self._kept: dict[tuple[int, int], tuple[Any, Any]] = {}
         self.lens = {
             "surfaces": session.upload(traced.surfaces),
             "count": np.int32(len(traced.surfaces)),
@@ -220,12 +221,10 @@ class LensTracer:
         count = rows.stop if isinstance(rows, slice) else len(rows)
         size = PACKETS * self.lanes * GROUP
         capacity = min(-(-count // size) * size, BLOCK)
-        program = self.session.program(["pass/trace_rays.cl"], self.facts, device_declarations())
         table = np.zeros((ROWS if rays.transmittance is None else ROWS + 1, capacity), self.real)
         table[ROWS:] = 1.0  # what a lens leaves that loses nothing
-        memory = self.session.allocate(table.nbytes)
-        lens = self.lens if surfaces is None else self.lens | {"count": np.int32(surfaces)}
-        launch = self.session.bind(program, "trace_rays", **lens, rays=memory, capacity=np.uint32(capacity))
+        memory, launch = self._bound(capacity, table.nbytes)
+        launch.set(count=self.lens["count"] if surfaces is None else np.int32(surfaces))
         for low in range(0, count, BLOCK):
             high = min(low + BLOCK, count)
             part = slice(low, high) if isinstance(rows, slice) else rows[low:high]
@@ -236,6 +235,15 @@ class LensTracer:
             launch.enqueue(capacity // (PACKETS * self.lanes), GROUP)
             out = self.session.read(memory, self.real, table.size).reshape(table.shape)
             self._unpack(out[:, : high - low], rays, part, self._end(surfaces))
+
+    def _bound(self, capacity: int, size: int) -> tuple[Any, Any]:
+        """Return memory for so many rays and the kernel that traces them, kept from one bundle to the next."""
+        if (capacity, size) not in self._kept:
+            program = self.session.program(["pass/trace_rays.cl"], self.facts, device_declarations())
+            memory = self.session.allocate(size)
+            launch = self.session.bind(program, "trace_rays", **self.lens, rays=memory, capacity=np.uint32(capacity))
+            self._kept[capacity, size] = memory, launch
+        return self._kept[capacity, size]
 
     def paths(self, points: Array, vectors: Array, wavelengths_nm: Array | None = None) -> tuple[Array, Rays]:
         """Return where rays (n, 3) start and meet each surface (surfaces + 1, n, 3), and what becomes of them.

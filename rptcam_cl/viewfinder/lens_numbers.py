@@ -69,7 +69,7 @@ def _pupil(z_mm: float, diameter_mm: float) -> dict[str, float] | None:
 
 
 def image_circle_mm(state: LensState) -> float | None:
-    """Return the radius on the film beyond which no ray arrives [mm], to a thousandth; None beyond 2.5 times the film.
+    """Return the radius on the film beyond which no ray arrives [mm], within 0.5 %; None beyond 2.5 times the film.
 
     Rays are traced in float64 along the line where the last of them pass, at some radii at a time.
     """

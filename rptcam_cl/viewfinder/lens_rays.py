@@ -60,8 +60,8 @@ def _fan(state: LensState, start: Array, across: Array, box: Array, window: Arra
     """Return the rays of every wavelength, evenly over what passes and on beyond it."""
     heights, foot = _heights(across, box, window)
     targets = np.column_stack([foot + heights[:, None] * across, np.full(len(heights), state.lens.length)])
-    wavelengths = np.repeat(LINES_NM, len(heights))
-    vectors = np.tile(targets - start, (len(LINES_NM), 1))
+    wavelengths = np.repeat(state.wavelengths_nm, len(heights))
+    vectors = np.tile(targets - start, (len(state.wavelengths_nm), 1))
     points = np.broadcast_to(start, vectors.shape).copy()
     corners, rays = state.from_film.paths(points, vectors, wavelengths)
     return [_drawn(state, corners[:, ray], rays, ray, across, float(wavelengths[ray])) for ray in range(len(points))]
@@ -123,7 +123,7 @@ def _scouts(state: LensState, start: Array, box: Array) -> Rays:
     u, v = (np.linspace(low, high, ACROSS) for low, high in (box[:2], box[2:]))
     targets = np.column_stack([*(axis.ravel() for axis in np.meshgrid(u, v)), np.full(ACROSS**2, state.lens.length)])
     points = np.broadcast_to(start, targets.shape).copy()
-    return state.from_film.trace(points, targets - start, np.full(len(targets), LINES_NM[1]))
+    return state.from_film.trace(points, targets - start, np.full(len(targets), state.setting.camera.wavelength_nm))
 
 
 def _spots(state: LensState, entrance: Array, mean: Array, across: Array) -> list[FilmSpot]:
@@ -148,15 +148,15 @@ def _spots(state: LensState, entrance: Array, mean: Array, across: Array) -> lis
         else np.minimum(2 * state.size_mm, lengths)
     )
     origins = grid - vectors / lengths * back
-    count, axes = len(LINES_NM), np.stack([[across[1], -across[0]], across], axis=1)
-    wavelengths = np.repeat(LINES_NM, len(grid))
+    count, axes = len(state.wavelengths_nm), np.stack([[across[1], -across[0]], across], axis=1)
+    wavelengths = np.repeat(state.wavelengths_nm, len(grid))
     rays = state.from_scene.trace(np.tile(origins, (count, 1)), np.tile(vectors, (count, 1)), wavelengths)
     good = rays.passed
     step = (state.film_z - rays.origins[:, 2:]) / np.where(good[:, None], rays.directions[:, 2:], 1.0)
     film = (rays.origins[:, :2] + rays.directions[:, :2] * step) @ axes
     turned = rays.directions[:, :2] @ axes
     spots = []
-    for wavelength in LINES_NM:
+    for wavelength in state.wavelengths_nm:
         rows = good & (wavelengths == wavelength)
         index = float(state.lens.indices(wavelength)[-1])
         cone = 2.0 * index * np.std(turned[rows], axis=0) if rows.any() else np.zeros(2)

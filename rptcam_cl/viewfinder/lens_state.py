@@ -12,7 +12,7 @@ from rptcam_cl.cameras import LensSetting, disperses, lens_setting, stop_shape, 
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.device import Session
 from rptcam_cl.lenstools import LensTracer
-from rptcam_cl.optics import Lens, Rays
+from rptcam_cl.optics import IDEAL, Lens, Rays
 from rptcam_cl.scene import LensCamera, Scene
 
 Array = NDArray[np.float64]
@@ -34,15 +34,13 @@ class KeptTracer:
     def __init__(self, lens: Lens, device: Session, start: str) -> None:
         low, high = usable_nm(lens)
         self._lens, self._device, self._start = lens, device, start
-        self._coloured = bool(disperses(lens)) and low <= min(LINES_NM) and max(LINES_NM) <= high
+        self._coloured = disperses(lens) and low <= min(LINES_NM) and max(LINES_NM) <= high
         self._tracers: dict[float, LensTracer] = {}
 
     def _tracer(self, wavelength_nm: float) -> LensTracer:
         """Return the tracer of a wavelength; of all where rays bring their own."""
         key = 0.0 if self._coloured else wavelength_nm
         if key not in self._tracers:
-            from rptcam_cl.optics import IDEAL
-
             self._tracers[key] = LensTracer(
                 self._lens, self._device, wavelength_nm, self._start, "single", IDEAL, dispersive=self._coloured
             )
@@ -120,6 +118,11 @@ class LensState:
         """The larger of the length and the diameter of the glass."""
         finite = [surface.semi_diameter for surface in self.lens.surfaces if np.isfinite(surface.semi_diameter)]
         return float(max(abs(self.lens.length), 2 * max(finite, default=0.0)))
+
+    @cached_property
+    def wavelengths_nm(self) -> tuple[float, ...]:
+        """Wavelengths whose rays differ: one where the glass bends all of them alike."""
+        return LINES_NM if disperses(self.lens) else (self.setting.camera.wavelength_nm,)
 
     @cached_property
     def from_film(self) -> KeptTracer:
