@@ -60,6 +60,7 @@ _LARGEST = math.nextafter(math.inf, 0.0)
 
 spp = _number(int, 1, 2**32 - 1, "1 to 4294967295")  # sample numbers have 32 bits on the device
 seed = _number(int, 0, 2**64 - 1, "0 to 2^64 - 1")
+port = _number(int, 0, 2**16 - 1, "0 to 65535; 0 takes one that is free")
 positive = _number(float, _SMALLEST, _LARGEST, "a finite number above 0")
 
 _UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}

@@ -39,6 +39,7 @@ ROOMS: dict[str, set[str]] = {
     "importers": {"core", "colour", "assets", "optics", "scene"},
     "api": {"core", "optics", "scene", "imaging", "device", "lenstools", "plan", "rendering", "focusing", "tradeoff"},
     "viewfinder": {
+        "_version",
         "core",
         "colour",
         "optics",

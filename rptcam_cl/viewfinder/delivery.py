@@ -1,0 +1,164 @@
+"""From what was rendered to the frames and figures that each client wants of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.viewfinder import difference, histogram, meter, overlays
+from rptcam_cl.viewfinder.client import Client
+from rptcam_cl.viewfinder.messages import Magnify
+from rptcam_cl.viewfinder.outbox import FrameData
+from rptcam_cl.viewfinder.pictures import MEDIA, Codes, encoded, fitted
+from rptcam_cl.viewfinder.slot import Shown, Slot
+
+COUNT_S = 0.2  # between two histograms of a picture that moves
+
+
+@dataclass
+class _Made:
+    """What was made of one picture, so that clients with the same wishes share it."""
+
+    number: int = 0
+    data: dict[Any, Any] = field(default_factory=dict)
+
+
+class Delivery:
+    """Makes frames of what slots show; only the engine's thread uses it."""
+
+    def __init__(self) -> None:
+        self._made: dict[str, _Made] = {}
+        self._last_count = 0.0
+
+    def deliver(self, slot: Slot, clients: Iterable[Client]) -> None:
+        """Put what a slot shows into the outboxes of those clients that have not had it and have room."""
+        shown = slot.shown
+        if shown is None:
+            return
+        for client in clients:
+            if client.shown.get(slot.name, 0) < shown.number and client.outbox.has_room:
+                client.shown[slot.name] = shown.number
+                self._send(slot, shown, client)
+
+    def _send(self, slot: Slot, shown: Shown, client: Client) -> None:
+        wishes = client.wishes
+        key = ("picture", wishes.width, wishes.height, wishes.format, wishes.quality)
+        size, data = self._once(slot, shown, key, lambda: _picture(shown.codes, *key[1:]))
+        header = self._header(slot, shown, client, size)
+        client.outbox.frame((slot.name, "picture"), FrameData(header | {"media": MEDIA[wishes.format]}, data))
+        for name in wishes.overlays_on():
+            level = {"zebra": wishes.zebra_level, "peaking": wishes.peaking_level}.get(name, 0.0)
+            wanted = ("overlay", name, level, wishes.width, wishes.height)
+            size, data = self._once(slot, shown, wanted, lambda: _overlay(shown, *wanted[1:]))  # noqa: B023 -- called at once
+            client.outbox.frame((slot.name, "overlay", name), _exact(header, "overlay", size, data, overlay=name))
+        if client.magnifier is not None and client.magnifier.place is not None and shown.frame.scale == 1:
+            size, data = _magnified(shown.codes, client.magnifier)
+            place = {"x": client.magnifier.x, "y": client.magnifier.y}
+            client.outbox.frame((slot.name, "magnifier"), _exact(header, "magnifier", size, data, **place))
+        if "histogram" in wishes.panels and self._may_count(shown):
+            counts = self._once(slot, shown, ("histogram",), lambda: _counts(shown))
+            generation = shown.frame.generation
+            message = {"type": "histogram", "generation": generation, "slot": slot.name, **counts}
+            client.outbox.news(("histogram", slot.name), message)
+
+    def _may_count(self, shown: Shown) -> bool:
+        """Return whether figures of all pixels are due: of a picture that moves, several times a second."""
+        now = time.monotonic()
+        if shown.moving and now < self._last_count + COUNT_S:
+            return False
+        self._last_count = now
+        return True
+
+    def meter(self, slot: Slot, client: Client) -> None:
+        """Tell a client what lies under its pointer."""
+        shown = slot.shown
+        if shown is None or client.pointer is None or "meter" not in client.wishes.panels:
+            return
+        reading = meter.spot_meter(shown.frame.pixels, slot.resolved, *client.pointer)
+        client.outbox.news("meter", {"type": "meter", "generation": shown.frame.generation, **reading.as_dict()})
+
+    def difference(self, a: Slot, b: Slot, clients: Iterable[Client]) -> None:
+        """Send how far two pictures lie apart, to those that have room; pictures of other sizes or samples wait."""
+        first, second = a.shown, b.shown
+        if first is None or second is None or first.frame.pixels.shape != second.frame.pixels.shape:
+            return
+        if first.frame.spp != second.frame.spp:
+            return
+        number = first.number + second.number
+        found = None
+        for client in clients:
+            if client.shown.get("difference", 0) < number and client.outbox.has_room:
+                client.shown["difference"] = number
+                found = found or difference.difference(first.frame.pixels, second.frame.pixels)
+                codes = fitted(found.rgb(), client.wishes.width, client.wishes.height)
+                header = self._header(b, second, client, codes.shape[1::-1])
+                more = {"numbers": found.numbers(), "legend": difference.legend()}
+                size = (codes.shape[1], codes.shape[0])
+                data = encoded(codes, "png", 100)
+                client.outbox.frame("difference", _exact(header, "difference", size, data, **more))
+
+    def _once(self, slot: Slot, shown: Shown, key: Any, make: Any) -> Any:
+        made = self._made.setdefault(slot.name, _Made())
+        if made.number != shown.number:
+            made.number, made.data = shown.number, {}
+        if key not in made.data:
+            made.data[key] = make()
+        return made.data[key]
+
+    @staticmethod
+    def _header(slot: Slot, shown: Shown, client: Client, size: tuple[int, ...]) -> dict[str, Any]:
+        frame = shown.frame
+        return {
+            "type": "frame",
+            "generation": frame.generation,
+            "slot": slot.name,
+            "kind": "picture",
+            "width": size[0],
+            "height": size[1],
+            "full": list(slot.session.resolution),
+            "scale": frame.scale,
+            "spp": frame.spp,
+            "target_spp": slot.target_spp,
+            "ms": round(frame.seconds * 1e3, 2),
+            "noise": frame.noise,
+            "moving": shown.moving,
+            "stale": shown.stale,
+            "answers": shown.answers.get(client.number),
+        }
+
+
+def _picture(codes: Codes, width: int, height: int, form: Any, quality: int) -> tuple[tuple[int, int], bytes]:
+    small = fitted(codes, width, height)
+    return (small.shape[1], small.shape[0]), encoded(small, form, quality)
+
+
+def _exact(header: dict[str, Any], kind: str, size: tuple[int, int], data: bytes, **more: Any) -> FrameData:
+    own = {"kind": kind, "width": size[0], "height": size[1], "media": MEDIA["png"]}
+    return FrameData(header | own | more, data)
+
+
+def _overlay(shown: Shown, name: str, level: float, width: int, height: int) -> tuple[tuple[int, int], bytes]:
+    pixels = shown.frame.pixels
+    if name == "zebra":
+        rgba: NDArray[np.uint8] = overlays.zebra_rgba(overlays.zebra(pixels, level))
+    elif name == "peaking":
+        rgba = overlays.peaking_rgba(overlays.peaking(pixels, level))
+    else:
+        rgba = overlays.false_colour_rgba(overlays.false_colour(pixels))
+    return _picture(rgba, width, height, "png", 100)
+
+
+def _magnified(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:
+    assert wanted.x is not None and wanted.y is not None
+    crop, _ = overlays.magnifier(codes, wanted.x, wanted.y, wanted.width, wanted.height)
+    return (crop.shape[1], crop.shape[0]), encoded(np.ascontiguousarray(crop), "png", 100)
+
+
+def _counts(shown: Shown) -> dict[str, Any]:
+    pixels = shown.frame.pixels
+    return histogram.histogram(shown.codes, pixels).as_dict() | {"stops": histogram.stop_histogram(pixels).as_dict()}

@@ -1,0 +1,263 @@
+"""What the engine does for each kind of message, and what it says to clients without being asked."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
+from rptcam_cl.viewfinder import messages, saving
+from rptcam_cl.viewfinder.click_focus import focus_at, focus_zones
+from rptcam_cl.viewfinder.client import Client
+from rptcam_cl.viewfinder.delivery import Delivery
+from rptcam_cl.viewfinder.dials import turn_dial, zoom_clicks
+from rptcam_cl.viewfinder.field import distance_in_focus, field_at_one
+from rptcam_cl.viewfinder.inbox import Request
+from rptcam_cl.viewfinder.moves import moved, viewpoint_of
+from rptcam_cl.viewfinder.slot import Slot
+from rptcam_cl.viewfinder.state import hello_message, state_message
+from rptcam_cl.viewfinder.studio import Studio, text_of
+
+LOG = logging.getLogger("rptcam_cl.viewfinder")
+_PLACE = re.compile(r"^(?P<where>\S[^:\n]*:\d+:\d+): |^(?P<key>[A-Za-z_][\w.\[\]]*): ")
+_PANEL_S = 0.1  # between two traces of the rays under the pointer while the picture is made
+
+
+class Requests:
+    """Answers messages; only the engine's thread uses it.
+
+    Parameters
+    ----------
+    studio
+        What the messages are about.
+    delivery
+        Makes what panels show.
+    """
+
+    def __init__(self, studio: Studio, delivery: Delivery) -> None:
+        self._studio, self._delivery = studio, delivery
+        self._reported: tuple[Any, ...] = ()
+        self._pointed: dict[int, Any] = {}
+        self._last_panel = 0.0
+        self._handlers: dict[type[messages.Message], Callable[[Client | None, Any], None]] = {
+            messages.Set: self._set,
+            messages.Dial: self._dial,
+            messages.Move: self._move,
+            messages.Reset: self._reset,
+            messages.Focus: self._focus,
+            messages.Autofocus: self._autofocus,
+            messages.Pointer: self._pointer,
+            messages.Magnify: self._magnify,
+            messages.Compare: self._compare,
+            messages.Save: self._save,
+            messages.SceneText: self._scene,
+            messages.CommandLine: self._command,
+            messages.Pause: self._pause,
+            messages.Resume: self._pause,
+            messages.View: self._view,
+            messages.SceneRead: self._scene_read,
+        }
+
+    def answer(self, request: Request) -> None:
+        """Do what a message asks; what is wrong with it is reported to its client."""
+        client, message = request.client, request.message
+        try:
+            self._handlers[type(message)](client, message)
+        except (InputError, StateError) as problem:
+            self._refuse(client, message, problem)
+            return
+        except Exception as problem:
+            LOG.exception("the viewfinder met an unexpected error in a message %s", type(message).__name__)
+            if client is not None:
+                client.error(text_of(problem), message.id, "device" if isinstance(problem, DeviceError) else "change")
+            if isinstance(problem, DeviceError):
+                raise
+            return
+        if client is not None and isinstance(message, messages.Set | messages.Dial | messages.Move):
+            client.answers = message.id
+        if client is not None and not isinstance(message, _WITH_OWN_ANSWER):
+            client.done(message.id, self._studio.generation)
+
+    def _refuse(self, client: Client | None, message: messages.Message, problem: RptcamError) -> None:
+        if client is not None:
+            text = str(problem)
+            source = "save" if isinstance(message, messages.Save) else "change"
+            client.error(text, message.id, source, place_of(text))
+
+    def _set(self, client: Client | None, message: messages.Set) -> None:
+        self._studio.change(message.slot, message.changes, transient=message.transient)
+
+    def _dial(self, client: Client | None, message: messages.Dial) -> None:
+        slot = self._studio.slot(message.slot)
+        turned = turn_dial(slot.dials, slot.scene, slot.resolved, message.name, message.value, slot.reading_cd_m2)
+        slot.messages = turned.messages
+        if turned.changes:
+            self._studio.change(message.slot, turned.changes, transient=message.transient, dials=turned.dials)
+        slot.dials = turned.dials
+
+    def _move(self, client: Client | None, message: messages.Move) -> None:
+        slot = self._studio.slot("A")
+        if message.kind == "zoom":
+            turned = zoom_clicks(slot.dials, slot.scene, slot.resolved, message.dy)
+            slot.messages = turned.messages
+            if turned.changes:
+                self._studio.change("A", turned.changes, transient=message.transient, dials=turned.dials)
+        else:
+            width, height = slot.session.resolution
+            distance = distance_in_focus(slot.resolved)
+            stand = viewpoint_of(slot.scene.camera, distance, field_at_one(slot.resolved), height / width)
+            keys = moved(stand, message.kind, message.dx, message.dy, message.dz).changes(stand)
+            if keys:
+                self._studio.change("A", keys, transient=message.transient)
+
+    def _reset(self, client: Client | None, message: messages.Reset) -> None:
+        self._studio.reset("camera" if message.what == "camera" else "")
+
+    def _focus(self, client: Client | None, message: messages.Focus) -> None:
+        slot = self._studio.slot("A")
+        self._focused(client, message, focus_at(slot.scene, slot.session.device, message.x, message.y))
+
+    def _autofocus(self, client: Client | None, message: messages.Autofocus) -> None:
+        slot = self._studio.slot("A")
+        zones = None if message.zones is None else [tuple(zone) for zone in message.zones]
+        self._focused(client, message, focus_zones(slot.scene, slot.session.device, message.method, zones))
+
+    def _focused(self, client: Client | None, message: messages.Message, focused: Any) -> None:
+        self._studio.change("A", focused.changes)
+        if client is not None:
+            client.outbox.answer({"type": "focused", "id": message.id, **focused.as_dict()})
+
+    def _pointer(self, client: Client | None, message: messages.Pointer) -> None:
+        if client is not None:
+            client.pointer = message.place
+
+    def _magnify(self, client: Client | None, message: messages.Magnify) -> None:
+        if client is not None:
+            client.magnifier = None if message.place is None else message
+            client.shown.pop("A", None)
+
+    def _view(self, client: Client | None, message: messages.View) -> None:
+        if client is not None:
+            client.wishes = client.wishes.changed(message)
+            client.shown.clear()
+            self._pointed.pop(client.number, None)
+
+    def _compare(self, client: Client | None, message: messages.Compare) -> None:
+        wanted = message.model_dump(include={"mode", "model", "changes", "difference"})
+        now = self._studio.compare
+        both_on = "off" not in (wanted["mode"], now["mode"])
+        if both_on and all(wanted[key] == now[key] for key in ("model", "changes")):
+            self._studio.compare = wanted
+        else:
+            self._studio.set_compare(wanted)
+
+    def _save(self, client: Client | None, message: messages.Save) -> None:
+        slot = self._studio.slot(message.slot)
+        if slot.session.spp == 0:
+            slot.session.take(1)
+        data = saving.file_bytes(slot.session.image(), message.format)
+        name = saving.file_name(message.name, message.format)
+        if client is not None:
+            media = saving.MEDIA[message.format]
+            client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
+
+    def _scene(self, client: Client | None, message: messages.SceneText) -> None:
+        slot = self._studio.slot(message.slot)
+        text = self._studio.origin.text(slot.scene)
+        if client is not None:
+            client.outbox.answer({"type": "scene", "id": message.id, "yaml": text, "name": self._studio.origin.name})
+
+    def _command(self, client: Client | None, message: messages.CommandLine) -> None:
+        slot = self._studio.slot(message.slot)
+        text = self._studio.origin.command(slot.scene, slot.session.spp)
+        if client is not None:
+            client.outbox.answer({"type": "command", "id": message.id, "text": text})
+
+    def _pause(self, client: Client | None, message: messages.Pause | messages.Resume) -> None:
+        self._studio.paused = isinstance(message, messages.Pause)
+
+    def _scene_read(self, client: Client | None, message: messages.SceneRead) -> None:
+        try:
+            dropped = self._studio.replace(message.scene)
+        except InputError as problem:
+            text = str(problem)
+            error = {"type": "error", "id": None, "message": text, "where": place_of(text), "source": "scene"}
+            self._studio.file_error = error
+            self._studio.tell(error)
+            return
+        text = "; ".join(("the scene file was read again", *(f"no longer possible: {item}" for item in dropped)))
+        self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
+
+    def inform(self, clients: Iterable[Client]) -> None:
+        """Tell clients how the camera stands, where that has changed, and what lies under their pointers."""
+        slot = self._studio.a
+        if slot is None:
+            return
+        clients = list(clients)
+        resting = slot.rests_in() <= 0
+        reported = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting, *self._compared())
+        if reported != self._reported and not slot.wants_glance:
+            self._reported = reported
+            message = state_message(self._studio, slot, detailed=resting)
+            for client in clients:
+                client.outbox.news("state", message)
+        self._point(slot, clients)
+
+    def greet(self, client: Client) -> None:
+        """Tell a new client what there is and how the camera stands."""
+        studio = self._studio
+        if studio.a is None or client.was_greeted:
+            return
+        token = {} if client.token is None else {"token": client.token}
+        client.outbox.answer(hello_message(studio, studio.a, client.number) | token)
+        client.outbox.news("state", state_message(studio, studio.a, detailed=True))
+        client.was_greeted = studio.was_seen = True
+        if studio.file_error is not None:
+            client.outbox.answer(studio.file_error)
+
+    def _compared(self) -> tuple[Any, ...]:
+        compare = self._studio.compare
+        return (compare["mode"], compare["model"], repr(compare["changes"]), compare["difference"])
+
+    def _point(self, slot: Slot, clients: Iterable[Client]) -> None:
+        """Meter and trace at the pointers that have moved, or under which the picture has changed."""
+        shown = slot.shown
+        for client in clients:
+            place = (client.pointer, None if shown is None else shown.number)
+            if place != self._pointed.get(client.number):
+                self._delivery.meter(slot, client)
+                self._lens(slot, client)
+                self._pointed[client.number] = place
+        self._pointed = {client.number: self._pointed[client.number] for client in clients}
+
+    def _lens(self, slot: Slot, client: Client) -> None:
+        panel = self._studio.panel
+        if panel is None or "lens" not in client.wishes.panels:
+            return
+        at = (client.pointer, slot.session.generation)
+        now = time.monotonic()
+        if at == client.lens_at or (slot.rests_in() > 0 and now - self._last_panel < _PANEL_S):
+            return
+        self._last_panel = now
+        message: dict[str, Any] = {"type": "lens", "generation": slot.session.generation, "pointer": None}
+        if client.lens_at is None or client.lens_at[1] != at[1]:
+            message |= {"section": panel.section(slot.resolved), "numbers": panel.numbers(slot.resolved)}
+        if client.pointer is not None:
+            message["pointer"] = panel.pointer(slot.resolved, *client.pointer)
+        client.lens_at = at
+        client.outbox.news("lens" if "section" not in message else "lens with section", message)
+
+
+_WITH_OWN_ANSWER = (
+    messages.Focus, messages.Autofocus, messages.Save, messages.SceneText, messages.CommandLine, messages.Pointer,
+    messages.Magnify,
+)  # fmt: skip
+
+
+def place_of(text: str) -> str | None:
+    """Return the file, line and column, or else the key path, that an error begins with."""
+    found = _PLACE.match(text)
+    return None if found is None else found["where"] or found["key"]

@@ -1,0 +1,182 @@
+"""One picture of the viewfinder: a render session, the dials of its camera, and how far it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from rptcam_cl.api import Change, Frame, RenderSession
+from rptcam_cl.imaging import Image, with_picture_settings
+from rptcam_cl.scene import Scene
+from rptcam_cl.viewfinder.dials import Dials, follow_light, read_dials
+from rptcam_cl.viewfinder.meter import film_reading
+from rptcam_cl.viewfinder.origin import Changes
+from rptcam_cl.viewfinder.pace import Pace
+from rptcam_cl.viewfinder.pictures import Codes, codes_of
+
+REST_S = 0.25  # after the last movement of what is held, before the picture is refined
+_SAME_FILM = ("none", "picture")  # kinds of change after which the film is as it was
+_BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A frame that was rendered, developed."""
+
+    number: int
+    frame: Frame
+    codes: Codes
+    moving: bool
+    stale: bool
+    answers: Mapping[int, int | None]  # by client: its last change that the frame shows
+
+
+class Slot:
+    """A picture, ``A`` or ``B``. Only the engine's thread uses it.
+
+    Parameters
+    ----------
+    name
+        ``A`` or ``B``.
+    session
+        What renders; the slot closes it.
+    changes
+        Those that lead from the scene file to the scene of the session.
+    dials
+        The state of the camera's body; read from the scene by default.
+    """
+
+    def __init__(self, name: str, session: RenderSession, changes: Changes, dials: Dials | None = None) -> None:
+        self.name = name
+        self.session = session
+        self.changes = changes
+        self.dials = read_dials(session.scene, session.resolved) if dials is None else dials
+        self.pace = Pace()
+        self.shown: Shown | None = None
+        self.reading_cd_m2: float | None = None
+        self.messages: tuple[str, ...] = ()
+        self._follows = True  # dials that go by the light may change once for each change of the user's
+        self.wants_glance, self.wants_showing = True, False
+        self.compiling = False
+        self._moving_until = 0.0
+        self._number = 0
+        self._next_samples = 1
+        self._last: Frame | None = None  # of what is there now
+        self._is_done = False
+
+    @property
+    def scene(self) -> Scene:
+        """As requested."""
+        return self.session.scene
+
+    @property
+    def resolved(self) -> Scene:
+        """In focus and exposed."""
+        return self.session.resolved
+
+    @property
+    def target_spp(self) -> int:
+        """Samples per pixel at which the picture is done."""
+        return self.scene.render.most_spp
+
+    def change(self, keys: Mapping[str, Any], *, transient: bool = False, dials: Dials | None = None) -> Change:
+        """Change the scene, at once or not at all.
+
+        Parameters
+        ----------
+        keys
+            Values by key path; None removes.
+        transient
+            Whether more will come at once, as from a control that is held.
+        dials
+            The camera's body afterwards; without it the scene says.
+
+        Raises
+        ------
+        InputError
+            A value is wrong; nothing is changed.
+        """
+        change = self.session.change(dict(keys), wait=False)
+        self.changes.add(keys)
+        if dials is not None:
+            self.dials = dials
+        elif any(part in _BODY for part in change.keys):
+            self.dials = read_dials(self.scene, self.resolved, self.dials)
+        self.touched(transient, change)
+        return change
+
+    def touched(self, transient: bool, change: Change) -> None:
+        """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
+        self._follows = True
+        self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
+        self.compiling = self.compiling or not change.ready
+        if change.kind in _SAME_FILM and self._last is not None and not self.wants_glance:
+            self.wants_showing = True
+            return
+        self.wants_glance, self._last, self._is_done = True, None, False
+        self._next_samples = 1
+
+    @property
+    def next_generation(self) -> int:
+        """The generation whose frames show the last change."""
+        return self.session.generation + self.compiling
+
+    def rests_in(self) -> float:
+        """Return the time until the picture is refined [s]; 0 where nothing moves."""
+        return max(0.0, self._moving_until - time.monotonic())
+
+    @property
+    def is_done(self) -> bool:
+        """Whether there is nothing left to render."""
+        return not self.wants_glance and (self._is_done or self.session.spp >= self.target_spp)
+
+    def glance(self) -> Frame:
+        """Return a first picture of what is there now, at the scale that keeps pace."""
+        scale = self.pace.scale
+        self.wants_glance = self.wants_showing = False
+        self._last = self.session.glance(scale)
+        self.pace.glanced(scale, self._last.seconds)
+        return self._last
+
+    def again(self) -> Frame:
+        """Return the picture that is there, to be developed anew."""
+        assert self._last is not None, "there is one where a change leaves the film"
+        self.wants_showing = False
+        return self._last
+
+    def refine(self) -> Frame | None:
+        """Return the picture with more samples; None where it was left before it had one of every pixel."""
+        before = self.session.spp
+        count = max(1, min(self._next_samples, self.pace.samples, self.target_spp - before))
+        frame = self.session.take(count)
+        self.pace.took(frame.spp - before, frame.seconds)
+        self._next_samples = 2 * count
+        self._is_done = frame.complete and frame.spp == before  # the requested noise is reached
+        if frame.spp == 0:
+            return None
+        self._last = frame
+        return frame
+
+    def show(self, frame: Frame, moving: bool, answers: Mapping[int, int | None]) -> None:
+        """Develop a frame; dials that follow the light follow it."""
+        self._number += 1
+        self.shown = Shown(self._number, frame, codes_of(self.image_of(frame)), moving, self.compiling, answers)
+        self.reading_cd_m2 = film_reading(frame.pixels, self.resolved, self.dials.meter)
+        if self._follows and not self.compiling:
+            turned = follow_light(self.dials, self.scene, self.resolved, self.reading_cd_m2)
+            if turned.changes:
+                self.change(turned.changes, dials=turned.dials, transient=moving)
+            self.dials, self._follows = turned.dials, False
+
+    def image_of(self, frame: Frame) -> Image:
+        """Return a frame as an image that develops as the scene says; glances leave the sensor out."""
+        if self.scene.sensor is not None and frame.scale == 1 and self.session.spp > 0:
+            return self.session.image()
+        metadata = {"spectrum": self.session.metadata.get("spectrum", "rgb")}
+        return with_picture_settings(Image(frame.pixels, metadata), self.scene.picture)
+
+    def close(self) -> None:
+        """Free the device."""
+        self.session.close()

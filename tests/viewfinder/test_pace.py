@@ -1,0 +1,47 @@
+"""The pace of the picture: its scale and its samples follow the speed measured."""
+
+from rptcam_cl.viewfinder.pace import GLANCE_S, SCALES, TAKE_S, Pace
+
+
+def run(pace: Pace, seconds_at_full: float, fixed: float, turns: int = 30) -> list[float]:
+    """Return the scales of so many glances of a scene that takes so long."""
+    scales = []
+    for _ in range(turns):
+        scale = pace.scale
+        scales.append(scale)
+        pace.glanced(scale, fixed + seconds_at_full * scale**2)
+    return scales
+
+
+def test_slow_scenes_get_the_largest_scale_that_is_fast_enough() -> None:
+    for seconds, best in ((0.001, 1.0), (0.15, 0.5), (0.9, 0.25), (3.0, 0.125), (100.0, 0.125)):
+        scales = run(Pace(), seconds, 0.002)
+        assert scales[-1] == best, seconds
+        assert len(set(scales[-10:])) == 1, "it comes to rest"
+
+
+def test_scale_follows_a_change_of_speed() -> None:
+    pace = Pace()
+    run(pace, 3.0, 0.0)
+    assert pace.scale == 0.125
+    run(pace, 0.001, 0.0)
+    assert pace.scale == 1.0
+    run(pace, 3.0, 0.0, turns=3)
+    assert pace.scale == 0.125
+
+
+def test_glance_of_another_scale_says_nothing() -> None:
+    pace = Pace()
+    before = pace.scale
+    pace.glanced(SCALES[-1], 100 * GLANCE_S)
+    assert pace.scale == before
+
+
+def test_samples_of_a_take_keep_its_time() -> None:
+    pace = Pace()
+    assert pace.samples == 1
+    for _ in range(20):
+        pace.took(pace.samples, pace.samples * TAKE_S / 10)
+    assert 8 <= pace.samples <= 10
+    pace.took(1, 1000.0)
+    assert pace.samples == 1

@@ -1,0 +1,97 @@
+"""Random play by a script: whatever is turned, the server answers, makes no error of its own and keeps its memory."""
+
+import os
+import random
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.viewfinder.page_client import SCENE, Page, page, serving
+
+MINUTES = float(os.environ.get("RPTCAM_PLAY_MINUTES", "3"))
+WARM_UP = 0.3  # share of the time after which nothing new is to be kept
+DRIFT = 0.05
+LENSES = ("dgauss-50mm", "wide-22mm", "achromat-100mm")
+
+
+def resident_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text("ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def some(dice: random.Random) -> tuple[str, dict[str, Any]]:
+    """Return a message that a hand might send, now and then a foolish one."""
+    place = {"x": dice.random(), "y": dice.random()}
+    transient = dice.random() < 0.7
+    turns: list[tuple[str, dict[str, Any]]] = [
+        ("dial", {"name": "f_number", "value": dice.choice([2.8, 4, 5.6, 8, 11, 16]), "transient": transient}),
+        ("dial", {"name": "focus_m", "value": dice.uniform(0.7, 3), "transient": transient}),
+        ("dial", {"name": "mode", "value": dice.choice("MASP")}),
+        ("dial", {"name": "ev", "value": dice.choice([-1, 0, 1])}),
+        ("dial", {"name": "iso", "value": dice.choice([100, 400, 1600])}),
+        ("dial", {"name": "shutter_s", "value": dice.choice([0.001, 0.01, 0.1])}),
+        ("dial", {"name": "tone", "value": dice.choice(["srgb", "agx", "aces", "reinhard"])}),
+        ("dial", {"name": "lens", "value": dice.choice(LENSES)}),
+        ("dial", {"name": "f_number", "value": dice.choice(["x", -1, None, 1e9])}),
+        ("move", {"kind": dice.choice(["orbit", "pan", "dolly", "walk", "tilt", "roll", "zoom"]),
+                  "dx": dice.uniform(-0.2, 0.2), "dy": dice.uniform(-0.2, 0.2), "transient": transient}),
+        ("reset", {"what": dice.choice(["camera", "all"])}),
+        ("pointer", place),
+        ("focus", place),
+        ("magnify", {**place, "width": 16, "height": 16}),
+        ("view", {"width": dice.choice([16, 48, 960]), "format": dice.choice(["jpeg", "webp", "png"]),
+                  "overlays": {"zebra": dice.random() < 0.5, "peaking": dice.random() < 0.5},
+                  "panels": ["histogram", "meter", "lens"]}),
+        ("compare", {"mode": dice.choice(["off", "side", "wipe"]), "changes": {"camera.f_number": 8},
+                     "difference": dice.random() < 0.5}),
+        ("save", {"format": dice.choice(["png", "jpeg", "exr"]), "name": "play"}),
+        ("scene", {}),
+        ("command", {}),
+        ("set", {"changes": {"materials.white.reflectance": [dice.random(), 0.5, 0.5]}, "transient": transient}),
+        ("set", {"changes": {"no.such.key": 1}}),
+    ]  # fmt: skip
+    weights = [6, 6, 1, 1, 1, 1, 2, 1, 1, 12, 2, 8, 1, 1, 1, 1, 1, 1, 1, 2, 1]
+    return dice.choices(turns, weights)[0]
+
+
+def play(client: Page, dice: random.Random, until: float, number: int) -> int:
+    """Send messages as a hand does until a moment; every one is answered. Return the next number."""
+    while time.monotonic() < until:
+        batch = range(number, number + dice.randint(1, 20))
+        waiting = set()
+        for number in batch:
+            kind, keys = some(dice)
+            client.send(kind, id=number, **keys)
+            waiting |= {number} if kind not in ("pointer", "magnify") else set()
+        number += 1
+        while waiting:
+            message = client.receive()
+            assert message.header.get("source") != "device", message.header
+            assert "unexpected" not in message.header.get("message", ""), message.header
+            waiting.discard(message.header.get("id", -1))
+        client.seen.clear()
+        if dice.random() < 0.2:
+            client.frame()
+    return number
+
+
+@pytest.mark.slow
+def test_random_play_makes_no_error_and_keeps_its_memory(tmp_path: Path) -> None:
+    dice = random.Random(1)
+    path = tmp_path / "ball.yaml"
+    path.write_text(SCENE)
+    number, sizes = 1000, []
+    begun = time.monotonic()
+    end = begun + 60 * MINUTES
+    with serving(path) as (finder, server):
+        while time.monotonic() < end:
+            with page(server) as client:
+                number = play(client, dice, min(end, time.monotonic() + 60 * MINUTES / 20), number)
+            if time.monotonic() > begun + WARM_UP * (end - begun):
+                sizes.append(resident_bytes())
+        assert finder.holds_device or not finder.clients()
+    middle = len(sizes) // 2
+    early, late = max(sizes[:middle]), max(sizes[middle:])
+    print(f"{number - 1000} messages, {early / 2**20:.0f} MiB in the first half, {late / 2**20:.0f} MiB in the second")
+    assert late < (1 + DRIFT) * early
