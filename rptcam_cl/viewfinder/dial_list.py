@@ -6,11 +6,11 @@ from typing import Any
 
 from rptcam_cl.scene import SIDES_MM, TONES, Aperture, CircularAperture, LensCamera, Scene, ThinLensCamera
 from rptcam_cl.viewfinder.depth_of_field import INFINITY_M, focus_scale, nearest_focus_m, perspective
+from rptcam_cl.viewfinder.dials import BALANCES
 from rptcam_cl.viewfinder.exposure_dials import METERINGS
 from rptcam_cl.viewfinder.lens_choice import current_name, lens_entries
 from rptcam_cl.viewfinder.optics_dials import SHAPES, ZOOM_TEXTS, stop_is_fixed, zoom_kind, zoom_range, zoomed_mm
 from rptcam_cl.viewfinder.panel import Dials, Panel
-from rptcam_cl.viewfinder.picture_dials import BALANCES
 from rptcam_cl.viewfinder.scales import EV_STEPS, F_NUMBERS, SPEEDS, TIMES, ev_text
 
 Entry = dict[str, Any]

@@ -6,9 +6,9 @@ from collections.abc import Callable
 from typing import Any
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import Scene, listed, near_name
-from rptcam_cl.viewfinder import exposure_dials, optics_dials, picture_dials
-from rptcam_cl.viewfinder.panel import Dials, Panel, Turned, read_dials
+from rptcam_cl.scene import COOLEST, HOTTEST, LIGHTS, NO_BALANCE, TONES, Scene, listed, near_name
+from rptcam_cl.viewfinder import exposure_dials, optics_dials
+from rptcam_cl.viewfinder.panel import Dials, Panel, Turned, number, read_dials, word
 
 __all__ = [
     "DIALS",
@@ -21,6 +21,33 @@ __all__ = [
     "wheel",
     "zoom_clicks",
 ]
+
+BALANCES = (NO_BALANCE, *LIGHTS)
+
+
+def turn_white_balance(panel: Panel, value: Any) -> Turned:
+    """Choose the light that is made grey, by name or as a temperature [K]."""
+    if isinstance(value, str):
+        return Turned(panel.dials, {"picture.white_balance": word("white_balance", value, BALANCES)})
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise InputError(f"white_balance: must be a light or a temperature in kelvin (got {str(value)[:40]!r})")
+    return turn_temperature(panel, value)
+
+
+def turn_temperature(panel: Panel, value: Any) -> Turned:
+    """Choose the colour temperature [K] of the light that is made grey."""
+    wanted = number("temperature_k", value)
+    kelvin = min(max(wanted, COOLEST), HOTTEST)
+    messages = () if kelvin == wanted else (f"temperatures go from {COOLEST:g} to {HOTTEST:g} K",)
+    balance = panel.scene.picture.white_balance
+    tint = {} if balance is None or balance.tint is None else {"tint": balance.tint}
+    return Turned(panel.dials, {"picture.white_balance": {"temperature_k": kelvin} | tint}, messages)
+
+
+def turn_tone(panel: Panel, value: Any) -> Turned:
+    """Choose the tone curve."""
+    return Turned(panel.dials, {"picture.tone": word("tone", value, TONES)})
+
 
 DIALS: dict[str, Callable[[Panel, Any], Turned]] = {
     "mode": exposure_dials.turn_mode,
@@ -37,9 +64,9 @@ DIALS: dict[str, Callable[[Panel, Any], Turned]] = {
     "stop": optics_dials.turn_stop,
     "blades": optics_dials.turn_blades,
     "format": optics_dials.turn_format,
-    "white_balance": picture_dials.turn_white_balance,
-    "temperature_k": picture_dials.turn_temperature,
-    "tone": picture_dials.turn_tone,
+    "white_balance": turn_white_balance,
+    "temperature_k": turn_temperature,
+    "tone": turn_tone,
 }
 
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.colour import luminance
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import srgb_from_linear
-from rptcam_cl.viewfinder.histogram import MIDDLE_GREY
+from rptcam_cl.viewfinder.histogram import MIDDLE_GREY, strongest
 
 Film = NDArray[np.float32]
 Mask = NDArray[np.bool_]
@@ -36,7 +36,7 @@ def zebra(pixels: Film, level: float = 0.95) -> Mask:
     level
         Display signal from 0 to 1 as sRGB encodes it, 0.7 being zebra 70 of a video camera; 1 marks what is clipped.
     """
-    return np.asarray(pixels.max(axis=2) >= np.float32(linear_from_srgb(level)))
+    return np.asarray(strongest(pixels) >= np.float32(linear_from_srgb(level)))
 
 
 def linear_from_srgb(signal: float) -> float:
