@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -169,9 +169,18 @@ def run(prepared: Prepared) -> Rendering:
         noise=prepared.scene.render.noise,
         saved=prepared.saved,
         save=None if saver is None else saver.save_now_and_then,
-        on_progress=settings.on_progress,
+        on_progress=None if settings.on_progress is None else _with_image(prepared, settings.on_progress),
         should_stop=settings.should_stop,
     )
+
+
+def _with_image(prepared: Prepared, on_progress: Callable[[Progress], Any]) -> Callable[[Progress], None]:
+    """Return a listener that passes on progress with the image so far."""
+
+    def listener(progress: Progress) -> None:
+        on_progress(replace(progress, image=lambda: picture_so_far(prepared, progress)))
+
+    return listener
 
 
 def picture_so_far(prepared: Prepared, progress: Progress) -> Image:

@@ -2,48 +2,50 @@
 
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rptcam_cl.core.errors import RptcamError
 
 if TYPE_CHECKING:
-    from rptcam_cl.api import Prepared, Progress
+    from rptcam_cl.api import Progress
+
+Show = Callable[["Progress"], None]
 
 
-class Previews:
-    """Writes the picture so far, each file whole or not at all.
+def previewing(
+    interval: float, outputs: Sequence[Path], show: Show | None, clock: Callable[[], float] = time.monotonic
+) -> Show:
+    """Return what takes reports of a render and writes the picture so far, each file whole or not at all.
+
+    That one cannot be written ends no render.
 
     Parameters
     ----------
     interval
-        Time between two pictures [s]; without one, none is written.
+        Time between two pictures [s].
     outputs
         Where the finished picture goes too.
-
-    Attributes
-    ----------
-    prepared
-        The render, once it is prepared.
+    show
+        Gets every report as well.
+    clock
+        Returns the time [s].
     """
+    last = clock()
 
-    def __init__(self, interval: float | None, outputs: Sequence[Path]) -> None:
-        self._interval, self._outputs = interval, outputs
-        self._last = time.monotonic()
-        self.prepared: Prepared | None = None
-
-    def write_if_due(self, progress: "Progress") -> None:
-        """Write the picture of a progress, if the last is so long ago. That one cannot be written ends no render."""
-        if self._interval is None or progress.film is None or time.monotonic() - self._last < self._interval:
+    def write(progress: "Progress") -> None:
+        nonlocal last
+        if show is not None:
+            show(progress)
+        if progress.image is None or clock() - last < interval:
             return
-        from rptcam_cl.api import picture_so_far
-
-        assert self.prepared is not None
-        image = picture_so_far(self.prepared, progress)
-        for output in self._outputs:
+        image = progress.image()
+        for output in outputs:
             try:
                 image.save(output)
             except RptcamError as error:
                 print(f"warning: the picture so far: {error}", file=sys.stderr)
-        self._last = time.monotonic()
+        last = clock()
+
+    return write

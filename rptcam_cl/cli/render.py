@@ -11,13 +11,12 @@ from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json, print_warnings
 from rptcam_cl.cli.parser import Commands
-from rptcam_cl.cli.previews import Previews
+from rptcam_cl.cli.previews import previewing
 from rptcam_cl.cli.progress import as_duration, progress_on_stderr
 from rptcam_cl.cli.watch import render_again
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError
 
 if TYPE_CHECKING:
-    from rptcam_cl.api import Progress, RenderSettings
     from rptcam_cl.imaging import Image
     from rptcam_cl.scene import Scene
 
@@ -222,55 +221,42 @@ def _shared(stats: dict[str, Any]) -> str | None:
     return f"devices: {', '.join(done)}{repeat}"
 
 
-def _settings(
-    arguments: argparse.Namespace, on_progress: "Callable[[Progress], Any]", should_stop: Callable[[], bool]
-) -> "RenderSettings":
-    from rptcam_cl.api import RenderSettings
-
-    return RenderSettings(
-        spp=arguments.spp,
-        seconds=arguments.time,
-        seed=arguments.seed,
-        size=arguments.size,
-        crop=arguments.crop,
-        layers=_layers(arguments),
-        denoise=arguments.denoise,
-        noise=arguments.noise,
-        checkpoint=None if arguments.watch else _checkpoint(arguments),
-        resume=arguments.resume,
-        device=_devices(arguments),
-        split=arguments.split,
-        numerics=arguments.stats is not None,
-        strict=arguments.strict,
-        on_progress=on_progress,
-        should_stop=should_stop,
-    )
-
-
 def _render(
     arguments: argparse.Namespace, scene: "Scene", should_stop: Callable[[], bool] | None
 ) -> tuple["Image", NumericError | None]:
     """Return the picture, and why a strict render fails all the same; Ctrl-C ends it unless something else does."""
-    from rptcam_cl.api import prepare, report, run
+    from rptcam_cl.api import render
     from rptcam_cl.imaging import Image
 
-    previews = Previews(arguments.preview, arguments.outputs)
     with contextlib.ExitStack() as stack:
         should_stop = should_stop or stack.enter_context(stop_on_interrupt()).is_set
         show = None if arguments.quiet else stack.enter_context(progress_on_stderr(arguments.time))
-
-        def on_progress(progress: "Progress") -> None:
-            if show is not None:
-                show(progress)
-            previews.write_if_due(progress)
-
-        previews.prepared = prepared = prepare(scene, _settings(arguments, on_progress, should_stop))
-        rendering = run(prepared)
+        if arguments.preview is not None:
+            show = previewing(arguments.preview, arguments.outputs, show)
         try:
-            return report(prepared, rendering), None
+            image = render(
+                scene,
+                spp=arguments.spp,
+                seconds=arguments.time,
+                seed=arguments.seed,
+                size=arguments.size,
+                crop=arguments.crop,
+                layers=_layers(arguments),
+                denoise=arguments.denoise,
+                noise=arguments.noise,
+                checkpoint=None if arguments.watch else _checkpoint(arguments),
+                resume=arguments.resume,
+                device=_devices(arguments),
+                split=arguments.split,
+                numerics=arguments.stats is not None,
+                strict=arguments.strict,
+                on_progress=show,
+                should_stop=should_stop,
+            )
         except NumericError as failure:
             assert isinstance(failure.image, Image)
             return failure.image, failure
+    return image, None
 
 
 def _run(arguments: argparse.Namespace) -> int:

@@ -41,6 +41,8 @@ class Progress:
         Share of the tiles that meet the noise target; None without one.
     film : FilmRun or None
         The film under way; None before there is one.
+    image : callable or None
+        Of `rptcam_cl.render`: returns the picture so far as an image, while this is the latest progress.
     """
 
     stage: str
@@ -52,6 +54,7 @@ class Progress:
     samples_at_start: int = 0
     tiles_done: float | None = None
     film: FilmRun | None = field(default=None, repr=False, compare=False)
+    image: Callable[[], Any] | None = field(default=None, repr=False, compare=False)
 
     def pixels(self) -> NDArray[np.float32] | None:
         """Return the film so far, (height, width, 3), to be called while this is the latest progress; None before any.
