@@ -20,7 +20,7 @@ from rptcam_cl.viewfinder.lens_state import LINES_NM, Array, LensState
 
 FAN = 9  # rays of each wavelength that pass
 BEYOND = 3  # and on each side, as far as there is glass, that do not
-INSIDE = 0.985  # of the beam, where the outermost ray passes
+LINE = 145  # rays that find out which pass
 SCOUTS = (40, 40)
 ACROSS = 24  # rays that span the beam of the spot each way
 DOTS = 120  # of each wavelength that are drawn
@@ -58,7 +58,8 @@ def _section(state: LensState, start: Array) -> Array:
 
 def _fan(state: LensState, start: Array, across: Array, box: Array, window: Array) -> list[dict[str, Any]]:
     """Return the rays of every wavelength, evenly over what passes and on beyond it."""
-    heights, foot = _heights(across, box, window)
+    foot = np.array([box[0] + box[1], box[2] + box[3]]) / 2
+    heights = _heights(state, start, across, foot, window)
     targets = np.column_stack([foot + heights[:, None] * across, np.full(len(heights), state.lens.length)])
     wavelengths = np.repeat(state.wavelengths_nm, len(heights))
     vectors = np.tile(targets - start, (len(state.wavelengths_nm), 1))
@@ -67,16 +68,29 @@ def _fan(state: LensState, start: Array, across: Array, box: Array, window: Arra
     return [_drawn(state, corners[:, ray], rays, ray, across, float(wavelengths[ray])) for ray in range(len(points))]
 
 
-def _heights(across: Array, box: Array, window: Array) -> tuple[Array, Array]:
-    """Return where the fan meets the plane of the last vertex: heights about the middle of what passes, and that."""
-    (u0, u1, v0, v1), (w0, w1, t0, t1) = box, window
-    foot = np.array([u0 + u1, v0 + v1]) / 2
-    half = INSIDE * float(np.abs(across) @ [u1 - u0, v1 - v0]) / 2
+def _heights(state: LensState, start: Array, across: Array, foot: Array, window: Array) -> Array:
+    """Return where the fan meets the plane of the last vertex: heights about a point of it.
+
+    They step evenly over what passes, by the device's own judgement, and on beyond it as far as there is glass.
+    """
+    w0, w1, t0, t1 = window
     reach = float(np.abs(across) @ [w1 - w0, t1 - t0]) / 2
     middle = float(across @ (foot - np.array([w0 + w1, t0 + t1]) / 2))
-    step = 2 * half / (FAN - 1)
-    above, below = (int(min(BEYOND, max(room - half, 0.0) // step)) for room in (reach - middle, reach + middle))
-    return np.asarray(step * np.arange(-below, FAN + above) - half, np.float64), foot
+    line = np.linspace(-reach - middle, reach - middle, LINE)
+    targets = np.column_stack([foot + line[:, None] * across, np.full(LINE, state.lens.length)])
+    points = np.broadcast_to(start, targets.shape).copy()
+    rays = state.from_film.trace(points, targets - start, np.full(LINE, state.setting.camera.wavelength_nm))
+    passed = np.flatnonzero(rays.passed)
+    if len(passed) < 2:
+        return np.asarray(line[:: LINE // FAN])
+    if state.lens.is_obstructed:  # even steps would mostly end at the obstruction
+        stopped = np.flatnonzero(~rays.passed)
+        few = (passed[np.linspace(0, len(passed) - 1, FAN).astype(int)], stopped[:: max(1, len(stopped) // BEYOND)])
+        return np.asarray(line[np.sort(np.concatenate(few))])
+    low, high = line[passed[0]], line[passed[-1]]
+    step = (high - low) / (FAN - 1)
+    below, above = (int(min(BEYOND, room // step)) for room in (low - line[0], line[-1] - high))
+    return np.asarray(low + step * np.arange(-below, FAN + above))
 
 
 def _drawn(

@@ -17,6 +17,7 @@ from rptcam_cl.viewfinder.panel import focal_length_mm
 Array = NDArray[np.float64]
 
 EVERY = 4  # of the points of an outline
+CORNER = 0.15  # turn of an outline that is a corner [radians]
 DIGITS = 3
 APPROACH = 0.35  # of the axis drawn before the lens, in its size
 IDEAL_BLADE = 1.6  # radius of an ideal opening's screen over its own
@@ -89,9 +90,14 @@ def ideal_opening(scene: Scene) -> tuple[float, float]:
 
 
 def _plain(points: Array) -> list[list[float]]:
-    """Return points (m, 2) as rounded numbers, every few of a curve and both of its ends."""
-    few = points if len(points) <= 2 * EVERY else np.concatenate([points[:-1:EVERY], points[-1:]])
-    rounded: list[list[float]] = np.round(few, DIGITS).tolist()
+    """Return points (m, 2) as rounded numbers: every few of a curve, its ends and its corners."""
+    kept = np.zeros(len(points), bool)
+    kept[::EVERY] = kept[-1] = True
+    steps = np.diff(points, axis=0)
+    along = np.arctan2(steps[:, 1], steps[:, 0])
+    turn = np.abs(np.angle(np.exp(1j * np.diff(along))))
+    kept[1:-1] |= turn > CORNER
+    rounded: list[list[float]] = np.round(points[kept], DIGITS).tolist()
     return rounded
 
 
