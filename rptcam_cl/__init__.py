@@ -24,6 +24,7 @@ if TYPE_CHECKING:
         load_lens,
         load_scene,
         measure_tradeoff,
+        merge,
         render,
     )
 
@@ -49,6 +50,7 @@ __all__ = [
     "load_lens",
     "load_scene",
     "measure_tradeoff",
+    "merge",
     "render",
 ]
 

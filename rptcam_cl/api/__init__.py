@@ -5,6 +5,7 @@ A render has three stages, each of which can be called alone: `prepare`, `run` a
 
 from rptcam_cl.api.frames import Change, Frame
 from rptcam_cl.api.interface import devices, load_lens, render
+from rptcam_cl.api.merging import merge
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, picture_so_far, prepare, report, run
@@ -33,6 +34,7 @@ __all__ = [
     "load_lens",
     "load_scene",
     "measure_tradeoff",
+    "merge",
     "picture_so_far",
     "prepare",
     "render",

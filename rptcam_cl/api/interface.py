@@ -57,6 +57,8 @@ def render(
     wave_size: int | None = None,
     numerics: bool = False,
     strict: bool = False,
+    part: str | None = None,
+    samples: tuple[int, int] | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Image:
@@ -97,6 +99,10 @@ def render(
     strict
         Whether numbers that cannot be trusted and autofocus that failed are an error; measures as ``numerics`` does.
         See docs/numerics.md.
+    part
+        ``"3/8"``: render the third of eight parts of the tiles, and keep its checkpoint for `merge`; see docs/parts.md.
+    samples
+        ``(64, 128)``: render these samples of each pixel alone, those from 64 on and before 128, likewise.
     on_progress
         Called with a `Progress` several times a second.
     should_stop
@@ -129,6 +135,8 @@ def render(
         wave_size=wave_size,
         numerics=numerics,
         strict=strict,
+        part=part,
+        samples=samples,
         on_progress=on_progress,
         should_stop=should_stop,
     )

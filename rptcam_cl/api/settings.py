@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 import os
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Split, Wanted
-from rptcam_cl.rendering import Progress
-from rptcam_cl.scene import ADAPTIVE_SPP, Scene, change_scene
+from rptcam_cl.rendering import WHOLE, FilmPart, Progress
+from rptcam_cl.scene import ADAPTIVE_SPP, MAX_SPP, Scene, change_scene
 
 
 @dataclass(frozen=True)
@@ -39,12 +40,42 @@ class RenderSettings:
     wave_size: int | None = None
     numerics: bool = False
     strict: bool = False
+    part: str | None = None
+    samples: tuple[int, int] | None = None
     on_progress: Callable[[Progress], Any] | None = None
     should_stop: Callable[[], bool] | None = None
 
     def __post_init__(self) -> None:
         if self.seconds is not None and not 0 < self.seconds < math.inf:
             raise InputError(f"seconds: is out of range (got {self.seconds!r}; allowed: a finite number above 0)")
+        if self.film_part == WHOLE:
+            return
+        given = {"seconds": self.seconds, "noise": self.noise, "denoise": self.denoise or None}
+        for name, value in given.items():
+            if value is not None:
+                raise InputError(f"{name}: needs the whole film (allowed: without part and samples)")
+        if self.samples is not None and self.spp is not None:
+            raise InputError("spp: does not go with samples, which say where they end (allowed: one of the two)")
+
+    @property
+    def film_part(self) -> FilmPart:
+        """The tiles and samples that are rendered.
+
+        Raises
+        ------
+        InputError
+            ``part`` or ``samples`` is none.
+        """
+        number, count = (1, 1) if self.part is None else _numbers(self.part)
+        first, end = self.samples or (0, None)
+        if end is not None and not 0 <= first < end < MAX_SPP:
+            raise InputError(f"samples: are out of range (got {first}:{end}; allowed: as 0:64)")
+        return FilmPart(number, count, first, end)
+
+    @property
+    def keeps_state(self) -> bool:
+        """Whether the state of the render is kept at its end: to go on from it, or to be merged."""
+        return self.resume or self.part is not None or self.samples is not None
 
     def applied_to(self, scene: Scene) -> Scene:
         """Return the scene with the keys that the settings replace."""
@@ -57,9 +88,20 @@ class RenderSettings:
         )
 
     def most_spp(self, scene: Scene) -> int | None:
-        """Return the most samples of a pixel: ``spp``, else without limit for ``seconds``, else the scene's."""
+        """Return the sample to end before: of ``samples`` or ``spp``, else none for ``seconds``, else the scene's."""
+        if self.samples is not None:
+            return self.samples[1]
         if self.spp is not None:
             return self.spp
         if self.noise is not None:
             return ADAPTIVE_SPP
         return None if self.seconds is not None else scene.render.most_spp
+
+
+def _numbers(part: str) -> tuple[int, int]:
+    """Return number and count of a part such as ``3/8``."""
+    match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", part, re.ASCII)
+    number, count = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not 1 <= number <= count:
+        raise InputError(f"part: is none (got {part}; allowed: as 3/8, from 1/8 to 8/8)")
+    return number, count

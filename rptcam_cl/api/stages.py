@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -9,13 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.core.errors import NumericError
+from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device import Session, means_all, open_sessions
 from rptcam_cl.focusing import in_focus
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser, check_sensor, sensor_of, with_picture_settings
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.rendering import (
     GEOMETRY,
+    WHOLE,
     AnyWavefront,
     FilmLayout,
     Part,
@@ -27,6 +29,7 @@ from rptcam_cl.rendering import (
     Wavefront,
     anomalies,
     described,
+    described_before,
     joined,
     lens_margin,
     render_plan,
@@ -131,6 +134,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     # Check what can be checked before any device is opened
     scene = settings.applied_to(scene if isinstance(scene, Scene) else load_scene(scene))
     check_sensor(scene, *window(scene)[2:])
+    _check_part(scene, settings)
     layers = scene.render.layers
     if settings.denoise:
         check_denoiser()
@@ -140,12 +144,15 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     sessions, shares = open_sessions(settings.device, settings.split)
     saver = None
     if settings.checkpoint is not None:
-        saver = Saver(settings.checkpoint, scene, [session.info.name for session in sessions])
+        names = [session.info.name for session in sessions]
+        saver = Saver(settings.checkpoint, scene, names, settings.film_part)
     saved = saver.load() if saver is not None and settings.resume else None
 
     # Resolve what the scene leaves open, plan, compile
     found = resolve(scene, sessions[0]) if saver is None else _resolved_as_saved(scene, sessions[0], saver)
     plan = make_plan(found.scene)
+    if saver is not None:
+        saver.of_picture = _of_picture(scene, found, plan, settings)
     started = time.perf_counter()
     if settings.on_progress is not None:
         settings.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -153,7 +160,8 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
         shares = _saved_shares(saver.parts, sessions)
     wavefront = _wavefront(scene, plan, sessions, shares, settings)
     if saver is not None:
-        saver.parts_since = lambda done: _parts(wavefront, saved, done)
+        first = settings.film_part.first if saved is None else saved.done
+        saver.parts_since = lambda done: _parts(wavefront, first, done)
     seconds = {"start": started - begun, "compile": time.perf_counter() - started}
     return Prepared(settings, scene, layers, found.scene, found.metadata, plan, wavefront, saver, saved, begun, seconds)
 
@@ -167,6 +175,7 @@ def run(prepared: Prepared) -> Rendering:
         seconds=settings.seconds,
         has_lens=prepared.plan.camera.has_lens,
         noise=prepared.scene.render.noise,
+        part=settings.film_part,
         saved=prepared.saved,
         save=None if saver is None else saver.save_now_and_then,
         on_progress=None if settings.on_progress is None else _with_image(prepared, settings.on_progress),
@@ -209,14 +218,15 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     times = prepared.seconds | {"render": rendering.seconds, "total": total}
     measured = settings.numerics or settings.strict
     margin = lens_margin(prepared.resolved, prepared.wavefront.session) if measured else None
-    parts = _parts(prepared.wavefront, prepared.saved, rendering.done)
+    first = settings.film_part.first if prepared.saved is None else prepared.saved.done
+    parts = _parts(prepared.wavefront, first, rendering.done)
     work = joined([] if saver is None else saver.parts, parts)
     stats = statistics(prepared.plan, prepared.wavefront, rendering, times, margin) | {"work": work}
-    metadata = described(prepared.scene, prepared.plan, rendering, stats, prepared.metadata)
+    metadata = described(prepared.scene, prepared.plan, rendering.spp, stats, prepared.metadata)
     if (sensor := sensor_of(prepared.resolved, metadata)) is not None:
         metadata["sensor"] = sensor.described()
     if saver is not None:
-        stats["checkpoint"] = saver.end(rendering.state, keep=settings.resume or rendering.interrupted)
+        stats["checkpoint"] = saver.end(rendering.state, keep=settings.keeps_state or rendering.interrupted)
         metadata["device"] = saver.devices
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
@@ -228,6 +238,34 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     if settings.strict and (faults := anomalies(stats["numerics"]) + _failed_focus(metadata)):
         raise NumericError(f"strict: {'; '.join(faults)}", image)
     return image
+
+
+def _check_part(scene: Scene, settings: RenderSettings) -> None:
+    """Refuse a part of a film that cannot be rendered alone."""
+    part = settings.film_part
+    part.check(FilmLayout.of(scene.film).tiles)
+    if part == WHOLE:
+        return
+    if scene.render.noise is not None:
+        raise InputError("part: a noise target needs the whole film (allowed: without render.noise)")
+    if "variance" in scene.render.layers:
+        raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
+
+
+def _of_picture(scene: Scene, found: Resolved, plan: Plan, settings: RenderSettings) -> dict[str, Any]:
+    """Return what the picture of a saved render can be made with, without its scene."""
+    metadata = described_before(scene, plan, found.metadata)
+    if (sensor := sensor_of(found.scene, metadata)) is not None:
+        metadata["sensor"] = sensor.described()
+    if picture := scene.picture.model_dump(mode="json", exclude_defaults=True):
+        metadata["picture"] = picture
+    return {
+        "metadata": json.loads(json.dumps(metadata, default=str)),
+        "eye_m": plan.eye_m.tolist(),
+        "has_lens": plan.camera.has_lens,
+        "clamp": scene.render.clamp,
+        "spp": settings.most_spp(scene),
+    }
 
 
 def _resolved_as_saved(scene: Scene, session: Session, saver: Saver) -> Resolved:
@@ -258,11 +296,10 @@ def _saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | N
     return [last[identity] for identity in ids] if last.keys() == set(ids) else None
 
 
-def _parts(wavefront: AnyWavefront, saved: SavedState | None, done: int) -> list[Part]:
-    """Return which device has taken which samples since a render began or went on."""
+def _parts(wavefront: AnyWavefront, first: int, done: int) -> list[Part]:
+    """Return which device has taken which samples since a render began or went on after ``first``."""
     if isinstance(wavefront, SharedWavefront):
         return wavefront.parts(done)
-    first = 0 if saved is None else saved.done
     return [{"samples": [first, done], "split": split_text({wavefront.session.info.id: 1.0})}] if done > first else []
 
 

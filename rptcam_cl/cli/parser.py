@@ -90,6 +90,23 @@ def duration(text: str) -> float:
     return found
 
 
+def sample_range(text: str) -> tuple[int, int]:
+    """First sample and the one that it ends before of ``FIRST:END``."""
+    match = re.fullmatch(r"(\d{1,10}):(\d{1,10})", text, re.ASCII)
+    first, end = (int(match[1]), int(match[2])) if match else (0, 0)
+    if not first < end < 2**32:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed FIRST:END, as 0:64 and then 64:128")
+    return first, end
+
+
+def part(text: str) -> str:
+    """Part ``K/N`` of a film."""
+    match = re.fullmatch(r"(\d{1,9})/(\d{1,9})", text, re.ASCII)
+    if not match or not 1 <= int(match[1]) <= int(match[2]):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed K/N, from 1/8 to 8/8 for eight parts")
+    return text
+
+
 def size(text: str) -> tuple[int, int]:
     """Width and height of ``WxH`` [pixels]."""
     match = re.fullmatch(r"(\d{1,9})[xX×](\d{1,9})", text, re.ASCII)

@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
+from rptcam_cl.cli import parts
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json, print_warnings
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.cli.previews import previewing
 from rptcam_cl.cli.progress import as_duration, progress_on_stderr
 from rptcam_cl.cli.watch import render_again
-from rptcam_cl.core.errors import InputError, NumericError, RptcamError
+from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateError
 
 if TYPE_CHECKING:
     from rptcam_cl.imaging import Image
@@ -40,6 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     values.add_devices(parser)
     values.add_overrides(parser)
     values.add_missing(parser)
+    parts.add_options(parser)
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write statistics of the render")
     parser.add_argument(
         "--strict", action="store_true",
@@ -114,6 +116,9 @@ def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
     from rptcam_cl.imaging import check_output, check_raw_output, holds_layers
 
     taken = _inputs(arguments.scene, scene)
+    if parts.requested(arguments):
+        parts.check_output(arguments, taken)
+        return
     for output in arguments.outputs:
         check_output(output, taken)
     if arguments.raws and scene.sensor is None:
@@ -146,6 +151,8 @@ def _layers(arguments: argparse.Namespace) -> list[str] | None:
 
     if arguments.layers is not None:
         return list(arguments.layers)
+    if parts.requested(arguments):
+        return None
     return None if any(map(holds_layers, arguments.outputs)) else []
 
 
@@ -250,6 +257,8 @@ def _render(
                 split=arguments.split,
                 numerics=arguments.stats is not None,
                 strict=arguments.strict,
+                part=arguments.part,
+                samples=arguments.samples,
                 on_progress=show,
                 should_stop=should_stop,
             )
@@ -282,7 +291,10 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
     image, failure = _render(arguments, scene, should_stop)
     if arguments.watch and image.stats["interrupted"]:
         return INTERRUPTED
-    _save(image, arguments)
+    if not parts.requested(arguments):
+        _save(image, arguments)
+    elif image.stats.get("checkpoint") is None:
+        raise StateError(f"{checkpoint}: could not be written")
     print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:
         for line in image.metadata.get("accuracy", {}).get("says", ()):
@@ -292,7 +304,8 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
         print(_summary(image, [*arguments.outputs, *arguments.raws]), file=sys.stderr)
     if image.stats.get("interrupted"):
         more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""
-        print(f"interrupted: the picture holds what was rendered so far{more}", file=sys.stderr)
+        what = "the part" if parts.requested(arguments) else "the picture"
+        print(f"interrupted: {what} holds what was rendered so far{more}", file=sys.stderr)
     if failure is not None:
         raise failure
     return INTERRUPTED if image.stats.get("interrupted") else 0

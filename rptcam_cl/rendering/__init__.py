@@ -3,7 +3,9 @@
 from rptcam_cl.rendering.account import (
     GEOMETRY,
     anomalies,
+    clamp_text,
     described,
+    described_before,
     self_knowledge,
     statistics,
     summary,
@@ -11,14 +13,17 @@ from rptcam_cl.rendering.account import (
     window,
 )
 from rptcam_cl.rendering.buffers import SceneBuffers
-from rptcam_cl.rendering.checkpoint import SUFFIX, Saver
+from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, write_checkpoint
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
+from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
+from rptcam_cl.rendering.merge import layout_of, merged_state
 from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2, resolve_exposure
 from rptcam_cl.rendering.metering import weights as metering_weights
 from rptcam_cl.rendering.precise_lens import check_precision
 from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, rendering_of
+from rptcam_cl.rendering.saved_picture import picture_of
 from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
 from rptcam_cl.rendering.shares import Part, joined, split_of, split_text
 from rptcam_cl.rendering.tracer import Wavefront, signature
@@ -32,8 +37,10 @@ __all__ = [
     "SUFFIX",
     "TILE",
     "TILE_PIXELS",
+    "WHOLE",
     "AnyWavefront",
     "FilmLayout",
+    "FilmPart",
     "FilmRun",
     "LensMargin",
     "Part",
@@ -48,12 +55,17 @@ __all__ = [
     "anomalies",
     "cache_folder",
     "check_precision",
+    "clamp_text",
     "described",
+    "described_before",
     "film_rays",
     "joined",
+    "layout_of",
     "lens_margin",
+    "merged_state",
     "metered_cd_m2",
     "metering_weights",
+    "picture_of",
     "reading_cd_m2",
     "render_plan",
     "rendering_of",
@@ -67,4 +79,5 @@ __all__ = [
     "summary",
     "truncation",
     "window",
+    "write_checkpoint",
 ]

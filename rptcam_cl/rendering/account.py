@@ -162,18 +162,19 @@ def devices_of(wavefront: AnyWavefront, rendering: Rendering) -> list[dict[str, 
 
 
 def described(
-    scene: Scene, plan: Plan, rendering: Rendering, stats: Mapping[str, Any], found_before: Mapping[str, Any]
+    scene: Scene, plan: Plan, spp: int, stats: Mapping[str, Any], found_before: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Return what a picture's metadata say: of the scene, its camera, and the render that has such statistics.
 
     ``found_before`` is what was found before the render: focus, camera model and exposure.
     """
+    layers = scene.render.layers
     found = {
         "software": f"rptcam_cl {__version__}",
         "version": __version__,
         "scene_hash": scene.content_hash(),
         "seed": scene.render.seed,
-        "spp": rendering.spp,
+        "spp": spp,
         "device": stats["device"],
         **({"work": stats["work"]} if is_shared(stats["work"]) else {}),
         "exposure": scene.exposure.mode,
@@ -182,12 +183,30 @@ def described(
         **camera_geometry(scene),
         "window": window(scene),
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
-        **({"object_names": plan.owners.objects} if "object_id" in rendering.layers else {}),
-        **({"material_names": plan.owners.materials} if "material_id" in rendering.layers else {}),
+        **({"object_names": plan.owners.objects} if "object_id" in layers else {}),
+        **({"material_names": plan.owners.materials} if "material_id" in layers else {}),
         **found_before,
         "numerics": summary(stats["numerics"]),
     }
     if "clamp" in stats:
-        limit, share = stats["clamp"].values()
-        found["clamp"] = f"biased: samples above {limit:g} scaled down, {share:.2%} of the light removed"
+        found["clamp"] = clamp_text(**stats["clamp"])
     return found
+
+
+def clamp_text(limit: float, removed_share: float) -> str:
+    """Return what metadata say of a limit of the samples."""
+    return f"biased: samples above {limit:g} scaled down, {removed_share:.2%} of the light removed"
+
+
+def described_before(scene: Scene, plan: Plan, found_before: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the metadata of a picture that has no samples yet; `with_counts` fills in what follows from them."""
+    knowledge = {
+        "samples_dropped": 0,
+        "rays_not_converged": 0,
+        "truncation": truncation(plan.albedo, scene.render.max_depth),
+        f"{'float64' if traces_in_float64(plan.camera) else 'float32'}_lens": None,
+    }
+    stats: dict[str, Any] = {"device": "", "work": [], "numerics": knowledge}
+    if scene.render.clamp is not None:
+        stats["clamp"] = {"limit": scene.render.clamp, "removed_share": 0.0}
+    return described(scene, plan, 0, stats, found_before)

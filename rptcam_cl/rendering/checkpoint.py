@@ -25,6 +25,8 @@ from numpy.typing import NDArray
 from rptcam_cl._version import __version__
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.film_part import WHOLE, FilmPart, part_of_facts
 from rptcam_cl.rendering.film_run import SavedState
 from rptcam_cl.rendering.shares import Part, joined
 from rptcam_cl.scene import Scene
@@ -33,7 +35,7 @@ MAGIC = b"RPTCAMCK"
 VERSION = 1
 SUFFIX = ".rpck"
 _START = struct.Struct("<8sII")
-_MOST_HEADER = 1 << 16
+_MOST_HEADER = 1 << 24
 _TYPES = {"<f4", "<f8", "<u4", "<u8"}
 _DIGEST = hashlib.sha256().digest_size
 
@@ -58,7 +60,7 @@ def write_checkpoint(
     """
     little = {name: np.ascontiguousarray(array, array.dtype.newbyteorder("<")) for name, array in arrays.items()}
     listed = [{"name": name, "type": array.dtype.str, "shape": array.shape} for name, array in little.items()]
-    header = json.dumps({"facts": dict(facts), "arrays": listed}, sort_keys=True).encode()
+    header = json.dumps({"facts": dict(facts), "arrays": listed}).encode()
     digest = hashlib.sha256()
     with replacing(path) as temporary, temporary.open("xb") as stream:
         for piece in (
@@ -83,7 +85,7 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
         size = Path(path).stat().st_size
         with Path(path).open("rb") as stream:
             start = stream.read(_START.size)
-            length = _header_length(path, start)
+            length = _header_length(path, start, size)
             header = stream.read(length)
             places = _places(path, header, size - _START.size - length - _DIGEST)
             digest = hashlib.sha256(start + header)
@@ -106,13 +108,13 @@ def _damaged(path: str | os.PathLike[str]) -> StateError:
     return StateError(f"{path}: this saved render is damaged (remove it, or render without --resume)")
 
 
-def _header_length(path: str | os.PathLike[str], start: bytes) -> int:
+def _header_length(path: str | os.PathLike[str], start: bytes, size: int) -> int:
     if len(start) < _START.size or not start.startswith(MAGIC):
         raise StateError(f"{path}: is not a saved render (remove it, or render without --resume)")
     _, version, length = _START.unpack(start)
     if version > VERSION:
         raise StateError(f"{path}: was saved by a later version (its format is {version}; this one reads {VERSION})")
-    if length > _MOST_HEADER:
+    if length > min(_MOST_HEADER, size):
         raise _damaged(path)
     return int(length)
 
@@ -146,10 +148,15 @@ class Saver:
         lens, meshes, pictures, seed, film, layers and version; not the number of samples, the time or the output.
     devices : list of str
         Names of the devices.
+    part
+        What this run renders of the film.
     """
 
-    def __init__(self, path: str | os.PathLike[str], scene: Scene, devices: Sequence[str]) -> None:
-        self.path = Path(path)
+    def __init__(
+        self, path: str | os.PathLike[str], scene: Scene, devices: Sequence[str], part: FilmPart = WHOLE
+    ) -> None:
+        self.path, self.part = Path(path), part
+        self._layout = FilmLayout.of(scene.film)
         self._facts = {
             "version": __version__,
             "resolution": list(scene.film.resolution),
@@ -159,6 +166,7 @@ class Saver:
             "layers": list(scene.render.layers),
             "layers_spp": scene.render.layers_spp if scene.render.layers else None,
             "scene": scene.content_hash(),
+            "part": part.facts(),
         }
         self._devices = list(dict.fromkeys(devices))
         self.parts: list[Part] = []
@@ -169,6 +177,8 @@ class Saver:
         """What the exposure follows from; that of the saved render once it is loaded."""
         self.focus: dict[str, Any] | None = None
         """What autofocus found, likewise."""
+        self.of_picture: dict[str, Any] = {}
+        """What `rptcam_cl.rendering.merge` needs to make the picture without the scene."""
         self._saved = time.monotonic()
         self._written = False
 
@@ -185,15 +195,19 @@ class Saver:
         found = read_checkpoint(self.path)
         for name, value in self._facts.items():
             if found.facts.get(name) != value:
+                check_facts(self.path, found.facts)
                 raise self._misfit(name, found.facts.get(name), value)
         check_facts(self.path, found.facts)
         self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
         self.metered_cd_m2 = found.facts.get("metered_cd_m2")
         self.focus = found.facts.get("focus")
         self.parts = list(found.facts.get("work", []))
-        return SavedState(int(found.facts["done"]), found.arrays)
+        arrays = self.part.unpacked(found.arrays, self._layout.tiles, self._layout.pixels)
+        return SavedState(int(found.facts["done"]), arrays)
 
     def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
+        if name == "part":
+            saved, wanted = (part_of_facts(value).title for value in (saved, wanted))
         saved, wanted = ("not given" if value in (None, []) else value for value in (saved, wanted))
         what = {
             "version": f"it was saved by version {saved}, and this is {wanted}",
@@ -216,7 +230,8 @@ class Saver:
         resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
         work = joined(self.parts, self.parts_since(state.done))
         facts = {**self._facts, **resolved, "done": state.done, "devices": self._devices, "work": work}
-        write_checkpoint(self.path, facts, state.arrays)
+        facts["picture"] = self.of_picture
+        write_checkpoint(self.path, facts, self.part.packed(state.arrays, self._layout.tiles))
         self._written = True
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
@@ -253,10 +268,20 @@ def check_facts(path: Path, facts: dict[str, Any]) -> None:
         "metered_cd_m2": light is None or (type(light) in (int, float) and 0 < light < math.inf),
         "focus": facts.get("focus") is None or isinstance(facts["focus"], dict),
         "work": _are(dict, work),
+        "part": _is_part(facts.get("part")),
+        "picture": isinstance(facts.get("picture", {}), dict),
     }
     for name, right in known.items():
         if not right:
             raise StateError(f"{path}: this saved render is damaged: {name} (remove it, or render without --resume)")
+
+
+def _is_part(fact: Any) -> bool:
+    try:
+        part_of_facts(fact)
+    except (ValueError, TypeError):
+        return False
+    return True
 
 
 def _are(kind: type, values: Any) -> bool:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS
+from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.noise import NoiseWatch
 from rptcam_cl.rendering.several import AnyWavefront
 from rptcam_cl.rendering.waves import Wave
@@ -37,19 +38,23 @@ class FilmRun:
         Compiled, with an empty film.
     noise
         Relative standard error at which a tile of 8 x 8 pixels is left alone (`NoiseEstimate`).
+    part
+        Which tiles and samples are rendered.
 
     Attributes
     ----------
     done : int
-        Samples that every pixel has, but for those of tiles that are left alone.
+        Number of the first sample that is not made yet, but for tiles that are left alone.
     watch : NoiseWatch
     """
 
-    def __init__(self, wavefront: AnyWavefront, noise: float | None = None) -> None:
-        self.wavefront = wavefront
-        self.watch = NoiseWatch(wavefront, noise)
-        self.done = 0
-        self._end = 0  # samples of every pixel once all waves are made
+    def __init__(self, wavefront: AnyWavefront, noise: float | None = None, part: FilmPart = WHOLE) -> None:
+        self.wavefront, self.part = wavefront, part
+        self.watch = NoiseWatch(wavefront, noise, whole=part == WHOLE)
+        if part != WHOLE:
+            wavefront.choose_tiles(part.tiles(wavefront.layout.tiles))
+        self.done = part.first
+        self._end = part.first  # what `done` is once all waves are made
         self._made: list[Wave] = []
         self._left: list[Wave] = []
 
@@ -102,10 +107,10 @@ class FilmRun:
 
     def samples_of_tiles(self) -> NDArray[np.uint32]:
         """Return how many samples per pixel each tile of the buffer has, those of a sample that was left included."""
-        samples = self.watch.samples_of_tiles(self.done)
+        samples = self.part.samples_of_tiles(self.watch.samples_of_tiles(self.done), self.wavefront.layout.tiles)
         for first, pixels, start, count in self._made:
             tiles = self.wavefront.tiles[first // TILE_PIXELS : (first + pixels) // TILE_PIXELS]
-            samples[tiles] = start + count
+            samples[tiles] = start + count - self.part.first
         return samples
 
     def pixels(self) -> NDArray[np.float32]:

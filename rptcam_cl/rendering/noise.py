@@ -265,13 +265,18 @@ class NoiseWatch:
     ----------
     estimate : NoiseEstimate or None
         Of the tiles, where there is a target or their variance is a layer.
+
+    Parameters
+    ----------
+    whole
+        Whether all of the film is rendered; of a part no noise is known.
     """
 
-    def __init__(self, wavefront: AnyWavefront, target: float | None) -> None:
+    def __init__(self, wavefront: AnyWavefront, target: float | None, *, whole: bool = True) -> None:
         self._wavefront = wavefront
         requested = target is not None or "variance" in wavefront.settings.layers
         self.estimate = NoiseEstimate(wavefront.layout, target) if requested else None
-        self._parts = None if requested else TwoParts(wavefront.layout)
+        self._parts = TwoParts(wavefront.layout) if whole and not requested else None
 
     @property
     def satisfied(self) -> bool:
@@ -324,4 +329,6 @@ class NoiseWatch:
         """Return how noisy the finished picture is."""
         if self._parts is not None:
             return self._parts.report(done, sums)
+        if self.estimate is None:
+            return None
         return noise_of_runs(self._wavefront.layout, self.samples_of_tiles(done), sums, self.variance())

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.rendering.film import TILE_PIXELS
+from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.noise import AchievedNoise, NoiseReport
 from rptcam_cl.rendering.several import AnyWavefront
@@ -120,6 +121,7 @@ def render_plan(
     seconds: float | None,
     has_lens: bool,
     noise: float | None = None,
+    part: FilmPart = WHOLE,
     saved: SavedState | None = None,
     save: Callable[[Callable[[], SavedState]], Any] | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
@@ -132,15 +134,17 @@ def render_plan(
 
     Parameters
     ----------
+    part
+        Which tiles and samples are rendered; its samples end where it says, if it does.
     saved
         What to go on with.
     save
         Called between samples with a function that returns the state.
     """
-    run = FilmRun(wavefront, noise)
+    run = FilmRun(wavefront, noise, part)
     if saved is not None:
         run.resume(saved)
-    start = run.done
+    start = 0 if saved is None else run.done
     clock = _Clock(run, spp, has_lens, on_progress)
     stopped = False
     most = wavefront.samples_per_wave

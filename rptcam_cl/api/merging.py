@@ -1,0 +1,43 @@
+"""Parts of a render, made anywhere, become its picture."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from rptcam_cl.core.atomic import check_writable
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.imaging import Image, develop
+from rptcam_cl.rendering import layout_of, merged_state, picture_of, write_checkpoint
+
+
+def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathLike[str] | None = None) -> Image:
+    """Return the picture of a render that was made in parts; needs neither its scene nor a device.
+
+    Parts by tiles give the bits of one render on equal devices. Ranges of samples of the same tiles are added in
+    float64, and differ from one render by the rounding of float32.
+
+    Parameters
+    ----------
+    parts
+        Files that `render` kept with ``part`` or ``samples``, or a checkpoint of the whole film.
+    checkpoint
+        File for the state of the whole, to go on from: ``render(..., checkpoint=that, resume=True)`` adds samples.
+
+    Raises
+    ------
+    InputError
+        There are no parts, or the checkpoint is one of them.
+    StateError
+        A file cannot be read or is damaged; parts are of another scene, lens, seed or version, overlap, or leave gaps,
+        which are named.
+    """
+    if not parts:
+        raise InputError("parts: there are none (allowed: at least one file)")
+    if checkpoint is not None:
+        check_writable(checkpoint, parts)
+    state = merged_state(parts)
+    found = picture_of(state, layout_of(state.facts))
+    if checkpoint is not None:
+        write_checkpoint(checkpoint, state.facts, state.arrays)
+    return develop(Image(found.pixels, found.metadata, found.stats, layers=found.layers))

@@ -1,0 +1,262 @@
+"""Parts of one render become the whole: tiles and ranges of samples that were rendered in several runs, anywhere.
+
+Tiles are put side by side, so that the film has the bits of one run. Sums of several ranges of samples of a tile are
+added in float64: they differ from those of one run, which adds sample after sample, by the rounding of float32.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpoint
+from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout
+from rptcam_cl.rendering.film_part import FilmPart, part_of_facts, pixels_of
+from rptcam_cl.rendering.layers import LayerPlanes
+from rptcam_cl.scene import Film
+
+Arrays = dict[str, NDArray[Any]]
+Planes = NDArray[np.float32]
+PASSED = 0  # plane of the layers with the weight of the rays that pass
+
+# What all parts of one render have in common, and how it is said where they have not.
+COMMON = {
+    "version": "version",
+    "resolution": "resolution",
+    "crop": "crop",
+    "seed": "seed",
+    "noise": "noise target",
+    "layers": "layers",
+    "layers_spp": "samples of the layers",
+}
+RESOLVED = {"metered_cd_m2": "exposure", "focus": "focus"}
+
+
+@dataclass(frozen=True)
+class SavedPart:
+    """A saved render, whole or a part.
+
+    Attributes
+    ----------
+    path : Path
+    saved : Checkpoint
+    part : FilmPart
+    done : int
+        Number of the first sample that it has not.
+    end : int
+        Number of the sample that it is to end before.
+    """
+
+    path: Path
+    saved: Checkpoint
+    part: FilmPart
+    done: int
+    end: int
+
+    @property
+    def title(self) -> str:
+        """What it is, as people read it."""
+        return f"{self.path} ({self.part.title})"
+
+
+def read_part(path: str | os.PathLike[str]) -> SavedPart:
+    """Return a saved render.
+
+    Raises
+    ------
+    StateError
+        The file cannot be read, is damaged, or is of a render that cannot be merged.
+    """
+    path = Path(path)
+    saved = read_checkpoint(path)
+    facts = saved.facts
+    check_facts(path, facts)
+    if facts.get("noise") is not None or "variance" in (facts.get("layers") or ()):
+        raise StateError(f"{path}: a render with a noise target or the layer variance cannot be merged")
+    picture = facts.get("picture") or {}
+    if not isinstance(picture.get("metadata"), dict):
+        raise StateError(f"{path}: was saved by a version that could not merge (render it again)")
+    part, done = part_of_facts(facts.get("part")), facts["done"]
+    end = part.end or (done if part.count == 1 else picture.get("spp") or done)
+    return SavedPart(path, saved, part, done, max(end, done))
+
+
+def check_same(parts: Sequence[SavedPart]) -> None:
+    """Refuse parts that are not of one render.
+
+    Raises
+    ------
+    StateError
+        It names two of them, and what differs.
+    """
+    first = parts[0]
+    one = first.saved.facts
+    for part in parts[1:]:
+        other = part.saved.facts
+        for name, words in COMMON.items():
+            if one.get(name) != other.get(name):
+                values = [_shown(facts.get(name)) for facts in (one, other)]
+                raise _differ(first, part, f"the {words} is {values[0]} there and {values[1]} here")
+        if one["scene"] != other["scene"]:
+            lenses = [facts["picture"]["metadata"].get("lens") for facts in (one, other)]
+            what = "the scene is another"
+            if lenses[0] != lenses[1]:
+                what = f"the lens is {_shown(lenses[0])} there and {_shown(lenses[1])} here"
+            raise _differ(first, part, what)
+        for name, words in RESOLVED.items():
+            if one.get(name) != other.get(name):
+                raise _differ(first, part, f"auto {words} differs (first `rptcam settle`, then render that scene)")
+
+
+def _differ(one: SavedPart, other: SavedPart, what: str) -> StateError:
+    return StateError(f"{other.path}: is not of the render of {one.path}: {what}")
+
+
+def _shown(value: Any) -> str:
+    return "not given" if value in (None, []) else str(value)
+
+
+def layout_of(facts: dict[str, Any]) -> FilmLayout:
+    """Return the layout of a saved film."""
+    return FilmLayout.of(Film(resolution=tuple(facts["resolution"]), crop=tuple(facts["crop"]) or None))
+
+
+def check_complete(parts: Sequence[SavedPart], layout: FilmLayout) -> int:
+    """Return the samples per pixel of the whole; refuse parts that overlap or leave gaps.
+
+    Raises
+    ------
+    StateError
+        It names the overlap, or all gaps.
+    """
+    end = max(part.end for part in parts)
+    reached = np.zeros(layout.tiles, np.int64)
+    owner = np.full(layout.tiles, -1)
+    gaps: list[str] = []
+    for index, part in sorted(enumerate(parts), key=lambda each: each[1].part.first):
+        tiles = part.part.tiles(layout.tiles)
+        if len(overlap := tiles[reached[tiles] > part.part.first]):
+            other = parts[owner[overlap[0]]]
+            shared = f"both have the same samples of {len(overlap)} tiles"
+            raise StateError(f"{part.title}: overlaps {other.title}: {shared}")
+        gaps += _gaps(parts, layout, tiles, reached, part.part.first)
+        reached[tiles], owner[tiles] = part.done, index
+    gaps += _gaps(parts, layout, np.arange(layout.tiles), reached, end)
+    if gaps:
+        raise StateError(f"gaps: {'; '.join(gaps)} (render them, or go on with --resume, and merge again)")
+    return end
+
+
+def _gaps(
+    parts: Sequence[SavedPart], layout: FilmLayout, tiles: NDArray[Any], reached: NDArray[np.int64], end: int
+) -> list[str]:
+    """Return what tiles lack of the samples before ``end``: by parts where it is whole parts, else by tiles."""
+    lacking = np.zeros(layout.tiles, np.bool_)
+    lacking[tiles] = reached[tiles] < end
+    found = []
+    for begin in np.unique(reached[lacking]):
+        alike = lacking & (reached == begin)
+        names = []
+        for count in sorted({part.part.count for part in parts}):
+            for number in range(1, count + 1):
+                own = FilmPart(number, count).tiles(layout.tiles)
+                if alike.any() and alike[own].all():
+                    names.append("the whole film" if count == 1 else f"part {number}/{count}")
+                    alike[own] = False
+        if alike.any():
+            first = int(np.flatnonzero(alike)[0])
+            x, y = TILE * (first % layout.tiles_across), TILE * (first // layout.tiles_across)
+            names.append(f"{int(alike.sum())} tiles, the first at pixel {x}, {y}")
+        found.append(f"samples {begin}:{end} of {', '.join(names)}")
+    return found
+
+
+def merged_arrays(parts: Sequence[SavedPart], layout: FilmLayout) -> Arrays:
+    """Return the arrays of the whole, as a saved render has them.
+
+    Raises
+    ------
+    StateError
+        Those of a part do not fit.
+    """
+    facts = parts[0].saved.facts
+    planes = {"film": PLANES + int(facts["picture"].get("clamp") is not None)}
+    layers = LayerPlanes(facts["layers"])
+    if layers.names:
+        planes["layers"] = layers.count
+    found = {name: np.zeros((count, layout.pixels), np.float32) for name, count in planes.items()}
+    counts = np.zeros_like(parts[0].saved.arrays.get("counts", np.zeros(0)), np.uint64)
+    for part in sorted(parts, key=lambda each: each.part.first):
+        arrays = part.part.unpacked(part.saved.arrays, layout.tiles, layout.pixels)
+        _check_fit(part, arrays, found, counts)
+        pixels = pixels_of(part.part.tiles(layout.tiles))
+        found["film"][PLANES:, pixels] += arrays["film"][PLANES:, pixels]  # what a limit of the samples removed
+        _add(found["film"], arrays["film"], pixels, PLANES // 2)
+        if layers.names:
+            _take_first(found["layers"], arrays["layers"], pixels, 2 * layers.sums)
+            _add(found["layers"], arrays["layers"], pixels, layers.sums)
+        counts += arrays["counts"]
+    return found | {"counts": counts}
+
+
+def _check_fit(part: SavedPart, arrays: Arrays, found: Arrays, counts: NDArray[np.uint64]) -> None:
+    shapes = {name: array.shape for name, array in found.items()} | {"counts": counts.shape}
+    for name, shape in shapes.items():
+        if name not in arrays or arrays[name].shape != shape:
+            raise StateError(f"{part.path}: this saved render is damaged: its array {name} does not fit")
+
+
+def _take_first(whole: Planes, part: Planes, pixels: NDArray[np.int64], start: int) -> None:
+    """Take over the values of the first ray that passes, from plane ``start`` on, where none has before."""
+    passed = whole[PASSED, pixels] != 0
+    whole[start:, pixels] = np.where(passed, whole[start:, pixels], part[start:, pixels])
+
+
+def _add(whole: Planes, part: Planes, pixels: NDArray[np.int64], sums: int) -> None:
+    """Add the compensated sums of some pixels; where nothing was before, the bits are taken over."""
+    new, old = part[: 2 * sums, pixels], whole[: 2 * sums, pixels]
+    exact = np.asarray(sum(planes[:sums].astype(np.float64) - planes[sums:] for planes in (old, new)))
+    added = exact.astype(np.float32)
+    both = np.concatenate([added, (added - exact).astype(np.float32)])
+    whole[: 2 * sums, pixels] = np.where(old.any(axis=0), both, new)
+
+
+def merged_state(paths: Sequence[str | os.PathLike[str]]) -> Checkpoint:
+    """Return the saved render that several parts of it come to.
+
+    Raises
+    ------
+    StateError
+        A file cannot be read or is damaged; or parts are not of one render, overlap, or leave gaps.
+    """
+    parts = [read_part(path) for path in paths]
+    check_same(parts)
+    layout = layout_of(parts[0].saved.facts)
+    for part in parts:
+        if part.part.count > layout.tiles:
+            raise StateError(f"{part.path}: this saved render is damaged: part")
+    end = check_complete(parts, layout)
+    arrays = merged_arrays(parts, layout)
+    facts = parts[0].saved.facts
+    devices = list(dict.fromkeys(name for part in parts for name in part.saved.facts["devices"]))
+    whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts)}
+    whole["picture"] = facts["picture"] | {"parts": [_described(part) for part in parts]}
+    return Checkpoint(whole, arrays)
+
+
+def _work(parts: Sequence[SavedPart]) -> list[Any]:
+    """Return the record of devices where all parts have the same one."""
+    works = [part.saved.facts.get("work", []) for part in parts]
+    return works[0] if all(work == works[0] for work in works) else []
+
+
+def _described(part: SavedPart) -> dict[str, Any]:
+    facts = part.saved.facts
+    return {"part": part.part.title, "samples": [part.part.first, part.done], "devices": facts["devices"]}
