@@ -61,7 +61,13 @@ class Client:
         self.shown: dict[str, int] = {}  # by slot: number of the picture that was sent last
         self.answers: int | None = None  # the change of this client that is in force
         self.lens_at: tuple[tuple[float, float] | None, int] | None = None  # pointer and generation of the last panel
+        self.pointed_at: tuple[tuple[float, float] | None, int | None] | None = None  # and the picture under it
         self.was_greeted = False
+
+    def forget_pictures(self) -> None:
+        """Take whatever comes next for new."""
+        self.shown.clear()
+        self.lens_at = self.pointed_at = None
 
     def done(self, number: int | None, generation: int, **more: Any) -> None:
         """Say that a request is in force."""

@@ -12,6 +12,7 @@ from rptcam_cl.viewfinder.client import Client
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.inbox import Inbox, Request
 from rptcam_cl.viewfinder.messages import Compare, Dial, Message, Move, Set
+from rptcam_cl.viewfinder.reports import Reports
 from rptcam_cl.viewfinder.requests import Requests
 from rptcam_cl.viewfinder.slot import Slot
 from rptcam_cl.viewfinder.studio import Studio
@@ -37,7 +38,8 @@ class Engine:
         self._studio, self._clients = studio, clients
         self._inbox = Inbox()
         self._delivery = Delivery()
-        self._requests = Requests(studio, self._delivery)
+        self._requests = Requests(studio)
+        self._reports = Reports(studio, self._delivery)
         self._ends = threading.Event()
         self._refining: Slot | None = None
         self._alone_since: float | None = None
@@ -102,7 +104,7 @@ class Engine:
         if clients:
             self._studio.open()
         for client in clients:
-            self._requests.greet(client)
+            self._reports.greet(client)
         for request in requests:
             self._requests.answer(request)
         if self._studio.is_closed:
@@ -113,7 +115,7 @@ class Engine:
         a, b = self._studio.a, self._studio.b
         if a is not None and b is not None and self._studio.compares_difference:
             self._delivery.difference(a, b, clients)
-        self._requests.inform(clients)
+        self._reports.inform(clients)
         return timeout if self._inbox.is_empty else 0.0
 
     def _leave(self, clients: list[Client]) -> float | None:

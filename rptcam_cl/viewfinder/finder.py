@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -16,8 +17,10 @@ from rptcam_cl.viewfinder.engine import Engine
 from rptcam_cl.viewfinder.origin import Origin
 from rptcam_cl.viewfinder.requests import place_of
 from rptcam_cl.viewfinder.state import MOST_CLIENTS
-from rptcam_cl.viewfinder.studio import Studio
+from rptcam_cl.viewfinder.studio import Studio, text_of
 from rptcam_cl.viewfinder.watch import Watch
+
+LOG = logging.getLogger("rptcam_cl.viewfinder")
 
 
 class TooManyClientsError(RptcamError):
@@ -131,8 +134,10 @@ class Viewfinder:
         """Show the scene as its files are now; an error leaves the last good picture."""
         try:
             scene = self.origin.load()
-        except RptcamError as problem:
-            text = str(problem)
+        except Exception as problem:  # the watch goes on, whatever a file holds
+            if not isinstance(problem, RptcamError):
+                LOG.exception("the scene file could not be read")
+            text = text_of(problem)
             error = {"type": "error", "id": None, "message": text, "where": place_of(text), "source": "scene"}
             self._studio.file_error = error
             self.tell(error)

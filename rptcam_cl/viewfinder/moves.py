@@ -9,13 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import Pose, pose_matrix
+from rptcam_cl.scene import LensCamera, PinholeCamera, Scene, ThinLensCamera, pose_matrix
 
 Vector = NDArray[np.float64]
 ORBIT = math.pi  # radians that a drag across the whole picture turns the camera about its target
 ROLL = math.radians(10)  # a step of roll
 DOLLY = 0.05  # share of the distance in focus that a step towards it takes away
 WALK = 0.02  # share of the distance in focus that a step is long
+_WIDE = 1.0  # width at distance 1 where no field angle says: of cameras that see all around
 _NEAREST_POLE = math.radians(1.0)  # between the view and up
 
 
@@ -49,30 +50,52 @@ class Viewpoint:
         return {f"camera.{name}": new.tolist() for name, (old, new) in pairs.items() if not np.array_equal(old, new)}
 
 
-def viewpoint_of(camera: Pose, distance: float | None, field_at_one: float, aspect: float) -> Viewpoint:
-    """Return where a camera is.
-
-    Parameters
-    ----------
-    camera
-        Of the scene.
-    distance
-        To the plane in focus [scene units]; the target's where there is none.
-    field_at_one
-        Width of what the picture shows at distance 1.
-    aspect
-        Height of the picture over its width.
+def viewpoint_of(scene: Scene) -> Viewpoint:
+    """Return where the camera of a scene is, which is in focus.
 
     Raises
     ------
     InputError
-        Keyframes say where the camera is.
+        Keyframes say where it is.
     """
+    camera = scene.camera
     if camera.motion:
         raise InputError("camera.motion: keyframes say where this camera is (allowed: moves of cameras without any)")
     eye, target, up = (np.array(row, float) for row in (camera.eye, camera.target, camera.up))
-    away = distance if distance is not None and math.isfinite(distance) else float(np.linalg.norm(target - eye))
-    return Viewpoint(eye, target, up, away, field_at_one * away, aspect)
+    distance = distance_in_focus(scene)
+    if distance is None or not math.isfinite(distance):
+        distance = float(np.linalg.norm(target - eye))
+    width, height = scene.film.size_m()
+    return Viewpoint(eye, target, up, distance, field_at_one(scene) * distance, height / width)
+
+
+def field_at_one(scene: Scene) -> float:
+    """Return the width of what the picture shows at distance 1, first-order, of a scene in focus."""
+    camera = scene.camera
+    width, height = scene.film.size_m()
+    if isinstance(camera, PinholeCamera | ThinLensCamera) and camera.fov_degrees is not None:
+        across = 2 * math.tan(math.radians(camera.fov_degrees) / 2)
+        sides = {"horizontal": width, "vertical": height, "diagonal": math.hypot(width, height)}
+        return across * width / sides[camera.fov_axis]
+    if isinstance(camera, ThinLensCamera) and camera.focal_length_mm is not None:
+        return width / (camera.focal_length_mm * 1e-3)
+    if isinstance(camera, LensCamera):
+        focal_length_mm = camera.focal_length_mm or scene.load_lens().first_order().focal_length_mm
+        return width / abs(focal_length_mm * 1e-3)
+    return _WIDE
+
+
+def distance_in_focus(scene: Scene) -> float | None:
+    """Return how far in front of the eye the plane in focus lies [scene units]; None where that is not known."""
+    camera = scene.camera
+    if isinstance(camera, ThinLensCamera) and camera.focus_distance_m is not None:
+        return camera.focus_distance_m / scene.metres_per_unit
+    if isinstance(camera, LensCamera):
+        if camera.focus.point is not None:
+            return camera.ahead(camera.focus.point)
+        distance_m = camera.focus.distance_m or camera.focus.front_distance_m
+        return None if distance_m is None else distance_m / scene.metres_per_unit
+    return None
 
 
 def moved(stand: Viewpoint, kind: str, dx: float, dy: float, dz: float) -> Viewpoint:

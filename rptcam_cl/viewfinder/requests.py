@@ -1,29 +1,24 @@
-"""What the engine does for each kind of message, and what it says to clients without being asked."""
+"""What the engine does for each kind of message."""
 
 from __future__ import annotations
 
 import logging
 import re
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
-from rptcam_cl.viewfinder import messages, saving
+from rptcam_cl.viewfinder import messages
 from rptcam_cl.viewfinder.click_focus import focus_at, focus_zones
 from rptcam_cl.viewfinder.client import Client
-from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.dials import turn_dial, zoom_clicks
-from rptcam_cl.viewfinder.field import distance_in_focus, field_at_one
 from rptcam_cl.viewfinder.inbox import Request
 from rptcam_cl.viewfinder.moves import moved, viewpoint_of
-from rptcam_cl.viewfinder.slot import Slot
-from rptcam_cl.viewfinder.state import hello_message, state_message
+from rptcam_cl.viewfinder.pictures import FILE_MEDIA, file_bytes, file_name
 from rptcam_cl.viewfinder.studio import Studio, text_of
 
 LOG = logging.getLogger("rptcam_cl.viewfinder")
 _PLACE = re.compile(r"^(?P<where>\S[^:\n]*:\d+:\d+): |^(?P<key>[A-Za-z_][\w.\[\]]*): ")
-_PANEL_S = 0.1  # between two traces of the rays under the pointer while the picture is made
 
 
 class Requests:
@@ -33,15 +28,10 @@ class Requests:
     ----------
     studio
         What the messages are about.
-    delivery
-        Makes what panels show.
     """
 
-    def __init__(self, studio: Studio, delivery: Delivery) -> None:
-        self._studio, self._delivery = studio, delivery
-        self._reported: tuple[Any, ...] = ()
-        self._pointed: dict[int, Any] = {}
-        self._last_panel = 0.0
+    def __init__(self, studio: Studio) -> None:
+        self._studio = studio
         self._handlers: dict[type[messages.Message], Callable[[Client | None, Any], None]] = {
             messages.Set: self._set,
             messages.Dial: self._dial,
@@ -106,10 +96,8 @@ class Requests:
             if turned.changes:
                 self._studio.change("A", turned.changes, transient=message.transient, dials=turned.dials)
         else:
-            width, height = slot.session.resolution
-            distance = distance_in_focus(slot.resolved)
-            stand = viewpoint_of(slot.scene.camera, distance, field_at_one(slot.resolved), height / width)
-            keys = moved(stand, message.kind, message.dx, message.dy, message.dz).changes(stand)
+            before = viewpoint_of(slot.resolved)
+            keys = moved(before, message.kind, message.dx, message.dy, message.dz).changes(before)
             if keys:
                 self._studio.change("A", keys, transient=message.transient)
 
@@ -142,8 +130,7 @@ class Requests:
     def _view(self, client: Client | None, message: messages.View) -> None:
         if client is not None:
             client.wishes = client.wishes.changed(message)
-            client.shown.clear()
-            self._pointed.pop(client.number, None)
+            client.forget_pictures()
 
     def _compare(self, client: Client | None, message: messages.Compare) -> None:
         wanted = message.model_dump(include={"mode", "model", "changes", "difference"})
@@ -158,10 +145,10 @@ class Requests:
         slot = self._studio.slot(message.slot)
         if slot.session.spp == 0:
             slot.session.take(1)
-        data = saving.file_bytes(slot.session.image(), message.format)
-        name = saving.file_name(message.name, message.format)
+        data = file_bytes(slot.session.image(), message.format)
+        name = file_name(message.name, message.format)
         if client is not None:
-            media = saving.MEDIA[message.format]
+            media = FILE_MEDIA[message.format]
             client.outbox.answer({"type": "file", "id": message.id, "name": name, "media": media}, data)
 
     def _scene(self, client: Client | None, message: messages.SceneText) -> None:
@@ -190,65 +177,6 @@ class Requests:
             return
         text = "; ".join(("the scene file was read again", *(f"no longer possible: {item}" for item in dropped)))
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
-
-    def inform(self, clients: Iterable[Client]) -> None:
-        """Tell clients how the camera stands, where that has changed, and what lies under their pointers."""
-        slot = self._studio.a
-        if slot is None:
-            return
-        clients = list(clients)
-        resting = slot.rests_in() <= 0
-        reported = (slot.session.generation, slot.dials, slot.messages, self._studio.paused, resting, *self._compared())
-        if reported != self._reported and not slot.wants_glance:
-            self._reported = reported
-            message = state_message(self._studio, slot, detailed=resting)
-            for client in clients:
-                client.outbox.news("state", message)
-        self._point(slot, clients)
-
-    def greet(self, client: Client) -> None:
-        """Tell a new client what there is and how the camera stands."""
-        studio = self._studio
-        if studio.a is None or client.was_greeted:
-            return
-        token = {} if client.token is None else {"token": client.token}
-        client.outbox.answer(hello_message(studio, studio.a, client.number) | token)
-        client.outbox.news("state", state_message(studio, studio.a, detailed=True))
-        client.was_greeted = studio.was_seen = True
-        if studio.file_error is not None:
-            client.outbox.answer(studio.file_error)
-
-    def _compared(self) -> tuple[Any, ...]:
-        compare = self._studio.compare
-        return (compare["mode"], compare["model"], repr(compare["changes"]), compare["difference"])
-
-    def _point(self, slot: Slot, clients: Iterable[Client]) -> None:
-        """Meter and trace at the pointers that have moved, or under which the picture has changed."""
-        shown = slot.shown
-        for client in clients:
-            place = (client.pointer, None if shown is None else shown.number)
-            if place != self._pointed.get(client.number):
-                self._delivery.meter(slot, client)
-                self._lens(slot, client)
-                self._pointed[client.number] = place
-        self._pointed = {client.number: self._pointed[client.number] for client in clients}
-
-    def _lens(self, slot: Slot, client: Client) -> None:
-        panel = self._studio.panel
-        if panel is None or "lens" not in client.wishes.panels:
-            return
-        at = (client.pointer, slot.session.generation)
-        now = time.monotonic()
-        if at == client.lens_at or (slot.rests_in() > 0 and now - self._last_panel < _PANEL_S):
-            return
-        self._last_panel = now
-        message: dict[str, Any] = {"type": "lens", "generation": slot.session.generation, "pointer": None}
-        if client.lens_at is None or client.lens_at[1] != at[1]:
-            message |= {"section": panel.section(slot.resolved), "numbers": panel.numbers(slot.resolved)}
-        if client.pointer is not None:
-            message["pointer"] = panel.pointer(slot.resolved, *client.pointer)
-        client.lens_at = at
-        client.outbox.news("lens" if "section" not in message else "lens with section", message)
 
 
 _WITH_OWN_ANSWER = (

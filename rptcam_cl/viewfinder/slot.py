@@ -61,6 +61,7 @@ class Slot:
         self.wants_glance, self.wants_showing = True, False
         self.compiling = False
         self._moving_until = 0.0
+        self.shown_changes = (Changes(changes.as_dict()), self.dials)  # those of the last picture
         self._number = 0
         self._next_samples = 1
         self._last: Frame | None = None  # of what is there now
@@ -163,6 +164,8 @@ class Slot:
         """Develop a frame; dials that follow the light follow it."""
         self._number += 1
         self.shown = Shown(self._number, frame, codes_of(self.image_of(frame)), moving, self.compiling, answers)
+        if not self.compiling:
+            self.shown_changes = (Changes(self.changes.as_dict()), self.dials)
         self.reading_cd_m2 = film_reading(frame.pixels, self.resolved, self.dials.meter)
         if self._follows and not self.compiling:
             turned = follow_light(self.dials, self.scene, self.resolved, self.reading_cd_m2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
@@ -14,6 +15,8 @@ from rptcam_cl.viewfinder.dials import Dials, read_dials
 from rptcam_cl.viewfinder.lens_panel import LensPanel
 from rptcam_cl.viewfinder.origin import Changes, Origin
 from rptcam_cl.viewfinder.slot import Slot
+
+NO_COMPARISON: dict[str, Any] = {"mode": "off", "model": None, "changes": {}, "difference": False}
 
 
 class Studio:
@@ -39,7 +42,7 @@ class Studio:
         self.a: Slot | None = None
         self.b: Slot | None = None
         self.panel: LensPanel | None = None
-        self.compare: dict[str, Any] = {"mode": "off", "model": None, "changes": {}, "difference": False}
+        self.compare: dict[str, Any] = dict(NO_COMPARISON)
         self.paused = False
         self.was_seen = False
         self.file_error: dict[str, Any] | None = None
@@ -95,6 +98,8 @@ class Studio:
         if changes.as_dict():
             session.change(changes.as_dict())
         self.a = Slot("A", session, changes, dials)
+        for client in self._clients():
+            client.forget_pictures()
         self.panel = LensPanel(session.device)
         self.set_compare(self.compare)
 
@@ -105,17 +110,24 @@ class Studio:
         """Free the device; what was changed is kept."""
         if self.a is not None:
             self._kept = (self.a.changes, self.a.dials)
-        for slot in self.slots:
+        self._let_go()
+
+    def _let_go(self) -> None:
+        slots, self.a, self.b, self.panel, self.paused = self.slots, None, None, None, False
+        for slot in slots:
             slot.close()
-        self.a = self.b = self.panel = None
 
     def fail(self, problem: Exception) -> None:
-        """Say to all that the device or a frame failed, and free it; the next client or request takes it anew."""
+        """Say to all that the device or a frame failed, and free it.
+
+        The next client or request takes it anew, with the changes that were shown last: others may be why it failed.
+        """
         self.tell({"type": "error", "id": None, "message": text_of(problem), "where": None, "source": "device"})
-        try:
-            self.close()
-        except Exception:  # what is broken may not close either
-            self.a = self.b = self.panel = None
+        if self.a is not None:
+            self._kept = self.a.shown_changes
+        self.compare = dict(NO_COMPARISON)
+        with contextlib.suppress(Exception):  # what is broken may not close either
+            self._let_go()
 
     def tell(self, message: Mapping[str, Any]) -> None:
         """Say something to all clients."""
@@ -138,7 +150,7 @@ class Studio:
         if name == "A" and self.b is not None:
             own = {key: value for key, value in keys.items() if not _touches(key, self.b_keys)}
             try:
-                self.b.change(own, transient=transient)
+                self._tell_compiling(self.b, self.b.change(own, transient=transient).ready)
             except InputError as problem:
                 self.b.messages = (f"B keeps its own: {problem}",)
         self.generation = slot.next_generation
@@ -187,7 +199,7 @@ class Studio:
             change = session.change(keys, wait=False)
         except BaseException:
             session.close()
-            self.compare = {"mode": "off", "model": None, "changes": {}, "difference": False}
+            self.compare = dict(NO_COMPARISON)
             raise
         changes = Changes(self.a.changes.as_dict())
         changes.add(keys)
@@ -208,7 +220,10 @@ class Studio:
         dropped = _apply(slot, wanted)
         slot.dials = read_dials(slot.scene, slot.resolved, slot.dials)
         self._tell_compiling(slot, not slot.compiling)
-        self.set_compare(self.compare)
+        try:
+            self.set_compare(self.compare)
+        except InputError as problem:
+            dropped.append(f"the comparison: {problem}")
         return dropped
 
     def reset(self, prefix: str) -> None:

@@ -6,16 +6,13 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene import PinholeCamera
+from rptcam_cl.scene import load_scene
 from rptcam_cl.viewfinder.moves import DOLLY, Viewpoint, moved, viewpoint_of
 
 
-def camera(**keys: object) -> PinholeCamera:
-    return PinholeCamera(**{"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 5], "target": [0, 0, 0], **keys})
-
-
 def stand(**keys: object) -> Viewpoint:
-    return viewpoint_of(camera(**keys), None, 2 * math.tan(math.radians(20)), 9 / 16)
+    camera = {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 5], "target": [0, 0, 0], **keys}
+    return viewpoint_of(load_scene({"camera": camera, "film": {"resolution": [16, 9]}}))
 
 
 def seen_at(where: Viewpoint, point: list[float]) -> tuple[float, float]:

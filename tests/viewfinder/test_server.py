@@ -335,6 +335,20 @@ def test_last_page_frees_the_device_and_the_next_one_finds_it_as_it_was(served: 
         client.frame()
 
 
+def test_change_that_the_device_cannot_hold_is_reported_and_undone(client: Page) -> None:
+    client.frame(at_rest)
+    client.ask(5, "dial", name="f_number", value=8)
+    client.frame(lambda header: at_rest(header) and header["answers"] == 5)
+    client.send("set", id=6, changes={"film.resolution": [46000, 46000]})
+    error = client.wait(lambda message: message.type == "error")
+    assert error.header["source"] == "device"
+    text = client.ask(7, "scene").header["yaml"]
+    assert "46000" not in text
+    assert "f_number: 8" in text
+    client.ask(8, "move", kind="orbit", dx=0.1)
+    client.frame(lambda header: header["answers"] == 8)
+
+
 def test_pause_stops_the_picture_and_resume_goes_on(client: Page) -> None:
     client.frame(at_rest)
     client.ask(5, "pause")
