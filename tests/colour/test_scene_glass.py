@@ -86,7 +86,7 @@ REFUSED = [
     ("glass: {sellmeier: {b: [1], c: [0.1, 2]}}", "glass.sellmeier.c: b and c need as many numbers"),
     ("glass: {sellmeier: {b: [x], c: [0.1]}}", "glass.sellmeier.b[0]: expected a number"),
     ("glass: {selmeier: {b: [1], c: [0.1]}}", "glass.selmeier: unknown key (did you mean sellmeier?)"),
-    ("glass: {sellmeier: {b: [1], c: [0.25]}}", "no real index at a wavelength"),
+    ("glass: {sellmeier: {b: [1], c: [0.25]}}", "no real index at a requested wavelength"),
     ("glass: {cauchy: [7]}", "has a refractive index from 7 to 7"),
     ("glass: {cauchy: [1.5], range_nm: [1000, 2000]}", "is known from 1000 to 2000 nm only"),
     ("glass: {catalogue: absent.agf, name: A1}", "glass.catalogue: no such file"),
