@@ -19,13 +19,13 @@ export function wavelengthColour(nm) {
   return `hsl(${a + ((b - a) * (nm - low)) / (high - low)} 85% 68%)`;
 }
 
-function ends(section, rays) {
-  const points = [...section.surfaces.flatMap((each) => each.points), ...(section.film?.points ?? []), ...(section.glass ?? []).flatMap((each) => each.points)];
-  const zs = points.map(([z]) => z);
-  const heights = points.map(([, height]) => Math.abs(height));
-  const reach = Math.max(...heights);
+function ends(section) {
+  const outlines = [...section.surfaces, ...(section.glass ?? []), ...(section.stop ?? []), section.film].filter(Boolean);
+  const points = outlines.flatMap((each) => each.points);
+  const zs = [...points.map(([z]) => z), ...(section.axis ?? [])];
   const [low, high] = [Math.min(...zs), Math.max(...zs)];
-  return { low: low - (high - low) * (rays ? 0.16 : MARGIN), high: high + (high - low) * MARGIN, reach: reach * 1.12 };
+  const margin = (high - low) * MARGIN;
+  return { low: low - margin, high: high + margin, reach: 1.08 * Math.max(...points.map(([, height]) => Math.abs(height))) };
 }
 
 function scales({ low, high, reach }, width, tallest) {
@@ -36,25 +36,16 @@ function scales({ low, high, reach }, width, tallest) {
     height,
     x: (z) => (left + (z - low) * scale).toFixed(2),
     y: (value) => (height / 2 - value * scale).toFixed(2),
-    left: low - left / scale,
   };
 }
 
-/** A ray's path, cut where it leaves the drawing on the scene side. */
-function within(points, low) {
-  const at = points.findIndex(([z]) => z >= low);
-  if (at <= 0) return points;
-  const [[z0, h0], [z1, h1]] = [points[at - 1], points[at]];
-  return [[low, h0 + ((h1 - h0) * (low - z0)) / (z1 - z0)], ...points.slice(at)];
-}
-
 function rayMarks(ray, across) {
-  const line = s("path", { class: `vf-ray${ray.passed ? "" : " vf-ray-blocked"}`, d: path(within(ray.points, across.left), across) });
-  line.style.stroke = ray.colour ?? wavelengthColour(ray.wavelength_nm);
+  const line = s("path", { class: `vf-ray${ray.passed ? "" : " vf-ray-blocked"}`, d: path(ray.points, across) });
+  line.style.stroke = wavelengthColour(ray.wavelength_nm);
   if (ray.passed) return [line];
   const [z, height] = ray.points[ray.points.length - 1];
   const mark = s("path", { class: "vf-blocked", d: `M${across.x(z)} ${across.y(height)}m-3-3l6 6m0-6l-6 6` },
-    s("title", {}, `blocked at surface ${ray.stopped_by}`));
+    s("title", {}, `${ray.why ?? "blocked"} at surface ${ray.stopped_by}`));
   return [line, mark];
 }
 
@@ -65,7 +56,7 @@ function pupilMarks(pupils, across) {
 
 /** The cross-section as SVG, with rays in it. */
 export function crossSection(section, rays = [], width = 352) {
-  const across = scales(ends(section, rays.length > 0), width, 220);
+  const across = scales(ends(section), width, 220);
   return s("svg", { class: "vf-section", viewBox: `0 0 ${width} ${across.height.toFixed(1)}`, role: "img", "aria-label": words(section, rays) },
     s("path", { class: "vf-axis-line", d: `M0 ${across.y(0)}H${width}` }),
     (section.glass ?? []).map((each) => s("path", { class: "vf-glass", d: `${path(each.points, across)}Z` })),
@@ -97,23 +88,24 @@ function spotPlot({ points_um: points, rms_um: rms, colours = [] }) {
     }));
 }
 
-function mtfPlot({ frequencies, tangential, sagittal }) {
+function mtfPlot({ frequencies, tangential, sagittal, tangential_limit: limit = [] }) {
   const points = (values) => frequencies.map((frequency, i) => [frequency, values[i]]).filter(([, value]) => Number.isFinite(value));
   return plot({
     title: "Modulation transfer at the pointer: tangential and sagittal over line pairs per millimetre",
     width: 196, height: 150,
     x: { from: 0, to: Math.max(...frequencies), label: "lp/mm" },
     y: { from: 0, to: 1, ticks: [0, 0.5, 1] },
-    series: [{ points: points(tangential), kind: "vf-line-tangential" }, { points: points(sagittal), kind: "vf-line-sagittal" }],
+    series: [{ points: points(limit), kind: "vf-line-soft" }, { points: points(tangential), kind: "vf-line-tangential" }, { points: points(sagittal), kind: "vf-line-sagittal" }],
   });
 }
 
 const NUMBERS = [
-  ["Focal length", "focal_length_mm", (value) => `${digits(value, 4)} mm`],
+  ["Focal length", "focal_length_mm", (value) => `${digits(value, 4)}\u00a0mm`],
+  ["As on 35 mm film", "equivalent_mm", (value) => `${digits(value)}\u00a0mm`],
   ["f-number", "f_number", (value) => `f/${digits(value)}`],
   ["Working f-number", "working_f_number", (value) => `f/${digits(value)}`],
-  ["Entrance pupil", "entrance_pupil", (value) => `${digits(2 * value.radius_mm)} mm wide at ${digits(value.z_mm)} mm`],
-  ["Exit pupil", "exit_pupil", (value) => `${digits(2 * value.radius_mm)} mm wide at ${digits(value.z_mm)} mm`],
+  ["Entrance pupil", "entrance_pupil", (value) => `${digits(2 * value.radius_mm)} mm wide at ${digits(value.z_mm)}\u00a0mm`],
+  ["Exit pupil", "exit_pupil", (value) => `${digits(2 * value.radius_mm)} mm wide at ${digits(value.z_mm)}\u00a0mm`],
   ["Sharp from", "near_m", distance],
   ["to", "far_m", distance],
   ["Hyperfocal", "hyperfocal_m", distance],
@@ -132,8 +124,8 @@ export class LensView {
 
   show({ section, numbers, pointer }) {
     if (section) this.section = section;
-    if (this.section?.surfaces?.length) this.drawing.replaceChildren(crossSection(this.section, pointer?.rays ?? []));
-    else if (section) this.drawing.replaceChildren(h("p", { class: "vf-note" }, "This camera has no lens of glass to draw."));
+    if (this.section?.film) this.drawing.replaceChildren(crossSection(this.section, pointer?.rays ?? []));
+    else if (section) this.drawing.replaceChildren(h("p", { class: "vf-note" }, "This camera sees the whole sphere around it: there is no lens to draw."));
     if (numbers) this.numbers(numbers);
     if (pointer) this.pointer(pointer);
   }
@@ -145,7 +137,7 @@ export class LensView {
     const stopped = [...count].map(([surface, times]) => `${times} at ${surface}`).join(", ");
     this.field.textContent = `${Number.isFinite(field) ? `${digits(field)}° off the axis: ` : ""}${rays.length - blocked.length} of ${rays.length} rays pass${stopped ? `; blocked ${stopped}` : ""}`;
     this.spot.replaceChildren(...[
-      spot?.points_um?.length && h("figure", {}, spotPlot(spot), h("figcaption", {}, `Spot, ${digits(spot.rms_um)} µm RMS`)),
+      spot?.points_um?.length && h("figure", {}, spotPlot(spot), h("figcaption", {}, `Spot, ${digits(spot.rms_um)}\u00a0µm RMS`)),
       mtf?.frequencies?.length && h("figure", {}, mtfPlot(mtf), h("figcaption", {}, h("b", { class: "vf-tangential" }, "tangential"), " ", h("b", { class: "vf-sagittal" }, "sagittal"))),
     ].filter(Boolean));
   }
