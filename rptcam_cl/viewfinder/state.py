@@ -16,7 +16,8 @@ from rptcam_cl.viewfinder.slot import Slot
 from rptcam_cl.viewfinder.studio import Studio
 
 MOST_CLIENTS = 4
-_FOCUS = ("distance_m", "near_m", "far_m", "hyperfocal_m")
+# What the panel calls what `focus` tells.
+_FOCUS = {"distance_m": "focus_m", "near_m": "near_m", "far_m": "far_m", "hyperfocal_m": "hyperfocal_m"}
 
 
 def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
@@ -67,6 +68,6 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
         message["dials_b"] = dial_list(studio.b.dials, studio.b.scene, studio.b.resolved)
     if detailed and studio.panel is not None:
         numbers = studio.panel.numbers(slot.resolved)
-        message["focus"] = {name: numbers[name] for name in _FOCUS if name in numbers}
+        message["focus"] = {name: numbers[known] for name, known in _FOCUS.items()} if numbers.get("focus_m") else None
         message["guides"] = studio.panel.guides(slot.resolved)
     return message

@@ -6,6 +6,7 @@ import { capital } from "./numbers.js";
 
 // In the order of a camera's display; what else the server lists lies in the panel "Camera".
 const STRIP = ["mode", "shutter_s", "f_number", "iso", "auto_iso", "ev", "lock", "focus_m", "zoom"];
+const TONES = { srgb: "sRGB", aces: "ACES", agx: "AgX" }; // as their makers write them
 const MODES = {
   M: "Manual: you set aperture, time and ISO",
   A: "Aperture priority: the camera sets the time",
@@ -29,7 +30,7 @@ function modes(dial, turned) {
 }
 
 function list(dial, turned) {
-  const valueOf = (text) => dial.choices.find((each) => String(each.value) === text)?.value ?? text;
+  const valueOf = (text) => (text === "" ? null : dial.choices.find((each) => String(each.value) === text)?.value ?? text);
   const element = select(capital(dial.label), [], () => {}, {});
   const field = element.querySelector("select");
   field.dataset.dial = dial.name;
@@ -40,7 +41,7 @@ function list(dial, turned) {
     show(latest) {
       dial = latest;
       const own = latest.choices.some((each) => each.value === latest.value) ? [] : [{ value: latest.value ?? "", label: latest.text || "–" }];
-      const choices = [...own, ...latest.choices].map((each) => ({ ...each, label: capital(each.label) }));
+      const choices = [...own, ...latest.choices].map((each) => ({ value: each.value ?? "", label: TONES[each.value] ?? capital(each.label) }));
       const known = JSON.stringify(choices);
       if (known !== filled) element.fill(choices, latest.value);
       filled = known;

@@ -72,7 +72,7 @@ export class Overlays {
 
 /** What the spot meter reads, in words. */
 export function meterText({ ev, cd_m2: luminance, zone }) {
-  return `${zone !== undefined && zone !== null ? `${zone}  ` : ""}EV ${signed(ev).replace("+", "")}  ${digits(luminance)} cd/m²`;
+  return [zone && `zone ${zone}`, `EV ${signed(ev).replace("+", "")}`, `${digits(luminance)} cd/m²`].filter(Boolean).join(" · ");
 }
 
 function meterTable(link) {

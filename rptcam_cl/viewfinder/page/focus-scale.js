@@ -5,8 +5,10 @@ import { digits, distance } from "./numbers.js";
 
 const WIDTH = 352;
 const SIDE = 12;
+const UNFOCUSED = "This camera has no focus: everything is as sharp as it can be.";
 const APART = 30; // between two texts
 const ROW = 15;
+const ROWS = 4; // f-numbers that are engraved, beside the one that is set
 
 function marks(scale, at) {
   let last = -APART;
@@ -20,10 +22,16 @@ function marks(scale, at) {
   });
 }
 
+/** The f-number that is set, and some of the others. */
+function engraved(all, nearest) {
+  const every = Math.ceil(all.length / ROWS);
+  return all.filter((each, i) => each === nearest || i % every === 0);
+}
+
 function rows(scale, at, current) {
-  const sorted = [...scale.depth].sort((a, b) => b.f_number - a.f_number);
-  const nearest = sorted.reduce((best, each) => (Math.abs(Math.log(each.f_number / current)) < Math.abs(Math.log(best.f_number / current)) ? each : best), sorted[0]);
-  return sorted.flatMap((each, i) => {
+  const all = [...scale.depth].sort((a, b) => b.f_number - a.f_number);
+  const nearest = all.reduce((best, each) => (Math.abs(Math.log(each.f_number / current)) < Math.abs(Math.log(best.f_number / current)) ? each : best), all[0]);
+  return engraved(all, nearest).flatMap((each, i) => {
     const y = 40 + i * ROW;
     const [near, far] = [at(each.near), at(each.far)];
     const label = far > WIDTH - 46 ? { x: near - 5, "text-anchor": "end" } : { x: far + 5 };
@@ -36,7 +44,7 @@ function rows(scale, at, current) {
 
 function drawing(scale, current, label) {
   const at = (position) => SIDE + (WIDTH - 2 * SIDE) * position;
-  const height = 36 + ROW * scale.depth.length;
+  const height = 36 + ROW * (ROWS + 1);
   const x = at(scale.position);
   return s("svg", { class: "vf-plot", viewBox: `0 0 ${WIDTH} ${height}`, role: "img", "aria-label": label },
     s("path", { class: "vf-scale-tick", d: `M${SIDE} 28H${WIDTH - SIDE}` }), marks(scale, at), rows(scale, at, current),
@@ -46,8 +54,9 @@ function drawing(scale, current, label) {
 /** The scale and a sentence of what is sharp. */
 export function focusScale(link) {
   const chart = h("div", { class: "vf-chart" });
-  const words = h("p", { class: "vf-note", "data-name": "depth" }, "This camera has no focus: everything is as sharp as it can be.");
+  const words = h("p", { class: "vf-note", "data-name": "depth" }, UNFOCUSED);
   link.on("state", ({ focus, dials = [] }) => {
+    if (focus === null) words.textContent = UNFOCUSED;
     if (focus?.distance_m) {
       const far = focus.hyperfocal_m ? `; hyperfocal ${distance(focus.hyperfocal_m)}` : "";
       words.textContent = `Focus ${distance(focus.distance_m)}; sharp from ${distance(focus.near_m)} to ${distance(focus.far_m)}${far}`;
