@@ -15,7 +15,7 @@ from typing import Any
 from rptcam_cl.cameras import camera_model, lens_setting, thick_lens_of
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing import circle_of_confusion, focus_drive
-from rptcam_cl.scene import LensCamera, Scene, ThinLensCamera, change_scene
+from rptcam_cl.scene import Focus, LensCamera, Scene, ThinLensCamera, change_scene
 from rptcam_cl.viewfinder.remembered import by_optics
 
 INFINITY_M = 1e6  # what the focus dial calls infinity
@@ -104,7 +104,7 @@ class DepthOfField:
 
     Attributes
     ----------
-    focus_m, near_m : float
+    distance_m, near_m : float
         Plane in focus and the near end, from the film (thin lens: from the lens); infinite focus counts as 1000 km.
     far_m, hyperfocal_m : float or None
         The far end, None at infinity; the nearest focus for which it is infinite.
@@ -116,7 +116,7 @@ class DepthOfField:
         By how much the image of a field is larger than with the focus at infinity, as a share.
     """
 
-    focus_m: float
+    distance_m: float
     near_m: float
     far_m: float | None
     hyperfocal_m: float
@@ -142,7 +142,7 @@ def depth_of_field(scene: Scene) -> DepthOfField | None:
     horizon = distant or here
     hyperfocal = horizon.diameter_mm * horizon.per_tangent_mm / circle + horizon.pupil_mm
     return DepthOfField(
-        focus_m=here.focus_mm * 1e-3,
+        distance_m=here.focus_mm * 1e-3,
         near_m=near * 1e-3,
         far_m=far * 1e-3 if math.isfinite(far) else None,
         hyperfocal_m=hyperfocal * 1e-3,
@@ -179,9 +179,10 @@ def nearest_focus_m(scene: Scene) -> float | None:
     camera = scene.camera
     if not isinstance(camera, (LensCamera, ThinLensCamera)):
         return None
-    if isinstance(camera, LensCamera):  # wherever it stands now, which may be beyond the reach of what it will be
-        camera = camera.model_copy(update={"focus": camera.focus.model_validate({"distance_m": INFINITY_M})})
-    return _nearest(scene.model_copy(update={"camera": camera}))
+    update: dict[str, Any] = {"focus_distance_m": INFINITY_M, "focus": None}
+    if isinstance(camera, LensCamera):  # wherever it stands, which may be beyond the reach, and however wide it is open
+        update = {"focus": Focus(distance_m=INFINITY_M), "f_number": None, "stop_diameter_mm": None}
+    return _nearest(scene.model_copy(update={"camera": camera.model_copy(update=update)}))
 
 
 @by_optics

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.cameras import lens_setting
 from rptcam_cl.optics import FilmProbe, narrowed
-from rptcam_cl.scene import EnvironmentCamera, Scene
+from rptcam_cl.scene import EnvironmentCamera, LensCamera, Scene
 from rptcam_cl.viewfinder.depth_of_field import depth_of_field, perspective
 from rptcam_cl.viewfinder.lens_state import LensState
-from rptcam_cl.viewfinder.light import irradiance_per_radiance
 from rptcam_cl.viewfinder.panel import DIAGONAL_35_MM, f_number_of_camera, focal_length_mm
 
 RADII = 24  # at which the edge of the image circle is sought at a time
@@ -22,16 +22,29 @@ LARGEST = 2.5  # image circle that is sought, over the film's own
 
 def camera_numbers(scene: Scene) -> dict[str, Any]:
     """Return what is known of any camera in focus; None where there is no such number."""
-    depth, focal_mm, light = depth_of_field(scene), focal_length_mm(scene), irradiance_per_radiance(scene)
-    keys = ("focus_m", "near_m", "far_m", "hyperfocal_m", "circle_mm", "magnification", "breathing")
+    depth, focal_mm = depth_of_field(scene), focal_length_mm(scene)
+    keys = ("distance_m", "near_m", "far_m", "hyperfocal_m", "circle_mm", "magnification", "breathing")
     found: dict[str, Any] = dict.fromkeys(keys) if depth is None else asdict(depth)
     found |= {
         "focal_length_mm": focal_mm,
         "equivalent_mm": None if focal_mm is None else focal_mm * DIAGONAL_35_MM / (scene.film.diagonal_m() * 1e3),
         "f_number": f_number_of_camera(scene),
-        "working_f_number": None if light is None else math.sqrt(math.pi / (4.0 * light)),
+        "working_f_number": _working_f_number(scene),
     }
     return found | _angles(scene, focal_mm)
+
+
+def _working_f_number(scene: Scene) -> float | None:
+    """Return the f-number of the light on the axis, from the film distance, to first order."""
+    here = perspective(scene)
+    if here is None:
+        return None
+    if not isinstance(scene.camera, LensCamera):
+        return here.per_tangent_mm / here.diameter_mm
+    setting = lens_setting(scene)
+    pupil = setting.lens.first_order(scene.camera.wavelength_nm).exit_pupil
+    index = float(setting.lens.indices(scene.camera.wavelength_nm)[-1])
+    return abs(setting.film_distance_mm - pupil.distance_mm) / (index * pupil.diameter_mm)
 
 
 def _angles(scene: Scene, focal_mm: float | None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from rptcam_cl.cameras import camera_model
 from rptcam_cl.device import open_session
 from rptcam_cl.rendering import resolve_exposure
 from rptcam_cl.scene import Exposure, Scene, load_scene
+from rptcam_cl.viewfinder.dials import read_dials, turn_dial
 from rptcam_cl.viewfinder.light import irradiance_per_radiance, value_per_radiance
 from rptcam_cl.viewfinder.meter import film_reading, spot_meter
 
@@ -64,6 +65,25 @@ def test_spot_meter_agrees_with_automatic_exposure_at_the_spot(pictures: dict[st
     assert found.time_s is not None
     dimmed = 2.0 * 100 / 200  # a stop of grey filter, and twice the sensitivity
     assert abs(math.log2(found.time_s / (auto.scene.shutter.time_s * dimmed))) < AGREEMENT_EV
+
+
+def test_a_session_is_exposed_by_the_dials_as_by_automatic_exposure() -> None:
+    with rptcam_cl.RenderSession(scene(exposure={"mode": "auto", "ev": 0.5, "metering": "spot"})) as session:
+        frame = session.take(64)
+        metered = session.metadata["metered_cd_m2"]
+        dials = read_dials(session.scene, session.resolved)
+        reading = film_reading(frame.pixels, session.resolved, dials.meter)
+        assert abs(math.log2(reading / metered)) < AGREEMENT_EV
+        for mode in ("S", "P", "A", "M"):  # M comes last: it keeps what was found and lets the compensation go
+            turned = turn_dial(dials, session.scene, session.resolved, "mode", mode, reading)
+            dials = turned.dials
+            session.change(dict(turned.changes))
+            frame = session.take(64)
+            reading = film_reading(frame.pixels, session.resolved, dials.meter)
+            assert abs(math.log2(reading / metered)) < AGREEMENT_EV
+            bright = spot_meter(frame.pixels, session.resolved, 0.5, 0.5).value
+            assert abs(math.log2(bright / (0.18 * 2**0.5))) < AGREEMENT_EV, mode
+            assert read_dials(session.scene, session.resolved, dials) == dials
 
 
 def test_spot_meter_reads_a_world_of_known_luminance() -> None:
