@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         measure_tradeoff,
         merge,
         render,
+        settle,
     )
 
 __all__ = [
@@ -52,6 +53,7 @@ __all__ = [
     "measure_tradeoff",
     "merge",
     "render",
+    "settle",
 ]
 
 

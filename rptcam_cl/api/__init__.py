@@ -6,6 +6,7 @@ A render has three stages, each of which can be called alone: `prepare`, `run` a
 from rptcam_cl.api.frames import Change, Frame
 from rptcam_cl.api.interface import devices, load_lens, render
 from rptcam_cl.api.merging import merge
+from rptcam_cl.api.resolving import Settlement, settle
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, picture_so_far, prepare, report, run
@@ -26,6 +27,7 @@ __all__ = [
     "RenderSession",
     "RenderSettings",
     "Scene",
+    "Settlement",
     "autofocus",
     "choose_device",
     "develop",
@@ -40,4 +42,5 @@ __all__ = [
     "render",
     "report",
     "run",
+    "settle",
 ]

@@ -14,7 +14,21 @@ from collections.abc import Iterator, Sequence
 from typing import Any, TextIO
 
 from rptcam_cl._version import __version__
-from rptcam_cl.cli import convert, demo, develop, devices, doctor, focus, lens, merge, render, schema, tradeoff, view
+from rptcam_cl.cli import (
+    convert,
+    demo,
+    develop,
+    devices,
+    doctor,
+    focus,
+    lens,
+    merge,
+    render,
+    schema,
+    settle,
+    tradeoff,
+    view,
+)
 from rptcam_cl.cli.interrupt import INTERRUPTED
 from rptcam_cl.cli.parser import Parser, nearest
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
@@ -30,7 +44,8 @@ def build_parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"rptcam {__version__}")
     parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
-    for command in (demo, render, merge, view, focus, tradeoff, develop, convert, lens, devices, doctor, schema):
+    rendering = (demo, render, merge, settle, view)
+    for command in (*rendering, focus, tradeoff, develop, convert, lens, devices, doctor, schema):
         command.add_to(commands)
     return parser
 

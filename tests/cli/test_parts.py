@@ -86,3 +86,24 @@ def test_mistake_of_a_merge_is_named(scene: Path, rptcam: Command, words: list[s
     assert run.code == code
     assert re.search(message, run.err), run.err
     assert [path.name for path in scene.parent.iterdir()] == ["scene.yaml"]
+
+
+def test_settle_writes_a_scene(scene: Path, rptcam: Command) -> None:
+    run = rptcam("settle", "scene.yaml", "-o", "resolved.yaml", "--set", "camera.fov_degrees=50")
+    assert (run.code, run.err) == (0, "wrote resolved.yaml: nothing was left to be found\n")
+    assert rptcam_cl.load_scene("resolved.yaml").camera.fov_degrees == 50
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (["-o", "scene.yaml"], 2, "is an input"),
+        (["-o", "a.png"], 2, "a scene is YAML"),
+        (["-o", "none/a.yaml"], 4, "there is no folder"),
+    ],
+)
+def test_settle_refuses_where_it_cannot_write(
+    scene: Path, rptcam: Command, words: list[str], code: int, message: str
+) -> None:
+    run = rptcam("settle", "scene.yaml", *words)
+    assert (run.code, message in run.err) == (code, True), run.err
