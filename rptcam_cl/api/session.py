@@ -108,8 +108,8 @@ class RenderSession:
 
     @property
     def metadata(self) -> dict[str, Any]:
-        """How focus, camera model and exposure were found."""
-        return dict(self._newest.found.metadata)
+        """How focus, camera model and exposure were found, and what the picture's metadata say of the spectrum."""
+        return self._newest.plan.spectrum.metadata | self._newest.found.metadata
 
     @property
     def resolution(self) -> tuple[int, int]:
