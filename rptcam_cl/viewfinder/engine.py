@@ -110,6 +110,8 @@ class Engine:
         if self._studio.is_closed:
             return None
         timeout = self._render(clients)
+        if not clients and timeout is None:
+            self._reports.prepare()
         for slot in self._studio.slots:
             self._delivery.deliver(slot, clients)
         a, b = self._studio.a, self._studio.b

@@ -11,7 +11,7 @@ from rptcam_cl.viewfinder.slot import Slot
 from rptcam_cl.viewfinder.state import hello_message, state_message
 from rptcam_cl.viewfinder.studio import Studio
 
-STATE_S = 0.15  # between two states of a camera that moves; finding the depth of field takes longer than a glance
+STATE_S = 0.3  # between two states of a camera that moves; finding the depth of field takes longer than a glance
 PANEL_S = 0.1  # between two traces of the rays under the pointer while it moves
 
 
@@ -29,6 +29,7 @@ class Reports:
     def __init__(self, studio: Studio, delivery: Delivery) -> None:
         self._studio, self._delivery = studio, delivery
         self._reported: tuple[Any, ...] = ()
+        self._is_prepared = False
         self._last_panel = self._last_state = 0.0
 
     def inform(self, clients: list[Client]) -> None:
@@ -48,6 +49,14 @@ class Reports:
             message = state_message(self._studio, slot, detailed=resting)
             for client in clients:
                 client.outbox.news("state", message)
+
+    def prepare(self) -> None:
+        """Find what the first client will want to know, while it is still on its way."""
+        studio = self._studio
+        if studio.a is not None and not self._is_prepared:
+            self._is_prepared = True
+            hello_message(studio, studio.a, 0)
+            state_message(studio, studio.a, detailed=True)
 
     def greet(self, client: Client) -> None:
         """Tell a new client what there is and how the camera stands."""

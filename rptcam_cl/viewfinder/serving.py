@@ -10,6 +10,7 @@ import sys
 import threading
 import webbrowser
 from collections.abc import Callable, Iterator
+from importlib.util import find_spec
 from types import FrameType
 from typing import Any
 
@@ -24,12 +25,9 @@ _CLOSING_S = 0.3  # that connections have to end
 
 def check_server() -> None:
     """Raise `InputError` when what the server is made of is not installed."""
-    try:
-        import starlette  # noqa: F401
-        import uvicorn  # noqa: F401
-        import websockets  # noqa: F401
-    except ImportError as error:
-        raise InputError(f"{NEEDED} (missing: {error.name})") from None
+    missing = [name for name in ("starlette", "uvicorn", "websockets") if find_spec(name) is None]
+    if missing:
+        raise InputError(f"{NEEDED} (missing: {', '.join(missing)})")
 
 
 def bound_socket(host: str, port: int) -> socket.socket:

@@ -62,11 +62,12 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
         "compare": studio.compare,
         "changed": list(slot.changes.as_dict()),
         "paused": studio.paused,
-        "messages": [*slot.scene.warnings, *slot.messages, *(studio.b.messages if studio.b is not None else ())],
+        "messages": [*slot.messages, *(studio.b.messages if studio.b is not None else ())],
     }
     if studio.b is not None:
         message["dials_b"] = dial_list(studio.b.dials, studio.b.scene, studio.b.resolved)
     if detailed and studio.panel is not None:
+        message["messages"] = [*slot.scene.warnings, *message["messages"]]
         numbers = studio.panel.numbers(slot.resolved)
         message["focus"] = {name: numbers[known] for name, known in _FOCUS.items()} if numbers.get("focus_m") else None
         message["guides"] = studio.panel.guides(slot.resolved)

@@ -251,3 +251,11 @@ def test_curve_of_the_paper_is_drawn(checkout: Path, tmp_path: Path) -> None:
     contrast = [sum(row) for row in results["wavelet contrast of the zone"]]
     assert contrast[1] == max(contrast)  # of 20, 25 and 30 units
     assert plot.read_text("utf-8").startswith("<svg")
+
+
+@pytest.mark.slow
+def test_viewfinder_answers_dials_and_a_drag(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "viewfinder")
+    assert "| drag " in printed
+    assert all(each["ms"] > 0 for each in results["f_number"])
+    assert results["drag"]["frames_per_second"] > 0
