@@ -64,7 +64,7 @@ def visited(browser: Browser, address: str, *, width: int = 1280, height: int = 
     complaints: list[str] = []
 
     def note(message: ConsoleMessage) -> None:
-        if message.type in ("error", "warning"):
+        if message.type == "error":
             complaints.append(message.text)
 
     page.on("console", note)

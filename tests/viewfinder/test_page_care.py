@@ -17,7 +17,7 @@ pytestmark = [
 ]
 
 
-STARTS = {"png": b"\x89PNG", "jpeg": b"\xff\xd8", "exr": b"v/1\x01", "dng": b"II*\0"}
+STARTS = {"png": b"\x89PNG", "jpeg": b"\xff\xd8", "exr": b"v/1\x01"}
 
 
 @pytest.mark.parametrize(("form", "start"), STARTS.items())
@@ -30,6 +30,23 @@ def test_picture_is_saved_as_a_file(page: Page, tmp_path: Path, form: str, start
     assert data.startswith(start)
     if form == "png":
         assert Image.open(io.BytesIO(data)).size == SIZE
+
+
+def test_raw_file_is_saved_of_a_scene_with_a_sensor_and_refused_in_words_without(
+    page: Page, browser: Browser, scene_file: Path, tmp_path: Path
+) -> None:
+    page.click("[data-tab=out]")
+    page.check("[data-name=format] input[value=dng]")
+    page.click("[data-name=save]")
+    assert "sensor" in page.locator(".vf-toast-bad").inner_text()
+    file = tmp_path / "scene.yaml"
+    file.write_text(scene_file.read_text("utf-8") + "\nexposure: auto\nsensor: {}\n", "utf-8")
+    with served(file, size=(64, 36)) as (_, address), visited(browser, address) as other:
+        other.click("[data-tab=out]")
+        other.check("[data-name=format] input[value=dng]")
+        with other.expect_download(timeout=60_000) as waiting:
+            other.click("[data-name=save]")
+        assert Path(waiting.value.path()).read_bytes().startswith(b"II*\0")
 
 
 def test_scene_and_command_leave_the_page(page: Page) -> None:

@@ -96,7 +96,7 @@ def test_click_focuses_and_says_where(page: Page) -> None:
     page.click("[data-tab=focus]")
     box = page.locator(".vf-frame[data-slot=A]").bounding_box()
     assert box is not None
-    page.mouse.click(box["x"] + 0.32 * box["width"], box["y"] + 0.9 * box["height"])
+    page.mouse.click(box["x"] + 0.15 * box["width"], box["y"] + 0.6 * box["height"])
     page.wait_for_selector(".vf-zone-found", timeout=60_000)
     words = page.locator(".vf-panel:visible p[role=status]").inner_text()
     assert re.search(r"\d cm|\d m", words.replace("\u00a0", " "))

@@ -5,6 +5,7 @@ import { capital, dialText, typed } from "./numbers.js";
 
 const NOTCH = 12; // [CSS pixels] of a drag from step to step
 const REST = 250; // [ms] after the last turn of the wheel
+const PATIENCE = 400; // [ms] for the state that follows an answer
 const SMOOTH = 120; // steps over the reach of a dial without steps of its own
 
 /** The values that a dial clicks through. */
@@ -29,9 +30,10 @@ function nearest(steps, value) {
 }
 
 export class Dial {
-  /** `turned(name, value, transient)` is called with each new value. */
+  /** `turned(name, value, transient)` is called with each new value; it returns a promise of the answer when that is final. */
   constructor(description, turned) {
-    this.turned = turned;
+    this.send = turned;
+    this.unanswered = 0;
     this.label = h("span", { class: "vf-dial-label", id: newId("dial") });
     this.value = h("span", { class: "vf-dial-value" });
     this.ring = h("span", { class: "vf-dial-ring" });
@@ -56,7 +58,7 @@ export class Dial {
     this.element.classList.toggle("vf-linked", Boolean(description.linked));
     this.knob.setAttribute("aria-disabled", String(!description.enabled));
     this.knob.title = `${this.label.textContent}: ${description.linked || "drag, turn the wheel or press Enter to type"}`;
-    if (!this.held || description.value === this.steps[this.at]) this.display(description.value, description.text);
+    if (!(this.held || this.unanswered) || description.value === this.steps[this.at]) this.display(description.value, description.text);
   }
 
   display(value, text = null) {
@@ -72,10 +74,24 @@ export class Dial {
     this.knob.setAttribute("aria-valuenow", this.at);
   }
 
+  /** Send a value. What the server said before it has answered is older than what the dial shows. */
+  async turned(name, value, transient) {
+    if (transient) {
+      this.send(name, value, true);
+      return;
+    }
+    this.unanswered += 1;
+    const refused = await this.send(name, value, false).then(() => false, () => true);
+    this.unanswered -= 1;
+    const again = () => this.held || this.unanswered || this.display(this.dial.value, this.dial.text);
+    if (refused) again();
+    else setTimeout(again, PATIENCE);
+  }
+
   /** Turn by so many steps. */
   turn(by, transient = false) {
     if (!this.dial.enabled) return;
-    const between = this.steps[this.at] !== this.dial.value && Math.abs(by) === 1 && !this.held;
+    const between = this.steps[this.at] !== this.dial.value && Math.abs(by) === 1 && !this.held && !this.unanswered;
     const past = between && Math.sign(this.steps[this.at] - this.dial.value) === Math.sign(by);
     const at = Math.min(this.steps.length - 1, Math.max(0, this.at + (past ? 0 : by)));
     if (at === this.at && !past) return;

@@ -120,10 +120,12 @@ export class Dials {
   turned(name, value, transient) {
     if (transient) {
       this.link.soon(`dial ${name}`, "dial", { name, value, transient });
-      return;
+      return null;
     }
     this.link.flush();
-    this.link.ask("dial", { name, value, transient }).catch(() => this.show([...this.latest.values()])); // the message shows why
+    const answer = this.link.ask("dial", { name, value, transient });
+    answer.catch(() => this.show([...this.latest.values()])); // the message shows why
+    return answer;
   }
 
   /** Turn a dial by steps, as keys do. */
