@@ -16,8 +16,7 @@ from rptcam_cl.viewfinder.slot import Slot
 from rptcam_cl.viewfinder.studio import Studio
 
 MOST_CLIENTS = 4
-# What the panel calls what `focus` tells.
-_FOCUS = {"distance_m": "focus_m", "near_m": "near_m", "far_m": "far_m", "hyperfocal_m": "hyperfocal_m"}
+_FOCUS = ("distance_m", "near_m", "far_m", "hyperfocal_m")
 
 
 def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
@@ -69,6 +68,6 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
     if detailed and studio.panel is not None:
         message["messages"] = [*slot.scene.warnings, *message["messages"]]
         numbers = studio.panel.numbers(slot.resolved)
-        message["focus"] = {name: numbers[known] for name, known in _FOCUS.items()} if numbers.get("focus_m") else None
+        message["focus"] = {name: numbers[name] for name in _FOCUS} if numbers.get("distance_m") else None
         message["guides"] = studio.panel.guides(slot.resolved)
     return message
