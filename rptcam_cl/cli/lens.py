@@ -4,7 +4,16 @@ import argparse
 import math
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import lens_convert, lens_design, lens_draw, lens_field, lens_losses, lens_spots, lens_trace
+from rptcam_cl.cli import (
+    lens_convert,
+    lens_design,
+    lens_draw,
+    lens_field,
+    lens_losses,
+    lens_spots,
+    lens_trace,
+    lens_wavefront,
+)
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.lens_options import add_coating, add_lens, coated_lens, zoomed_lens
 from rptcam_cl.cli.output import as_json
@@ -39,7 +48,16 @@ def add_to(commands: Commands) -> None:
     add_coating(info)
     info.add_argument("--json", action="store_true", help="print JSON")
     info.set_defaults(run=_info, parser=info)
-    for command in (lens_draw, lens_spots, lens_field, lens_losses, lens_trace, lens_convert, lens_design):
+    for command in (
+        lens_draw,
+        lens_spots,
+        lens_wavefront,
+        lens_field,
+        lens_losses,
+        lens_trace,
+        lens_convert,
+        lens_design,
+    ):
         command.add_to(inner)
 
 

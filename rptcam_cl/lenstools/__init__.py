@@ -40,6 +40,8 @@ from rptcam_cl.lenstools.ray_paths import Tracer, reference
 from rptcam_cl.lenstools.spots import FilmSpot, at_best_focus, film_spots, spot_chart, spot_table
 from rptcam_cl.lenstools.transmittance import Row, transmittance_chart, transmittance_table
 from rptcam_cl.lenstools.vignetting import film_radii, vignetting_chart, vignetting_table
+from rptcam_cl.lenstools.wave_images import wave_mtf_chart, wave_mtf_table, wave_point_image, wave_transfer
+from rptcam_cl.lenstools.wavefronts import FieldWave, field_waves, wavefront_chart, wavefront_table
 from rptcam_cl.lenstools.zemax_file import zemax_text
 
 __all__ = [
@@ -48,6 +50,7 @@ __all__ = [
     "INK",
     "PROJECTIONS",
     "Drawing",
+    "FieldWave",
     "FilmSpot",
     "LensTracer",
     "Precision",
@@ -69,6 +72,7 @@ __all__ = [
     "draw_lens",
     "encoded",
     "field_mtf",
+    "field_waves",
     "film_radii",
     "film_spots",
     "followed_projection",
@@ -100,6 +104,12 @@ __all__ = [
     "transmittance_table",
     "vignetting_chart",
     "vignetting_table",
+    "wave_mtf_chart",
+    "wave_mtf_table",
+    "wave_point_image",
+    "wave_transfer",
+    "wavefront_chart",
+    "wavefront_table",
     "wavelength_colour",
     "zemax_text",
 ]

@@ -7,7 +7,7 @@ which the geometrical one stands here: right where aberrations are none or many 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -81,9 +81,16 @@ def field_mtf(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> list[
 
 def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) -> list[dict[str, Any]]:
     """Return a row for each field and frequency, the wavelengths of a field together; None where no light passes."""
+    fields = {degrees: field_mtf(group, frequencies_per_mm) for degrees, group in by_field(spots).items()}
+    return table_of(fields, frequencies_per_mm)
+
+
+def table_of(
+    fields: Mapping[float, Sequence[Array] | None], frequencies_per_mm: Sequence[float]
+) -> list[dict[str, Any]]:
+    """Return a row for each field and frequency, of curves as `field_mtf` has them."""
     rows = []
-    for degrees, group in by_field(spots).items():
-        curves = field_mtf(group, frequencies_per_mm)
+    for degrees, curves in fields.items():
         for k, frequency in enumerate(frequencies_per_mm):
             values = [None] * len(COLUMNS) if curves is None else [float(curve[k]) for curve in curves]
             modulation = dict(zip(COLUMNS, values, strict=True))
@@ -91,18 +98,22 @@ def mtf_table(spots: Sequence[FilmSpot], frequencies_per_mm: Sequence[float]) ->
     return rows
 
 
-@styled()
 def mtf_chart(setting: Setting, spots: Sequence[FilmSpot], highest_per_mm: float) -> Figure:
-    """Return the curves of every field up to a frequency: tangential full, sagittal dashed, the first limit dotted."""
+    """Return the curves of every field up to a frequency."""
+    frequencies = np.linspace(0.0, highest_per_mm, CURVE)
+    curves = {degrees: field_mtf(group, frequencies) for degrees, group in by_field(spots).items()}
+    return curves_chart(f"{setting.lens.name}: MTF, geometrical times diffraction", frequencies, curves)
+
+
+@styled()
+def curves_chart(title: str, frequencies: Array, fields: Mapping[float, Sequence[Array] | None]) -> Figure:
+    """Return a chart of curves as `field_mtf` has them: tangential full, sagittal dashed, the first limit dotted."""
     from matplotlib.lines import Line2D
 
-    title = f"{setting.lens.name}: MTF, geometrical times diffraction"
     labels = ("frequency on the film [cycles/mm]", "modulation [%]")
-    figure, axes = new_chart(title, labels, (0.0, highest_per_mm), (0.0, 102.0))
-    frequencies = np.linspace(0.0, highest_per_mm, CURVE)
+    figure, axes = new_chart(title, labels, (0.0, float(frequencies[-1])), (0.0, 102.0))
     keys: list[Artist] = []
-    for number, (degrees, group) in enumerate(by_field(spots).items()):
-        curves = field_mtf(group, frequencies)
+    for number, (degrees, curves) in enumerate(fields.items()):
         if curves is None:
             continue
         tangential, sagittal, limit, _ = (100 * curve for curve in curves)

@@ -48,6 +48,7 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
 from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid, narrowed, spread_points
+from rptcam_cl.optics.pupil_function import PupilFunction, pupil_function
 from rptcam_cl.optics.pupil_shape import (
     COARSE_OUTLINES,
     DIRECTIONS,
@@ -57,7 +58,7 @@ from rptcam_cl.optics.pupil_shape import (
     pupil_boxes,
     pupil_shapes,
 )
-from rptcam_cl.optics.ray_trace import Rays, Status, trace
+from rptcam_cl.optics.ray_trace import Rays, Status, passing, trace
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.shapes import Biconic, Form, Toroid, short_radius
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
@@ -77,9 +78,22 @@ from rptcam_cl.optics.transmission import (
     with_coating,
 )
 from rptcam_cl.optics.variable import configured, film_behind, floated, focused_by_group, moved, shift_of, zoomed
+from rptcam_cl.optics.wave_image import (
+    AIRY,
+    Strehl,
+    centroid,
+    encircled,
+    peak_to_valley,
+    radius_of_share,
+    rms_waves,
+    spread,
+    strehl,
+    transfer,
+)
 
 __all__ = [
     "AIR",
+    "AIRY",
     "BARE",
     "BULGE",
     "BY_NAME",
@@ -115,6 +129,7 @@ __all__ = [
     "Planes",
     "PowerSeries",
     "Pupil",
+    "PupilFunction",
     "PupilShapes",
     "QuarterWave",
     "Rays",
@@ -123,6 +138,7 @@ __all__ = [
     "Status",
     "StopMask",
     "StopShape",
+    "Strehl",
     "Surface",
     "SurfacePose",
     "TabulatedIndex",
@@ -136,6 +152,7 @@ __all__ = [
     "blades",
     "blur_variances",
     "cells",
+    "centroid",
     "chief_ray",
     "configured",
     "constant_reflectance",
@@ -144,6 +161,7 @@ __all__ = [
     "document_of",
     "doublet",
     "doublet_radii",
+    "encircled",
     "film_behind",
     "film_distance",
     "film_irradiance",
@@ -175,19 +193,27 @@ __all__ = [
     "narrowing_probes",
     "object_distance",
     "on_axis_irradiance",
+    "passing",
     "passing_beam",
+    "peak_to_valley",
     "plain_glass_name",
     "polygon",
     "pupil_boxes",
+    "pupil_function",
     "pupil_shapes",
+    "radius_of_share",
     "read_glass",
+    "rms_waves",
     "shift_of",
     "short_radius",
     "singlet",
+    "spread",
     "spread_points",
     "star",
+    "strehl",
     "system_matrix",
     "trace",
+    "transfer",
     "with_coating",
     "zoomed",
 ]

@@ -105,6 +105,22 @@ def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_p
     assert json.loads(rptcam(*words, "--json").out)["psf"]["rms_um"] > 0
 
 
+def test_wave_optics_of_a_lens_as_numbers_and_as_pictures(rptcam: Command, tmp_path: Path) -> None:
+    lens = ("tessar-100mm", "--f-number", "16", "--rays", "64")
+    answer = json.loads(rptcam("lens", "mtf", *lens, "--diffraction", "--fields", "0", "--frequencies", "40",
+                               "-o", str(tmp_path / "mtf.svg"), "--json").out)  # fmt: skip
+    (row,) = answer["mtf"]
+    assert 0.3 < row["tangential"] <= row["tangential_limit"] < 0.6  # f/16 leaves 55 % of 40 cycles/mm at best
+    answer = json.loads(rptcam("lens", "psf", *lens, "--diffraction", "--pixels", "32", "-o",
+                               str(tmp_path / "psf.npy"), "--json").out)  # fmt: skip
+    assert answer["psf"]["airy_radius_um"] == pytest.approx(1.22 * 0.5876 * 16, rel=0.02)
+    assert 0.8 < np.load(tmp_path / "psf.npy").sum() < 1.0
+    (row,) = json.loads(rptcam("lens", "wavefront", *lens, "--fields", "0", "-o", str(tmp_path / "w.png"),
+                               "--json").out)["wavefronts"]  # fmt: skip
+    assert 0.8 < row["strehl"] <= row["strehl_at_peak"] <= 1.0
+    assert (tmp_path / "mtf.svg").exists() and (tmp_path / "w.png").exists()
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [
@@ -126,6 +142,10 @@ def test_point_image_is_written_as_numbers_and_as_picture(rptcam: Command, tmp_p
         (["psf", "dgauss-50mm", "-o", "psf.jpg"], "allowed: a name that ends in .svg, .png, .pdf, .npy"),
         (["psf", "dgauss-50mm", "--field", "nan"], "allowed a finite number"),
         (["psf", "dgauss-50mm", "--field", "140"], "allowed from -130 to 130"),
+        (["psf", "biconcave", "--diffraction"], "no real image"),
+        (["psf", "dgauss-50mm", "--diffraction", "--field", "100"], "up to 85 degrees"),
+        (["mtf", "dgauss-50mm", "--diffraction", "--rays", "8"], "at least 16 rays"),
+        (["wavefront", "dgauss-50mm", "--fields", "60"], "nothing of a beam"),
         (["vignette", "biconcave"], "no real image"),
         (["distortion", "biconcave"], "no real image"),
         (["transmittance", "ball", "--coating", "shiny"], "allowed bare, mgf2 or a reflectance"),
