@@ -17,6 +17,7 @@ TILE = 8
 QUARTER = 4  # neighbouring lanes share a square of so many pixels
 TILE_PIXELS = TILE * TILE
 SPARE_TILES = 3  # behind those of the picture, so that any number of tiles can be filled up to a block
+BAND = 4  # rows of tiles that are made a picture at a time: so many stay in a processor's cache
 BLOCK = 256  # pixels are padded to this, so that any wave is a whole number of work groups on every device
 PLANES = 6  # three sums and three compensations; a limit of the samples adds what it has removed
 
@@ -94,9 +95,16 @@ class FilmLayout:
 
     def picture(self, sums: NDArray[np.float32], spp: NDArray[np.uint32]) -> NDArray[np.float32]:
         """Return the mean, shape (height, width, 3), from the buffer ``(6, pixels)`` and the samples per tile."""
-        samples = np.repeat(np.maximum(spp, 1), TILE_PIXELS)
-        mean = (sums[:3].astype(np.float64) - sums[3:].astype(np.float64)) / samples
-        return np.ascontiguousarray(np.moveaxis(self.in_rows(mean), 0, -1), dtype=np.float32)
+        rows, across, halves = -(-self.height // TILE), self.tiles_across, TILE // QUARTER
+        whole = np.empty((rows, halves, QUARTER, across, halves, QUARTER, 3), np.float32)
+        for first in range(0, rows, BAND):
+            tiles = slice(first * across, min(first + BAND, rows) * across)
+            pixels = slice(tiles.start * TILE_PIXELS, tiles.stop * TILE_PIXELS)
+            mean = np.subtract(sums[:3, pixels], sums[3:, pixels], dtype=np.float64)
+            mean /= np.repeat(np.maximum(spp[tiles], 1), TILE_PIXELS)
+            split = mean.reshape(3, -1, across, halves, halves, QUARTER, QUARTER)
+            whole[first : first + BAND] = split.transpose(1, 3, 5, 2, 4, 6, 0)
+        return np.ascontiguousarray(whole.reshape(rows * TILE, across * TILE, 3)[: self.height, : self.width])
 
     def in_rows(self, planes: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return planes (count, height, width) in rows of the picture, from planes (count, pixels) in tiles."""
