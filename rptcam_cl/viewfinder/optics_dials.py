@@ -10,6 +10,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import configured
 from rptcam_cl.scene import (
     SIDES_MM,
+    CircularAperture,
     EnvironmentCamera,
     LensCamera,
     PinholeCamera,
@@ -193,6 +194,10 @@ def turn_lens(panel: Panel, value: Any) -> Turned:
     if nearest is not None and metres < nearest:
         messages, metres = (*messages, f"its nearest focus is {nearest:.3g} m"), nearest
     keys["camera.focus"] = {"distance_m": metres}
+    shape = getattr(scene.camera, "aperture", CircularAperture()).shape
+    if isinstance(scene.camera, RealisticCamera) and shape != "circle" and changed.load_lens().stop is None:
+        keys["camera.aperture"] = {"shape": "circle"}
+        messages = (*messages, f"{entry.title} has no stop to shape: its rims are round")
     if not isinstance(scene.camera, LensCamera):
         camera = _keys_behind(panel, entry.name, keys["camera.focus"])
         f_keys = {"f_number": keys["camera.f_number"]} if "camera.f_number" in keys else {}

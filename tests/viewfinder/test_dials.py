@@ -236,6 +236,13 @@ def test_every_lens_of_the_library_can_be_mounted_and_the_old_one_again() -> Non
         assert body.listed("focus_m")["value"] == pytest.approx(2, rel=1e-6)
 
 
+def test_a_lens_without_a_stop_takes_the_blades_away() -> None:
+    body = Body().turn("blades", 5).turn("lens", "biconvex")
+    assert body.listed("stop")["value"] == "circle"
+    assert not body.listed("blades")["enabled"]
+    assert any("no stop" in message for message in body.messages)
+
+
 @pytest.mark.parametrize("camera", ["thin", "pinhole"])
 def test_a_lens_on_an_ideal_camera_keeps_its_place_and_focus(camera: str) -> None:
     body = Body(camera).turn("lens", "dgauss-50mm")
