@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli import parts
+from rptcam_cl.cli import parts, plan
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json, print_warnings
 from rptcam_cl.cli.parser import Commands
@@ -42,6 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     values.add_overrides(parser)
     values.add_missing(parser)
     parts.add_options(parser)
+    plan.add_option(parser)
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write statistics of the render")
     parser.add_argument(
         "--strict", action="store_true",
@@ -228,6 +229,28 @@ def _shared(stats: dict[str, Any]) -> str | None:
     return f"devices: {', '.join(done)}{repeat}"
 
 
+def _options(arguments: argparse.Namespace) -> dict[str, Any]:
+    """The keyword arguments of `rptcam_cl.render`."""
+    return {
+        "spp": arguments.spp,
+        "seconds": arguments.time,
+        "seed": arguments.seed,
+        "size": arguments.size,
+        "crop": arguments.crop,
+        "layers": _layers(arguments),
+        "denoise": arguments.denoise,
+        "noise": arguments.noise,
+        "checkpoint": None if arguments.watch else _checkpoint(arguments),
+        "resume": arguments.resume,
+        "device": _devices(arguments),
+        "split": arguments.split,
+        "numerics": arguments.stats is not None,
+        "strict": arguments.strict,
+        "part": arguments.part,
+        "samples": arguments.samples,
+    }
+
+
 def _render(
     arguments: argparse.Namespace, scene: "Scene", should_stop: Callable[[], bool] | None
 ) -> tuple["Image", NumericError | None]:
@@ -241,27 +264,7 @@ def _render(
         if arguments.preview is not None:
             show = previewing(arguments.preview, arguments.outputs, show)
         try:
-            image = render(
-                scene,
-                spp=arguments.spp,
-                seconds=arguments.time,
-                seed=arguments.seed,
-                size=arguments.size,
-                crop=arguments.crop,
-                layers=_layers(arguments),
-                denoise=arguments.denoise,
-                noise=arguments.noise,
-                checkpoint=None if arguments.watch else _checkpoint(arguments),
-                resume=arguments.resume,
-                device=_devices(arguments),
-                split=arguments.split,
-                numerics=arguments.stats is not None,
-                strict=arguments.strict,
-                part=arguments.part,
-                samples=arguments.samples,
-                on_progress=show,
-                should_stop=should_stop,
-            )
+            image = render(scene, **_options(arguments), on_progress=show, should_stop=should_stop)
         except NumericError as failure:
             assert isinstance(failure.image, Image)
             return failure.image, failure
@@ -271,6 +274,8 @@ def _render(
 def _run(arguments: argparse.Namespace) -> int:
     if not arguments.watch:
         return _picture(arguments)
+    if arguments.plan:
+        raise InputError("--plan: renders nothing that could be watched (allowed: without --watch)")
     if arguments.resume:
         raise InputError("--watch: every picture begins anew (allowed: without --resume)")
     with stop_on_interrupt() as stop:
@@ -285,6 +290,10 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
     scene = load_scene(arguments.scene, arguments.overrides, missing=arguments.missing)
     _check_outputs(arguments, scene)
     print_warnings(scene.warnings)
+    if arguments.plan:
+        from rptcam_cl.api import RenderSettings
+
+        return plan.print_plan(scene, RenderSettings(**_options(arguments)))
     checkpoint = _checkpoint(arguments)
     if checkpoint.exists() and not arguments.resume and not arguments.watch and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)

@@ -18,6 +18,8 @@ from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
+from rptcam_cl.rendering.forecast import Forecast, forecast
+from rptcam_cl.rendering.memory import amount
 from rptcam_cl.rendering.merge import layout_of, merged_state
 from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2, resolve_exposure
 from rptcam_cl.rendering.metering import weights as metering_weights
@@ -42,6 +44,7 @@ __all__ = [
     "FilmLayout",
     "FilmPart",
     "FilmRun",
+    "Forecast",
     "LensMargin",
     "Part",
     "Progress",
@@ -52,6 +55,7 @@ __all__ = [
     "SharedWavefront",
     "Wavefront",
     "WavefrontPool",
+    "amount",
     "anomalies",
     "cache_folder",
     "check_precision",
@@ -59,6 +63,7 @@ __all__ = [
     "described",
     "described_before",
     "film_rays",
+    "forecast",
     "joined",
     "layout_of",
     "lens_margin",

@@ -87,15 +87,19 @@ class Launches:
     ----------
     seconds : dict
         With profiling, what the kernel of each name took, up to the last `finish`.
+    count : int
+        Launches enqueued.
     """
 
     def __init__(self, session: Session) -> None:
         self._session, self._group = session, GROUP[session.kind]
         self._events: list[tuple[str, Any]] = []
         self.seconds: dict[str, float] = {}
+        self.count = 0
 
     def run(self, launch: Launch, items: int) -> None:
         """Enqueue a launch over ``items`` work items."""
+        self.count += 1
         event = launch.enqueue(items, min(self._group, items))
         if self._session.profiling:
             self._events.append((launch.name, event))

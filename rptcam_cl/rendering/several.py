@@ -143,6 +143,11 @@ class SharedWavefront:
         return sum(worker.wavefront.capacity for worker in self._workers)
 
     @property
+    def wavefronts(self) -> list[Wavefront]:
+        """Those of the devices that work."""
+        return [worker.wavefront for worker in self._live()]
+
+    @property
     def samples_per_wave(self) -> int:
         """Samples per pixel between two times that the devices wait for each other."""
         return self._round

@@ -57,6 +57,8 @@ class Wavefront:
         Of the waves that are enqueued from now on.
     tiles : (n,) array
         List of the tiles to render, filled up to whole blocks.
+    needs : MemoryNeeds
+        What it holds on the device.
 
     Raises
     ------
@@ -100,7 +102,8 @@ class Wavefront:
         clamped = self.settings.clamp is not None
         state = bytes_of_state(plan, capacity, stream=self.organisation == "stream")
         film = (4 * planes_of(clamped) + LayerPlanes(self.settings.layers).bytes_per_pixel) * layout.pixels
-        check_memory(memory_needs(plan, session, film=film, paths=state + bytes_of_lens_rays(plan, capacity)), session)
+        self.needs = memory_needs(plan, session, film=film, paths=state + bytes_of_lens_rays(plan, capacity))
+        check_memory(self.needs, session)
         tiles = session.allocate(self.tiles.nbytes)
         session.write(tiles, self.tiles)
         return WaveBuffers(
@@ -129,6 +132,11 @@ class Wavefront:
     def samples_per_wave(self) -> int:
         """Samples per pixel that one wave holds."""
         return self._waves.samples
+
+    @property
+    def launches(self) -> int:
+        """Kernel launches so far."""
+        return self._launches.count
 
     @property
     def passes(self) -> dict[str, float]:

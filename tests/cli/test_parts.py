@@ -107,3 +107,16 @@ def test_settle_refuses_where_it_cannot_write(
 ) -> None:
     run = rptcam("settle", "scene.yaml", *words)
     assert (run.code, message in run.err) == (code, True), run.err
+
+
+def test_plan_says_what_a_render_takes_and_renders_nothing(scene: Path, rptcam: Command) -> None:
+    run = rptcam("render", "scene.yaml", "-o", "a.png", "--plan", "--spp", "5")
+    assert run.code == 0, run.err
+    assert re.search(r"^samples: 240, \d+ kernel launches\nmemory:  .* MB on device .*\ntime:    \d", run.out), run.out
+    assert [path.name for path in scene.parent.iterdir()] == ["scene.yaml"]
+    assert rptcam("render", "scene.yaml", "-o", "a.png", "--plan", "--noise", "0.1").out.startswith("samples: at most ")
+
+
+def test_plan_of_a_given_time_is_refused(scene: Path, rptcam: Command) -> None:
+    run = rptcam("render", "scene.yaml", "-o", "a.png", "--plan", "--time", "5")
+    assert (run.code, "--plan: --time says how long it takes" in run.err) == (2, True)
