@@ -122,6 +122,10 @@ def page(server: ViewServer, token: str | None = None) -> Iterator[Page]:
         yield client
 
 
+def at_rest(header: dict[str, Any]) -> bool:
+    return bool(header["kind"] == "picture" and header["spp"] == 8 and header["scale"] == 1)
+
+
 def left_alone(finder: Viewfinder, timeout: float = PATIENCE_S) -> float:
     """Return how long it takes until a viewfinder without clients has freed the device [s]."""
     begun = time.monotonic()

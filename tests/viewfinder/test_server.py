@@ -1,31 +1,20 @@
-"""The server as a page meets it: one server, a plain WebSocket client."""
+"""The server as a page meets it: pictures, dials, files and instruments over a plain WebSocket."""
 
-import http.client
 import io
-import json
-import os
-import re
-import signal
-import socket
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from PIL import Image as Pillow
-from websockets.exceptions import ConnectionClosed, InvalidStatus
-from websockets.sync.client import connect
 
 from rptcam_cl.api import render
 from rptcam_cl.imaging import read_film
 from rptcam_cl.scene import load_scene
 from rptcam_cl.viewfinder import Viewfinder, ViewServer
-from tests.viewfinder.page_client import SCENE, Page, left_alone, opened, page, serving
+from tests.viewfinder.page_client import SCENE, Page, at_rest, left_alone, page, serving
 
 Served = tuple[Viewfinder, ViewServer, Path]
 
@@ -45,10 +34,6 @@ def client(served: Served) -> Iterator[Page]:
         yield found
 
 
-def at_rest(header: dict[str, Any]) -> bool:
-    return bool(header["kind"] == "picture" and header["spp"] == 8 and header["scale"] == 1)
-
-
 def test_page_is_greeted_and_gets_a_picture_that_becomes_finer(served: Served) -> None:
     with page(served[1]) as client:
         hello = client.seen[-1].header
@@ -64,13 +49,6 @@ def test_page_is_greeted_and_gets_a_picture_that_becomes_finer(served: Served) -
         assert [frame["frame"] for frame in frames] == list(range(1, len(frames) + 1))
         for frame in frames:
             assert {"scale", "spp", "ms", "noise", "generation", "answers"} <= frame.keys()
-
-
-def test_one_time_token_is_exchanged_for_the_lasting_one(served: Served) -> None:
-    server = served[1]
-    with page(server, server.tokens.once) as client:
-        assert client.seen[-1].header["token"] == server.tokens.lasting
-    assert closing_code(server, json.dumps({"type": "hello", "token": server.tokens.once, "version": 1})) == 4401
 
 
 def test_hundred_dials_in_a_second_leave_the_last_and_no_backlog(client: Page) -> None:
@@ -228,104 +206,6 @@ def test_edit_of_the_file_shows_within_a_second_and_an_error_with_its_line(serve
     assert client.wait(lambda message: message.type == "notice").header["ok"]
 
 
-def closing_code(server: ViewServer, first: str | bytes | None) -> int:
-    """Return the code with which the server ends a connection that begins so."""
-    with opened(server) as connection:
-        if first is not None:
-            connection.send(first)
-        try:
-            while True:
-                connection.recv(10)
-        except ConnectionClosed as closed:
-            assert closed.rcvd is not None
-            return closed.rcvd.code
-
-
-def test_nobody_comes_in_without_the_token(served: Served) -> None:
-    server = served[1]
-    hello = {"type": "hello", "token": server.tokens.lasting, "version": 1}
-    for wrong in ("", "x" * 43, server.tokens.lasting[:-1]):
-        assert closing_code(server, json.dumps(hello | {"token": wrong})) == 4401
-    assert closing_code(server, json.dumps({"type": "hello", "version": 1})) == 4400
-    assert closing_code(server, json.dumps({"type": "ping"})) == 4400
-    assert closing_code(server, "{") == 4400
-    assert closing_code(server, b"\x00\x01") == 4400
-    assert closing_code(server, json.dumps(hello | {"version": 2})) == 4400
-
-
-def test_foreign_pages_and_names_are_refused(served: Served) -> None:
-    server = served[1]
-    for origin in ("http://evil.example", "null", f"https://127.0.0.1:{server.port}", None):
-        with pytest.raises(InvalidStatus) as refused, opened(server, origin=origin):
-            pass
-        assert refused.value.response.status_code == 403
-    for name in ("evil.example", f"evil.example:{server.port}"):
-        answer = asked(server, "/", {"Host": name})
-        assert answer.status == 403
-
-
-def asked(server: ViewServer, path: str, headers: dict[str, str] | None = None) -> http.client.HTTPResponse:
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
-    connection.request("GET", path, headers=headers or {})
-    return connection.getresponse()
-
-
-def test_only_the_own_files_of_the_page_are_served(served: Served) -> None:
-    server, path = served[1], served[2]
-    answer = asked(server, "/")
-    assert answer.status == 200
-    assert b"<html" in answer.read()
-    policy = answer.getheader("content-security-policy") or ""
-    assert "default-src 'none'" in policy
-    assert "unsafe" not in policy
-    for wrong in (
-        "/../__init__.py", "/%2e%2e/__init__.py", "/..%2f__init__.py", "/./index.html", "//etc/passwd", "/etc/passwd",
-        f"/{path}", "/page", "/index.html/", "/INDEX.HTML", "/ws", "/index.html%00.js",
-    ):  # fmt: skip
-        assert asked(server, wrong).status in (403, 404), wrong
-    connection = http.client.HTTPConnection("127.0.0.1", server.port, timeout=20)
-    connection.request("POST", "/", body=b"x" * 1000)
-    assert connection.getresponse().status == 405
-
-
-def test_fifth_client_is_refused_and_the_four_go_on(served: Served) -> None:
-    server = served[1]
-    hello = json.dumps({"type": "hello", "token": server.tokens.lasting, "version": 1})
-    with page(server) as a, page(server) as b, page(server) as c, page(server) as d:
-        assert closing_code(server, hello) == 4429
-        for client in (a, b, c, d):
-            assert client.ask(5, "ping").type == "done"
-    with page(server) as client:
-        assert client.ask(5, "ping").type == "done"
-
-
-def test_message_of_ten_megabytes_ends_its_client_alone(served: Served) -> None:
-    server = served[1]
-    with page(server) as other:
-        with page(server) as client:
-            with pytest.raises(ConnectionClosed) as closed:
-                client.socket.send("x" * 10_000_000)
-                while True:
-                    client.receive()
-            assert closed.value.rcvd is None or closed.value.rcvd.code == 1009
-        assert other.ask(5, "ping").type == "done"
-
-
-def test_client_killed_in_the_middle_of_a_frame_harms_nothing(served: Served) -> None:
-    finder, server, _ = served
-    with page(server) as other:
-        with page(server) as client:
-            client.send("set", changes={"film.resolution": [96, 64]}, transient=True)
-            client.socket.socket.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, b"\x01\x00\x00\x00\x00\x00\x00\x00")
-            client.socket.socket.close()
-        assert other.ask(5, "reset").type == "done"
-        other.frame(at_rest)
-        deadline = time.monotonic() + 20
-        while len(finder.clients()) > 1 and time.monotonic() < deadline:
-            time.sleep(0.01)
-        assert len(finder.clients()) == 1
-
-
 def test_last_page_frees_the_device_and_the_next_one_finds_it_as_it_was(served: Served) -> None:
     finder, server, _ = served
     with page(server) as client:
@@ -362,86 +242,6 @@ def test_pause_stops_the_picture_and_resume_goes_on(client: Page) -> None:
     assert not any(message.type == "frame" and message.header["answers"] == 6 for message in client.seen)
     client.send("resume")
     client.frame(lambda header: header["answers"] == 6)
-
-
-@dataclass
-class Running:
-    """The command in a process of its own: where it is, and where it has sent the browser."""
-
-    process: subprocess.Popen[str]
-    port: int
-    token: str
-    visited: Path
-
-    def browser_token(self) -> str:
-        deadline = time.monotonic() + 30
-        while not (self.visited.exists() and self.visited.read_text().endswith("\n")) and time.monotonic() < deadline:
-            time.sleep(0.01)
-        return self.visited.read_text().strip().partition("#")[2]
-
-
-@pytest.fixture(scope="module")
-def running(served: Served, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Running]:
-    folder = tmp_path_factory.mktemp("browser")
-    browser = folder / "browser"
-    browser.write_text(f'#!/bin/sh\nprintf "%s\\n" "$1" > {folder}/visited\n')
-    browser.chmod(0o755)
-    words = [sys.executable, "-m", "rptcam_cl", "view", str(served[2])]
-    environment = os.environ | {"BROWSER": str(browser), "DISPLAY": ":0"}
-    pipes: Any = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
-    process = subprocess.Popen(words, env=environment, text=True, **pipes)
-    assert process.stdout is not None
-    line = process.stdout.readline()
-    found = re.search(r"http://127\.0\.0\.1:(\d+)/#([\w-]{43})$", line.strip())
-    assert found, line
-    yield Running(process, int(found[1]), found[2], folder / "visited")
-    process.kill()
-
-
-def test_browser_is_sent_with_a_token_of_its_own_that_admits_once(running: Running) -> None:
-    token = running.browser_token()
-    assert len(token) == 43
-    assert token != running.token
-    here = f"127.0.0.1:{running.port}"
-    for expected in ("hello", "error"):
-        with connect(f"ws://{here}/ws", origin=f"http://{here}", compression=None, proxy=None) as connection:
-            client = Page(connection)
-            client.send("hello", token=token, version=1)
-            answer = client.wait(lambda message: message.type in ("hello", "error"))
-            assert answer.type == expected
-            assert answer.header.get("token", running.token) == running.token
-
-
-def test_ctrl_c_ends_the_command_and_the_token_is_in_no_log(running: Running) -> None:
-    process = running.process
-    connection = http.client.HTTPConnection("127.0.0.1", running.port, timeout=60)
-    connection.request("GET", "/?x=1")
-    assert connection.getresponse().status == 200
-    begun = time.monotonic()
-    process.send_signal(signal.SIGINT)
-    assert process.wait(20) == 0
-    assert time.monotonic() - begun < 5, "seconds; one where nothing else runs"
-    assert process.stdout is not None
-    assert process.stderr is not None
-    rest = process.stdout.read() + process.stderr.read()
-    assert running.token not in rest
-    assert running.browser_token() not in rest
-    assert "Traceback" not in rest
-
-
-def test_what_is_missing_is_said_with_how_to_install_it(served: Served) -> None:
-    program = "import sys; sys.modules['starlette'] = None; from rptcam_cl.cli import main; sys.exit(main())"
-    words = [sys.executable, "-c", program, "view", str(served[2]), "--no-browser"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode == 2
-    assert "pip install 'rptcam_cl[view]'" in done.stderr
-
-
-def test_other_machines_come_in_by_consent_alone(served: Served) -> None:
-    words = [sys.executable, "-m", "rptcam_cl", "view", str(served[2]), "--no-browser", "--host", "0.0.0.0"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60)
-    assert done.returncode == 2
-    assert "--let-others-in" in done.stderr
 
 
 def test_loaded_scene_is_that_of_the_file(served: Served) -> None:
