@@ -1,0 +1,174 @@
+"""Take the screenshots of docs/viewfinder.md: the page before the real server, with every instrument at work.
+
+Run in the folder above: python examples/show_viewfinder.py [PART_OF_A_NAME …]
+It needs rptcam_cl[view], playwright and the system's Chromium.
+"""
+
+import shutil
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from rptcam_cl.viewfinder import Viewfinder, ViewServer
+
+SCENE = Path("examples/first_light.yaml")
+FOLDER = Path("docs/images/viewfinder")
+SIZE = (960, 540)
+SAMPLES = 24
+PAWN = (0.5, 0.62)
+FOLLOWING = """document.addEventListener('vf-painted', ({detail}) => {
+    if (detail.kind === 'picture') window.last = detail;
+}, true);"""
+
+
+def until(page: Page, holds: str, seconds: float = 180.0) -> None:
+    """Wait until an expression of JavaScript holds."""
+    end = time.monotonic() + seconds
+    while not page.evaluate(holds):
+        if time.monotonic() > end:
+            raise TimeoutError(holds)
+        page.wait_for_timeout(50)
+
+
+def rest(page: Page) -> None:
+    """Wait until the picture has its samples."""
+    page.wait_for_timeout(500)
+    until(page, f"window.last.scale > 0.99 && window.last.spp >= {SAMPLES}")
+
+
+def point(page: Page, x: float, y: float, *, click: bool = False) -> None:
+    """Point at a place of the picture, in fractions of it."""
+    box = page.locator(".vf-frame[data-slot=A]").bounding_box()
+    assert box is not None
+    page.mouse.move(box["x"] + x * box["width"], box["y"] + y * box["height"])
+    if click:
+        page.mouse.down()
+        page.mouse.up()
+
+
+def press(page: Page, key: str) -> None:
+    """Press a key with the focus nowhere, so that no ring is drawn around what has it."""
+    page.evaluate("document.activeElement.blur()")
+    page.keyboard.press(key)
+
+
+def view(page: Page) -> None:
+    """The page as it opens."""
+
+
+def keys(page: Page) -> None:
+    """The sheet of keys."""
+    page.keyboard.press("?")
+
+
+def exposure(page: Page) -> None:
+    """Zebra and the spot meter."""
+    page.click("[data-tab=exposure]")
+    press(page, "z")
+    point(page, 0.62, 0.72)
+
+
+def false_colour(page: Page) -> None:
+    """False colour."""
+    page.click("[data-tab=exposure]")
+    press(page, "v")
+
+
+def focus(page: Page) -> None:
+    """Autofocus at the gold pawn by contrast, with peaking and magnifier."""
+    page.click("[data-tab=focus]")
+    point(page, *PAWN, click=True)
+    page.wait_for_selector(".vf-zone-found, .vf-zone-failed", timeout=60_000)
+    page.select_option("[data-name=method]", "contrast")
+    page.click("[data-name=zone]")
+    page.click("[data-name=autofocus]")
+    page.wait_for_selector(".vf-panel:visible .vf-dot", timeout=60_000)
+    page.click("[data-name=peaking]")
+    page.click("[data-name=magnifier]")
+    page.evaluate("document.querySelector('.vf-tabpanel:not([hidden])').scrollTop = 0")
+    point(page, *PAWN)
+
+
+def lens(page: Page) -> None:
+    """Rays of a pixel near the corner."""
+    page.click("[data-tab=lens]")
+    point(page, 0.93, 0.12)
+    page.wait_for_selector(".vf-ray", state="attached", timeout=60_000)
+    page.wait_for_timeout(500)
+
+
+def guides(page: Page) -> None:
+    """Thirds, safe frames and a mask."""
+    page.click("[data-tab=guides]")
+    for name in ("thirds", "centre", "safe"):
+        page.click(f"[data-name={name}]")
+    page.check("[data-name=aspect] input[value='2.39']")
+
+
+def compare(page: Page) -> None:
+    """The traced lens against a thin one."""
+    page.click("[data-tab=compare]")
+    page.click("[data-name=thin_lens]")
+    page.wait_for_selector(".vf-wipe:visible", timeout=60_000)
+    page.click("[data-name=difference]")
+    until(page, "document.querySelector('[data-name=numbers]').children.length > 0")
+
+
+def narrow(page: Page) -> None:
+    """A telephone."""
+    page.set_viewport_size({"width": 360, "height": 780})
+
+
+def error(page: Page) -> None:
+    """An error in the scene file; `shoot` gives every picture a copy of its own."""
+    file = Path(page.evaluate("window.sceneFile"))
+    file.write_text(file.read_text("utf-8").replace("fill_light", "fill").replace("focus:", "focuss:"), "utf-8")
+    page.wait_for_selector(".vf-fault:visible", timeout=10_000)
+
+
+SHOTS: dict[str, Callable[[Page], None]] = {
+    each.__name__: each for each in (view, keys, exposure, false_colour, focus, lens, guides, compare, narrow, error)
+}
+
+
+def shoot(browser: Browser, name: str, folder: Path) -> None:
+    """Take one screenshot."""
+    file = folder / SCENE.name
+    shutil.copyfile(SCENE, file)
+    with Viewfinder(file, size=SIZE) as finder:
+        server = ViewServer(finder)
+        thread = threading.Thread(target=server.run, daemon=True)
+        thread.start()
+        page = browser.new_page(viewport={"width": 1280, "height": 800})
+        page.add_init_script(f"{FOLLOWING} window.sceneFile = {str(file)!r}")
+        page.goto(server.address(server.tokens.lasting))
+        until(page, "window.last !== undefined")
+        SHOTS[name](page)
+        rest(page)
+        page.screenshot(path=FOLDER / f"{name}.jpg", type="jpeg", quality=86, full_page=name == "narrow")
+        page.close()
+        server.stop()
+        thread.join(10)
+
+
+def main(wanted: list[str]) -> int:
+    """Take those whose name holds one of the wanted texts, or all; return the exit code."""
+    FOLDER.mkdir(parents=True, exist_ok=True)
+    with sync_playwright() as playwright, tempfile.TemporaryDirectory() as folder:
+        arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
+        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=arguments)
+        for name in SHOTS:
+            if not wanted or any(part in name for part in wanted):
+                print(name, flush=True)
+                shoot(browser, name, Path(folder))
+        browser.close()
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
