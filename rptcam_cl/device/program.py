@@ -79,6 +79,11 @@ def assemble(files: list[str], facts: Mapping[str, int | str], declarations: str
     return "\n".join(head) + "\n" + declarations + body + tail
 
 
+def source_key(files: list[str], facts: Mapping[str, int | str], declarations: str) -> tuple[Any, ...]:
+    """Return what the text of a program follows from, without reading it."""
+    return (kernels_dir(), *files, frozenset(facts.items()), declarations)
+
+
 class Program:
     """A built program.
 

@@ -18,7 +18,7 @@ from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.choose import choose_device
 from rptcam_cl.device.devices import DeviceInfo, problem_of
 from rptcam_cl.device.opencl import instead, load_opencl
-from rptcam_cl.device.program import Program, assemble
+from rptcam_cl.device.program import Program, assemble, source_key
 from rptcam_cl.device.trial import AVX512_ARCH, try_device
 
 # llvmpipe is the processor as Mesa's rusticl offers it. Its compiler takes eight work items together, and counts the
@@ -153,7 +153,7 @@ class Session:
 
     def program(self, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Program:
         """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use."""
-        key = (*files, frozenset(facts.items()), declarations)
+        key = source_key(files, facts, declarations)
         if (known := self._known_program(key)) is not None:
             return known
         source = assemble(files, facts, declarations, library_arch=self._library_arch)

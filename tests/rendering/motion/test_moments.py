@@ -7,7 +7,6 @@ import pytest
 
 from tests.rendering.motion.pictures import FLOOR, film, scene_with
 from tests.rendering.motion.test_object_motion import SHAPES, WAY, moved, place_at
-from tests.rendering.pictures import lamp
 from tests.support.mutants import changed_kernels
 
 IMAGE = str(Path(__file__).parents[3] / "examples" / "studio" / "tiles.jpg")
@@ -23,11 +22,12 @@ TILES = {"kind": "matte", "reflectance": {"kind": "image", "file": IMAGE}, "norm
 GLASS = {"kind": "dielectric", "index": 1.5, "absorption_per_m": [1, 2, 0.5]}
 NET = {"kind": "matte", "reflectance": 0.8, "opacity": HOLES}
 MIX = {"kind": "mix", "materials": [{"kind": "mirror"}, {"kind": "plastic", "reflectance": 0.5, "roughness": 0.3}]}
-# Each shape with its material; the lamps are of shapes that light sampling leaves out when they stand, too.
+SHINING_NET = {"kind": "principled", "emission": [2.0, 2.0, 2.0], "opacity": HOLES}
+# Each shape with its material; light sampling leaves the lamps out when they stand, too, for their holes.
 GROUPS = {
     "coated": [("sphere", BRUSHED), ("box", TILES), ("mesh", GLASS), ("cylinder", MIX)],
     "bent": [("ellipsoid", TILES), ("cone", BRUSHED), ("disk", TILES), ("mesh", MIX)],
-    "open": [("sphere", NET), ("ellipsoid", lamp(2.0)), ("rectangle", NET), ("box", lamp(1.0))],
+    "open": [("sphere", NET), ("ellipsoid", SHINING_NET), ("rectangle", NET), ("box", SHINING_NET)],
 }
 LAMPS = [{"kind": "point", "position": [2, 4, 3], "intensity": 20.0}]
 

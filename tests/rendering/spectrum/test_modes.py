@@ -49,7 +49,8 @@ def test_programs_of_dispersive_without_dispersion_are_those_of_rgb(monkeypatch)
         built.append((files, dict(facts), declarations))
 
     def bind(self, *_, **__):
-        raise EnoughError
+        if len(built) == 2:
+            raise EnoughError
 
     monkeypatch.setattr(Session, "program", program)
     monkeypatch.setattr(Session, "bind", bind)
