@@ -42,12 +42,12 @@ function mask(w, h, aspect) {
 
 function safe(w, h, aspect) {
   const frame = aspect ? inner(w, h, aspect) : { x: 0, y: 0, width: w, height: h };
-  return SAFE.flatMap(({ share, name }) => {
+  return SAFE.flatMap(({ share, name }, i) => {
     const x = frame.x + (frame.width * (1 - share)) / 2;
     const y = frame.y + (frame.height * (1 - share)) / 2;
     return [
       s("rect", { class: "vf-guide vf-safe", x, y, width: frame.width * share, height: frame.height * share }),
-      s("text", { class: "vf-guide-text", x: x + 4, y: y + frame.height * share - 4 }, name),
+      s("text", { class: "vf-guide-text", x: x + 4, y: i ? y + 13 : y + frame.height * share - 4 }, name),
     ];
   });
 }
