@@ -27,6 +27,7 @@ if TYPE_CHECKING:
         merge,
         render,
         settle,
+        sweep,
     )
 
 __all__ = [
@@ -54,6 +55,7 @@ __all__ = [
     "merge",
     "render",
     "settle",
+    "sweep",
 ]
 
 

@@ -10,6 +10,7 @@ from rptcam_cl.api.resolving import Settlement, settle
 from rptcam_cl.api.session import RenderSession
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, picture_so_far, prepare, report, run
+from rptcam_cl.api.sweeping import SweepEntry, sweep
 from rptcam_cl.device import choose_device
 from rptcam_cl.focusing import FocusReport, autofocus, focused_scene
 from rptcam_cl.imaging import Image, develop
@@ -28,6 +29,7 @@ __all__ = [
     "RenderSettings",
     "Scene",
     "Settlement",
+    "SweepEntry",
     "autofocus",
     "choose_device",
     "develop",
@@ -43,4 +45,5 @@ __all__ = [
     "report",
     "run",
     "settle",
+    "sweep",
 ]

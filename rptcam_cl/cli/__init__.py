@@ -26,6 +26,7 @@ from rptcam_cl.cli import (
     render,
     schema,
     settle,
+    sweep,
     tradeoff,
     view,
 )
@@ -44,7 +45,7 @@ def build_parser() -> Parser:
     parser.add_argument("--version", action="version", version=f"rptcam {__version__}")
     parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
-    rendering = (demo, render, merge, settle, view)
+    rendering = (demo, render, merge, settle, sweep, view)
     for command in (*rendering, focus, tradeoff, develop, convert, lens, devices, doctor, schema):
         command.add_to(commands)
     return parser

@@ -8,6 +8,7 @@ from rptcam_cl.imaging.marks import MARKED
 from rptcam_cl.imaging.picture_settings import develop, with_picture_settings
 from rptcam_cl.imaging.raw import RawImage, check_raw_output
 from rptcam_cl.imaging.scene_sensor import check_sensor, sensor_of
+from rptcam_cl.imaging.slanted_edge import mtf50_at
 from rptcam_cl.imaging.tone import srgb_from_linear
 from rptcam_cl.imaging.white_balance import Gains, Grey, GreyWorld, KnownLight
 from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, SUFFIXES, check_output, holds_layers
@@ -32,6 +33,7 @@ __all__ = [
     "develop",
     "developed_values",
     "holds_layers",
+    "mtf50_at",
     "quantised",
     "read_film",
     "sensor_of",

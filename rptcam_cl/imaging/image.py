@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import writers
 from rptcam_cl.imaging.denoise import GUIDES, denoised
@@ -64,6 +65,11 @@ class Image:
     def height(self) -> int:
         """Number of rows."""
         return int(self.pixels.shape[0])
+
+    @property
+    def luminance(self) -> NDArray[np.float64]:
+        """Luminance of the film, (height, width), linear."""
+        return np.asarray(self.pixels @ LUMINANCE)
 
     @cached_property
     def seen(self) -> NDArray[np.float32]:

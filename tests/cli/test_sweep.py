@@ -1,0 +1,38 @@
+"""``rptcam sweep`` on the command line."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+Command = Callable[..., Any]
+
+
+def test_sweep_prints_a_table_and_goes_on_where_it_was(scene: Path, rptcam: Command) -> None:
+    words = ("sweep", "scene.yaml", "--over", "camera.fov_degrees=30,50", "-o", "out", "--spp", "1")
+    run = rptcam(*words)
+    assert run.code == 0, run.err
+    assert run.out.splitlines()[0].split() == ["camera.fov_degrees", "mean", "noise", "spp", "seconds"]
+    assert run.err == "fov_degrees 30: rendered\nfov_degrees 50: rendered\n"
+    assert rptcam(*words).err == "fov_degrees 30: kept\nfov_degrees 50: kept\n"
+    assert len(list(Path("out").glob("*.exr"))) == 2
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--over", "camera.fov_degrees"], "is not of the form key.path=a,b"),
+        (["--over", "camera.fov_degrees=[1"], "--over camera.fov_degrees"),
+        (["--over", "picture.ev=1", "--over", "picture.ev=2"], "picture.ev twice"),
+        (["--over", "camera.fov_degrees=30,999"], "camera.fov_degrees=999: "),
+        (["--over", "picture.ev=1", "--mtf", "2,0"], "--mtf: got 2,0"),
+        ([], "required: --over"),
+    ],
+)
+def test_mistake_of_a_sweep_is_named(scene: Path, rptcam: Command, words: list[str], message: str) -> None:
+    run = rptcam("sweep", "scene.yaml", "-o", "out", *words)
+    assert run.code == 2
+    assert re.search(re.escape(message), run.err), run.err
+    assert not Path("out").exists()

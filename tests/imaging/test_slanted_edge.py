@@ -1,0 +1,47 @@
+"""MTF50 of rendered edges, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+from scipy.special import erf
+
+from rptcam_cl.imaging import mtf50_at
+
+
+def edge(sigma, degrees, size=64, low=0.1, high=1.0):
+    """A straight edge through the middle, blurred by a Gaussian and averaged over square pixels."""
+    fine = (np.arange(8 * size) + 0.5) / 8 - size / 2
+    x, y = np.meshgrid(fine, fine)
+    distance = x * math.cos(math.radians(degrees)) + y * math.sin(math.radians(degrees))
+    values = low + (high - low) * 0.5 * (1 + erf(distance / (math.sqrt(2) * sigma)))
+    return values.reshape(size, 8, size, 8).mean(axis=(1, 3))
+
+
+def expected(sigma, degrees):
+    """Where the product of the Gaussian's and the pixel's transforms is a half [cycles per pixel]."""
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return brentq(
+        lambda f: math.exp(-2 * (math.pi * sigma * f) ** 2) * np.sinc(f * c) * np.sinc(f * s) - 0.5, 1e-6, 0.7
+    )
+
+
+@pytest.mark.parametrize("degrees", [5, 12, 50, 85, 174, -97])
+@pytest.mark.parametrize("sigma", [0.5, 1.0, 2.0])
+def test_mtf50_of_a_blurred_edge_is_that_of_gaussian_and_pixel(sigma, degrees):
+    assert mtf50_at(edge(sigma, degrees), 0.5, 0.5) == pytest.approx(expected(sigma, degrees), rel=0.03)
+
+
+def test_noise_of_a_hundredth_leaves_it_within_a_tenth():
+    noisy = edge(1.0, 8) + np.random.default_rng(3).normal(0, 0.01, (64, 64))
+    assert mtf50_at(noisy, 0.5, 0.5) == pytest.approx(expected(1.0, 8), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [np.full((64, 64), 0.5), np.zeros((64, 64)), edge(1, 0), edge(1, 90), edge(1, 8, low=0.98), np.ones((8, 8))],
+    ids=["flat", "black", "upright", "level", "without contrast", "small"],
+)
+def test_what_is_no_slanted_edge_has_none(picture):
+    assert mtf50_at(picture, 0.5, 0.5) is None

@@ -1,0 +1,99 @@
+"""Sweeps: each picture is the one that its scene gives alone; what is there is kept; mistakes come before any work."""
+
+import csv
+import json
+
+import numpy as np
+import pytest
+from PIL import Image as Pillow
+
+import rptcam_cl
+from rptcam_cl.core.errors import InputError, StateError
+from tests.rendering.test_world import still_life
+
+OVER = {"camera.fov_degrees": [30, 50.0], "picture.ev": [0, 1, 2]}
+OPTIONS = {"size": (24, 16), "spp": 2, "seed": 5}
+
+
+@pytest.fixture
+def swept(tmp_path):
+    return list(rptcam_cl.sweep(still_life(), OVER, tmp_path / "out", mtf_at=(0.5, 0.5), **OPTIONS))
+
+
+def test_each_picture_is_that_of_its_scene_alone(swept, tmp_path):
+    assert [tuple(entry.values.values()) for entry in swept] == [(f, e) for f in (30, 50.0) for e in (0, 1, 2)]
+    scene = rptcam_cl.load_scene(still_life(), ["camera.fov_degrees=50", "picture.ev=1"])
+    alone = rptcam_cl.render(scene, **OPTIONS)
+    np.testing.assert_array_equal(swept[4].image.pixels, alone.pixels)
+    np.testing.assert_array_equal(swept[4].image.developed(), alone.developed())
+    assert swept[4].measures["mean"] == pytest.approx(float(alone.luminance.mean()))
+    assert swept[4].label == "fov_degrees 50, ev 1"
+
+
+def test_tables_and_sheet_hold_every_entry(swept, tmp_path):
+    rows = list(csv.DictReader((tmp_path / "out/table.csv").open()))
+    plain = json.loads((tmp_path / "out/table.json").read_text())
+    assert list(rows[0]) == [*OVER, "mean", "noise", "spp", "seconds", "mtf50", "file"]
+    assert len(rows) == len(plain) == 6
+    assert [float(row["mean"]) for row in rows] == [entry.measures["mean"] for entry in swept]
+    assert all((tmp_path / "out" / row["file"]).exists() for row in rows)
+    with Pillow.open(tmp_path / "out/contact_sheet.png") as sheet:
+        assert sheet.width > 3 * 160  # the last key goes across
+        assert sheet.width > sheet.height
+
+
+def test_what_is_there_is_kept_and_the_rest_rendered(swept, tmp_path, monkeypatch):
+    swept[1].file.unlink()
+    swept[2].file.write_bytes(swept[2].file.read_bytes()[:500])
+    swept[3].file.with_suffix(".json").unlink()
+    rendered = []
+    real = rptcam_cl.render
+
+    def counted(scene, **options):
+        rendered.append(scene)
+        return real(scene, **options)
+
+    monkeypatch.setattr("rptcam_cl.api.sweeping.render", counted)
+    again = list(rptcam_cl.sweep(still_life(), OVER, tmp_path / "out", mtf_at=(0.5, 0.5), **OPTIONS))
+    assert [entry.kept for entry in again] == [True, False, False, False, True, True]
+    assert len(rendered) == 3
+    for one, other in zip(swept, again, strict=True):
+        np.testing.assert_array_equal(one.image.pixels, other.image.pixels)
+        np.testing.assert_array_equal(one.image.developed(), other.image.developed())
+    longer = list(rptcam_cl.sweep(still_life(), OVER, tmp_path / "out", **(OPTIONS | {"spp": 3})))
+    assert not any(entry.kept for entry in longer)
+
+
+LENS = {"kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 1, 6], "target": [0, 0, 0], "focus": {"distance_m": 6}}
+
+
+@pytest.mark.parametrize(
+    ("over", "message"),
+    [
+        ({}, "no key to vary"),
+        ({"camera.fov_degrees": []}, "has no list of values"),
+        ({"camera.fov_degrees": "30"}, "has no list of values"),
+        ({"camera.fov": [30]}, r"camera\.fov=30: .*fov_degrees"),
+        ({"camera.fov_degrees": [30, 400]}, r"^camera\.fov_degrees=400: "),
+        ({"camera.fov_degrees": [30, 30]}, "is the same picture as"),
+        ({"render.seed": list(range(10_001))}, "10001 combinations are too many"),
+        ({"camera": [LENS], "camera.f_number": [4, 0.1]}, r"camera\.f_number=0\.1: .*opens to"),
+    ],
+)
+def test_mistakes_are_named_before_any_work(over, message, tmp_path, monkeypatch):
+    monkeypatch.setattr("rptcam_cl.api.sweeping.render", None)
+    with pytest.raises(InputError, match=message):
+        rptcam_cl.sweep(still_life(), over, tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_folder_that_cannot_be_written_is_named_before_any_work(tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(StateError, match="file: cannot be written"):
+        rptcam_cl.sweep(still_life(), OVER, tmp_path / "file")
+
+
+def test_sweep_without_a_folder_leaves_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (entry,) = rptcam_cl.sweep(still_life(), {"picture.ev": [1]}, **OPTIONS)
+    assert (entry.file, entry.kept, list(tmp_path.iterdir())) == (None, False, [])
