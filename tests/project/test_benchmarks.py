@@ -15,6 +15,7 @@ from benchmarks.mitsuba_worker import find_llvm
 from benchmarks.scenes import reference_scene
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.device import choose_device
+from tests.support.browsing import CHROMIUM
 
 FOLDER = Path(__file__).resolve().parents[2] / "benchmarks"
 
@@ -258,4 +259,14 @@ def test_viewfinder_answers_dials_and_a_drag(checkout: Path, tmp_path: Path) -> 
     printed, results = quick(checkout, tmp_path, "viewfinder")
     assert "| drag " in printed
     assert all(each["ms"] > 0 for each in results["f_number"])
+    assert results["drag"]["frames_per_second"] > 0
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+def test_viewfinder_is_measured_in_a_browser(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "viewfinder_browser")
+    assert "pictures painted a second" in printed
+    assert len(results["f_number"]) == len(results["focus_m"]) == 3
+    assert all(found["ms"] > 0 for found in results["f_number"])
     assert results["drag"]["frames_per_second"] > 0

@@ -1,0 +1,145 @@
+"""How fast the viewfinder answers in a real browser: from a key or a drag to the painted picture.
+
+    python -m benchmarks.viewfinder_browser [--turns 40] [--json FILE]
+
+`examples/first_light.yaml` at 960x540 before the system's Chromium without a window. *answer* is from the keydown event
+that turns a dial, from rest, to the end of the frame of the screen that shows the new picture, by the browser's clock.
+*drag* moves the pointer sixty times a second: pictures painted a second, and how old the movement is that they show.
+"""
+
+from __future__ import annotations
+
+import shutil
+import statistics
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from playwright.sync_api import Page, sync_playwright
+
+from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from benchmarks.viewfinder import REST_S, SIZE, cpu_seconds, row, viewing
+from rptcam_cl.device import choose_device
+
+KEYS = {"f_number": "][", "focus_m": "kj"}
+PATIENCE_S = 60.0
+CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
+FLAGS = ["--headless", "--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking"]
+# A task that follows requestAnimationFrame runs when the frame has been painted.
+WATCHING = """
+window.sent = new Map(); window.painted = []; window.inputs = [];
+const input = (event) => { window.inputAt = event.timeStamp; };
+for (const kind of ['keydown', 'pointermove']) window.addEventListener(kind, input, true);
+document.addEventListener('vf-sent', ({detail}) => window.sent.set(detail.id, window.inputAt), true);
+document.addEventListener('vf-painted', ({detail}) => {
+    if (detail.kind !== 'picture') return;
+    const channel = new MessageChannel();
+    channel.port1.onmessage = () => window.painted.push({
+        answers: detail.answers, scale: detail.scale, at: performance.now(), input: window.sent.get(detail.answers) });
+    channel.port2.postMessage(null);
+}, true);
+"""
+
+
+def painted(page: Page) -> list[dict[str, Any]]:
+    """Take what was painted since the last call."""
+    found: list[dict[str, Any]] = page.evaluate("window.painted.splice(0)")
+    return found
+
+
+def rest(page: Page) -> None:
+    """Let the picture come to full scale, and a little more."""
+    end = time.monotonic() + PATIENCE_S
+    while time.monotonic() < end:
+        page.wait_for_timeout(1e3 * REST_S)
+        if page.inner_text("[data-reading=scale]") == "full":
+            painted(page)
+            return
+
+
+def answers(page: Page, process: Any, keys: str, turns: int) -> list[dict[str, float]]:
+    """Return how long each press of a key took to be seen [ms], and at which scale."""
+    found = []
+    for turn in range(turns):
+        rest(page)
+        before, last = cpu_seconds(process), page.evaluate("Math.max(0, ...window.sent.keys())")
+        page.keyboard.press(keys[turn // 6 % len(keys)])  # six clicks one way, then six back
+        end = time.monotonic() + PATIENCE_S
+        shown = None
+        while shown is None and time.monotonic() < end:
+            page.wait_for_timeout(5)
+            shown = next((each for each in painted(page) if (each["answers"] or 0) > last), None)
+        if shown is not None:
+            cpu = 1e3 * (cpu_seconds(process) - before)
+            found.append({"ms": shown["at"] - shown["input"], "scale": shown["scale"], "cpu": cpu})
+    return found
+
+
+def drag(page: Page, process: Any, seconds: float) -> dict[str, Any]:
+    """Drag on the picture; return pictures a second, ages of what they show [ms] and their scales."""
+    rest(page)
+    box = page.locator(".vf-frame[data-slot=A]").bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.keyboard.press("2")
+    page.mouse.move(x, y)
+    page.mouse.down()
+    before, begun, step = cpu_seconds(process), time.monotonic(), 0
+    while time.monotonic() < begun + seconds:
+        step += 1
+        page.mouse.move(x + 40 * (abs(step % 80 - 40) / 40), y)
+        page.wait_for_timeout(1e3 / 60)
+    took = time.monotonic() - begun
+    shown = [each for each in painted(page) if each["input"] is not None]
+    page.mouse.up()
+    cpu = 1e3 * (cpu_seconds(process) - before) / max(len(shown), 1)
+    ages = [each["at"] - each["input"] for each in shown]
+    return {
+        "frames_per_second": len(shown) / took, "ms": ages, "scales": [each["scale"] for each in shown], "cpu": cpu,
+    }  # fmt: skip
+
+
+def measured(device: str, turns: int, seconds: float, size: tuple[int, int]) -> dict[str, Any]:
+    """Return all that is measured."""
+    found: dict[str, Any] = {}
+    program = next(filter(None, map(shutil.which, CHROMIUM)), None)
+    with (
+        tempfile.TemporaryDirectory() as cache,
+        viewing(Path(cache), device, size) as (process, port, token),
+        sync_playwright() as playwright,
+    ):
+        browser = playwright.chromium.launch(executable_path=program, args=FLAGS)
+        page = browser.new_page(viewport={"width": 1344, "height": 760})  # leaves 960 x 540 for the picture
+        page.add_init_script(WATCHING)
+        page.goto(f"http://127.0.0.1:{port}/#{token}")
+        for name, keys in KEYS.items():
+            answers(page, process, keys, 2)  # what the first turn of a dial finds out is kept
+            found[name] = answers(page, process, keys, turns)
+        found["drag"] = drag(page, process, seconds)
+        browser.close()
+    return found
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = arguments("How fast the viewfinder answers in a browser.")
+    parser.add_argument("--turns", type=int, default=40, help="turns of each dial (default 40)")
+    options = parser.parse_args()
+    device = choose_device(options.device)
+    facts = machine(device)
+    print_machine(facts)
+    found = measured(device.id, 3 if options.quick else options.turns, 1.0 if options.quick else 8.0, SIZE)
+    rows = []
+    for name in KEYS:
+        cpu = statistics.median(each["cpu"] for each in found[name])
+        rows.append(row(name, [each["ms"] for each in found[name]], [each["scale"] for each in found[name]], cpu))
+    moved = found["drag"]
+    rows.append(row("drag", moved["ms"], moved["scales"], moved["cpu"]))
+    print_table("From the key to the painted picture", ("dial", "p50, ms", "p95, ms", "scale", "CPU, ms"), rows)
+    print(f"{moved['frames_per_second']:.1f} pictures painted a second while dragging")
+    write_json(options.json, facts, found)
+
+
+if __name__ == "__main__":
+    main()
