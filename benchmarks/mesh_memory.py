@@ -64,7 +64,9 @@ def bytes_per_path(device_type: str) -> dict[str, dict[str, float]]:
         ("passes, lamps", False, True, False),
         ("passes, lamps and meshes", False, True, True),
     ):
-        size = 4 * floats_per_slot(stream=stream, emitters=emitters, meshes=meshes, moves=False, colours=False)
+        size = 4 * floats_per_slot(
+            stream=stream, emitters=emitters, meshes=meshes, moves=False, colours=False, light_tree=False
+        )
         found[name] = {"bytes": size, "megabytes": size * WAVE_SLOTS[device_type] / 1e6}
     return found
 

@@ -44,6 +44,13 @@
 #define MESH_PARTS(EACH)
 #endif
 
+#if LIGHT_TREE
+#define LIGHT_TREE_PARTS(EACH) \
+    EACH(const __global float *, light_nodes)           /* kernels/light/light_tree.h */
+#else
+#define LIGHT_TREE_PARTS(EACH)
+#endif
+
 #define SCENE_PARTS(EACH) \
     EACH(const __global Primitive *, primitives)        /* sorted by kind */ \
     EACH(const __global int *, kind_end)                /* end of each kind in `primitives` */ \
@@ -54,7 +61,7 @@
     EACH(const __global Environment *, environment) \
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
-    COLOUR_PARTS(EACH) MOTION_PARTS(EACH) TREE_PARTS(EACH) MESH_PARTS(EACH)
+    LIGHT_TREE_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) TREE_PARTS(EACH) MESH_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,

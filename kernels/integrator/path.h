@@ -32,6 +32,9 @@ typedef struct {
     F3  beta;       // throughput behind the camera
     F3  radiance;   // gathered so far
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
+#if LIGHT_TREE
+    F3  n;          // normal where the ray starts, as light sampling takes it
+#endif
     U   pixel, sample, depth;
 #if SPECTRUM
     F   wavelength_sample;        // chooses the wavelength, common/wavelength.h
@@ -56,6 +59,28 @@ static F3 departure(Vertex vertex, F3 d)
 #endif
 }
 
+static F3 normal_behind(Path path)
+{
+#if LIGHT_TREE
+    return path.n;
+#else
+    return f3(ZERO, ZERO, ZERO);
+#endif
+}
+
+#if LIGHT_TREE
+// Normal of a vertex on the side from which a path comes along d; 0 where light from behind counts, too.
+static F3 receiving_normal(Vertex vertex, F3 d)
+{
+    I passes = (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_DIELECTRIC)
+        | (vertex.kind == MATERIAL_THIN_GLASS);
+#if HAS_TRANSMISSION
+    passes |= vertex.kind == MATERIAL_PRINCIPLED;
+#endif
+    return keep3(NOT(passes), scale(vertex.n, with_sign(ONE, -dot3(vertex.ng, d))));
+}
+#endif
+
 #if HAS_LAMPS
 // Emission of the primitive that was hit, weighted against light sampling.
 static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i, Scene scene)
@@ -64,7 +89,9 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
 #if HAS_EMITTERS
     I rival = shines & (path.pdf > 0.0f) & (vertex.emitter >= 0);
     if (ANY(rival)) {
-        F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), path.ray.o, path.ray.d, t, absolute(cos_i));
+        I e = MAX(vertex.emitter, FALSE);
+        F pick = emitter_pick(scene, e, path.ray.o, normal_behind(path));
+        F other = emitter_pdf(scene.emitters, e, pick, path.ray.o, path.ray.d, t, absolute(cos_i));
         weight = rival ? against_lights(path.pdf, other) : weight;
     }
 #endif
@@ -76,7 +103,12 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
 static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene scene, Rules rules)
 {
     F4 u = random4(path.pixel, path.sample, 2u * path.depth + 1u, rules.seed);
-    LightSample light = sample_emitter(scene, vertex.p, u.a, u.b, u.c);
+#if LIGHT_TREE
+    F3 n = receiving_normal(vertex, path.ray.d);
+#else
+    F3 n = vertex.n;
+#endif
+    LightSample light = sample_emitter(scene, vertex.p, n, u.a, u.b, u.c);
     F pdf;
     F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
     F light2 = light.pdf * light.pdf;
@@ -107,9 +139,10 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     I living = path->ray.origin != PATH_ENDED;
 #if ENVIRONMENT || EMITTER_SUNS
     I escaped = living & (hit.primitive == NO_PRIMITIVE);
-    if (ANY(escaped))
-        path->radiance = add(path->radiance,
-                             keep3(escaped, mul(path->beta, light_from_infinity(path->ray.d, path->pdf, scene))));
+    if (ANY(escaped)) {
+        F3 light = light_from_infinity(path->ray.o, normal_behind(*path), path->ray.d, path->pdf, scene);
+        path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
+    }
 #endif
     // Go on with those that hit something and may be continued or meet a lamp.
     I on = living & (hit.primitive >= 0);
@@ -185,6 +218,9 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         path->beta = scale(path->beta, ONE / MAX(survive, (F)(1e-20f)));
     }
     // Continue the path, or end it.
+#if LIGHT_TREE
+    path->n = receiving_normal(vertex, path->ray.d);
+#endif
     path->ray.o = departure(vertex, next.direction);
     path->ray.d = next.direction;
     path->ray.triangle = hit.triangle;

@@ -1,4 +1,4 @@
-// Next-event estimation: one emitter per vertex, picked by power, one direction towards it.
+// Next-event estimation: one emitter per vertex, picked by power or by light/light_tree.h, one direction towards it.
 // Rectangles, parallelograms and disks are sampled by area, spheres by the cone that they subtend (stable for small
 // angles: 1 - cos is never formed by subtraction) and suns likewise, solids as light/solids.h says, points and directional
 // lights exactly, a picture of the environment by its brightness.
@@ -12,12 +12,25 @@
 #if EMITTER_SOLIDS
 #include "light/solids.h"
 #endif
+#if LIGHT_TREE
+#include "light/light_tree.h"
+#endif
+
+// Probability with which sample_emitter picks emitter e, a lamp with a surface, at p on a surface with normal n.
+static F emitter_pick(Scene scene, I e, F3 p, F3 n)
+{
+#if LIGHT_TREE
+    return pick_of_lamp(scene, e, p, n);
+#else
+    const __global Emitter *es = scene.emitters;
+    return OF_EMITTER(F, pick);
+#endif
+}
 
 // Density, over the solid angle seen from `o`, with which sample_emitter would have chosen the point that a ray along `d`
-// met at distance t with cosine `cos_there` on the emitter.
-static F emitter_pdf(const __global Emitter *es, I e, F3 o, F3 d, F t, F cos_there)
+// met at distance t with cosine `cos_there` on the emitter, if it picks that with probability `pick`.
+static F emitter_pdf(const __global Emitter *es, I e, F pick, F3 o, F3 d, F t, F cos_there)
 {
-    F pick = OF_EMITTER(F, pick);
     F extent = OF_EMITTER(F, a.w);
     F pdf = pick * t * t / (extent * MAX(cos_there, (F)(1e-20f)));
 #if EMITTER_SPHERES
@@ -71,9 +84,8 @@ static void place_on_flat(I kind, F u, F v, F *x, F *y)
 }
 
 // Density and weight of the point at the squared distance d2; s->direction leads there.
-static void sample_flat(const __global Emitter *es, I e, I flat, F d2, LightSample *s, F *weight)
+static void sample_flat(const __global Emitter *es, I e, F pick, I flat, F d2, LightSample *s, F *weight)
 {
-    F pick = OF_EMITTER(F, pick);
     F extent = OF_EMITTER(F, a.w);
     F cos_there = -dot3(THREE_OF_EMITTER(normal), s->direction);
     I two_sided = OF_EMITTER(I, two_sided) != 0;
@@ -86,12 +98,12 @@ static void sample_flat(const __global Emitter *es, I e, I flat, F d2, LightSamp
 
 #if EMITTER_SPHERES || EMITTER_SUNS
 // A direction within the cone of a sphere or a sun, whose axis is s->direction; the centre is `distance` away.
-static void sample_round(const __global Emitter *es, I e, I kind, F distance, F d2, F u, F v, LightSample *s, F *weight)
+static void sample_round(const __global Emitter *es, I e, F pick, I kind, F distance, F d2, F u, F v, LightSample *s,
+                         F *weight)
 {
     I round = (kind == EMITTER_SPHERE) | (kind == EMITTER_SUN);
     if (!ANY(round))
         return;
-    F pick = OF_EMITTER(F, pick);
     F extent = OF_EMITTER(F, a.w);
     F sin2_max = extent * extent / d2;
 #if EMITTER_SUNS
@@ -123,10 +135,9 @@ static void sample_round(const __global Emitter *es, I e, I kind, F distance, F 
 
 #if EMITTER_POINTS || EMITTER_SPOTS || EMITTER_PROFILES
 // Weight of lamps without size at the squared distance d2.
-static void sample_point(Scene scene, I e, I kind, F d2, LightSample *s, F *weight)
+static void sample_point(Scene scene, I e, F pick, I kind, F d2, LightSample *s, F *weight)
 {
     const __global Emitter *es = scene.emitters;
-    F pick = OF_EMITTER(F, pick);
 #if EMITTER_POINTS
     I point = kind == EMITTER_POINT;
     *weight = point ? ONE / (d2 * pick) : *weight;
@@ -145,43 +156,47 @@ static void sample_point(Scene scene, I e, I kind, F d2, LightSample *s, F *weig
 #endif
 
 #if EMITTER_DIRECTIONS
-static void sample_directional(const __global Emitter *es, I e, I kind, LightSample *s, F *weight)
+static void sample_directional(const __global Emitter *es, I e, F pick, I kind, LightSample *s, F *weight)
 {
     I parallel = kind == EMITTER_DIRECTIONAL;
     s->direction = select3(parallel, THREE_OF_EMITTER(normal), s->direction);
     s->reach = parallel ? (F)(NEVER) : s->reach;
-    *weight = parallel ? ONE / OF_EMITTER(F, pick) : *weight;
+    *weight = parallel ? ONE / pick : *weight;
 }
 #endif
 
 #if ENVIRONMENT_SAMPLED
-static void sample_environment(Scene scene, I e, I kind, F u, F v, LightSample *s, F *weight)
+static void sample_environment(Scene scene, F pick, I kind, F u, F v, LightSample *s, F *weight)
 {
     I sky = kind == EMITTER_ENVIRONMENT;
     if (!ANY(sky))
         return;
-    const __global Emitter *es = scene.emitters;
     F3 arriving;
     F density;
     F3 w = environment_sample(u, v, scene, &arriving, &density);
     s->direction = select3(sky, w, s->direction);
     s->reach = sky ? (F)(NEVER) : s->reach;
     s->radiance = select3(sky, arriving, s->radiance);
-    s->pdf = sky ? OF_EMITTER(F, pick) * density : s->pdf;
+    s->pdf = sky ? pick * density : s->pdf;
     *weight = (sky & (density > 0.0f)) ? ONE / s->pdf : *weight;
 }
 #endif
 
-// One emitter for each lane, and one direction towards it.
-static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
+// One emitter for each lane, and one direction towards it from p, on a surface with normal n.
+static LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
 {
     const __global Emitter *es = scene.emitters;
-    // Pick an emitter by its power.
-#if ONE_EMITTER
+    // Pick an emitter.
+#if LIGHT_TREE
+    F pick;
+    I e = pick_emitter(scene, p, n, pick_u, &pick);
+#elif ONE_EMITTER
     I e = FALSE;
+    F pick = OF_EMITTER(F, pick);
 #else
     F inside, share;
     I e = cell_at(scene.distribution, FALSE, scene.emitter_count, pick_u, &inside, &share);
+    F pick = OF_EMITTER(F, pick);
 #endif
     I kind = OF_EMITTER(I, kind);
     F3 a = THREE_OF_EMITTER(a);
@@ -220,14 +235,14 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
     // Weigh the sample by its density, and turn towards what has no such point.
 #if EMITTER_SOLIDS
     I seen = solid & (solid_density > 0.0f);
-    s.pdf = seen ? OF_EMITTER(F, pick) * solid_density : s.pdf;
+    s.pdf = seen ? pick * solid_density : s.pdf;
     weight = seen ? ONE / s.pdf : weight;
 #endif
 #if EMITTER_FLATS
-    sample_flat(es, e, flat, d2, &s, &weight);
+    sample_flat(es, e, pick, flat, d2, &s, &weight);
 #endif
 #if EMITTER_SPHERES || EMITTER_SUNS
-    sample_round(es, e, kind, distance, d2, u, v, &s, &weight);
+    sample_round(es, e, pick, kind, distance, d2, u, v, &s, &weight);
 #endif
 #if EMITTER_TEXTURES
     I textured = (OF_EMITTER(I, texture) >= 0) & (s.primitive >= 0) & (weight > 0.0f);
@@ -237,13 +252,13 @@ static LightSample sample_emitter(Scene scene, F3 p, F pick_u, F u, F v)
     }
 #endif
 #if EMITTER_POINTS || EMITTER_SPOTS || EMITTER_PROFILES
-    sample_point(scene, e, kind, d2, &s, &weight);
+    sample_point(scene, e, pick, kind, d2, &s, &weight);
 #endif
 #if EMITTER_DIRECTIONS
-    sample_directional(es, e, kind, &s, &weight);
+    sample_directional(es, e, pick, kind, &s, &weight);
 #endif
 #if ENVIRONMENT_SAMPLED
-    sample_environment(scene, e, kind, u, v, &s, &weight);
+    sample_environment(scene, pick, kind, u, v, &s, &weight);
 #endif
     // Take the radiance at the wavelengths of the path.
 #if SPECTRAL_COLOURS

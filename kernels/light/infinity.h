@@ -2,6 +2,9 @@
 #ifndef INFINITY_H
 #define INFINITY_H
 #include "light/environment.h"
+#if LIGHT_TREE
+#include "light/light_tree.h"
+#endif
 
 // MIS weight (power heuristic, Veach 1997, ch. 9) of a direction of density `own` that light sampling would have chosen with
 // density `other`; own is 0 where light sampling cannot compete.
@@ -11,9 +14,19 @@ static F against_lights(F own, F other)
     return own > 0.0f ? own2 / (own2 + other * other) : ONE;
 }
 
+// Probability with which light sampling picks an emitter at infinity, at p on a surface with normal n.
+static F pick_from_afar(int e, F3 p, F3 n, Scene scene)
+{
+#if LIGHT_TREE
+    return pick_of_distant(scene, e, p, n);
+#else
+    return (F)(scene.emitters[e].pick);
+#endif
+}
+
 #if EMITTER_SUNS
 // Of suns whose disk a direction meets, weighted.
-static F3 suns_radiance(F3 d, F own, Scene scene)
+static F3 suns_radiance(F3 p, F3 n, F3 d, F own, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
     int first = scene.environment->first_sun;
@@ -23,7 +36,7 @@ static F3 suns_radiance(F3 d, F own, Scene scene)
         float versine = sun->a.w / (1.0f + sqrt(1.0f - sun->a.w));      // 1 - cos of its radius; a.w is its squared sine
         I inside = dot3(off, off) <= 2.0f * versine;
         if (ANY(inside)) {
-            F weight = against_lights(own, (F)(sun->pick / (2.0f * PI_F * versine)));
+            F weight = against_lights(own, pick_from_afar(i, p, n, scene) / (2.0f * PI_F * versine));
             F3 radiance = f3_of(sun->radiance);
 #if SPECTRAL_COLOURS
             radiance = light_colour(scene.spectral, radiance, sun->radiance.w, scene.colours);
@@ -35,18 +48,19 @@ static F3 suns_radiance(F3 d, F own, Scene scene)
 }
 #endif
 
-// Radiance that a path meets which leaves the scene along d, weighted against light sampling.
-static F3 light_from_infinity(F3 d, F own, Scene scene)
+// Radiance that a path meets which leaves the scene along d, weighted against light sampling at p, with normal n, where it
+// comes from.
+static F3 light_from_infinity(F3 p, F3 n, F3 d, F own, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT
     sum = environment_radiance(d, scene);
 #endif
 #if ENVIRONMENT_SAMPLED
-    sum = scale(sum, against_lights(own, environment_pdf(d, scene) * scene.environment->pick));
+    sum = scale(sum, against_lights(own, environment_pdf(d, scene) * pick_from_afar(scene.environment->emitter, p, n, scene)));
 #endif
 #if EMITTER_SUNS
-    sum = add(sum, suns_radiance(d, own, scene));
+    sum = add(sum, suns_radiance(p, n, d, own, scene));
 #endif
     return sum;
 }

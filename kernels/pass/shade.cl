@@ -36,6 +36,9 @@ __kernel void shade(SCENE_PARAMETERS
 #if HAS_EMITTERS
     path.pdf = READ_F(PDF, slot);
 #endif
+#if LIGHT_TREE
+    path.n = depth == 1u ? f3(ZERO, ZERO, ZERO) : READ_F3(N, slot);
+#endif
     Hit hit;
     hit.t = READ_F(T, slot);
     hit.primitive = READ_I(HIT, slot);
@@ -63,6 +66,9 @@ __kernel void shade(SCENE_PARAMETERS
     WRITE_F3(O, slot, path.ray.o);
     WRITE_F3(D, slot, path.ray.d);
     WRITE_F3(B, slot, path.beta);
+#if LIGHT_TREE
+    WRITE_F3(N, slot, path.n);
+#endif
 #if HAS_EMITTERS
     WRITE_F(PDF, slot, path.pdf);
     WRITE_F(REACH, slot, shadow.reach);

@@ -39,6 +39,9 @@ __kernel void stream(SCENE_PARAMETERS
     path.beta = f3(ZERO, ZERO, ZERO);
     path.radiance = f3(ZERO, ZERO, ZERO);
     path.pdf = ZERO;
+#if LIGHT_TREE
+    path.n = f3(ZERO, ZERO, ZERO);
+#endif
     path.depth = (U)(1u);
     path.pixel = lane_of(first, wave, tiles).pixel;
     path.sample = (U)(wave.first_sample - 1u);

@@ -162,11 +162,13 @@ EMITTER = Record(
         ("int", "kind"),
         ("int", "primitive"),
         ("int", "two_sided"),
-        ("float", "pick"),  # probability of being picked
+        # probability of being picked; of an emitter at infinity in a scene with a light tree: its irradiance, in the
+        # units of the tree's estimates
+        ("float", "pick"),
         ("int", "triangle"),  # of the primitive, or -1
         ("int", "texture"),  # index of the texture of the radiance or of a profile's intensities, or -1
+        ("int", "leaf"),  # of the light tree
         ("int", "reserved_0"),
-        ("int", "reserved_1"),
     ),
 )
 
@@ -181,11 +183,11 @@ ENVIRONMENT = Record(
         ("int", "texture"),  # index of the picture
         ("int", "rows"),  # cells that light sampling tells apart
         ("int", "columns"),
-        ("float", "pick"),  # probability that light sampling picks the environment
+        ("int", "emitter"),  # that stands for a picture
         ("int", "first_sun"),  # suns are emitters first_sun to first_sun + suns - 1
         ("int", "suns"),
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
+        ("int", "lamps"),  # emitters of the light tree; those at infinity follow
+        ("int", "light_levels"),  # of the light tree, above its leaves
     ),
 )
 
@@ -246,22 +248,25 @@ LIGHT_FIELDS = ("PDF", "REACH", "FROM", "TARGET", *SHADOW_FIELDS)
 MESH_FIELDS = ("TRIANGLE", "HIT_TRIANGLE", "B1", "B2", "FROM_TRIANGLE", "TARGET_TRIANGLE")
 TIME_FIELDS = ("TIME",)
 COLOUR_FIELDS = ("WAVELENGTH_SAMPLE",)
-STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS
+LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
+STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS + LIGHT_TREE_FIELDS
 
 
-def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool, colours: bool) -> int:
+def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool, colours: bool, light_tree: bool) -> int:
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
-    triangles where it has meshes, with the time where something moves and with the wavelength sample where paths have a
-    wavelength.
+    triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
+    wavelength and with a normal where the scene has a light tree.
     """
     if stream:
         return CAMERA_RAY_FLOATS
-    if colours:
+    if light_tree:
         return len(STATE_FIELDS)
+    if colours:
+        return len(STATE_FIELDS) - len(LIGHT_TREE_FIELDS)
     if moves:
-        return len(STATE_FIELDS) - len(COLOUR_FIELDS)
+        return len(STATE_FIELDS) - len(LIGHT_TREE_FIELDS) - len(COLOUR_FIELDS)
     if meshes:
         return len(PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS)
     return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)

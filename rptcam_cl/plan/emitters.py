@@ -16,7 +16,9 @@ from rptcam_cl.core.curves import curves
 from rptcam_cl.core.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.core.records import EMITTER, Kind
 from rptcam_cl.plan.environment import Surroundings
+from rptcam_cl.plan.light_tree import BREAK_EVEN, FROM_AFAR, Lamps, LightTree, lamps_of, light_tree, variance_by_power
 from rptcam_cl.plan.lights import light_emitter, sun_emitter
+from rptcam_cl.plan.lit_points import lit_points
 from rptcam_cl.plan.meshes import Mesh, corners_of_box
 from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.primitives import Primitive, sphere_of
@@ -64,13 +66,15 @@ Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Emitters:
-    """Records, the sampled emitter of each primitive, the kinds there are, and the curve that picks by power."""
+    """Records, the sampled emitter of each primitive, the kinds there are, the curve that picks by power, and the tree
+    that picks instead where there are many lamps."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
     kinds: frozenset[EmitterKind]
     count: int
     curve: NDArray[np.float32]
+    tree: LightTree | None = None
 
     @property
     def facts(self) -> dict[str, int]:
@@ -80,6 +84,7 @@ class Emitters:
         return {
             "HAS_EMITTERS": int(self.count > 0),
             "ONE_EMITTER": int(self.count == 1),
+            "LIGHT_TREE": int(self.tree is not None),
             "EMITTER_FLATS": int(bool(self.kinds & flats)),
             "EMITTER_TRIANGLES": int(EmitterKind.TRIANGLE in self.kinds),
             "EMITTER_DISKS": int(EmitterKind.DISK in self.kinds),
@@ -209,9 +214,9 @@ def pack_emitters(
     spectra: KnownSpectra,
     surroundings: Surroundings,
 ) -> Emitters:
-    """Return the emitters that light sampling chooses from, picked in proportion to their power; suns come last.
+    """Return the emitters that light sampling chooses from: by a tree where there are many lamps, else by their power.
 
-    Writes into the record of the surroundings which emitters are suns and how often the environment is picked.
+    Suns come last. Writes into the record of the surroundings where they stand, and the environment.
 
     Parameters
     ----------
@@ -238,18 +243,42 @@ def pack_emitters(
         lights.append(sun_emitter(surroundings.sun, reach))
     lights = sorted((found for found in lights if found[1] > 0), key=lambda found: found[0]["kind"] == EmitterKind.SUN)
     chosen += [(np.array([record], EMITTER.dtype), np.array([power])) for record, power in lights]
-    suns = sum(int(record["kind"]) == EmitterKind.SUN for record, _ in lights)
     count = sum(len(records) for records, _ in chosen)
-    surroundings.record["first_sun"], surroundings.record["suns"] = count - suns, suns
-    records, curve = EMITTER.zeros(count), np.zeros(2, np.float32)
+    records, curve, tree = EMITTER.zeros(count), np.zeros((1, 2), np.float32), None
     if chosen:
         records[:] = np.concatenate([part for part, _ in chosen])
         powers = np.concatenate([power for _, power in chosen])
         curve, chance = curves(powers[None])
         records["pick"] = chance[0]
-        surroundings.record["pick"] = records["pick"][records["kind"] == EmitterKind.ENVIRONMENT].sum()
+        near = ~np.isin(records["kind"], list(FROM_AFAR))
+        lamps = lamps_of(records[near], powers[near])
+        if near.sum() > 1 and variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN:
+            order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
+            records, powers = records[order], powers[order]
+            tree = _with_tree(records, powers, lamps, reach, surroundings)
+        _note_infinity(records["kind"], surroundings)
     kinds = frozenset(EmitterKind(kind) for kind in np.unique(records["kind"][:count]).tolist())
-    return Emitters(records, of_primitive, kinds, count, curve.ravel())
+    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree)
+
+
+def _with_tree(
+    records: NDArray[np.void], powers: NDArray[np.float64], lamps: Lamps, reach: float, surroundings: Surroundings
+) -> LightTree:
+    """Return the tree over the lamps, which stand first; write leaves and the light from infinity into the records."""
+    tree, count = light_tree(lamps), len(lamps.power)
+    records["leaf"][:count] = tree.leaf_of
+    # The tree estimates power / distance², pi times an irradiance; an even sky gives that a quarter of its flux.
+    even = np.where(records["kind"][count:] == EmitterKind.ENVIRONMENT, 4.0, 1.0)
+    records["pick"][count:] = powers[count:] / (reach**2 * even * powers[:count].sum())
+    surroundings.record["lamps"], surroundings.record["light_levels"] = count, tree.levels
+    return tree
+
+
+def _note_infinity(kinds: NDArray[np.int32], surroundings: Surroundings) -> None:
+    """Write which emitters are suns and which stands for a picture."""
+    suns = int((kinds == EmitterKind.SUN).sum())
+    surroundings.record["first_sun"], surroundings.record["suns"] = len(kinds) - suns, suns
+    surroundings.record["emitter"] = int((kinds == EmitterKind.ENVIRONMENT).argmax())
 
 
 def _surface_emitters(

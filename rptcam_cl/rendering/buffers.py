@@ -57,6 +57,8 @@ class SceneBuffers:
             ),
             "emitter_count": np.int32(plan.emitters.count),
         }
+        if plan.emitters.tree is not None:
+            self.scene |= {"light_nodes": self._buffer("light_nodes", plan.emitters.tree.nodes)}
         self.colours = self._buffer("colours", plan.spectrum.table)
         if plan.facts["SPECTRUM"]:
             self.scene |= {"colours": self.colours}

@@ -50,6 +50,7 @@ def memory_needs(plan: Plan, session: Session, *, film: int, paths: int) -> Memo
         building = BUILD_BYTES_PER_TRIANGLE * count if session.info.type == "cpu" else 0
     textures = plan.textures.texels.nbytes + plan.surroundings.distribution.nbytes
     rest = plan.primitives.nbytes + plan.materials.nbytes + plan.emitters.records.nbytes + plan.emitters.curve.nbytes
+    rest += plan.emitters.tree.nodes.nbytes if plan.emitters.tree is not None else 0
     return MemoryNeeds(film, paths, triangles, textures, rest, building)
 
 

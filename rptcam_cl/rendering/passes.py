@@ -71,6 +71,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
         meshes=plan.facts["HAS_MESH"] > 0,
         moves=plan.facts["MOVES"] > 0,
         colours=plan.facts["SPECTRUM"] > 0,
+        light_tree=plan.facts["LIGHT_TREE"] > 0,
     )
     return 4 * floats * capacity
 

@@ -14,7 +14,8 @@ __kernel void probe_emitter(SCENE_PARAMETERS
         given[k] = LOAD_F(in + k * count, i);
     Scene scene = SCENE;
     F3 p = f3(given[0], given[1], given[2]);
-    LightSample s = sample_emitter(scene, p, given[3], given[4], given[5]);
+    F3 up = f3(ZERO, ZERO, ONE);
+    LightSample s = sample_emitter(scene, p, up, given[3], given[4], given[5]);
     Ray ray;
     ray.o = p;
     ray.d = f3(given[6], given[7], given[8]);
@@ -26,7 +27,8 @@ __kernel void probe_emitter(SCENE_PARAMETERS
     Hit hit = nearest_hit(ray, scene);
     I met = hit.primitive >= 0;
     I e = GATHER(I, scene.primitives, (met ? hit.primitive : FALSE), .emitter);
-    F pdf = met ? emitter_pdf(scene.emitters, MAX(e, FALSE), p, ray.d, hit.t, ONE) : ZERO;
+    e = MAX(e, FALSE);
+    F pdf = met ? emitter_pdf(scene.emitters, e, emitter_pick(scene, e, p, up), p, ray.d, hit.t, ONE) : ZERO;
     F values[10] = {s.direction.x, s.direction.y, s.direction.z, s.reach, s.pdf, s.radiance.x, TO_F(s.primitive),
                     TO_F(hit.primitive), hit.t, pdf};
     for (int k = 0; k < 10; ++k)
