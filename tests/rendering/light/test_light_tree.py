@@ -246,8 +246,9 @@ def test_light_of_many_spheres_has_its_closed_form() -> None:
 
 def hall():
     objects, lights = assorted()
+    metal = {"kind": "conductor", "reflectance": 0.9, "alpha": 0.2}
     balls = [
-        {"shape": "sphere", "center": [-1, 1, 0.5], "radius": 0.5, "material": {"kind": "conductor", "reflectance": 0.9, "alpha": 0.2}},
+        {"shape": "sphere", "center": [-1, 1, 0.5], "radius": 0.5, "material": metal},
         {"shape": "sphere", "center": [1, 0, 0.5], "radius": 0.5, "material": {"kind": "dielectric", "alpha": 0.3}},
     ]
     camera = looking([0, -5, 2], [0, 0, 0.5])

@@ -231,7 +231,7 @@ def hung(shape):
 
 def test_light_of_solids_is_that_of_their_cells() -> None:
     # E = sum of L cos cos dA / d^2; from below they do not hide one another
-    shine = {"box": [1, 0, 0], "ellipsoid": [0, 1, 0], "cone": [0, 0, 1]}
+    shine = {"box": [8, 1, 1], "ellipsoid": [1, 2, 1], "cone": [1, 1, 40]}
     aside = dict(zip(shine, ([-3.0, 0, 0], [0, 0, 0], [3.0, 0, 0]), strict=True))
     objects = [
         {**hung(shape), "material": lamp(colour), "name": shape,
