@@ -20,6 +20,17 @@ static uint film_place(uint pixel, Wave wave, const __global uint *tiles)
     return (tiles[index >> 6] << 6) | (index & 63u);
 }
 
+// Where a stream keeps the camera ray of a slot: those of neighbouring pixels together, one sample after the other.
+#define RAYS_TOGETHER 16u
+
+static uint record_of(uint slot, Wave wave)
+{
+    uint step = slot / wave.pixels;
+    uint pixel = slot - step * wave.pixels;
+    uint within = pixel % RAYS_TOGETHER;
+    return (pixel - within) * wave.samples + step * RAYS_TOGETHER + within;
+}
+
 static Lane lane_of(uint slot, Wave wave, const __global uint *tiles)
 {
     uint step = slot / wave.pixels;

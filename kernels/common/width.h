@@ -36,6 +36,12 @@ typedef ulong8  U;
 #define GATHER(T, p, i, member) \
     ((T)((p)[(i).s0] member, (p)[(i).s1] member, (p)[(i).s2] member, (p)[(i).s3] member, \
          (p)[(i).s4] member, (p)[(i).s5] member, (p)[(i).s6] member, (p)[(i).s7] member))
+#ifdef CLANG_AVX512
+#define MASK_BITS(m) ((uint)(uchar)__builtin_ia32_cvtq2mask512(m))
+#elif defined CLANG_AVX2
+#define MASK_BITS(m) ((uint)__builtin_ia32_movmskpd256(as_double4((m).lo)) \
+                    | ((uint)__builtin_ia32_movmskpd256(as_double4((m).hi)) << 4))
+#endif
 #define LOAD_SINGLE(p, i)      convert_double8(vload8(0, (p) + (i)))
 #define STORE_SINGLE(p, i, v)  vstore8(convert_float8(v), 0, (p) + (i))
 
@@ -86,7 +92,9 @@ typedef uint16  U;
 #define AS_F(v)   as_float16(v)
 #define AS_I(v)   as_int16(v)
 #define AS_U(v)   as_uint16(v)
-#ifdef CLANG_AVX2
+#ifdef CLANG_AVX512
+#define MASK_BITS(m) ((uint)(ushort)__builtin_ia32_cvtd2mask512(m))
+#elif defined CLANG_AVX2
 #define MASK_BITS(m) ((uint)__builtin_ia32_movmskps256(as_float8((m).lo)) \
                     | ((uint)__builtin_ia32_movmskps256(as_float8((m).hi)) << 8))
 #endif

@@ -10,6 +10,7 @@ typedef struct {
     F3 p;          // hit point
     F3 n;          // unit normal along the travel
     F  cosine;     // of incidence
+    F  cosine2;    // its square
     I  met;        // the ray meets the part of the surface about its vertex
     I  resolved;   // met or missed for certain: an iteration, where one was needed, found which
 } LensHit;
@@ -35,6 +36,7 @@ static LensHit meet_sphere(const __global Surface *s, F3 p, F3 d)
     F discriminant = g * g - c * f;
     LensHit hit;
     hit.cosine = root(discriminant);
+    hit.cosine2 = discriminant;
     F t = f / (g + hit.cosine);
     hit.p = f3(x + t * d.x, y + t * d.y, t * d.z);
     hit.n = f3(-c * hit.p.x, -c * hit.p.y, 1.0f - c * hit.p.z);
@@ -63,6 +65,7 @@ static LensHit meet_conic(const __global Surface *s, F3 p, F3 d)
     F inverse = ONE / sqrt(dot3(n, n));
     hit.n = scale(n, inverse);
     hit.cosine = r * inverse;
+    hit.cosine2 = hit.cosine * hit.cosine;
     hit.met = (discriminant >= 0.0f) & (n.z > 0.0f);
     hit.resolved = TRUE;
     return hit;
@@ -229,6 +232,7 @@ static LensHit meet_general(const __global Surface *surface, F3 p, F3 d)
     F3 n = normal_at(surface, hit.p.x, hit.p.y, hit.p.z);
     hit.n = scale(n, ONE / sqrt(dot3(n, n)));
     hit.cosine = dot3(hit.n, d);
+    hit.cosine2 = hit.cosine * hit.cosine;
     hit.met = converged & NOT(lost) & (hit.n.z > 0.0f) & (hit.cosine > 0.0f);
     hit.resolved = converged | lost | ((some ^ all) >= 0);
     return hit;

@@ -39,14 +39,28 @@ static F3 turned_back(const __global real *m, F3 v)
 static F3 offset_of(const __global Surface *s) { return f3((F)(s->offset[0]), (F)(s->offset[1]), (F)(s->offset[2])); }
 #endif
 
+#define NEAR_CRITICAL 0.1f     // of cosine^2 behind a surface
+
 // Direction after a surface by Snell's law, its cosine, and whether the ray is bent and not totally reflected.
-static F3 refracted(F3 d, F3 n, F cosine, F eta, F *cosine_after, I *bends)
+// 1 - eta^2 (1 - cosine^2) is known before the hit point, so that its root is taken beside the division for that. It is
+// wrong by eta^2 roundings, which weigh more as the critical angle comes near; there the part along the surface comes first.
+static F3 refracted(F3 d, LensHit hit, F eta, I wanted, F *cosine_after, I *bends)
 {
-    F3 along_surface = scale(along(d, n, -cosine), eta);       // formed first: 1 - cosine^2 would lose it near grazing
-    F cosine2_after = 1.0f - dot3(along_surface, along_surface);
+    F cosine2_after = (1.0f - eta) * (1.0f + eta) + eta * eta * hit.cosine2;
+    F after = root(cosine2_after);
+    F3 bent = along(scale(d, eta), hit.n, after - eta * hit.cosine);
+    I near_critical = cosine2_after < NEAR_CRITICAL;
+    if (ANY(wanted & near_critical)) {
+        F3 along_surface = scale(along(d, hit.n, -hit.cosine), eta);
+        F precise2 = 1.0f - dot3(along_surface, along_surface);
+        F precise = root(precise2);
+        cosine2_after = near_critical ? precise2 : cosine2_after;
+        after = near_critical ? precise : after;
+        bent = select3(near_critical, along(along_surface, hit.n, precise), bent);
+    }
     *bends = cosine2_after > CRITICAL;
-    *cosine_after = root(cosine2_after);
-    return along(along_surface, n, *cosine_after);
+    *cosine_after = after;
+    return bent;
 }
 
 #if LENS_DISPERSION
@@ -164,7 +178,7 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
         F eta = (F)(s->eta);
 #endif
         F cosine_after;
-        bent = refracted(v, hit.n, hit.cosine, eta, &cosine_after, &bends);
+        bent = refracted(v, hit, eta, path->passed, &cosine_after, &bends);
 #if LENS_FRESNEL
         F share = surface_share(s, stop, path->wavelength, eta, hit.cosine, cosine_after);
 #if LENS_REGION

@@ -1,5 +1,5 @@
 // Starts a wave of paths: one camera ray per slot, those that the lens stops are counted by reason. For a stream it writes
-// records (o, weight, d, time), eight floats per slot; for the passes the fields O, D, WEIGHT, B, ORIGIN, TIME,
+// records (o, weight, d, time), eight floats each; for the passes the fields O, D, WEIGHT, B, ORIGIN, TIME,
 // WAVELENGTH_SAMPLE, and clears L, PDF and REACH.
 // Facts: CAMERA_FILE, CAMERA_HAS_LENS, CAMERA_PACKETS (packets of lanes per work item), LENS_FLOAT64 (whether the passes
 // aim_rays and trace_lens have taken the rays through the lens), STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
@@ -71,7 +71,7 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
 #if MOVES
     record.f[7] = time;
 #endif
-    store_eight(state, slot, record);
+    store_eight(state, record_of(slot, wave), record);
 #else
     WRITE_F3(O, slot, o);
     WRITE_F3(D, slot, d);
@@ -107,26 +107,33 @@ __kernel void generate(const __global Camera  *camera,
                        TRAJECTORY_PARAMETER TRACED_PARAMETER)
 {
     uint slot = get_global_id(0) * (VW * CAMERA_PACKETS);
-    Draw draw = draw_of(slot, wave, tiles, camera, filter, colours);
-#if CAMERA_PACKETS == 2
-    // A surface is a long chain of roots and divisions that leaves room for another.
-    Draw other = draw_of(slot + VW, wave, tiles, camera, filter, colours);
-    Underway first = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
-    Underway second = enter_camera(other.lane, other.u, other.wavelength, camera, tables);
-    for (int k = 0; k < camera->own.realistic.surfaces; ++k) {
-        cross_surface(&first.path, surfaces + k, stop);
-        cross_surface(&second.path, surfaces + k, stop);
+#if CAMERA_PACKETS > 1
+    // A surface is a long chain of roots and divisions that leaves room for others.
+    Draw draws[CAMERA_PACKETS];
+    Underway rays[CAMERA_PACKETS];
+#pragma unroll
+    for (uint i = 0; i < CAMERA_PACKETS; ++i) {
+        draws[i] = draw_of(slot + i * VW, wave, tiles, camera, filter, colours);
+        rays[i] = enter_camera(draws[i].lane, draws[i].u, draws[i].wavelength, camera, tables);
     }
-    CameraRay one = leave_camera(first, leave_lens(&first.path), camera);
-    CameraRay two = leave_camera(second, leave_lens(&second.path), camera);
-    start_path(draw, one, slot, wave, camera, counters, state, capacity TRAJECTORY);
-    start_path(other, two, slot + VW, wave, camera, counters, state, capacity TRAJECTORY);
-#elif LENS_FLOAT64
+    for (int k = 0; k < camera->own.realistic.surfaces; ++k)
+#pragma unroll
+        for (uint i = 0; i < CAMERA_PACKETS; ++i)
+            cross_surface(&rays[i].path, surfaces + k, stop);
+#pragma unroll
+    for (uint i = 0; i < CAMERA_PACKETS; ++i) {
+        CameraRay ray = leave_camera(rays[i], leave_lens(&rays[i].path), camera);
+        start_path(draws[i], ray, slot + i * VW, wave, camera, counters, state, capacity TRAJECTORY);
+    }
+#else
+    Draw draw = draw_of(slot, wave, tiles, camera, filter, colours);
+#if LENS_FLOAT64
     Underway entering = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
     CameraRay ray = leave_camera(entering, traced_ray(traced, capacity, slot), camera);
     start_path(draw, ray, slot, wave, camera, counters, state, capacity TRAJECTORY);
 #else
     CameraRay ray = camera_ray(draw.lane, draw.u, draw.wavelength, camera, tables, surfaces, stop);
     start_path(draw, ray, slot, wave, camera, counters, state, capacity TRAJECTORY);
+#endif
 #endif
 }

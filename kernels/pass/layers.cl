@@ -46,7 +46,7 @@ __kernel void layers(SCENE_PARAMETERS
         ray.origin = (I)(NO_PRIMITIVE);
         ray.triangle = (I)(NO_TRIANGLE);
 #if STREAM
-        Eight record = load_eight(state, ((I)((int)slot) + LANES) * 8);
+        Eight record = load_eight(state, ((I)((int)record_of(slot, wave)) + LANES) * 8);
         F weight = absolute(record.f[3]);      // a filter may have negative lobes
         F time = record.f[7];
         ray.o = f3(record.f[0], record.f[1], record.f[2]);

@@ -7,6 +7,8 @@
 #include "common/transpose.h"
 #include "geometry/nearest.h"
 
+#define MOST_IDLE  (VW / 4u)      // lanes that wait for others before all of them take camera rays together
+
 __kernel void stream(SCENE_PARAMETERS
                      const __global float *rays,        // eight floats per slot
                      Wave                  wave,
@@ -21,8 +23,8 @@ __kernel void stream(SCENE_PARAMETERS
     Rules rules = rules_of(wave, limits);
     uint place = film_place(first, wave, tiles);
     PixelSum film = read_pixels(sums, place, pixels);
-    I slot = (I)((int)first) + LANES;               // of the next camera ray of each lane
-    I end = slot + (int)(wave.pixels * wave.samples);
+    I next = (I)((int)record_of(first, wave)) + LANES;     // camera ray of each lane
+    I end = next + (int)(wave.samples * RAYS_TOGETHER);
     I running = FALSE;
     Path path;
     path.ray.o = f3(ZERO, ZERO, ZERO);
@@ -46,21 +48,25 @@ __kernel void stream(SCENE_PARAMETERS
     path.pixel = lane_of(first, wave, tiles).pixel;
     path.sample = (U)(wave.first_sample - 1u);
     for (;;) {
-        // Start camera rays in lanes whose path has ended.
-        I start = NOT(running) & (slot < end);
-        if (ANY(start)) {
-            I started = FALSE;
-            I source = (I)((int)first);
-            while (ANY(start)) {                    // a ray that the lens blocked weighs zero: on to the next
-                F weight = GATHER(F, rays + 3, (start ? slot : source) * 8, );
-                I lit = start & (weight != 0.0f);
-                source = lit ? slot : source;
-                path.sample = start ? path.sample + 1u : path.sample;
-                slot = start ? slot + (int)wave.pixels : slot;
-                started |= lit;
-                start = start & NOT(lit) & (slot < end);
-            }
+        // Start camera rays in lanes whose path has ended, once enough of them are idle or all are.
+        I start = NOT(running) & (next < end);
+        if (COUNT(start) > MOST_IDLE || (ANY(start) && !ANY(running))) {
+            I source = start ? next : (I)((int)record_of(first, wave));
             Eight ray = load_eight(rays, source * 8);
+            path.sample = start ? path.sample + 1u : path.sample;
+            next = start ? next + (int)RAYS_TOGETHER : next;
+            I started = start & (ray.f[3] != 0.0f);
+            I blocked = start & NOT(started) & (next < end);
+            if (ANY(blocked)) {                     // a ray that the lens blocked weighs zero: on to one that does not
+                while (ANY(blocked)) {
+                    source = blocked ? next : source;
+                    path.sample = blocked ? path.sample + 1u : path.sample;
+                    next = blocked ? next + (int)RAYS_TOGETHER : next;
+                    started |= blocked & (GATHER(F, rays + 3, source * 8, ) != 0.0f);
+                    blocked = blocked & NOT(started) & (next < end);
+                }
+                ray = load_eight(rays, source * 8);
+            }
             path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
             path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
 #if HAS_MOTION
