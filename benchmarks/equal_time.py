@@ -6,8 +6,8 @@ Every renderer with every sampler renders each scene with several seeds, with th
 ``--seconds`` of all cores: by CPU time on a processor, which other work on the machine disturbs less. The error is that
 against the other renderer's pictures, which are independent and in two halves, so that their own noise drops out:
 mean((x - r1) (x - r2) / (r^2 + (0.01 mean r)^2)). It counts noise and bias, and is scaled to the exact time as 1/t:
-Mitsuba's stratified samplers choose the number of samples themselves. Beside it stands the noise alone, from the
-differences between seeds.
+Mitsuba's stratified samplers round the number of samples up, so that only numbers are asked for that they take as they
+are. Beside it stands the noise alone, from the differences between seeds.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ import argparse
 import statistics
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -58,6 +59,22 @@ class Runs:
         self.pictures.append(np.load(path).astype(np.float64))
 
 
+def exact_count(wanted: float, unit: int, taken: Callable[[int], int]) -> int:
+    """Return the multiple of ``unit`` nearest to ``wanted`` that a sampler takes as it is.
+
+    Parameters
+    ----------
+    taken
+        The number of samples that the sampler makes of a number.
+    """
+    nearest = max(round(wanted / unit), 1)
+    counts = [unit * k for k in range(1, 4 * nearest + 1)]
+    for count in sorted(counts, key=lambda count: abs(count - wanted)):
+        if taken(count) == count:
+            return count
+    raise WorkerError(f"the sampler takes no multiple of {unit} samples up to {4 * nearest * unit}")
+
+
 class Bench:
     """Both workers at one scene."""
 
@@ -81,24 +98,28 @@ class Bench:
         name = f"{self.scene} {sampler}"
         return self.theirs.ask(do="render", spp=spp, seed=seed, save=str(path), **{"as": name}), path
 
+    def _samples(self, renderer: str, sampler: str, wanted: float) -> int:
+        if renderer == "ours":
+            return max(round(wanted), 1)
+        return exact_count(
+            wanted, PASS[self.scene], lambda count: int(self.theirs.ask(do="count", sampler=sampler, spp=count)["spp"])
+        )
+
     def calibrated(self, renderer: str, sampler: str) -> Runs:
         """Return no runs yet, with the samples per pixel that take the time."""
         if renderer != "ours":
             sensor = self._description["sensor"] | {"sampler": {"type": sampler}}
             description = self._description | {"sensor": sensor}
             self.theirs.ask(do="load", description=description, **{"as": f"{self.scene} {sampler}"})
-        unit = 1 if renderer == "ours" else PASS[self.scene]
-        spp = unit
+        spp = 1 if renderer == "ours" else PASS[self.scene]
         for _ in range(3):
             self._render(renderer, sampler, spp, 0)  # compiles what a number of samples needs
             answer, _ = self._render(renderer, sampler, spp, 0)
             rate = spp / (answer["cpu"] / cores() if self._by_cpu else answer["wall"])
             if spp > rate * self._seconds / 8:
                 break
-            spp = max(round(rate * min(1.0, self._seconds / 4) / unit), 1) * unit
-        spp = max(round(rate * self._seconds / unit), 1) * unit
-        if sampler not in ("lattice", "independent"):
-            spp = max(PASS[self.scene], 1 << round(np.log2(spp)))
+            spp = self._samples(renderer, sampler, rate * min(1.0, self._seconds / 4))
+        spp = self._samples(renderer, sampler, rate * self._seconds)
         return Runs(renderer, sampler, spp)
 
     def play(self, runs: Runs, seed: int) -> None:

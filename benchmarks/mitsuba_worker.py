@@ -1,6 +1,7 @@
 """The worker that renders with Mitsuba 3, variant ``llvm_ad_rgb``; its Python needs nothing else.
 
-Requests: ``load`` a description made by `benchmarks.mitsuba_scene`, ``render`` samples of it and perhaps save them.
+Requests: ``load`` a description made by `benchmarks.mitsuba_scene`, ``render`` samples of it and perhaps save them;
+``count`` the samples that a sampler makes of a number of them.
 """
 
 from __future__ import annotations
@@ -50,6 +51,9 @@ def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
         if request["do"] == "load":
             loaded[request["as"]] = mitsuba.load_dict(_with_transforms(mitsuba, request["description"]))
             return {}
+        if request["do"] == "count":
+            sampler = mitsuba.load_dict({"type": request["sampler"], "sample_count": request["spp"]})
+            return {"spp": sampler.sample_count()}
         return _render(mitsuba, loaded[request["as"]], request)
 
     return f"Mitsuba {mitsuba.__version__} {VARIANT}", respond

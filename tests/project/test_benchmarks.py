@@ -3,6 +3,7 @@
 import importlib
 import importlib.util
 import json
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 
 import pytest
 
+from benchmarks.equal_time import exact_count
 from benchmarks.mitsuba_scene import describe
 from benchmarks.mitsuba_worker import find_llvm
 from benchmarks.scenes import reference_scene
@@ -35,6 +37,18 @@ def quick(checkout: Path, folder: Path, name: str, *options: str) -> tuple[str, 
 def test_benchmark_finds_all_that_it_uses(path: Path) -> None:
     """Quick even for those whose runs are slow tests: what they import is there."""
     assert importlib.import_module(f"benchmarks.{path.stem}").__doc__
+
+
+def test_numbers_of_samples_are_those_that_a_sampler_takes_as_they_are() -> None:
+    assert exact_count(37, 16, lambda count: 35 if count == 32 else count) == 48  # 32 becomes 35, no multiple of 16
+    assert exact_count(90, 16, lambda count: 4 ** math.ceil(math.log(count, 4))) == 64
+    assert exact_count(3, 16, lambda count: count) == 16
+    with pytest.raises(WorkerError, match="no multiple of 16"):
+        exact_count(40, 16, lambda count: count + 1)
+
+
+def test_the_lens_scene_is_measured_with_the_pupil_that_users_get() -> None:
+    assert reference_scene("A_lens", shrink=8).camera.pupil == "auto"
 
 
 @pytest.mark.slow
