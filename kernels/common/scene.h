@@ -67,8 +67,15 @@
 #define AS_PARAMETER(type, name) type name,
 #define AS_INITIALIZER(type, name) .name = name,
 
+#if FEW_PRIMITIVES
+struct FlatTables;
+#endif
+
 typedef struct {
     SCENE_PARTS(AS_MEMBER)
+#if FEW_PRIMITIVES
+    const struct FlatTables *flats;     // kernels/material/flat_tables.h, or none
+#endif
 #if SPECTRAL_COLOURS
     SpectralColours spectral;   // colours at the wavelengths of the lanes at hand
 #endif

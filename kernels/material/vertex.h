@@ -32,6 +32,8 @@ typedef struct {
 #endif
 } Vertex;
 
+#include "material/flat_tables.h"
+
 #if HAS_NORMAL_MAP
 // The shading normal that a picture of normals in the tangent frame gives.
 static F3 mapped_normal(const __global Material *material, SurfacePoint point, Scene scene)
@@ -158,6 +160,10 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
 #endif
     // Take the lanes primitive by primitive.
     I rest = on;
+#if FLAT_TABLES
+    if (scene.flats)
+        rest = rest & NOT(take_flats(&vertex, hit, on, p, scene.flats, scene));
+#endif
     while (ANY(rest)) {
         int index = first_of(hit.primitive, rest);
         I mine = hit.primitive == index;

@@ -20,6 +20,10 @@ __kernel void stream(SCENE_PARAMETERS
 {
     uint first = get_global_id(0) * VW;
     Scene scene = SCENE;
+#if FLAT_TABLES
+    FlatTables flats = flat_tables(scene);
+    scene.flats = &flats;
+#endif
     Rules rules = rules_of(wave, limits);
     uint place = film_place(first, wave, tiles);
     PixelSum film = read_pixels(sums, place, pixels);

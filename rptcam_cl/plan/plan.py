@@ -47,6 +47,9 @@ class Plan:
     albedo: LargestAlbedo
 
 
+FEW = 16  # primitives, as many as lanes that a processor permutes at once
+
+
 def _is_smooth(primitive: Primitive) -> bool:
     return primitive.mesh is not None and primitive.mesh.normals is not None
 
@@ -86,6 +89,7 @@ def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool =
         "MOVES": int(segments > 0 or movements.facts["HAS_MOTION"] > 0),
         "ENVIRONMENT": int(surroundings.kind),
         "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
+        "FEW_PRIMITIVES": int(len(primitives) <= FEW),
         "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
     }
     return Plan(
