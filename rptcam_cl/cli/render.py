@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rptcam_cl.cli import frames, parts, plan
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli import parts, plan
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json, print_warnings
 from rptcam_cl.cli.parser import Commands
@@ -43,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     values.add_missing(parser)
     parts.add_options(parser)
     plan.add_option(parser)
+    frames.add_option(parser)
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write statistics of the render")
     parser.add_argument(
         "--strict", action="store_true",
@@ -288,16 +289,51 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
     from rptcam_cl.api import load_scene
 
     scene = load_scene(arguments.scene, arguments.overrides, missing=arguments.missing)
+    if arguments.frames is not None:
+        frames.check_options(arguments)
     _check_outputs(arguments, scene)
     print_warnings(scene.warnings)
     if arguments.plan:
         from rptcam_cl.api import RenderSettings
 
         return plan.print_plan(scene, RenderSettings(**_options(arguments)))
+    if arguments.frames is not None:
+        return frames.render_frames(arguments, scene, _wanted, _frame)
+    return _one(arguments, scene, should_stop)
+
+
+def _wanted(arguments: argparse.Namespace, scene: "Scene") -> tuple[str, int | None]:
+    """What the files of a finished picture say: the hash of its scene, and its samples if they are known."""
+    from rptcam_cl.api import RenderSettings
+
+    settings = RenderSettings(**_options(arguments))
+    applied = settings.applied_to(scene)
+    open_end = settings.seconds is not None or applied.render.noise is not None
+    return applied.content_hash(), None if open_end else settings.most_spp(applied)
+
+
+def _frame(arguments: argparse.Namespace, scene: "Scene", metadata: dict[str, Any]) -> int:
+    """Render one frame of a sequence; its state goes with its end."""
+    checkpoint = _checkpoint(arguments)
+    arguments.resume = arguments.resume and checkpoint.exists()
+    code = _one(arguments, scene, None, metadata)
+    if code == 0 and arguments.resume:
+        checkpoint.unlink(missing_ok=True)
+    return code
+
+
+def _one(
+    arguments: argparse.Namespace,
+    scene: "Scene",
+    should_stop: Callable[[], bool] | None,
+    metadata: dict[str, Any] | None = None,
+) -> int:
+    """Render a picture, write it with further metadata, and return the exit code."""
     checkpoint = _checkpoint(arguments)
     if checkpoint.exists() and not arguments.resume and not arguments.watch and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
     image, failure = _render(arguments, scene, should_stop)
+    image.metadata.update(metadata or {})
     if arguments.watch and image.stats["interrupted"]:
         return INTERRUPTED
     if not parts.requested(arguments):

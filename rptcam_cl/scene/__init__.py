@@ -76,6 +76,7 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject, Solid
 from rptcam_cl.scene.scene_text import plain, scene_text
 from rptcam_cl.scene.sensor import Sensor
+from rptcam_cl.scene.sequence import FrameSequence, ValueKeyframe
 from rptcam_cl.scene.set_keys import set_keys
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.spectrum import SpectralColour
@@ -135,6 +136,7 @@ __all__ = [
     "Film",
     "FilmFilter",
     "Focus",
+    "FrameSequence",
     "Gradient",
     "GradientEnvironment",
     "Grid",
@@ -200,6 +202,7 @@ __all__ = [
     "Trajectory",
     "TransformStep",
     "Transmission",
+    "ValueKeyframe",
     "WhiteBalance",
     "ZonesFile",
     "alpha_pair",

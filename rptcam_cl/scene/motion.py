@@ -57,7 +57,8 @@ class ObjectKeyframe(Keyframe):
 _K = TypeVar("_K", bound=Keyframe)
 
 
-def _in_order(frames: tuple[_K, ...]) -> tuple[_K, ...]:
+def in_order(frames: tuple[_K, ...]) -> tuple[_K, ...]:
+    """Return keyframes; refuse those whose times do not rise."""
     for index in range(1, len(frames)):
         if not frames[index].time_s > frames[index - 1].time_s:
             raise refuse(
@@ -69,8 +70,8 @@ def _in_order(frames: tuple[_K, ...]) -> tuple[_K, ...]:
     return frames
 
 
-CameraMotion = Annotated[tuple[CameraKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(_in_order)]
-ObjectMotion = Annotated[tuple[ObjectKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(_in_order)]
+CameraMotion = Annotated[tuple[CameraKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(in_order)]
+ObjectMotion = Annotated[tuple[ObjectKeyframe, ...], Field(max_length=MOST_KEYFRAMES), AfterValidator(in_order)]
 
 
 def place_between(frames: Sequence[Keyframe], time_s: float) -> tuple[int, float]:

@@ -28,6 +28,7 @@ from rptcam_cl.scene.quantities import NUMBER
 from rptcam_cl.scene.render_settings import RenderSettings, SpectrumSettings
 from rptcam_cl.scene.scene_object import Solid
 from rptcam_cl.scene.sensor import Sensor
+from rptcam_cl.scene.sequence import FrameSequence
 from rptcam_cl.scene.shape import Object
 
 
@@ -48,6 +49,9 @@ class Scene(SceneModel):
 
     shutter: Shutter = Shutter()
     """How long light falls on the film."""
+
+    sequence: FrameSequence | None = None
+    """Keys that change from frame to frame; a single picture goes by the scene as it stands."""
 
     sensor: Sensor | None = None
     """What turns light on the film into numbers, for pictures and raw files; none by default."""
@@ -245,7 +249,7 @@ class Scene(SceneModel):
         content = self.model_dump(
             mode="json",
             exclude={
-                "picture": True, "sensor": True, "materials": True, "meshes": True,
+                "picture": True, "sequence": True, "sensor": True, "materials": True, "meshes": True,
                 "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
         )  # fmt: skip

@@ -45,6 +45,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Sensor": (model.Sensor,),
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
+    "Sequence": (model.FrameSequence,),
+    "Value keyframe": (model.ValueKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.PictureSettings,),
     "White balance": (model.WhiteBalance,),

@@ -1,0 +1,142 @@
+"""``rptcam render --frames``: a sequence of pictures, each the one that its frame gives alone."""
+
+import argparse
+import copy
+import json
+import re
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rptcam_cl.core.errors import InputError, RptcamError
+
+if TYPE_CHECKING:
+    from rptcam_cl.scene import Scene
+
+PLACE = re.compile(r"#+")
+# Options that are of a single picture.
+SINGLE = {"watch": "--watch", "preview": "--preview", "stats": "--stats", "plan": "--plan", "part": "--part"}
+SINGLE |= {"samples": "--samples"}
+
+
+def add_option(parser: argparse.ArgumentParser) -> None:
+    """Add the option."""
+    parser.add_argument(
+        "--frames", type=frame_range, metavar="FIRST-LAST[:STEP]",
+        help="render these frames of the scene's sequence, as 1-240 or 1-240:2; #### in names of files is the frame;"
+        " with --resume, frames that are there are kept",
+    )  # fmt: skip
+
+
+def frame_range(text: str) -> range:
+    """Frames of ``1-240``, ``1-240:2`` or ``7``."""
+    match = re.fullmatch(r"(\d{1,7})(?:-(\d{1,7}))?(?::(\d{1,7}))?", text, re.ASCII)
+    first = int(match[1]) if match else 0
+    last = int(match[2] or first) if match else 0
+    step = int(match[3] or 1) if match else 0
+    if not (1 <= first <= last and step >= 1):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed FIRST-LAST[:STEP], as 1-240 or 1-240:2")
+    return range(first, last + 1, step)
+
+
+def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[int, "Scene"]]:
+    """The scene of each frame, checked before any is rendered."""
+    from rptcam_cl.scene import FrameSequence, set_keys
+
+    sequence = scene.sequence or FrameSequence()
+    found = []
+    for frame in arguments.frames:
+        try:
+            found.append((frame, set_keys(scene, sequence.changes(scene.shutter.open_s, frame))))
+        except RptcamError as problem:
+            raise type(problem)(f"frame {frame}: {problem}") from None
+    return found
+
+
+def check_options(arguments: argparse.Namespace) -> None:
+    """Refuse options of a single picture, and outputs that would overwrite one another."""
+    for name, words in SINGLE.items():
+        if getattr(arguments, name):
+            raise InputError(f"{words}: is for a single picture (allowed: without --frames)")
+    for path in [*arguments.outputs, *arguments.raws]:
+        if not PLACE.search(path.name):
+            raise InputError(f"{path}: every frame would overwrite it (allowed: a name with ####, as out.####.exr)")
+
+
+def of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
+    """The arguments of one frame: its names of files."""
+    found = copy.copy(arguments)
+    found.outputs = [_named(path, frame) for path in arguments.outputs]
+    found.raws = [_named(path, frame) for path in arguments.raws]
+    return found
+
+
+def _named(path: Path, frame: int) -> Path:
+    return path.with_name(PLACE.sub(lambda match: f"{frame:0{len(match[0])}d}", path.name))
+
+
+def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
+    """What the files of a frame say of it."""
+    from rptcam_cl.scene import FrameSequence
+
+    sequence = scene.sequence or FrameSequence()
+    rate = sequence.frames_per_second
+    return {"frame": frame, "timecode": sequence.timecode(frame), "frames_per_second": rate}
+
+
+def is_there(arguments: argparse.Namespace, scene_hash: str, spp: int | None) -> bool:
+    """Whether all files of a frame are there, of this very scene and as many samples."""
+    files = [*arguments.outputs, *arguments.raws]
+    if not all(path.is_file() for path in files):
+        return False
+    known = [found for path in arguments.outputs if (found := _metadata(path)) is not None]
+    return bool(known) and all(
+        found.get("scene_hash") == scene_hash and (spp is None or found.get("spp") == spp) for found in known
+    )
+
+
+def _metadata(path: Path) -> dict[str, Any] | None:
+    """The metadata of a picture; None for formats that keep none for us to read, nothing of a damaged file."""
+    from rptcam_cl.imaging import read_film
+
+    try:
+        if path.suffix.lower() in (".exr", ".npz"):
+            return read_film(path).metadata
+        if path.suffix.lower() == ".png":
+            from PIL import Image
+
+            with Image.open(path) as picture:
+                picture.load()
+                texts = dict(getattr(picture, "text", {}))
+            return texts | {"spp": json.loads(texts.get("spp", "null"))}
+    except (RptcamError, OSError, ValueError):
+        return {}
+    return None
+
+
+def render_frames(
+    arguments: argparse.Namespace,
+    scene: "Scene",
+    hash_of: Callable[[argparse.Namespace, "Scene"], tuple[str, int | None]],
+    render_one: Callable[[argparse.Namespace, "Scene", dict[str, Any]], int],
+) -> int:
+    """Render every frame that is not there yet, and return the exit code.
+
+    Parameters
+    ----------
+    hash_of
+        Returns what the files of a finished frame say: the hash of its scene, and its samples where they are known.
+    render_one
+        Renders a frame and writes its files with these metadata.
+    """
+    for frame, still in frame_scenes(arguments, scene):
+        own = of_frame(arguments, frame)
+        if arguments.resume and is_there(own, *hash_of(own, still)):
+            if not arguments.quiet:
+                print(f"kept {', '.join(map(str, own.outputs))}", file=sys.stderr)
+            continue
+        code = render_one(own, still, metadata_of(scene, frame))
+        if code:
+            return code
+    return 0

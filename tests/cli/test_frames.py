@@ -1,0 +1,94 @@
+"""``rptcam render --frames``: each picture is that of its frame alone, and what is there is kept."""
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.imaging import read_film
+from rptcam_cl.scene import set_keys
+
+Command = Callable[..., Any]
+SEQUENCE = """
+sequence:
+  frames_per_second: 10
+  keys:
+    camera.fov_degrees: [{time_s: 0, value: 30}, {time_s: 0.4, value: 50}]
+    environment.radiance: [{time_s: 0, value: 1}, {time_s: 0.2, value: 3}]
+"""
+WORDS = ("render", "scene.yaml", "-o", "out.####.exr", "-o", "see.##.png", "--spp", "2")
+
+
+@pytest.fixture
+def moving(scene: Path) -> Path:
+    scene.write_text(scene.read_text("utf-8") + SEQUENCE, encoding="utf-8")
+    return scene
+
+
+def test_each_frame_has_the_bits_of_its_scene_alone(moving: Path, rptcam: Command) -> None:
+    run = rptcam(*WORDS, "--frames", "1-5:2")
+    assert run.code == 0, run.err
+    written = sorted(path.name for path in moving.parent.iterdir() if path != moving)
+    assert written == [*(f"out.000{k}.exr" for k in (1, 3, 5)), *(f"see.0{k}.png" for k in (1, 3, 5))]
+    scene = rptcam_cl.load_scene(moving)
+    for frame, fov, radiance in ((1, 30, 1), (3, 40, 3), (5, 50, 3)):
+        film = read_film(f"out.000{frame}.exr")
+        keys = {"camera.fov_degrees": fov, "environment.radiance": radiance, "shutter.open_s": (frame - 1) / 10}
+        alone = rptcam_cl.render(set_keys(scene, keys), spp=2)
+        np.testing.assert_array_equal(film.pixels, alone.pixels)
+        assert (film.metadata["frame"], film.metadata["timecode"]) == (frame, f"00:00:00:0{frame - 1}")
+        assert film.metadata["frames_per_second"] == 10
+        assert film.metadata["world_from_camera"]
+    before = Path("out.0003.exr").read_bytes()
+    assert rptcam(*WORDS, "--frames", "3").code == 0  # alone, in place of the one of the sequence
+    assert Path("out.0003.exr").read_bytes() == before
+
+
+def test_missing_and_damaged_frames_are_rendered_again_and_others_kept(moving: Path, rptcam: Command) -> None:
+    assert rptcam(*WORDS, "--frames", "1-4").code == 0
+    before = {path.name: path.read_bytes() for path in moving.parent.glob("*.*.*")}
+    Path("out.0002.exr").unlink()
+    Path("see.03.png").write_bytes(before["see.03.png"][:60])
+    run = rptcam(*WORDS, "--frames", "1-4", "--resume")
+    assert run.code == 0, run.err
+    assert re.findall(r"(kept|wrote) out\.000(\d)", run.err) == [
+        ("kept", "1"), ("wrote", "2"), ("wrote", "3"), ("kept", "4"),
+    ]  # fmt: skip
+    assert {path.name: path.read_bytes() for path in moving.parent.glob("*.*.*")} == before
+    run = rptcam(*WORDS, "--frames", "1-2", "--resume", "--spp", "3")
+    assert run.err.count("wrote") == 2  # of other samples
+
+
+def test_picture_without_frames_goes_by_the_scene_as_it_stands(moving: Path, rptcam: Command) -> None:
+    still = rptcam_cl.render(set_keys(rptcam_cl.load_scene(moving), {"sequence": None}), spp=1)
+    assert rptcam_cl.render(moving, spp=1).metadata["scene_hash"] == still.metadata["scene_hash"]
+
+
+@pytest.mark.parametrize(
+    ("frames", "words", "message"),
+    [
+        ("0-3", [], "--frames: got 0-3; allowed FIRST-LAST"),
+        ("3-1", [], "--frames: got 3-1"),
+        ("1-3:0", [], "--frames: got 1-3:0"),
+        ("1-3", ["-o", "a.exr"], "a.exr: every frame would overwrite it"),
+        ("1-3", ["--stats", "s.json"], "--stats: is for a single picture"),
+        ("1-3", ["--part", "1/2"], "--part: is for a single picture"),
+        ("1-9", ["--set", "sequence.keys={camera.fov_degrees: [{time_s: 0, value: 90}, {time_s: 0.5, value: 240}]}"],
+         "frame 4: camera.fov_degrees: is out of range (got 180"),
+        ("1-3", ["--set", "sequence.keys={camera.fov: [{time_s: 0, value: 90}]}"], "frame 1: "),
+        ("1-3", ["--set", "sequence.keys={sequence.keys: [{time_s: 0, value: 90}]}"], "is no key that may change"),
+        ("1-3", ["--set", "sequence.keys={picture.ev: [{time_s: 1, value: 0}, {time_s: 0, value: 1}]}"],
+         "does not come after the keyframe before it"),
+    ],
+)  # fmt: skip
+def test_mistake_of_a_sequence_is_named_before_any_work(
+    moving: Path, renderer: Any, rptcam: Command, frames: str, words: list[str], message: str
+) -> None:
+    run = rptcam("render", "scene.yaml", "-o", "out.####.exr", "--frames", frames, *words)
+    assert (run.code, renderer.asked) == (2, [])
+    assert message in run.err
+    assert [path.name for path in moving.parent.iterdir()] == ["scene.yaml"]
