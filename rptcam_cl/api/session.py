@@ -251,7 +251,7 @@ class RenderSession:
         settings = replace(self._settings, device=self._device)
         prepared = Prepared(
             settings, state.scene, state.scene.render.layers, state.found.scene, state.found.metadata, state.plan,
-            run.wavefront, None, None, self._begun, {"start": 0.0, "compile": 0.0},
+            run.wavefront, None, None, self._begun, {"start": 0.0, "compile": 0.0}, state.found.diffraction,
         )  # fmt: skip
         return report(prepared, rendering)
 

@@ -19,6 +19,7 @@ from rptcam_cl.rendering import (
     GEOMETRY,
     WHOLE,
     AnyWavefront,
+    Diffraction,
     FilmLayout,
     Part,
     Progress,
@@ -30,6 +31,8 @@ from rptcam_cl.rendering import (
     anomalies,
     described,
     described_before,
+    diffracted,
+    diffraction_of,
     joined,
     lens_margin,
     render_plan,
@@ -58,12 +61,15 @@ class Resolved:
         What autofocus found, as `in_focus` takes it.
     metered_cd_m2 : float or None
         The luminance that the exposure follows from.
+    diffraction : Diffraction or None
+        What it does to the film; None where it is off.
     """
 
     scene: Scene
     metadata: dict[str, Any]
     focus: dict[str, Any] | None
     metered_cd_m2: float | None
+    diffraction: Diffraction | None = None
 
 
 def resolve(
@@ -77,10 +83,12 @@ def resolve(
         What was found before, to be kept.
     """
     sharp, focus = in_focus(scene, session, focus)
+    diffraction = diffraction_of(sharp)
     chosen = choose_camera(sharp)
     exposed = resolve_exposure(chosen.scene, session, metered_cd_m2)
     metadata = exposed.metadata | chosen.metadata | ({} if focus is None else focus["metadata"])
-    return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2)
+    metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
+    return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2, diffraction)
 
 
 @dataclass(frozen=True)
@@ -107,6 +115,8 @@ class Prepared:
         When preparing began, by `time.perf_counter` [s].
     seconds : dict
         What preparing took: ``start`` and ``compile`` [s].
+    diffraction : Diffraction or None
+        What is done to the film after its samples.
     """
 
     settings: RenderSettings
@@ -120,6 +130,7 @@ class Prepared:
     saved: SavedState | None
     begun: float
     seconds: dict[str, float]
+    diffraction: Diffraction | None = None
 
 
 def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSettings) -> Prepared:
@@ -163,7 +174,10 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
         first = settings.film_part.first if saved is None else saved.done
         saver.parts_since = lambda done: _parts(wavefront, first, done)
     seconds = {"start": started - begun, "compile": time.perf_counter() - started}
-    return Prepared(settings, scene, layers, found.scene, found.metadata, plan, wavefront, saver, saved, begun, seconds)
+    return Prepared(
+        settings, scene, layers, found.scene, found.metadata, plan, wavefront, saver, saved, begun, seconds,
+        found.diffraction,
+    )  # fmt: skip
 
 
 def run(prepared: Prepared) -> Rendering:
@@ -235,6 +249,7 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     )
     if settings.denoise:
         image = replace(image.denoised(), layers={name: image[name] for name in prepared.layers})
+    image = replace(image, pixels=diffracted(prepared.diffraction, image.pixels))
     if settings.strict and (faults := anomalies(stats["numerics"]) + _failed_focus(metadata)):
         raise NumericError(f"strict: {'; '.join(faults)}", image)
     return image
@@ -248,6 +263,8 @@ def _check_part(scene: Scene, settings: RenderSettings) -> None:
         return
     if scene.render.noise is not None:
         raise InputError("part: a noise target needs the whole film (allowed: without render.noise)")
+    if scene.camera.diffraction != "off":
+        raise InputError("part: diffraction needs the whole film (allowed: with camera.diffraction: off)")
     if "variance" in scene.render.layers:
         raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
 

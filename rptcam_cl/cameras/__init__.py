@@ -8,6 +8,7 @@ from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_
 from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.dispersion import EXTREMES_NM, colour_error_px, disperses, fewest_terms, fit_nodes, usable_nm
 from rptcam_cl.cameras.exposure import exposed, on_axis_irradiance, values_per_irradiance
+from rptcam_cl.cameras.film_pupil import FilmPupil, film_pupils
 from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.half_pupil import PupilLine, Split, halved, pupil_line
@@ -49,6 +50,7 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool 
 __all__ = [
     "EXTREMES_NM",
     "CameraModel",
+    "FilmPupil",
     "FilterTable",
     "LensSetting",
     "PupilLine",
@@ -65,6 +67,7 @@ __all__ = [
     "exposed",
     "fewest_terms",
     "film_point",
+    "film_pupils",
     "filter_table",
     "fit_nodes",
     "fitted_map",

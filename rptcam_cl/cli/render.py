@@ -342,6 +342,8 @@ def _one(
         raise StateError(f"{checkpoint}: could not be written")
     print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
     if not arguments.quiet:
+        if "diffraction" in image.metadata:
+            print(f"diffraction: {image.metadata['diffraction']['says']}", file=sys.stderr)
         for line in image.metadata.get("accuracy", {}).get("says", ()):
             print(f"accuracy: {line}", file=sys.stderr)
         if shared := _shared(image.stats):

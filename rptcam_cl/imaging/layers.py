@@ -28,6 +28,7 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "pupil": ("pupil.X", "pupil.Y"),
     "samples": ("samples.X",),
     "variance": ("variance.Y",),
+    "direct": ("direct.R", "direct.G", "direct.B"),
 }
 
 

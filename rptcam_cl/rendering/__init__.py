@@ -14,6 +14,7 @@ from rptcam_cl.rendering.account import (
 )
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, write_checkpoint
+from rptcam_cl.rendering.diffraction import Diffraction, diffracted, diffraction_of
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
@@ -41,6 +42,7 @@ __all__ = [
     "TILE_PIXELS",
     "WHOLE",
     "AnyWavefront",
+    "Diffraction",
     "FilmLayout",
     "FilmPart",
     "FilmRun",
@@ -62,6 +64,8 @@ __all__ = [
     "clamp_text",
     "described",
     "described_before",
+    "diffracted",
+    "diffraction_of",
     "film_rays",
     "forecast",
     "joined",

@@ -171,10 +171,11 @@ def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, 
     tiles = run.samples_of_tiles()
     in_rows = {"samples": np.repeat(tiles, TILE_PIXELS), "variance": watch.variance()}
     film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
-    found = wavefront.layers() | film
     sums = wavefront.sums()
+    pixels = layout.picture(sums, tiles)
+    found = wavefront.layers() | film | {"direct": pixels}
     return Rendering(
-        pixels=layout.picture(sums, tiles),
+        pixels=pixels,
         done=done,
         spp=int(film["samples"].max()),
         samples=film["samples"],

@@ -40,7 +40,7 @@ def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
     facts, arrays = saved.facts, saved.arrays
     picture, done, counts = facts["picture"], facts["done"], arrays["counts"]
     samples = np.full((layout.height, layout.width), done, np.uint32)
-    named = {"samples": samples}
+    named: dict[str, NDArray[Any]] = {"samples": samples}
     planes = LayerPlanes(facts["layers"])
     if planes.names:
         in_rows = layout.in_rows(arrays["layers"])
@@ -57,8 +57,9 @@ def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
         stats["lens"] = outcomes_of(counts)
     if picture["clamp"] is not None:
         stats["clamp"] = {"limit": picture["clamp"], "removed_share": share_removed(arrays["film"])}
+    named["direct"] = pixels = layout.picture(arrays["film"], tiles)
     return SavedPicture(
-        layout.picture(arrays["film"], tiles), {name: named[name] for name in facts["layers"]},
+        pixels, {name: named[name] for name in facts["layers"]},
         _metadata(picture["metadata"], stats), stats,
     )  # fmt: skip
 

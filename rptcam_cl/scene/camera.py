@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, Self
+from typing import Annotated, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -33,6 +33,7 @@ Degrees = Annotated[float, Field(gt=0, lt=180), NUMBER]
 FovAxis = Literal["horizontal", "vertical", "diagonal"]
 Metres = Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
 Millimetres = Annotated[float, Field(ge=1e-6, le=1e12), NUMBER]
+AnyPose = TypeVar("AnyPose", bound="Pose")
 NOT_FOUND_YET = "camera.focus.auto: the focus is found by render() or autofocus(), before the camera can be used"
 FNumber = Annotated[float, Field(ge=1e-2, le=1e6), NUMBER]
 
@@ -54,6 +55,9 @@ class Pose(SceneModel):
 
     motion: CameraMotion = ()
     """Where it is over time; without keyframes it stands still."""
+
+    diffraction: Literal["off", "auto", "on"] = "off"
+    """Whether the opening diffracts the light; `auto`: where the Airy radius is half a pixel or more."""
 
     @model_validator(mode="after")
     def _check_pose(self) -> Self:
@@ -138,6 +142,18 @@ def _keeps_a_view(first: Vector, second: Vector) -> bool:
     return all(side2(share) > least for share in (0.0, 1.0, *turning[(turning > 0) & (turning < 1)]))
 
 
+def _refuse_diffraction(camera: AnyPose) -> AnyPose:
+    """Refuse the diffraction of an opening that a camera does not have."""
+    if camera.diffraction == "on":
+        raise refuse(
+            "needs an opening of a size, which this camera has not",
+            got="on",
+            allowed="off or auto, or a camera with an f-number: thin_lens, thick_lens or realistic",
+            path=("diffraction",),
+        )
+    return camera
+
+
 class PinholeCamera(Pose):
     """A camera without a lens: everything is sharp."""
 
@@ -153,12 +169,16 @@ class PinholeCamera(Pose):
     near_m: Annotated[float, Field(ge=0, le=1e12), NUMBER] = 0.0
     """Distance along the axis below which nothing is seen [m]."""
 
+    _check_opening = model_validator(mode="after")(_refuse_diffraction)
+
 
 class EnvironmentCamera(Pose):
     """A camera that sees the whole sphere: 360 degrees across, 180 degrees down. The film must be 2:1."""
 
     kind: Literal["environment"]
     """Camera model."""
+
+    _check_opening = model_validator(mode="after")(_refuse_diffraction)
 
 
 class ThinLensCamera(Pose):
@@ -200,6 +220,10 @@ class ThinLensCamera(Pose):
 
     aperture: Aperture = CircularAperture()
     """Outline of the opening."""
+
+    @model_validator(mode="after")
+    def _check_opening(self) -> Self:
+        return _refuse_diffraction(self) if self.aperture_radius_m == 0 else self
 
     @property
     def plane_m(self) -> float:

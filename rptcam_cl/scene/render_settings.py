@@ -24,9 +24,11 @@ LayerName = Literal[
     "pupil",
     "samples",
     "variance",
+    "direct",
 ]
 LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
-FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance")  # of the picture itself, not of what its rays meet
+# Of the picture itself, not of what its rays meet.
+FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct")
 
 
 def _as_list(names: object) -> object:

@@ -1,0 +1,172 @@
+"""Diffraction of films: kernels against closed forms, films in which nothing rings, and a rendered edge."""
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import Beam, load_lens, pupil_function, transfer
+from rptcam_cl.optics.focus import film_distance
+from rptcam_cl.rendering.diffraction import SHOWS_PX, diffracted, diffraction_of
+from rptcam_cl.rendering.diffraction_kernel import WAVES_NM, kernel, white_shares
+from rptcam_cl.rendering.patch_blur import blurred
+from rptcam_cl.scene import load_scene
+from tests.rendering.pictures import scene_of
+
+POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+THIN = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 16, "focus_distance_m": 1000, **POSE}
+
+
+def found_of(width_mm: float = 0.2, resolution: tuple[int, int] = (64, 48), **camera):
+    film = {"width_mm": width_mm}
+    scene = scene_of([], {**THIN, "diffraction": "on", **camera}, film=film, resolution=resolution)
+    return diffraction_of(load_scene(scene))
+
+
+def perfect_mtf(share):
+    inside = np.minimum(share, 1.0)
+    return 2 / np.pi * (np.arccos(inside) - inside * np.sqrt(1 - inside**2))
+
+
+@pytest.mark.parametrize("f_number", [16, 32])
+def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number):
+    found, pixel = found_of(f_number=f_number), 0.2 / 64
+    assert found.airy_radius_px == pytest.approx(1.22 * 550e-6 * f_number / pixel, rel=0.01)
+    middle = kernel(found.pupils(np.zeros(2)), (pixel, pixel), 200)
+    np.testing.assert_allclose(middle.sum(axis=(1, 2)), 1.0, rtol=1e-12)
+    assert middle.min() >= 0
+    places = np.arange(-200, 201) * pixel
+    for plane, shares in zip(middle, white_shares().T, strict=True):
+        for frequency in (20, 40, 80):
+            exact = shares @ perfect_mtf(frequency * WAVES_NM * 1e-6 * f_number)
+            got = [abs(np.sum(plane.sum(axis=axis) * np.exp(2j * np.pi * frequency * places))) for axis in (0, 1)]
+            assert got == pytest.approx([exact, exact], abs=0.01)  # the reach leaves out 0.5 % of the light
+
+
+def test_spikes_stand_across_the_blades_and_keep_their_handedness():
+    # Corners at 10, 130 and 250 degrees: edges across 70, 190 and 310, spikes both ways from each.
+    found = found_of(aperture={"shape": "polygon", "blades": 3, "rotation_degrees": 10})
+    (_, _), kernels = found.kernels
+    plane = kernels[len(kernels) // 2][1]
+    reach = len(plane) // 2
+    down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    radius, angle = np.hypot(down, right), np.degrees(np.arctan2(-down, right)) % 180
+    ring = (radius > 0.2 * reach) & (radius < 0.7 * reach)
+    light = np.bincount((angle[ring] // 2).astype(int), (plane * radius**2)[ring], minlength=90)
+    light /= np.bincount((angle[ring] // 2).astype(int), minlength=90)
+    spikes = {10, 70, 130}
+    brightest = 2 * np.argsort(light)[-3:] + 1.0
+    assert all(min(abs(spike - at) for at in brightest) <= 2 for spike in spikes), brightest
+
+
+def test_light_is_kept_and_nothing_rings_beside_a_lamp():
+    found = found_of(f_number=22)
+    film = np.zeros((48, 64, 3), np.float32)
+    film[20, 30] = film[0, 63] = 1e9
+    film[:, :8] = 1e-3
+    spread = diffracted(found, film)
+    assert spread.min() >= 0
+    np.testing.assert_allclose(spread.sum(axis=(0, 1), dtype=float), film.sum(axis=(0, 1), dtype=float), rtol=1e-6)
+    assert spread[20, 60, 1] < 2e-3 * spread[20, 30, 1]  # 7.8 rings away, between two lamps
+
+
+def test_even_light_stays_even_whatever_the_kernels():
+    random = np.random.default_rng(3)
+    kernels = [part / part.sum(axis=(1, 2), keepdims=True) for part in random.random((4, 3, 5, 5))]
+    symmetric = [(part + part[:, ::-1, ::-1]) / 2 for part in kernels]
+    nodes = (np.array([0.0, 30.0]), np.array([0.0, 20.0]))
+    film = random.random((3, 21, 31))
+    assert blurred(film, (0, 0), nodes, symmetric).sum(axis=(1, 2)) == pytest.approx(film.sum(axis=(1, 2)), rel=1e-12)
+    same = [(symmetric[0] + symmetric[0][:, ::-1]) / 2] * 4  # mirrored light adds up where kernels are mirrored too
+    np.testing.assert_allclose(blurred(np.ones((3, 21, 31)), (0, 0), nodes, same), 1.0, rtol=1e-12)
+    whole, crop = blurred(film, (0, 0), nodes, symmetric), blurred(film[:, 5:, 6:], (6, 5), nodes, symmetric)
+    np.testing.assert_allclose(crop[:, 2:, 2:], whole[:, 7:, 8:], rtol=1e-12)  # beyond the reach of the crop's border
+
+
+def test_auto_takes_it_where_the_airy_radius_shows():
+    sharp, soft = found_of(width_mm=36, diffraction="auto"), found_of(width_mm=1, diffraction="auto")
+    assert not sharp.is_on and sharp.airy_radius_px < SHOWS_PX
+    assert soft.is_on and soft.airy_radius_px > SHOWS_PX
+    assert "0.69 px" in soft.metadata["says"]
+    film = np.ones((48, 64, 3), np.float32)
+    assert diffracted(sharp, film) is film
+    assert found_of(diffraction="off") is None
+    pinhole = load_scene(scene_of([], {"kind": "pinhole", "fov_degrees": 40, "diffraction": "auto", **POSE}))
+    assert diffraction_of(pinhole).metadata["on"] is False
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        {"kind": "pinhole", "fov_degrees": 40},
+        {"kind": "environment"},
+        {"kind": "thin_lens", "fov_degrees": 40, "aperture_radius_m": 0, "focus_distance_m": 3},
+    ],
+)
+def test_a_camera_without_an_opening_is_refused(camera):
+    with pytest.raises(InputError, match=r"camera\.diffraction: needs an opening"):
+        load_scene(scene_of([], {**camera, "diffraction": "on", **POSE}, resolution=(32, 16)))
+
+
+def edge_scene(diffraction: str):
+    """A lamp with a slanted edge 1 km away, through a double Gauss at f/16 on pixels of 2.5 micrometres."""
+    back = film_distance(load_lens("dgauss-50mm").with_stop_diameter(2), 1e6)
+    camera = {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 16, "focus": {"film_distance_mm": back}, **POSE}
+    slope = float(np.radians(5.0))
+    lamp = {
+        "shape": "rectangle", "corner": [5 * np.sin(slope), -5 * np.cos(slope), -1000.0],
+        "edge_u": [10 * np.cos(slope), 10 * np.sin(slope), 0.0],
+        "edge_v": [-10 * np.sin(slope), 10 * np.cos(slope), 0.0],
+        "material": {"kind": "emissive", "radiance": 1.0},
+    }  # fmt: skip
+    return scene_of([lamp], {**camera, "diffraction": diffraction}, depth=1, film={"width_mm": 0.12},
+                    resolution=(48, 48), spectrum="rgb")  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def edge():
+    return rptcam_cl.render(edge_scene("on"), spp=256, layers=["direct"])
+
+
+def test_off_is_the_film_as_it_was(edge):
+    off = rptcam_cl.render(edge_scene("off"), spp=256)
+    np.testing.assert_array_equal(off.pixels, edge["direct"])
+    assert "diffraction" not in off.metadata and off.metadata["scene_hash"] == edge.metadata["scene_hash"]
+    assert edge.metadata["diffraction"]["on"]
+
+
+def test_rendered_edge_has_the_transfer_of_the_waves(edge):
+    lens = load_lens("dgauss-50mm")
+    lens = lens.with_stop_diameter(lens.stop_diameter_for(16.0))
+    back = film_distance(load_lens("dgauss-50mm").with_stop_diameter(2), 1e6)
+    frequencies = np.array([20.0, 40.0, 60.0])
+    found = edge_transfer(edge.pixels[..., 1].astype(float), 0.12 / 48, frequencies)
+    waves = [transfer(pupil_function(lens, back, Beam(), nm, 96), frequencies)[1] for nm in WAVES_NM[::2]]
+    shares = white_shares()[::2, 1]
+    exact = np.abs(np.tensordot(shares / shares.sum(), waves, 1)) * np.sinc(frequencies * 0.12 / 48)
+    np.testing.assert_allclose(found, exact, atol=0.03)
+    bare = edge_transfer(edge["direct"][..., 1].astype(float), 0.12 / 48, frequencies)
+    assert bare[-1] > exact[-1] + 0.3
+
+
+def edge_transfer(film, pixel_mm, frequencies):
+    """Modulation across a nearly upright edge (slanted-edge method): by the derivative of its profile."""
+    rows, columns = np.mgrid[: len(film), : len(film)]
+    slope = np.tan(np.radians(5.0))
+    across = ((columns - 23.5) - (23.5 - rows) * -slope) * np.cos(np.radians(5.0))
+    inside = np.abs(across) < 18
+    bins = np.round((across[inside] + 18) * 2).astype(int)
+    profile = np.bincount(bins, film[inside]) / np.bincount(bins)
+    line = -np.diff(profile)
+    places = np.arange(len(line)) * pixel_mm / 2
+    turned = np.exp(-2j * np.pi * np.outer(frequencies, places))
+    return np.abs(turned @ line) / abs(line.sum()) / np.sinc(frequencies * pixel_mm / 2) ** 2
+
+
+def test_resumed_render_has_the_same_bits(tmp_path):
+    whole = rptcam_cl.render(edge_scene("on"), spp=4)
+    state = tmp_path / "edge.state"
+    rptcam_cl.render(edge_scene("on"), spp=2, checkpoint=state, resume=True)
+    np.testing.assert_array_equal(rptcam_cl.render(edge_scene("on"), spp=4, checkpoint=state, resume=True), whole)
+    with pytest.raises(InputError, match="part: diffraction needs the whole film"):
+        rptcam_cl.render(edge_scene("on"), spp=2, part="1/2", checkpoint=tmp_path / "part.state")
