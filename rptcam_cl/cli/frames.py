@@ -27,6 +27,11 @@ def add_option(parser: argparse.ArgumentParser) -> None:
         help="render these frames of the scene's sequence, as 1-240 or 1-240:2; #### in names of files is the frame;"
         " with --resume, frames that are there are kept",
     )  # fmt: skip
+    parser.add_argument(
+        "--video", type=Path, metavar="OUT",
+        help="with --frames and a film among the outputs (.exr, .npz): also a video, .mov (ProRes), .mkv (FFV1), .mp4"
+        " (H.264) or .webm (AV1); needs rptcam_cl[video]",
+    )  # fmt: skip
 
 
 def frame_range(text: str) -> range:
@@ -62,6 +67,32 @@ def check_options(arguments: argparse.Namespace) -> None:
     for path in [*arguments.outputs, *arguments.raws]:
         if not PLACE.search(path.name):
             raise InputError(f"{path}: every frame would overwrite it (allowed: a name with ####, as out.####.exr)")
+
+    if arguments.video is not None:
+        from rptcam_cl.imaging import check_video
+
+        check_video(arguments.video, [arguments.scene])
+        if _film(arguments) is None:
+            raise InputError("--video: is made of the films (allowed: with -o of a name that ends in .exr or .npz)")
+
+
+def _film(arguments: argparse.Namespace) -> Path | None:
+    """The output that holds the film."""
+    return next((path for path in arguments.outputs if path.suffix.lower() in (".exr", ".npz")), None)
+
+
+def _write_video(arguments: argparse.Namespace, scene: "Scene") -> None:
+    """Write the developed films of all frames as a video."""
+    from rptcam_cl.imaging import develop, write_video
+    from rptcam_cl.scene import FrameSequence
+
+    film = _film(arguments)
+    assert film is not None
+    images = (develop(_named(film, frame)) for frame in arguments.frames)
+    rate = (scene.sequence or FrameSequence()).frames_per_second
+    count = write_video(arguments.video, images, rate)
+    if not arguments.quiet:
+        print(f"wrote {arguments.video}: {count} frames", file=sys.stderr)
 
 
 def of_frame(arguments: argparse.Namespace, frame: int) -> argparse.Namespace:
@@ -139,4 +170,6 @@ def render_frames(
         code = render_one(own, still, metadata_of(scene, frame))
         if code:
             return code
+    if arguments.video is not None:
+        _write_video(arguments, scene)
     return 0

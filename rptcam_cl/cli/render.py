@@ -291,6 +291,8 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
     scene = load_scene(arguments.scene, arguments.overrides, missing=arguments.missing)
     if arguments.frames is not None:
         frames.check_options(arguments)
+    elif arguments.video is not None:
+        raise InputError("--video: is of a sequence (allowed: with --frames)")
     _check_outputs(arguments, scene)
     print_warnings(scene.warnings)
     if arguments.plan:

@@ -10,6 +10,7 @@ from rptcam_cl.imaging.raw import RawImage, check_raw_output
 from rptcam_cl.imaging.scene_sensor import check_sensor, sensor_of
 from rptcam_cl.imaging.slanted_edge import mtf50_at
 from rptcam_cl.imaging.tone import srgb_from_linear
+from rptcam_cl.imaging.video import check_video, write_video
 from rptcam_cl.imaging.white_balance import Gains, Grey, GreyWorld, KnownLight
 from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, SUFFIXES, check_output, holds_layers
 
@@ -30,6 +31,7 @@ __all__ = [
     "check_output",
     "check_raw_output",
     "check_sensor",
+    "check_video",
     "develop",
     "developed_values",
     "holds_layers",
@@ -39,4 +41,5 @@ __all__ = [
     "sensor_of",
     "srgb_from_linear",
     "with_picture_settings",
+    "write_video",
 ]

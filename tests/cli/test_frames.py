@@ -92,3 +92,31 @@ def test_mistake_of_a_sequence_is_named_before_any_work(
     assert (run.code, renderer.asked) == (2, [])
     assert message in run.err
     assert [path.name for path in moving.parent.iterdir()] == ["scene.yaml"]
+
+
+def test_video_has_every_frame(moving: Path, rptcam: Command) -> None:
+    av = pytest.importorskip("av")
+    words = ("render", "scene.yaml", "-o", "out.####.exr", "--spp", "1", "--video", "a.mkv")
+    run = rptcam(*words, "--frames", "1-3")
+    assert run.code == 0, run.err
+    assert "wrote a.mkv: 3 frames" in run.err
+    with av.open("a.mkv") as file:
+        assert float(file.streams.video[0].average_rate) == 10
+        assert sum(1 for _ in file.decode(video=0)) == 3
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["-o", "a.####.exr", "--frames", "1-2", "--video", "a.avi"], "a.avi: is no video"),
+        (["-o", "a.####.png", "--frames", "1-2", "--video", "a.mkv"], "--video: is made of the films"),
+        (["-o", "a.exr", "--video", "a.mkv"], "--video: is of a sequence"),
+    ],
+)
+def test_mistake_of_a_video_is_named(
+    moving: Path, renderer: Any, rptcam: Command, words: list[str], message: str
+) -> None:
+    pytest.importorskip("av")
+    run = rptcam("render", "scene.yaml", *words)
+    assert (run.code, renderer.asked) == (2, [])
+    assert message in run.err

@@ -1,4 +1,4 @@
-"""Renders, parts and sweeps that are killed at random moments: no file is damaged, and the picture comes out the same.
+"""Renders, parts, sweeps and sequences that are killed at random moments: no file is damaged, no picture another.
 
 Temporary files of a killed process may stay until the next write; files with their own names are whole at any moment.
 """
@@ -44,6 +44,7 @@ COMMANDS = {
         "-o",
         "out",
     ],
+    "frames": [*RENDER, "--spp", "40", "--frames", "1-8", "-o", "out.##.exr"],
 }
 
 
@@ -86,12 +87,12 @@ def killed(folder: Path, words: list[str], clean: list[str]) -> int:
 def test_killed_commands_damage_no_file_and_come_to_the_same_picture(kind, tmp_path):
     (tmp_path / "scene.json").write_text(json.dumps(still_life()))
     words = COMMANDS[kind]
-    killed(tmp_path, words, {"render": ["a.*"], "part": ["1.rpck"], "sweep": ["out/*"]}[kind])
+    killed(tmp_path, words, {"render": ["a.*"], "part": ["1.rpck"], "sweep": ["out/*"], "frames": ["out.*"]}[kind])
     assert started(tmp_path, words).wait() == 0
     check_files(tmp_path)
-    whole = rptcam_cl.render(tmp_path / "scene.json", size=(160, 120), spp=40 if kind == "sweep" else 400)
-    if kind == "sweep":
-        found = [read_film(path).pixels for path in (tmp_path / "out").glob("*.exr")]
+    whole = rptcam_cl.render(tmp_path / "scene.json", size=(160, 120), spp=40 if kind in ("sweep", "frames") else 400)
+    if kind in ("sweep", "frames"):
+        found = [read_film(path).pixels for path in tmp_path.rglob("*.exr")]
         assert len(found) == 8
     elif kind == "part":
         assert started(tmp_path, [*RENDER, "--spp", "400", "--part", "2/2", "-o", "2.rpck"]).wait() == 0

@@ -1,0 +1,43 @@
+"""Videos hold the developed pictures, in their order, as another reader decodes them."""
+
+import av
+import numpy as np
+import pytest
+
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.imaging import Image, check_video, quantised, write_video
+
+LEVELS = (0.05, 0.2, 0.6)
+
+
+def pictures(height=34, width=51):
+    ramp = np.linspace(0.2, 1.0, width, dtype=np.float32)[None, :, None]
+    return [Image(np.broadcast_to(level * ramp, (height, width, 3)).astype(np.float32)) for level in LEVELS]
+
+
+# FFV1 is without loss; the others quantise colour differences and frequencies
+@pytest.mark.parametrize(("suffix", "most"), [(".mkv", 0), (".mov", 2 / 255), (".mp4", 4 / 255), (".webm", 6 / 255)])
+def test_frames_of_a_video_are_the_developed_pictures(suffix, most, tmp_path):
+    path = tmp_path / f"a{suffix}"
+    assert write_video(path, pictures(), 23.976) == 3
+    with av.open(str(path)) as file:
+        (stream,) = file.streams.video
+        assert float(stream.average_rate) == pytest.approx(23.976, rel=1e-3)
+        found = [frame.to_ndarray(format="rgb48le").astype(int) for frame in file.decode(stream)]
+    assert len(found) == 3
+    for frame, image in zip(found, pictures(), strict=True):
+        assert frame.shape == (34, 50, 3)  # an odd column is left out
+        wanted = quantised(image.developed()[:, :50], 16).astype(int)
+        assert np.abs(frame - wanted).mean() <= 65535 * most
+
+
+def test_mistakes_of_a_video_are_named(tmp_path):
+    with pytest.raises(InputError, match=r"a\.avi: is no video .got \.avi; allowed \.mov"):
+        check_video(tmp_path / "a.avi")
+    with pytest.raises(StateError, match="there is no folder"):
+        check_video(tmp_path / "none" / "a.mkv")
+    with pytest.raises(InputError, match="pictures of a video have one size"):
+        write_video(tmp_path / "a.mkv", [*pictures(), *pictures(20, 20)], 24)
+    with pytest.raises(InputError, match="at least one picture"):
+        write_video(tmp_path / "a.mkv", [], 24)
+    assert list(tmp_path.iterdir()) == []
