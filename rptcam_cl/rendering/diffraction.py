@@ -75,7 +75,7 @@ class Diffraction:
         """What the picture's metadata should say."""
         radius = self.airy_radius_px
         if radius is None:
-            says = "off: the camera has no opening that diffracts"
+            says = "off: no light reaches the middle of the film through an opening"
         elif self.is_on:
             says = f"on: the Airy radius is {radius:.2g} px"
         else:
@@ -96,11 +96,11 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
         return None
     try:
         pupils = film_pupils(scene)
+        radius = AIRY * unit_px(pupils(np.zeros(2)), _pixel_mm(scene))
     except InputError:
         if choice == "on":
             raise
         return Diffraction(scene, False, None, None)
-    radius = AIRY * unit_px(pupils(np.zeros(2)), _pixel_mm(scene))
     return Diffraction(scene, choice == "on" or radius >= SHOWS_PX, radius, pupils)
 
 

@@ -78,6 +78,8 @@ class Comparison:
         Camera model that `camera.accuracy: auto` takes; empty without a lens of surfaces.
     lens_colour_px : float or None
         Greatest displacement of light of other wavelengths by the lens [pixels].
+    diffraction : dict or None
+        What `camera.diffraction: auto` decides, with the Airy radius [pixels]; none of the pictures has it.
     truncation : dict
         Bound on the light of paths beyond the scene's depth.
     advice : tuple of Advice
@@ -102,6 +104,7 @@ class Comparison:
     truncation: dict[str, Any]
     advice: tuple[Advice, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
+    diffraction: dict[str, Any] | None = None
 
     def named(self, name: str) -> Measurement:
         """Return the measurement of a configuration by its name or by that of another that is the same way."""

@@ -14,7 +14,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, open_session
 from rptcam_cl.focusing import in_focus
 from rptcam_cl.lenstools import chart_svg
-from rptcam_cl.rendering import resolve_exposure
+from rptcam_cl.rendering import diffraction_of, resolve_exposure
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.tradeoff.advice import for_error, for_time
 from rptcam_cl.tradeoff.comparison import Comparison
@@ -113,6 +113,7 @@ def measure_tradeoff(
         cameras=() if steps.decision is None else steps.decision.errors,
         allowed="" if steps.decision is None else steps.decision.tier,
         skipped=steps.skipped | impossible,
+        diffraction=_diffraction(fixed),
     )
 
 
@@ -128,6 +129,12 @@ def _with_focus_and_exposure(scene: Scene, session: Session) -> Scene:
     sharp, _ = in_focus(scene, session, None)
     shot = resolve_exposure(most_accurate(sharp).scene, session)
     return change_scene(sharp, exposure=_given(shot.scene.exposure), shutter=_given(shot.scene.shutter))
+
+
+def _diffraction(scene: Scene) -> dict[str, Any] | None:
+    """Return what `camera.diffraction: auto` decides; None for a camera that has no opening."""
+    found = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
+    return None if found is None or found.airy_radius_px is None else found.metadata
 
 
 def _prepared(steps: Ladder, session: Session, tell: Tell) -> tuple[list[Ready], dict[str, str]]:

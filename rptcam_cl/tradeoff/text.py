@@ -173,6 +173,8 @@ def _camera(report: Comparison) -> list[str]:
         said.append(f"camera.accuracy: auto uses the {report.allowed.replace('_', ' ')}: {_over_field(camera)}.")
     if report.lens_colour_px is not None:
         said.append(f"The lens moves light of other wavelengths by up to {pixels(report.lens_colour_px)}.")
+    if report.diffraction is not None:
+        said.append(f"camera.diffraction: auto is {report.diffraction['says']}. None of the pictures here has it.")
     return said
 
 

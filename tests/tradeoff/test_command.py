@@ -72,6 +72,13 @@ def test_everything_that_differs_is_there_once(report):
         report.named("pin hole")
 
 
+def test_report_says_how_large_the_diffraction_is(report):
+    assert report.diffraction["on"] is False
+    # f/5.6, 5.3 m from the film of a 250 mm lens: the Airy radius is 4 um, of pixels that are 750 um wide.
+    assert 3.7e-3 < report.diffraction["airy_radius_px"] * 0.75 < 4.6e-3
+    assert "camera.diffraction: auto is off: the Airy radius is 0.005" in " ".join(recommendation(report))
+
+
 def test_lens_in_float64_takes_the_same_samples_and_shows_no_bias(report):
     full, double = report.named("full"), report.named("lens: float64")
     assert abs(double.bias.value) < 1e-6 < report.named("pinhole").bias.low
