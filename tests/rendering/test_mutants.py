@@ -19,11 +19,16 @@ from tests.rendering import test_furnaces as furnaces
 from tests.rendering import test_lens_light as lens
 from tests.rendering import test_materials as materials
 from tests.rendering import test_world as world
+from tests.rendering.light import test_light_tree as tree
 from tests.rendering.light import test_solid_lamps as solids
 from tests.rendering.pictures import WHITE, looking, pixels, scene_of
 from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
 
 pytestmark = pytest.mark.slow
+
+
+def picks_of_the_tree():
+    tree.test_evenly_spread_numbers_pick_each_emitter_as_often_as_it_says(open_session(), tree.planned(tree.AFAR))
 
 
 def weights_of(shape):
@@ -111,6 +116,9 @@ MUTANTS = [
     Mutant("tube seen as wide from everywhere", "(angle * line.span)", "(PI_F * line.span)",
            lambda: weights_of("cylinder")),
     Mutant("generators of a cone chosen evenly", "1.5f * (1.0f - x * x)", "ONE", lambda: weights_of("cone")),
+    Mutant("light tree leans to one side", "F left = light.a + light.b;", "F left = 1.1f * (light.a + light.b);",
+           picks_of_the_tree),
+    Mutant("suns picked at no cost", "light * per_light : *pick", "ONE : *pick", picks_of_the_tree),
     Mutant("shadows forgotten", "keep3(wanted & NOT(dark)", "keep3(wanted",
            lambda: emitters.test_light_without_a_surface_is_blocked("point")),
     Mutant("samples share their numbers", "h.b = sample * 1664525u", "h.b = sample * 0u",
