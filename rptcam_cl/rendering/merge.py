@@ -83,6 +83,8 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
     picture = facts.get("picture") or {}
     if not isinstance(picture.get("metadata"), dict):
         raise StateError(f"{path}: was saved by a version that could not merge (render it again)")
+    if picture["metadata"].get("diffraction") is not None:
+        raise StateError(f"{path}: a render with diffraction cannot be merged (allowed: with camera.diffraction: off)")
     part, done = part_of_facts(facts.get("part")), facts["done"]
     end = part.end or (done if part.count == 1 else picture.get("spp") or done)
     return SavedPart(path, saved, part, done, max(end, done))
