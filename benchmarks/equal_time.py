@@ -6,7 +6,7 @@ Every renderer with every sampler renders each scene with several seeds, with th
 ``--seconds`` of all cores: by CPU time on a processor, which other work on the machine disturbs less. The error is that
 against the other renderer's pictures, which are independent and in two halves, so that their own noise drops out:
 mean((x - r1) (x - r2) / (r^2 + (0.01 mean r)^2)). It counts noise and bias, and is scaled to the exact time as 1/t:
-Mitsuba's stratified samplers round the number of samples up, so that only numbers are asked for that they take as they
+Mitsuba's stratified samplers round the number of samples up, so that they get numbers only that they take as they
 are. Beside it stands the noise alone, from the differences between seeds.
 """
 
