@@ -3,6 +3,8 @@
 A render has three stages, each of which can be called alone: `prepare`, `run` and `report`.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from rptcam_cl.api.frames import Change, Frame
 from rptcam_cl.api.interface import devices, load_lens, render
 from rptcam_cl.api.merging import merge
@@ -16,7 +18,9 @@ from rptcam_cl.focusing import FocusReport, autofocus, focused_scene
 from rptcam_cl.imaging import Image, develop
 from rptcam_cl.rendering import Progress
 from rptcam_cl.scene import Scene, load_scene
-from rptcam_cl.tradeoff import measure_tradeoff
+
+if TYPE_CHECKING:
+    from rptcam_cl.tradeoff import measure_tradeoff
 
 __all__ = [
     "Change",
@@ -47,3 +51,12 @@ __all__ = [
     "settle",
     "sweep",
 ]
+
+
+def __getattr__(name: str) -> Any:
+    """Import what few use at its first use, so that every command starts sooner."""
+    if name == "measure_tradeoff":
+        from rptcam_cl.tradeoff import measure_tradeoff
+
+        return measure_tradeoff
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

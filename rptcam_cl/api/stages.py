@@ -43,8 +43,7 @@ from rptcam_cl.rendering import (
     statistics,
     window,
 )
-from rptcam_cl.scene import Scene, change_scene, load_scene
-from rptcam_cl.tradeoff import choose_camera
+from rptcam_cl.scene import RealisticCamera, Scene, change_scene, load_scene
 
 
 @dataclass(frozen=True)
@@ -84,9 +83,14 @@ def resolve(
     """
     sharp, focus = in_focus(scene, session, focus)
     diffraction = diffraction_of(sharp)
-    chosen = choose_camera(sharp)
-    exposed = resolve_exposure(chosen.scene, session, metered_cd_m2)
-    metadata = exposed.metadata | chosen.metadata | ({} if focus is None else focus["metadata"])
+    described_choice: dict[str, Any] = {}
+    if isinstance(sharp.camera, RealisticCamera) and sharp.camera.accuracy is not None:
+        from rptcam_cl.tradeoff import choose_camera  # few scenes have a choice, and its room takes long to import
+
+        choice = choose_camera(sharp)
+        sharp, described_choice = choice.scene, choice.metadata
+    exposed = resolve_exposure(sharp, session, metered_cd_m2)
+    metadata = exposed.metadata | described_choice | ({} if focus is None else focus["metadata"])
     metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
     return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2, diffraction)
 

@@ -53,6 +53,9 @@ def _expand(name: str, facts: Mapping[str, int | str], seen: set[str], lines: li
     text = (kernels_dir() / name).read_text(encoding="utf-8")
     depth = -1 if _GUARD.search(text) else 0
     for number, line in enumerate(text.splitlines(), start=1):
+        if "#" not in line:
+            lines.append(line)
+            continue
         include = _INCLUDE.match(line)
         if include is None:
             condition = _CONDITION.match(line)

@@ -39,9 +39,9 @@ def kernel_parameters(source: str) -> dict[str, tuple[str, ...]]:
 def _active_lines(text: str, macros: Macros) -> Iterator[str]:
     """Yield the lines that conditions leave; keep ``macros`` as they are at each of them."""
     taken: list[tuple[bool, bool]] = []  # of each open condition: whether its branch at hand is in, and any before it
+    active = True  # all of them are in
     for line in text.splitlines():
-        directive = _DIRECTIVE.match(line)
-        active = all(branch for branch, _ in taken)
+        directive = _DIRECTIVE.match(line) if "#" in line else None  # most lines have none, and a look costs less
         if directive is None:
             if active:
                 yield line
@@ -50,13 +50,15 @@ def _active_lines(text: str, macros: Macros) -> Iterator[str]:
         if word in ("if", "ifdef", "ifndef"):
             holds = active and _holds(rest if word == "if" else f"{'!' * (word == 'ifndef')}defined({rest})", macros)
             taken.append((holds, holds))
+            active = holds
         elif word in ("elif", "else"):
             _, before = taken.pop()
             outside = all(branch for branch, _ in taken)
-            holds = outside and not before and (word == "else" or _holds(rest, macros))
-            taken.append((holds, before or holds))
+            active = outside and not before and (word == "else" or _holds(rest, macros))
+            taken.append((active, before or active))
         elif word == "endif":
             taken.pop()
+            active = all(branch for branch, _ in taken)
         elif active and word == "undef":
             macros.pop(rest.strip(), None)
         elif active:

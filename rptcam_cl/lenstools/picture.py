@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from html import escape
 from typing import Literal
-from xml.sax.saxutils import escape, quoteattr
 
 from rptcam_cl.lenstools.colours import INK, PAPER
 
@@ -74,7 +74,7 @@ def svg_text(picture: Drawing) -> str:
     lines = [
         f'<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" viewBox="0 0 {width} {height}"'
         ' font-family="Helvetica, Arial, sans-serif">',
-        f"<title>{escape(picture.title)}</title>",
+        f"<title>{escape(picture.title, quote=False)}</title>",
         f'<rect width="{width}" height="{height}" fill="{PAPER}"/>',
     ]
     lines += [_path(shape) if isinstance(shape, Path) else _text(shape) for shape in picture.shapes]
@@ -88,15 +88,15 @@ def _path(path: Path) -> str:
         words += [f'stroke="{path.stroke}"', f'stroke-width="{_number(path.width)}"', 'stroke-linejoin="round"']
     if path.dash:
         words.append(f'stroke-dasharray="{" ".join(map(_number, path.dash))}"')
-    end = f"><title>{escape(path.note)}</title></path>" if path.note else "/>"
+    end = f"><title>{escape(path.note, quote=False)}</title></path>" if path.note else "/>"
     return " ".join(words) + end
 
 
 def _text(text: Text) -> str:
     x, y = map(_number, text.at)
     return (
-        f'<text x="{x}" y="{y}" font-size="{_number(text.size)}" text-anchor={quoteattr(text.anchor)}'
-        f' fill="{text.colour}">{escape(text.text)}</text>'
+        f'<text x="{x}" y="{y}" font-size="{_number(text.size)}" text-anchor="{escape(text.anchor)}"'
+        f' fill="{text.colour}">{escape(text.text, quote=False)}</text>'
     )
 
 

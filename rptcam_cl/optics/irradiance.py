@@ -129,7 +129,9 @@ def _is_alike(probe: FilmProbe, film: Array) -> bool:
 
 def _axial_radii(reach: float) -> Array:
     """Return distances from the axis, evenly and by their logarithms, at which parts of a pupil are sought."""
-    return np.union1d(np.linspace(0.0, reach, MANY_STEPS), np.geomspace(LEAST_SHARE * reach, reach, MANY_STEPS))
+    even = np.linspace(0.0, reach, MANY_STEPS).tolist()
+    logarithmic = np.geomspace(LEAST_SHARE * reach, reach, MANY_STEPS).tolist()
+    return np.array(sorted({*even, *logarithmic}))
 
 
 def _axial_box(probe: FilmProbe) -> Array | None:

@@ -257,7 +257,7 @@ def pack_emitters(
             records, powers = records[order], powers[order]
             tree = _with_tree(records, powers, lamps, reach, surroundings)
         _note_infinity(records["kind"], surroundings)
-    kinds = frozenset(EmitterKind(kind) for kind in np.unique(records["kind"][:count]).tolist())
+    kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()))
     return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree)
 
 

@@ -100,7 +100,7 @@ def _bounds_of_rows(rows: Array, kinds: NDArray[np.int64]) -> tuple[Array, Array
     linear[is_sphere] *= rows[is_sphere, 0, 3, None, None]
     origin[is_sphere] = rows[is_sphere, 0, :3]
     lower, upper = origin.copy(), origin.copy()
-    for kind in np.unique(kinds):
+    for kind in set(kinds.tolist()):
         of_kind = kinds == kind
         low, high = _extent(Kind(kind), *np.moveaxis(linear[of_kind], 2, 0))
         lower[of_kind] += low
