@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.frames import Kind
 from rptcam_cl.api.stages import Resolved
-from rptcam_cl.plan import Plan, with_film
+from rptcam_cl.focusing import requested_autofocus
+from rptcam_cl.plan import Plan, make_plan, with_film, with_lens
 from rptcam_cl.rendering import SceneBuffers, reading_cd_m2
 from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene
 
-FOCUSES_ANEW = ("focus", "kind", "lens", "zoom", "focal_length_mm")  # keys of the camera; others leave the focus found
+ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
+OF_THE_LENS = {"camera", "exposure", "picture"}  # parts of a scene that objects and lights do not go by
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +43,12 @@ class SceneState:
     is_final: bool
 
 
-def focuses_anew(changes: Mapping[str, Any]) -> bool:
-    """Return whether a change asks for another focus, or makes that which was found one of another lens."""
+def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
+    """Return whether a change asks for autofocus in the scene that it leads to, or takes another lens."""
     keys = [key.split(".") for key in changes]
-    return any(key[0] == "camera" and (len(key) == 1 or key[1] in FOCUSES_ANEW) for key in keys)
+    if any(key[0] == "camera" and (len(key) == 1 or key[1] in ANOTHER_LENS) for key in keys):
+        return True
+    return requested_autofocus(scene) is not None and any(key[:2] == ["camera", "focus"] for key in keys)
 
 
 def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
@@ -67,6 +71,14 @@ def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) ->
     if not compiled:
         return "program"
     return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
+
+
+def plan_beside(before: SceneState, scene: Scene, resolved: Scene) -> Plan:
+    """Return the plan of a scene for glances, made of the plan before where nothing but the lens is another."""
+    same_time = before.found.scene.shutter == resolved.shutter  # where things that move are
+    if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
+        return with_lens(before.plan, resolved, coarse=True)
+    return make_plan(resolved, coarse=True)
 
 
 def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:

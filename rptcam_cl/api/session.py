@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.ahead import Ahead
 from rptcam_cl.api.frames import Change, Frame, Pace
-from rptcam_cl.api.scene_state import SceneState, changed_parts, focuses_anew, kind_of, reading_of, scaled
+from rptcam_cl.api.scene_state import SceneState, changed_parts, focuses_anew, kind_of, plan_beside, reading_of, scaled
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report, resolve
 from rptcam_cl.core.errors import InputError, StateError
@@ -23,13 +23,7 @@ from rptcam_cl.device import Session, open_sessions
 from rptcam_cl.focusing import requested_autofocus
 from rptcam_cl.imaging import Image, check_sensor
 from rptcam_cl.plan import Plan, make_plan
-from rptcam_cl.rendering import (
-    FilmLayout,
-    FilmRun,
-    WavefrontPool,
-    rendering_of,
-    window,
-)
+from rptcam_cl.rendering import FilmLayout, FilmRun, WavefrontPool, rendering_of, window
 from rptcam_cl.scene import Scene, load_scene, set_keys
 
 WITHOUT_SAMPLES = {"picture"}  # parts of a scene that change no film
@@ -150,7 +144,8 @@ class RenderSession:
             When the changed scene is not valid; the session is as it was.
         """
         self._check_open()
-        return self._take_over(self._changed(changes), focus_anew=focuses_anew(changes), wait=wait)
+        scene = self._changed(changes)
+        return self._take_over(scene, focus_anew=focuses_anew(changes, scene), wait=wait)
 
     def replace(self, scene: Scene | str | Path | Mapping[str, Any], *, wait: bool = True) -> Change:
         """Take another scene, as `change` does; its focus and exposure are found anew.
@@ -322,7 +317,7 @@ class RenderSession:
             found = resolve(scene, self._device)
             return self._planned(scene, found, make_plan(found.scene), is_final=True)
         found = resolve(scene, self._device, metered_cd_m2=self._reading)
-        plan = make_plan(found.scene, coarse=True)
+        plan = plan_beside(before, scene, found.scene)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
             plan = make_plan(found.scene)
         return self._planned(scene, found, plan, is_final=False)

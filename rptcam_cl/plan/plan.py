@@ -13,7 +13,7 @@ from rptcam_cl.core.records import Kind
 from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
-from rptcam_cl.plan.materials import pack_materials
+from rptcam_cl.plan.materials import Materials, pack_materials
 from rptcam_cl.plan.meshes import MeshPlan
 from rptcam_cl.plan.motion import Movements, pack_movements
 from rptcam_cl.plan.optical_constants import KnownSpectra
@@ -45,6 +45,7 @@ class Plan:
     owners: Owners
     eye_m: NDArray[np.float64]
     albedo: LargestAlbedo
+    colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one
 
 
 FEW = 16  # primitives, as many as lanes that a processor permutes at once
@@ -110,6 +111,7 @@ def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool =
         owners=owners_of(scene, primitives),
         eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
         albedo=largest_albedo(materials),
+        colours=(spectra, shown),
     )
 
 
@@ -122,3 +124,19 @@ def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:
     record["per_height"] *= rows / lines
     trajectory, _ = camera_trajectory(at_opening(scene).model_copy(update={"film": film}))
     return replace(plan, camera=replace(plan.camera, record=record), trajectory=trajectory)
+
+
+def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
+    """Return the plan of a scene that differs in its camera or exposure alone; the camera is in the same place.
+
+    It holds what `make_plan` returns, in a part of the time. Where a camera moves or stands elsewhere, or its light is
+    of another kind, `make_plan` makes it.
+    """
+    eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
+    if plan.facts["MOVES"] or scene.camera.motion or not np.array_equal(eye_m, plan.eye_m):
+        return make_plan(scene, coarse=coarse)
+    camera, spectrum = seen_by(scene, None, *plan.colours, coarse=coarse)
+    if spectrum.facts.keys() != plan.spectrum.facts.keys():
+        return make_plan(scene, coarse=coarse)
+    trajectory, _ = camera_trajectory(scene)
+    return replace(plan, facts=plan.facts | spectrum.facts, camera=camera, spectrum=spectrum, trajectory=trajectory)

@@ -109,6 +109,9 @@ class Engine:
             self._requests.answer(request)
         if self._studio.is_closed:
             return None
+        hurries = any(slot.wants_glance for slot in self._studio.slots)
+        if not hurries:
+            self._reports.inform(clients)
         timeout = self._render(clients)
         if not clients and timeout is None:
             self._reports.prepare()
@@ -117,7 +120,8 @@ class Engine:
         a, b = self._studio.a, self._studio.b
         if a is not None and b is not None and self._studio.compares_difference:
             self._delivery.difference(a, b, clients)
-        self._reports.inform(clients)
+        if not (hurries and self._inbox.is_empty):  # the first picture leaves alone, what is said of it comes next
+            self._reports.inform(clients)
         return timeout if self._inbox.is_empty else 0.0
 
     def _leave(self, clients: list[Client]) -> float | None:
