@@ -247,3 +247,15 @@ def test_pause_stops_the_picture_and_resume_goes_on(client: Page) -> None:
 def test_loaded_scene_is_that_of_the_file(served: Served) -> None:
     assert served[0].origin.load().content_hash() == load_scene(served[2]).content_hash()
     assert all(path.is_absolute() for path in served[0].origin.files)
+
+
+@pytest.mark.slow
+def test_raw_file_of_a_scene_with_a_sensor_is_that_of_render(tmp_path: Path) -> None:
+    path = tmp_path / "raw.yaml"
+    path.write_text(SCENE + "\nexposure: auto\nsensor: {}\n")
+    with serving(path) as (_, server), page(server) as client:
+        client.frame(at_rest)
+        saved = client.ask(5, "save", format="dng", name="shot")
+        assert (saved.header["name"], saved.header["media"]) == ("shot.dng", "image/x-adobe-dng")
+    render(path, spp=8).raw().save(tmp_path / "rendered.dng")
+    assert saved.data == (tmp_path / "rendered.dng").read_bytes()
