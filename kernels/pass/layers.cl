@@ -15,6 +15,7 @@ __kernel void layers(SCENE_PARAMETERS
                      const __global View   *view,
                      const __global float  *state,       // records of camera rays, or path state
                      Wave                   wave,
+                     uint                   seen,        // samples that count, of the wave's first
                      __global float        *planes,      // sums, compensations, firsts: one plane each
                      uint                   capacity,    // slots in the state
                      uint                   pixels,      // pixels of a plane
@@ -39,7 +40,7 @@ __kernel void layers(SCENE_PARAMETERS
 #if LAYER_COC >= 0
     BlurHere here = blur_here(lane, camera, blur, view);
 #endif
-    for (uint k = 0; k < wave.samples; ++k) {
+    for (uint k = 0; k < seen; ++k) {
         uint slot = first + k * wave.pixels;
         // Read the camera ray.
         Ray ray;
@@ -71,7 +72,7 @@ __kernel void layers(SCENE_PARAMETERS
         I fresh = passed & (sums.sum[SUM_OF_PASSED] == 0.0f);
         Hit hit = nearest_hit(ray, scene);
         I on = passed & (hit.primitive >= 0);
-        F seen = on ? weight : ZERO;
+        F met = on ? weight : ZERO;
         hit.t = on ? hit.t : ZERO;
 #if HAS_MIX
         F choice = random4(lane.pixel, (U)(wave.first_sample + k), (U)(2u), wave.seed).c;   // that of the path
@@ -89,25 +90,25 @@ __kernel void layers(SCENE_PARAMETERS
         F depth = -dot3(seen_at, back);
         // Add what has a mean.
         add_weighted(&sums, SUM_OF_PASSED, passed ? weight : ZERO, ONE);
-        add_weighted(&sums, SUM_OF_HITS, seen, ONE);
+        add_weighted(&sums, SUM_OF_HITS, met, ONE);
 #if LAYER_DEPTH >= 0
-        add_weighted(&sums, LAYER_DEPTH, seen, depth);
+        add_weighted(&sums, LAYER_DEPTH, met, depth);
 #endif
 #if LAYER_DISTANCE >= 0
-        add_weighted(&sums, LAYER_DISTANCE, seen, view->from_eye ? hit.t + dot3(from, ray.d) : hit.t);
+        add_weighted(&sums, LAYER_DISTANCE, met, view->from_eye ? hit.t + dot3(from, ray.d) : hit.t);
 #endif
 #if LAYER_POSITION >= 0
-        add_weighted3(&sums, LAYER_POSITION, seen, vertex.p);
+        add_weighted3(&sums, LAYER_POSITION, met, vertex.p);
 #endif
         I behind = dot3(vertex.ng, ray.d) > 0.0f;
 #if LAYER_NORMAL >= 0
-        add_weighted3(&sums, LAYER_NORMAL, behind ? -seen : seen, vertex.n);
+        add_weighted3(&sums, LAYER_NORMAL, behind ? -met : met, vertex.n);
 #endif
 #if LAYER_GEOMETRIC_NORMAL >= 0
-        add_weighted3(&sums, LAYER_GEOMETRIC_NORMAL, behind ? -seen : seen, vertex.ng);
+        add_weighted3(&sums, LAYER_GEOMETRIC_NORMAL, behind ? -met : met, vertex.ng);
 #endif
 #if LAYER_ALBEDO >= 0
-        add_weighted3(&sums, LAYER_ALBEDO, seen, base_color(vertex));
+        add_weighted3(&sums, LAYER_ALBEDO, met, base_color(vertex));
 #endif
 #if LAYER_COC >= 0
         F away = view->by_depth ? depth + view->blur_origin_z

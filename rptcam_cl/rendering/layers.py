@@ -113,6 +113,7 @@ class LayerPass:
             view=session.upload(view),
             state=state,
             wave=bytes(WAVE.dtype.itemsize),
+            seen=np.uint32(0),
             planes=self._buffer,
             capacity=np.uint32(capacity),
             pixels=np.uint32(layout.pixels),
@@ -120,9 +121,9 @@ class LayerPass:
             **(buffers.trajectory if plan.facts["CAMERA_SEGMENTS"] else {}),
         )
 
-    def set_wave(self, wave: bytes) -> None:
-        """Choose the wave whose rays are added next."""
-        self.launch.set(wave=wave)
+    def set_wave(self, wave: bytes, seen: int) -> None:
+        """Choose the wave whose rays are added next, and how many of its samples count."""
+        self.launch.set(wave=wave, seen=np.uint32(seen))
 
     def clear(self) -> None:
         """Empty the layers."""

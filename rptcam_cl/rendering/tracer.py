@@ -186,7 +186,7 @@ class Wavefront:
         self._camera.enqueue(record, slots, run)
         if self._layers is not None and first_sample < self.settings.layers_spp:
             seen = min(samples, self.settings.layers_spp - first_sample)
-            self._layers.set_wave(self._waves.record((first_pixel, pixels, first_sample, seen), self.seed))
+            self._layers.set_wave(record, seen)
             run(self._layers.launch, pixels // self.session.lanes)
         self._paths.enqueue(record, pixels, slots, run)
 
