@@ -119,7 +119,7 @@ static F3 sample_ellipsoid(Solid s, F u, F v, F *pdf)
     F d2 = dot3(s.o, s.o);
     F distance = sqrt(d2);
     F sin2_max = MIN(ONE / MAX(d2, (F)(SMALLEST)), ONE);
-    F versine = u * sin2_max / (1.0f + root(1.0f - sin2_max));      // 1 - cos of the sampled angle
+    F versine = sin2_max * u / (1.0f + root(1.0f - sin2_max));      // 1 - cos of the sampled angle
     F sin2 = versine * (2.0f - versine);
     F sn, cs;
     sincos_turns(v, &sn, &cs);

@@ -56,8 +56,8 @@ BALL = exact.test_ball_lens_has_its_spherical_aberration
 
 RIM = "p.x * p.x + p.y * p.y <= surface->semi_diameter2"
 NORMAL = "hit.n = f3(-c * hit.p.x, -c * hit.p.y, 1.0f - c * hit.p.z);"
-BENDS = "return along(along_surface, n, *cosine_after);"
-TAN = "return normalized(along(along_surface, n, cosine));"
+BENDS = "F3 bent = along(scale(d, eta), hit.n, after - eta * hit.cosine);"
+TAN = "F3 bent = normalized(along(scale(d, eta), hit.n, hit.cosine - eta * hit.cosine));"
 MUTANTS = [
     Mutant(
         "1 cos^3 for cos^4",

@@ -50,10 +50,10 @@ def test_file_that_is_being_written_is_left_alone(tmp_path: Path) -> None:
     scene = tmp_path / "scene.yaml"
     scene.write_text("a")
     calls = Calls()
-    watch = Watch(lambda: [scene], calls, interval_s=0.1)
+    watch = Watch(lambda: [scene], calls, interval_s=0.5)  # longer than what a busy machine adds to a sleep
     watch.start()
     try:
-        for size in range(10):
+        for size in range(20):
             scene.write_text("a" * size)
             time.sleep(0.04)
         early = calls.count
