@@ -4,8 +4,9 @@
 
 `examples/first_light.yaml` at 960x540. *first picture* is from the start of the command to the arrival of the first
 frame, with empty and with filled caches of kernels. *answer* is from sending a dial's value to the arrival of the first
-frame that shows it, from rest. *drag* moves the camera thirty times a second: frames that arrive a second, and how old
-the movement is that they show. ``CPU`` is the processor time of the server for each answer or frame.
+frame that shows it, from rest. *other kernels* is from sending a change that no compiled kernel fits, with the longest
+time between two frames until it shows. *drag* moves the camera thirty times a second: frames that arrive a second, and
+how old the movement is that they show. ``CPU`` is the processor time of the server for each answer or frame.
 """
 
 from __future__ import annotations
@@ -155,6 +156,22 @@ def answers(client: Client, process: subprocess.Popen[str], name: str, times: in
     return found
 
 
+def other_kernels(client: Client) -> dict[str, float]:
+    """Return how long a change that needs other kernels takes to show, and the longest time without a frame [ms]."""
+    changes = {"render.sampler": "independent", "environment": {"kind": "constant", "radiance": [0.1, 0.1, 0.1]}}
+    last = begun = time.perf_counter()
+    number = client.send(type="set", changes=changes)
+    longest, frames, shown = 0.0, 0, False
+    while not shown:
+        header = client.frame()
+        if header is None:
+            raise RuntimeError("the picture does not come")
+        now = time.perf_counter()
+        longest, last, frames = max(longest, now - last), now, frames + 1
+        shown = (header["answers"] or 0) >= number
+    return {"ms": 1e3 * (last - begun), "longest": 1e3 * longest, "frames": frames - 1}
+
+
 def drag(client: Client, process: subprocess.Popen[str], seconds: float, rate: float = 30.0) -> dict[str, Any]:
     """Move the camera so long; return frames a second, the ages of what they show [ms] and their scales."""
     client.rest()
@@ -204,6 +221,7 @@ def measured(options: argparse.Namespace, device: str) -> dict[str, Any]:
             answers(client, process, name, 2)  # what the first turn of a dial finds out is kept
             found[name] = answers(client, process, name, turns)
         found["drag"] = drag(client, process, seconds)
+        found["other kernels"] = other_kernels(client)
     return found
 
 
@@ -227,6 +245,11 @@ def main() -> None:
     rows.append(row("drag", moved["ms"], moved["scales"], moved["cpu"]))
     print_table("From the dial to the picture", ("dial", "p50, ms", "p95, ms", "scale", "CPU, ms"), rows)
     print(f"{moved['frames_per_second']:.1f} frames a second while dragging")
+    other = found["other kernels"]
+    print(
+        f"other kernels: {1e-3 * other['ms']:.1f} s until the change shows, {other['frames']} frames of the picture"
+        f" before meanwhile, the longest time between two {other['longest']:.0f} ms"
+    )
     write_json(options.json, facts, found)
 
 

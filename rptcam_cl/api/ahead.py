@@ -9,14 +9,14 @@ from typing import Any
 from rptcam_cl.core.errors import RptcamError
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
-from rptcam_cl.rendering import FilmLayout, SceneBuffers, Wavefront, signature
+from rptcam_cl.rendering import SMALL, Compiler, SceneBuffers, Wavefront, order, signature
 from rptcam_cl.scene import RenderSettings
-
-SMALL = FilmLayout(16, 16, 0, 0, 16, 16)  # programs do not depend on the film's size
 
 
 class Ahead:
     """Compiles what plans need, and knows what is compiled.
+
+    In the background, a process apart compiles first where the driver would stop the device for it.
 
     Parameters
     ----------
@@ -29,6 +29,7 @@ class Ahead:
         self._done: set[tuple[Any, ...]] = set()
         self._under_way: dict[tuple[Any, ...], Future[None]] = {}
         self._threads = ThreadPoolExecutor(1, "rptcam-compile")
+        self._compiler = Compiler()
 
     @property
     def ready(self) -> bool:
@@ -57,11 +58,19 @@ class Ahead:
         if not self.knows(plan, scene, settings) and key not in self._under_way:
             for waiting in self._under_way.values():
                 waiting.cancel()
-            self._under_way[key] = self._threads.submit(_compile, self._device.beside(), plan, scene, settings)
+            self._under_way[key] = self._threads.submit(self._compile_beside, plan, scene, settings)
 
     def close(self) -> None:
-        """Begin nothing more."""
+        """Begin nothing more; what a process apart compiles is given up."""
+        self._compiler.close()
         self._threads.shutdown(wait=True, cancel_futures=True)
+
+    def _compile_beside(self, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
+        device = self._device.beside()
+        if device.generates_late:
+            self._compiler.compile(order(device, plan, scene, settings))
+        if not self._compiler.is_closed:
+            _compile(device, plan, scene, settings)
 
     def _collect(self) -> None:
         for key, future in list(self._under_way.items()):

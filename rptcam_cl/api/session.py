@@ -122,6 +122,11 @@ class RenderSession:
         return 0 if self._run is None else self._run.done
 
     @property
+    def is_waiting(self) -> bool:
+        """Whether frames still show the scene before the last change, whose kernels are not compiled yet."""
+        return self._waiting is not None
+
+    @property
     def ready(self) -> bool:
         """Whether nothing is compiled in the background."""
         return self._ahead.ready
@@ -136,7 +141,7 @@ class RenderSession:
             removes a key; one that excludes others replaces them.
         wait
             Whether to wait where kernels have to be compiled. Otherwise the session goes on with the scene before,
-            until they are.
+            whose film can have more samples meanwhile, until they are.
 
         Raises
         ------

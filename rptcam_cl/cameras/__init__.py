@@ -12,7 +12,7 @@ from rptcam_cl.cameras.film_pupil import FilmPupil, film_pupils
 from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.half_pupil import PupilLine, Split, halved, pupil_line
-from rptcam_cl.cameras.model import CameraModel
+from rptcam_cl.cameras.model import CameraModel, CameraView
 from rptcam_cl.cameras.pupil_rays import PupilRays, lens_rays, thin_lens_rays
 from rptcam_cl.cameras.ray_map import RayMap
 from rptcam_cl.cameras.rays import allowed_px, fitted_map
@@ -50,6 +50,7 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool 
 __all__ = [
     "EXTREMES_NM",
     "CameraModel",
+    "CameraView",
     "FilmPupil",
     "FilterTable",
     "LensSetting",

@@ -19,7 +19,7 @@ from rptcam_cl.device.choose import choose_device
 from rptcam_cl.device.devices import DeviceInfo, problem_of
 from rptcam_cl.device.opencl import instead, load_opencl
 from rptcam_cl.device.program import Program, assemble, source_key
-from rptcam_cl.device.trial import AVX512_ARCH, try_device
+from rptcam_cl.device.trial import AVX512_ARCH, is_pocl, try_device
 
 # llvmpipe is the processor as Mesa's rusticl offers it. Its compiler takes eight work items together, and counts the
 # steps of all their loops in one counter; when that has reached 65535, every loop ends after its step, and the kernel
@@ -135,6 +135,11 @@ class Session:
         Mesa's llvmpipe runs on a processor, but its compiler takes work items together as that of a GPU does.
         """
         return "gpu" if is_llvmpipe(self.info.handle) else self.info.type
+
+    @property
+    def generates_late(self) -> bool:
+        """Whether the driver generates the code of a kernel when it is launched first, and runs nothing meanwhile."""
+        return is_pocl(self.info.handle)
 
     @property
     def loop_limit(self) -> int | None:

@@ -14,6 +14,7 @@ from rptcam_cl.rendering.account import (
 )
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, write_checkpoint
+from rptcam_cl.rendering.compile_apart import SMALL, Compiler, order
 from rptcam_cl.rendering.diffraction import Diffraction, diffracted, diffraction_of
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart
@@ -36,12 +37,14 @@ from rptcam_cl.rendering.wavefront_pool import WavefrontPool
 
 __all__ = [
     "GEOMETRY",
+    "SMALL",
     "SPOT_AREA",
     "SUFFIX",
     "TILE",
     "TILE_PIXELS",
     "WHOLE",
     "AnyWavefront",
+    "Compiler",
     "Diffraction",
     "FilmLayout",
     "FilmPart",
@@ -74,6 +77,7 @@ __all__ = [
     "merged_state",
     "metered_cd_m2",
     "metering_weights",
+    "order",
     "picture_of",
     "reading_cd_m2",
     "render_plan",

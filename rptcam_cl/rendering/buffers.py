@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -74,6 +76,39 @@ class SceneBuffers:
         self.filter = self._buffer("filter", plan.camera_filter.table)
         self.camera = {name: self._buffer(name, array) for name, array in _camera_arrays(plan.camera).items()}
         self._before = {}
+
+    def on_host(self, plan: Plan, most_bytes: int) -> SceneBuffers:
+        """Return these with arrays in place of buffers, to be sent to another process; see `uploaded_to`.
+
+        Parameters
+        ----------
+        plan
+            What takes the place of their plan.
+        most_bytes
+            Of an array of the scene, which is cut there; those of the camera stay whole.
+        """
+        arrays = {id(buffer): array for array, buffer in self._uploaded.values()}
+
+        def cut(value: Any) -> Any:
+            array = arrays.get(id(value))
+            return value if array is None else array.reshape(-1)[: most_bytes // array.itemsize + 1]
+
+        other = self._mapped(cut)
+        other.camera = {name: arrays[id(buffer)] for name, buffer in self.camera.items()}
+        other._session = other._tree = other._mesh_trees = None  # type: ignore[assignment]
+        other._plan, other._uploaded = plan, {}
+        return other
+
+    def uploaded_to(self, session: Session) -> SceneBuffers:
+        """Return what `on_host` has made, on a device."""
+        return self._mapped(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
+
+    def _mapped(self, change: Callable[[Any], Any]) -> SceneBuffers:
+        other = copy.copy(self)
+        for name in ("scene", "camera", "trajectory"):
+            setattr(other, name, {key: change(value) for key, value in getattr(self, name).items()})
+        other.colours, other.filter = change(self.colours), change(self.filter)
+        return other
 
     def _buffer(self, name: str, array: NDArray[Any], *, in_place: bool = False) -> Any:
         """Return the buffer that holds an array: the earlier one of that name where it holds the same."""

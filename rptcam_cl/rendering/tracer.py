@@ -149,6 +149,17 @@ class Wavefront:
         self.finish()
         self.clear()
 
+    def generate_code(self) -> None:
+        """Run a wave without samples, because PoCL generates code at the first launch; no path looks at the scene."""
+        pixels = min(BLOCK, self._waves.pixels)
+        record, run = self._waves.record((0, pixels, 0, 0), self.seed), self._launches.run
+        self._camera.enqueue(record, pixels, run)
+        if self._layers is not None:
+            self._layers.set_wave(record, 0)
+            run(self._layers.launch, pixels // self.session.lanes)
+        self._paths.enqueue(record, pixels, pixels, run)
+        self._launches.finish()
+
     def clear(self) -> None:
         """Empty the film and every counter."""
         self._film.clear()

@@ -77,7 +77,7 @@ class Delivery:
     def meter(self, slot: Slot, client: Client) -> None:
         """Tell a client what lies under its pointer."""
         shown = slot.shown
-        if shown is None or client.pointer is None or "meter" not in client.wishes.panels:
+        if shown is None or shown.stale or client.pointer is None or "meter" not in client.wishes.panels:
             return
         reading = meter.spot_meter(shown.frame.pixels, slot.resolved, *client.pointer)
         client.outbox.news("meter", {"type": "meter", "generation": shown.frame.generation, **reading.as_dict()})
@@ -87,7 +87,7 @@ class Delivery:
         first, second = a.shown, b.shown
         if first is None or second is None or first.frame.pixels.shape != second.frame.pixels.shape:
             return
-        if first.frame.spp != second.frame.spp:
+        if first.frame.spp != second.frame.spp or first.stale or second.stale:
             return
         number = first.number + second.number
         found = None

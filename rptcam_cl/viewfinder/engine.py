@@ -147,13 +147,11 @@ class Engine:
     def _render(self, clients: list[Client]) -> float | None:
         """Render a piece of what is most wanted; return how long there is nothing to render [s]."""
         slots = self._studio.slots
-        compiling = [slot for slot in slots if slot.compiling]
-        for slot in compiling:
+        for slot in slots:
             self._studio.check_compiled(slot)
-        if any(slot.compiling for slot in slots):
-            return _POLL_S
+        compiling = any(slot.compiling for slot in slots)
         if self._studio.paused or (clients and not any(client.outbox.has_room for client in clients)):
-            return None
+            return _POLL_S if compiling else None
         answers = {client.number: client.answers for client in clients}
         for slot in slots:
             if slot.wants_glance:
@@ -162,13 +160,13 @@ class Engine:
             if slot.wants_showing:
                 slot.show(slot.again(), slot.rests_in() > 0, answers)
                 return 0.0
-        resting = [slot for slot in slots if not slot.is_done and slot.rests_in() <= 0]
+        resting = [slot for slot in slots if not slot.is_done and slot.refines_in() <= 0]
         if not clients and all(slot.shown is not None for slot in slots):
-            return None
+            return _POLL_S if compiling else None
         if resting:
             self._refine(min(resting, key=lambda slot: slot.session.spp), answers)
             return 0.0
-        waits = [slot.rests_in() for slot in slots if not slot.is_done]
+        waits = [slot.refines_in() for slot in slots if not slot.is_done] + [_POLL_S] * compiling
         return min(waits) if waits else None
 
     def _refine(self, slot: Slot, answers: dict[int, int | None]) -> None:

@@ -17,6 +17,7 @@ from rptcam_cl.viewfinder.pace import Pace
 from rptcam_cl.viewfinder.pictures import Codes, codes_of
 
 REST_S = 0.25  # after the last movement of what is held, before the picture is refined
+PAUSE = 2.0  # times what a take took, that the old picture leaves to the compilation of what comes after it
 _SAME_FILM = ("none", "picture")  # kinds of change after which the film is as it was
 _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
 
@@ -59,10 +60,11 @@ class Slot:
         self.messages: tuple[str, ...] = ()
         self._follows = True  # dials that go by the light may change once for each change of the user's
         self.wants_glance, self.wants_showing = True, False
-        self.compiling = False
-        self._moving_until = 0.0
+        self.compiling = False  # the last change waits for its kernels, and the picture is the one before
+        self._moving_until = self._paused_until = 0.0
         self.shown_changes = (Changes(changes.as_dict()), self.dials)  # those of the last picture
         self._number = 0
+        self._answers: Mapping[int, int | None] = {}
         self._next_samples = 1
         self._last: Frame | None = None  # of what is there now
         self._is_done = False
@@ -112,10 +114,21 @@ class Slot:
         """Note what a change came to: the picture is another from here on, or the film is developed in another way."""
         self._follows = True
         self._moving_until = time.monotonic() + (REST_S if transient else 0.0)
-        self.compiling = self.compiling or not change.ready
+        self.compiling = self.session.is_waiting
         if change.kind in _SAME_FILM and self._last is not None and not self.wants_glance:
             self.wants_showing = True
-            return
+        elif not self.compiling:
+            self._begin_anew()
+
+    def arrive(self) -> bool:
+        """Show the change that has waited for its kernels, if they are there now; return whether they are."""
+        if not (self.compiling and self.session.ready):
+            return False
+        self.compiling, self._follows = False, True
+        self._begin_anew()
+        return True
+
+    def _begin_anew(self) -> None:
         self.wants_glance, self._last, self._is_done = True, None, False
         self._next_samples = 1
 
@@ -127,6 +140,11 @@ class Slot:
     def rests_in(self) -> float:
         """Return the time until the picture is refined [s]; 0 where nothing moves."""
         return max(0.0, self._moving_until - time.monotonic())
+
+    def refines_in(self) -> float:
+        """Return the time until more samples are taken [s]; longer while another program compiles."""
+        pause = self._paused_until - time.monotonic() if self.compiling else 0.0
+        return max(pause, self.rests_in())
 
     @property
     def is_done(self) -> bool:
@@ -154,6 +172,7 @@ class Slot:
         frame = self.session.take(count)
         self.pace.took(frame.spp - before, frame.seconds)
         self._next_samples = 2 * count
+        self._paused_until = time.monotonic() + PAUSE * frame.seconds
         self._is_done = frame.complete and frame.spp == before  # the requested noise is reached
         if frame.spp == 0:
             return None
@@ -163,11 +182,15 @@ class Slot:
     def show(self, frame: Frame, moving: bool, answers: Mapping[int, int | None]) -> None:
         """Develop a frame; dials that follow the light follow it."""
         self._number += 1
-        self.shown = Shown(self._number, frame, codes_of(self.image_of(frame)), moving, self.compiling, answers)
-        if not self.compiling:
+        stale = self.compiling
+        if not stale:
+            self._answers = answers
             self.shown_changes = (Changes(self.changes.as_dict()), self.dials)
+        self.shown = Shown(self._number, frame, codes_of(self.image_of(frame)), moving, stale, self._answers)
+        if stale:
+            return
         self.reading_cd_m2 = film_reading(frame.pixels, self.resolved, self.dials.meter)
-        if self._follows and not self.compiling:
+        if self._follows:
             turned = follow_light(self.dials, self.scene, self.resolved, self.reading_cd_m2)
             if turned.changes:
                 self.change(turned.changes, dials=turned.dials, transient=moving)

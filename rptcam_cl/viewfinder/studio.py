@@ -145,12 +145,13 @@ class Studio:
             Nothing is changed then.
         """
         slot = self.slot(name)
-        change = slot.change(keys, transient=transient, dials=dials)
-        self._tell_compiling(slot, change.ready)
+        slot.change(keys, transient=transient, dials=dials)
+        self._tell_compiling(slot, not slot.compiling)
         if name == "A" and self.b is not None:
             own = {key: value for key, value in keys.items() if not _touches(key, self.b_keys)}
             try:
-                self._tell_compiling(self.b, self.b.change(own, transient=transient).ready)
+                self.b.change(own, transient=transient)
+                self._tell_compiling(self.b, not self.b.compiling)
             except InputError as problem:
                 self.b.messages = (f"B keeps its own: {problem}",)
         self.generation = slot.next_generation
@@ -162,16 +163,14 @@ class Studio:
 
     def check_compiled(self, slot: Slot) -> None:
         """See whether the kernels of a slot are compiled."""
-        if slot.compiling and slot.session.ready:
-            slot.compiling = False
-            slot.wants_glance = True
+        if slot.arrive():
             self._tell_compiling(slot, True)
 
     def _tell_compiling(self, slot: Slot, ready: bool) -> None:
         if self._busy.get(slot.name, False) == (not ready):
             return
         self._busy[slot.name] = not ready
-        text = "" if ready else "the kernels are being compiled; the picture is the old one"
+        text = "" if ready else "the kernels are being compiled; until then the old picture gets finer"
         for client in self._clients():
             client.outbox.news(
                 ("compiling", slot.name), {"type": "compiling", "slot": slot.name, "busy": not ready, "text": text}

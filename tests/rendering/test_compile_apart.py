@@ -1,0 +1,54 @@
+"""Kernels compiled by another process are those that a render needs; a process that fails costs time alone."""
+
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rptcam_cl.device import open_session, pocl_cache_folder
+from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import SMALL, Compiler, SceneBuffers, Wavefront, order
+from rptcam_cl.scene import Scene, load_scene
+
+WORLD: dict[str, Any] = {
+    "film": {"resolution": [16, 16]},
+    "camera": {"kind": "pinhole", "fov_degrees": 40, "eye": [0, 0, 3], "target": [0, 0, 0]},
+    "render": {"max_depth": 1},
+    "materials": {"grey": {"kind": "matte", "reflectance": 0.5}},
+    "objects": [{"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": "grey"}],
+}
+
+
+def wanted(scene: Scene) -> bytes:
+    session, plan = open_session(), make_plan(scene)
+    return order(session, plan, SceneBuffers(session, plan), scene.render)
+
+
+def libraries(folder: Path) -> set[str]:
+    return {"/".join(path.parts[-5:]) for path in folder.rglob("*.so")}
+
+
+@pytest.mark.slow
+def test_process_apart_fills_the_cache_with_what_a_wave_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    session = open_session()
+    if not session.generates_late:
+        pytest.skip("the driver compiles nothing at the launch")
+    scene = load_scene(WORLD)
+    plan = make_plan(scene)
+    Wavefront(session, plan, SMALL, scene.render).warm_up()
+    own = libraries(pocl_cache_folder())
+    monkeypatch.setenv("POCL_CACHE_DIR", os.fspath(tmp_path))
+    compiler = Compiler()
+    assert compiler.compile(wanted(scene))
+    compiler.close()
+    found = {path for path in libraries(tmp_path) if "trial" not in path}
+    assert {Path(path).stem for path in found} == {"generate", "stream"}
+    assert found <= own
+
+
+def test_order_that_fails_is_left_to_the_caller_and_a_closed_compiler_compiles_nothing() -> None:
+    compiler = Compiler()
+    assert not compiler.compile(b"no order")
+    compiler.close()
+    assert compiler.is_closed and not compiler.compile(wanted(load_scene(WORLD)))
