@@ -79,20 +79,20 @@ static Hit nearest_hit(Ray ray, Scene scene)
 #if HAS_PRIMITIVE_TREE
     I living = ray.origin != PATH_ENDED;
     EACH_PLANE(ray,
-        t = PAST_HOLES((t > 0.0f) & (t < best));
-        I closer = (t > 0.0f) & (t < best);
+        t = PAST_HOLES(met & (t > 0.0f) & (t < best));
+        I closer = met & (t > 0.0f) & (t < best);
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
     // The tree has an order of its own: of two at the same distance the first of the list counts, as in the loop.
     EACH_IN_TREE(ray, living, best,
-        t = PAST_HOLES((t > 0.0f) & (t <= best));
-        I closer = (t > 0.0f) & ((t < best) | ((t == best) & (index > i)));
+        t = PAST_HOLES(met & (t > 0.0f) & (t <= best));
+        I closer = met & (t > 0.0f) & ((t < best) | ((t == best) & (index > i)));
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
 #else
     EACH_PRIMITIVE(ray,
-        t = PAST_HOLES((t > 0.0f) & (t < best));
-        I closer = (t > 0.0f) & (t < best);
+        t = PAST_HOLES(met & (t > 0.0f) & (t < best));
+        I closer = met & (t > 0.0f) & (t < best);
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
 #endif
@@ -117,17 +117,17 @@ static I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
     I blocked = FALSE;
 #if HAS_PRIMITIVE_TREE
     EACH_PLANE(ray,
-        t = PAST_HOLES((t > 0.0f) & (t < reach) & (target != i));
-        blocked |= (t > 0.0f) & (t < reach) & (target != i);)
+        t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        blocked |= met & (t > 0.0f) & (t < reach) & (target != i);)
     I open = (reach > 0.0f) & NOT(blocked);
     EACH_IN_TREE(ray, open, reach,
-        t = PAST_HOLES((t > 0.0f) & (t < reach) & (target != i));
-        blocked |= (t > 0.0f) & (t < reach) & (target != i);
+        t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        blocked |= met & (t > 0.0f) & (t < reach) & (target != i);
         open &= NOT(blocked);)
 #else
     EACH_PRIMITIVE(ray,
-        t = PAST_HOLES((t > 0.0f) & (t < reach) & (target != i));
-        blocked |= (t > 0.0f) & (t < reach) & (target != i);)
+        t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
+        blocked |= met & (t > 0.0f) & (t < reach) & (target != i);)
 #endif
 #if HAS_MESH
     blocked |= blocked_by_meshes(ray, reach, target, target_triangle, (reach > 0.0f) & NOT(blocked), scene);

@@ -111,6 +111,7 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
                     I origin = (ray).origin == i;                                               \
                     Ray here = RAY_AT_REST(ray, i);                                         \
                     F t;                                                                    \
+                    I met = TRUE;                                                           \
                     IF_SPHERE IF_ELLIPSOID IF_RECTANGLE IF_DISK IF_BOX IF_CYLINDER IF_CONE  \
                         t = (F)(-1.0f);                                                     \
                     VISIT                                                                   \

@@ -68,11 +68,23 @@ static F hit_ellipsoid(const __global Primitive *p, Ray ray, I origin)
 #endif
 
 #if HAS_RECTANGLE || HAS_DISK || HAS_PLANE
+static F hit_plane(const __global Primitive *p, Ray ray)
+{
+    float4 r = p->row_z;
+    F fall = -r.x * ray.o.x - r.w - r.y * ray.o.y - r.z * ray.o.z;
+    return fall / row_vector(r, ray.d);
+}
+#endif
+
+#if HAS_RECTANGLE || HAS_DISK
+#define BITS_OF_ONE  0x3f800000u    // taken as unsigned, those of all from +0 to 1 are no greater
+
 static F hit_flat(const __global Primitive *p, Ray ray, F *u, F *v)
 {
-    F t = -row_point(p->row_z, ray.o) / row_vector(p->row_z, ray.d);
-    *u = row_point(p->row_x, ray.o) + t * row_vector(p->row_x, ray.d);
-    *v = row_point(p->row_y, ray.o) + t * row_vector(p->row_y, ray.d);
+    F t = hit_plane(p, ray);
+    F3 there = along(ray.o, ray.d, t);
+    *u = row_point(p->row_x, there);
+    *v = row_point(p->row_y, there);
     return t;
 }
 #endif
@@ -150,26 +162,27 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #endif
 
 // How each kind finds `t` of the primitive p from the ray `here`, which is taken to where p is at rest: negative, infinite
-// or NaN where there is no hit.
+// or NaN where there is no hit. Flat kinds hit where `met` only, so that masks need not go through t.
 #define SPHERE_T     t = hit_sphere(p, here, origin);
 #define ELLIPSOID_T  t = hit_ellipsoid(p, here, origin);
 #define RECTANGLE_T  F u; F v; t = hit_flat(p, here, &u, &v);                                      \
-                     t = ((u >= 0.0f) & (u <= 1.0f) & (v >= 0.0f) & (v <= 1.0f) & NOT(origin)) ? t : (F)(-1.0f);
+                     met = NOT(origin) & (MAX(AS_U(u), AS_U(v)) <= BITS_OF_ONE);
 #define DISK_T       F u; F v; t = hit_flat(p, here, &u, &v);                                      \
-                     t = ((u * u + v * v <= 1.0f) & NOT(origin)) ? t : (F)(-1.0f);
-#define PLANE_T      t = -row_point(p->row_z, here.o) / row_vector(p->row_z, here.d);               \
-                     t = origin ? (F)(-1.0f) : t;
+                     met = NOT(origin) & (u * u + v * v <= 1.0f);
+#define PLANE_T      t = hit_plane(p, here);                                                       \
+                     met = NOT(origin);
 #define BOX_T        t = hit_box(p, here, origin);
 #define CYLINDER_T   t = hit_cylinder(p, here, origin);
 #define CONE_T       t = hit_cone(p, here, origin);
 
-// Calls VISIT(index, t) for every primitive.
+// Calls VISIT(index, t, met) for every primitive.
 #define FOR_EACH_OF_KIND(KIND, ray, VISIT, HIT)                                    \
     for (int i = KIND > 0 ? kind_end[KIND - 1] : 0; i < kind_end[KIND]; ++i) {      \
         const __global Primitive *p = primitives + i;                              \
         I origin = (ray).origin == i;                                                  \
         Ray here = RAY_AT_REST(ray, i);                                            \
         F t;                                                                       \
+        I met = TRUE;                                                              \
         HIT                                                                        \
         VISIT                                                                      \
     }

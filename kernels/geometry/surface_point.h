@@ -80,34 +80,63 @@ static SurfacePoint point_on_ellipsoid(const __global Primitive *primitive, F3 p
 #endif
 
 #if HAS_BOX
-// World distance between the planes 0 and 1 of an object coordinate.
+// A box as its lanes see it: the three rows of object_from_world, and how far apart in the world the planes 0 and 1 of each
+// object coordinate lie.
+typedef struct {
+    F3 x, y, z;
+    F3 w;
+    F3 reach;
+} BoxRows;
+
 static float reach_of(float4 row) { return 1.0f / sqrt(row.x * row.x + row.y * row.y + row.z * row.z); }
 
-typedef struct { I on_x, on_y; } Face;           // on neither: across z
+static BoxRows rows_of_box(const __global Primitive *p)
+{
+    BoxRows rows;
+    rows.x = f3_of(p->row_x);
+    rows.y = f3_of(p->row_y);
+    rows.z = f3_of(p->row_z);
+    rows.w = f3((F)(p->row_x.w), (F)(p->row_y.w), (F)(p->row_z.w));
+    rows.reach = f3((F)(reach_of(p->row_x)), (F)(reach_of(p->row_y)), (F)(reach_of(p->row_z)));
+    return rows;
+}
+
+typedef struct {
+    F3 o;                   // the point in the box's own frame
+    I  on_x, on_y;          // the face that it lies on; on neither: across z
+} Face;
 
 // The face is the nearest one by distance in the world, so that a thin box has no false side faces near its edges.
-static Face face_of(const __global Primitive *primitive, F3 o)
+static Face face_of(BoxRows rows, F3 p)
 {
-    F ax = absolute(1.0f - absolute(o.x)) * reach_of(primitive->row_x);
-    F ay = absolute(1.0f - absolute(o.y)) * reach_of(primitive->row_y);
-    F az = absolute(1.0f - absolute(o.z)) * reach_of(primitive->row_z);
     Face face;
+    face.o = f3(dot3(rows.x, p) + rows.w.x, dot3(rows.y, p) + rows.w.y, dot3(rows.z, p) + rows.w.z);
+    F ax = absolute(1.0f - absolute(face.o.x)) * rows.reach.x;
+    F ay = absolute(1.0f - absolute(face.o.y)) * rows.reach.y;
+    F az = absolute(1.0f - absolute(face.o.z)) * rows.reach.z;
     face.on_x = (ax <= ay) & (ax <= az);
     face.on_y = NOT(face.on_x) & (ay <= az);
     return face;
 }
 
+// Outward unit normal: the row of the coordinate that the face lies across.
+static F3 normal_of_face(BoxRows rows, Face face)
+{
+    F3 row = select3(face.on_x, rows.x, select3(face.on_y, rows.y, rows.z));
+    F across = face.on_x ? face.o.x : (face.on_y ? face.o.y : face.o.z);
+    F reach = face.on_x ? rows.reach.x : (face.on_y ? rows.reach.y : rows.reach.z);
+    return scale(row, with_sign(reach, across));
+}
+
 static SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)
 {
     SurfacePoint s;
-    F3 o = object_point(primitive, p);
-    Face face = face_of(primitive, o);
-    I on_x = face.on_x, on_y = face.on_y;
+    BoxRows rows = rows_of_box(primitive);
+    Face face = face_of(rows, p);
     s.p = p;
-    s.n = world_normal(primitive, f3(on_x ? with_sign(ONE, o.x) : ZERO, on_y ? with_sign(ONE, o.y) : ZERO,
-                                     (on_x | on_y) ? ZERO : with_sign(ONE, o.z)));
-    s.u = 0.5f + 0.5f * (on_x ? o.y : o.x);
-    s.v = 0.5f + 0.5f * ((on_x | on_y) ? o.z : o.y);
+    s.n = normal_of_face(rows, face);
+    s.u = 0.5f + 0.5f * (face.on_x ? face.o.y : face.o.x);
+    s.v = 0.5f + 0.5f * ((face.on_x | face.on_y) ? face.o.z : face.o.y);
     return s;
 }
 #endif

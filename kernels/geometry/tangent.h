@@ -28,16 +28,16 @@ static Tangents tangents_of_affine(const __global Primitive *primitive, F3 p, in
     Tangents axes = object_axes(primitive, &z);
     if (flat)
         return axes;
-    F3 o = object_point(primitive, p);
     Tangents t;
 #if HAS_BOX
     if (box) {                                       // (y, z), (x, z) or (x, y), as the face lies across x, y or z
-        Face face = face_of(primitive, o);
+        Face face = face_of(rows_of_box(primitive), p);
         t.along_u = select3(face.on_x, axes.along_v, axes.along_u);
         t.along_v = select3(face.on_x | face.on_y, z, axes.along_v);
         return t;
     }
 #endif
+    F3 o = object_point(primitive, p);
     t.along_u = add(scale(axes.along_u, -o.y), scale(axes.along_v, o.x));
     t.along_v = z;
     return t;

@@ -184,7 +184,7 @@ def pack_primitives(
         elif primitive.kind is not Kind.MESH:
             inverse = np.linalg.inv(primitive.placement)
             for name, row in zip(("row_x", "row_y", "row_z"), inverse[:3], strict=True):
-                records[index][name] = row
+                records[index][name] = row.astype(np.float32) + 0.0  # no -0: kernels test bits of coordinates
         records[index]["material"] = materials[id(primitive.material)]
         records[index]["emitter"] = emitters.get(index, -1)
     if meshes is not None:

@@ -78,7 +78,9 @@ RIM = "p.y * p.y <= surface->semi_diameter2"
 DEPTH = """#if !HAS_LAMPS
     on = on & (path->depth < rules.max_depth);"""
 MIS = "return own > 0.0f ? own2 / (own2 + other * other)"
-CLOSER = "EACH_PRIMITIVE(ray,\n        t = PAST_HOLES((t > 0.0f) & (t < best));\n        I closer = (t > 0.0f)"
+CLOSER = """EACH_PRIMITIVE(ray,
+        t = PAST_HOLES(met & (t > 0.0f) & (t < best));
+        I closer = met & (t > 0.0f)"""
 ORIGIN = "F c = origin ? ZERO : dot3(oc, oc) - r * r;"
 MUTANTS = [
     Mutant("cos^3 for cos^4", "cos2_over_length2 * cos2_over_length2;",
@@ -134,7 +136,7 @@ MUTANTS = [
     Mutant("unit float reaches one", "TO_F(AS_I(x >> 8)) * 5.9604644775390625e-8f",
            "(convert_float(as_uint(x)) * 2.3283064365386963e-10f)",
            lambda: random.test_unit_float_is_below_one_and_hits_zero(open_session())),
-    Mutant("absolute epsilon", CLOSER, CLOSER.replace("= (t > 0.0f)", "= (t > 1e-4f)"),
+    Mutant("absolute epsilon", CLOSER, CLOSER.replace("closer = met & (t > 0.0f)", "closer = met & (t > 1e-4f)"),
            lambda: furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1e-3, 0.8, 5)),
     Mutant("self-hits of a sphere", ORIGIN, "F c = dot3(oc, oc) - r * r;", white_sphere),
     Mutant("self-hits of a box", "(origin ? other : outside)", "outside", white_box),

@@ -1,4 +1,4 @@
-"""Few flat primitives are looked up in registers where a processor permutes them; no bit of the picture differs."""
+"""Few flat primitives and boxes are looked up in registers where a processor permutes them; no bit differs."""
 
 from dataclasses import replace
 
@@ -21,7 +21,13 @@ ROOM = {
         {"shape": "rectangle", "corner": [-1, -1, -1], "edge_u": [2, 0, 0], "edge_v": [0, 2, 0.3], "material": "white"},
         {"shape": "rectangle", "corner": [-1, 1, -1], "edge_u": [2, 0.4, 0], "edge_v": [0, 0, 2], "material": "mirror"},
         {"shape": "disk", "center": [0.2, 0, 0.9], "normal": [0.1, 0, -1], "radius": 0.4, "material": "lamp"},
-        {"shape": "box", "min": [-0.6, -0.3, -0.9], "max": [-0.1, 0.3, 0.1], "material": "white"},
+        {
+            "shape": "box",
+            "min": [-0.6, -0.3, -0.9],
+            "max": [-0.1, 0.3, 0.1],
+            "material": "white",
+            "transform": [{"rotate": {"axis": [0.1, 0.2, 1], "degrees": 20}}],
+        },
         {"shape": "sphere", "center": [0.5, 0, -0.4], "radius": 0.35, "material": {"kind": "dielectric", "index": 1.5}},
     ],
 }
@@ -35,7 +41,7 @@ def film_of(session, plan, scene):
     return wavefront.planes()
 
 
-def test_tables_of_flat_primitives_change_no_bit(session):
+def test_tables_of_flat_primitives_and_boxes_change_no_bit(session):
     scene = load_scene(ROOM)
     plan = make_plan(scene)
     assert plan.facts["FEW_PRIMITIVES"] == 1
