@@ -16,7 +16,7 @@ import rptcam_cl
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.device import Session, choose_device
-from rptcam_cl.focusing import ProbeRenderer, Zone, requested_autofocus
+from rptcam_cl.focusing import ProbeRenderer, Zone
 from rptcam_cl.focusing.measures import BEST, MEASURES
 from rptcam_cl.imaging import srgb_from_linear
 from rptcam_cl.lenstools import add_key, encoded, new_chart, series, styled
@@ -42,7 +42,7 @@ def variances(scene: rptcam_cl.Scene, session: Session, distances: list[float], 
 
 def contrasts(scene: rptcam_cl.Scene, session: Session, distances: list[float], seeds: int) -> Curve:
     """Return the wavelet contrast of the scene's zone, (distances, seeds)."""
-    settings = requested_autofocus(scene)
+    settings = scene.requested_autofocus
     assert settings is not None and settings.zones is not None
     zone, probe = Zone(*settings.zones[0]), ProbeRenderer(scene, session)
     states = [probe.drive.state_for(distance * 1e-3, zone) for distance in distances]

@@ -3,23 +3,24 @@
 A render has three stages, each of which can be called alone: `prepare`, `run` and `report`.
 """
 
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.api.frames import Change, Frame
 from rptcam_cl.api.interface import devices, load_lens, render
-from rptcam_cl.api.merging import merge
-from rptcam_cl.api.resolving import Settlement, settle
-from rptcam_cl.api.session import RenderSession
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, picture_so_far, prepare, report, run
-from rptcam_cl.api.sweeping import SweepEntry, sweep
 from rptcam_cl.device import choose_device
-from rptcam_cl.focusing import FocusReport, autofocus, focused_scene
 from rptcam_cl.imaging import Image, develop
 from rptcam_cl.rendering import Progress
 from rptcam_cl.scene import Scene, load_scene
 
 if TYPE_CHECKING:
+    from rptcam_cl.api.frames import Change, Frame
+    from rptcam_cl.api.merging import merge
+    from rptcam_cl.api.resolving import Settlement, settle
+    from rptcam_cl.api.session import RenderSession
+    from rptcam_cl.api.sweeping import SweepEntry, sweep
+    from rptcam_cl.focusing import FocusReport, autofocus, focused_scene
     from rptcam_cl.tradeoff import measure_tradeoff
 
 __all__ = [
@@ -52,11 +53,26 @@ __all__ = [
     "sweep",
 ]
 
+# What a render of one picture does not need: imported at its first use, so that every command starts sooner.
+_LATER = {
+    "Change": "api.frames",
+    "FocusReport": "focusing",
+    "Frame": "api.frames",
+    "RenderSession": "api.session",
+    "Settlement": "api.resolving",
+    "SweepEntry": "api.sweeping",
+    "autofocus": "focusing",
+    "focused_scene": "focusing",
+    "measure_tradeoff": "tradeoff",
+    "merge": "api.merging",
+    "settle": "api.resolving",
+    "sweep": "api.sweeping",
+}
+
 
 def __getattr__(name: str) -> Any:
-    """Import what few use at its first use, so that every command starts sooner."""
-    if name == "measure_tradeoff":
-        from rptcam_cl.tradeoff import measure_tradeoff
-
-        return measure_tradeoff
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    """Import what few commands use at its first use."""
+    if name not in _LATER:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = found = getattr(import_module(f"rptcam_cl.{_LATER[name]}"), name)
+    return found

@@ -5,16 +5,18 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rptcam_cl import optics
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import prepare, report, run
 from rptcam_cl.device import Split, Wanted, choose_device, list_devices, problem_of
 from rptcam_cl.imaging import Image
-from rptcam_cl.lenstools import TraceableLens, traceable
 from rptcam_cl.rendering import Progress
 from rptcam_cl.scene import Scene
+
+if TYPE_CHECKING:
+    from rptcam_cl.lenstools import TraceableLens
 
 
 def devices() -> list[dict[str, Any]]:
@@ -36,6 +38,8 @@ def devices() -> list[dict[str, Any]]:
 
 def load_lens(source: str | Path | Mapping[str, Any]) -> TraceableLens:
     """Return the lens of a name in the library, a file, or a mapping of the same form; it can be traced on devices."""
+    from rptcam_cl.lenstools import traceable
+
     return traceable(optics.load_lens(source))
 
 

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.frames import Kind
 from rptcam_cl.api.stages import Resolved
-from rptcam_cl.focusing import requested_autofocus
 from rptcam_cl.plan import Plan, make_plan, with_film, with_lens
 from rptcam_cl.rendering import SceneBuffers, reading_cd_m2
 from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene
@@ -48,7 +47,7 @@ def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
     keys = [key.split(".") for key in changes]
     if any(key[0] == "camera" and (len(key) == 1 or key[1] in ANOTHER_LENS) for key in keys):
         return True
-    return requested_autofocus(scene) is not None and any(key[:2] == ["camera", "focus"] for key in keys)
+    return scene.requested_autofocus is not None and any(key[:2] == ["camera", "focus"] for key in keys)
 
 
 def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:

@@ -20,7 +20,6 @@ from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report, resolve
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device import Session, open_sessions
-from rptcam_cl.focusing import requested_autofocus
 from rptcam_cl.imaging import Image, check_sensor
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.rendering import FilmLayout, FilmRun, WavefrontPool, rendering_of, window
@@ -293,7 +292,7 @@ class RenderSession:
     def _focused(self, scene: Scene) -> Scene:
         """Return a scene with the focus that was found for the newest one, where it asks for autofocus."""
         known = self._newest.found.focus
-        if known is None or requested_autofocus(scene) is None:
+        if known is None or scene.requested_autofocus is None:
             return scene
         return set_keys(scene, {f"camera.{key}": value for key, value in known["camera"].items()})
 

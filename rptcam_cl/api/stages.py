@@ -12,7 +12,6 @@ from typing import Any
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device import Session, means_all, open_sessions
-from rptcam_cl.focusing import in_focus
 from rptcam_cl.imaging import GUIDES, Image, check_denoiser, check_sensor, sensor_of, with_picture_settings
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.rendering import (
@@ -81,7 +80,11 @@ def resolve(
     focus, metered_cd_m2
         What was found before, to be kept.
     """
-    sharp, focus = in_focus(scene, session, focus)
+    sharp = scene
+    if scene.requested_autofocus is not None:
+        from rptcam_cl.focusing import in_focus  # few scenes have it, and its room takes long to import
+
+        sharp, focus = in_focus(scene, session, focus)
     diffraction = diffraction_of(sharp)
     described_choice: dict[str, Any] = {}
     if isinstance(sharp.camera, RealisticCamera) and sharp.camera.accuracy is not None:

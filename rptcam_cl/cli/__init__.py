@@ -5,6 +5,7 @@ written, 5 numbers that cannot be trusted or autofocus that failed in a strict r
 """
 
 import contextlib
+import importlib
 import os
 import sys
 import tempfile
@@ -14,22 +15,6 @@ from collections.abc import Iterator, Sequence
 from typing import Any, TextIO
 
 from rptcam_cl._version import __version__
-from rptcam_cl.cli import (
-    convert,
-    demo,
-    develop,
-    devices,
-    doctor,
-    focus,
-    lens,
-    merge,
-    render,
-    schema,
-    settle,
-    sweep,
-    tradeoff,
-    view,
-)
 from rptcam_cl.cli.interrupt import INTERRUPTED
 from rptcam_cl.cli.parser import Parser, nearest
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
@@ -39,15 +24,21 @@ STANDARD_OUTPUT = "standard output"
 FAULT = 1  # exit code of an unexpected error
 
 
-def build_parser() -> Parser:
-    """The parser of the whole command line."""
+# In the order of the help; each is a module that adds itself to the parser.
+COMMANDS = (
+    "demo", "render", "merge", "settle", "sweep", "view", "focus", "tradeoff", "develop", "convert", "lens", "devices",
+    "doctor", "schema",
+)  # fmt: skip
+
+
+def build_parser(command: str | None = None) -> Parser:
+    """The parser of the whole command line, or of a single command, whose module alone is then imported."""
     parser = Parser(prog="rptcam", description="Render scenes through real photographic lenses, on OpenCL devices.")
     parser.add_argument("--version", action="version", version=f"rptcam {__version__}")
     parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
-    rendering = (demo, render, merge, settle, sweep, view)
-    for command in (*rendering, focus, tradeoff, develop, convert, lens, devices, doctor, schema):
-        command.add_to(commands)
+    for name in COMMANDS if command is None else (command,):
+        importlib.import_module(f"rptcam_cl.cli.{name}").add_to(commands)
     return parser
 
 
@@ -64,7 +55,8 @@ def _warn(
 
 
 def _run(arguments: Sequence[str]) -> int:
-    parsed, unknown = build_parser().parse_known_args(arguments)
+    command = arguments[0] if arguments and arguments[0] in COMMANDS else None
+    parsed, unknown = build_parser(command).parse_known_args(arguments)
     if unknown:
         options = [name for name in parsed.parser.option_names() if name.startswith("--")]
         hint = nearest(unknown[0].partition("=")[0], options)

@@ -1,13 +1,16 @@
 """PoCL's cache of compiled kernels, made safe: a folder that can be written, and no file in it that was cut short.
 
 PoCL offers no device at all where it cannot make the folder, and brings the process down when it maps a kernel that a
-full disk or a crash has cut short.
+full disk or a crash has cut short. Thousands of programs take most of a second to look through. So that is done
+only where something may have been cut short: after a process that did not end well (`rptcam_cl.device.at_work`), a new
+start of the system, or a day.
 """
 
 from __future__ import annotations
 
 import atexit
 import contextlib
+import hashlib
 import io
 import os
 import shutil
@@ -18,9 +21,15 @@ import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+from rptcam_cl.core.resources import cache_dir
+from rptcam_cl.device.at_work import left_behind, mark_work
+
 VARIABLE = "POCL_CACHE_DIR"
 ROOM = 8 << 20  # bytes: the kernels of a scene with everything
 WRITING = 1.0  # seconds that pass, at most, while a process writes a file
+SOUND_FOR = 86400.0  # seconds after which all files are looked through again
+_SOUND = "sound"  # name of the file that says when they were, and since which start of the system
+_BOOT = Path("/proc/sys/kernel/random/boot_id")
 _ELF, _BITCODE = b"\x7fELF\x02\x01", b"BC\xc0\xde"
 
 
@@ -38,9 +47,13 @@ def make_pocl_cache_usable() -> None:
     folder = pocl_cache_folder()
     barred = _barred(folder)
     if barred is None:
-        damaged = sum(map(_removed, _damaged(folder)))
-        if damaged:
-            warnings.warn(f"{folder}: damaged kernels ({damaged}) are compiled anew", stacklevel=1)
+        marks = cache_dir("pocl") / hashlib.sha256(str(folder.absolute()).encode()).hexdigest()[:16]
+        left = left_behind(marks)
+        with contextlib.suppress(OSError):  # marks cannot be kept: the next process looks through all files again
+            mark_work(marks, ended_well=lambda: _has_room(folder))
+        if left or not _is_known_sound(marks):
+            _mend(folder)
+            _call_sound(marks, left)
         return
     try:
         place = tempfile.mkdtemp(prefix="rptcam_cl-kernels-")
@@ -49,6 +62,38 @@ def make_pocl_cache_usable() -> None:
     atexit.register(shutil.rmtree, place, ignore_errors=True)
     os.environ[VARIABLE] = place
     warnings.warn(f"{folder}: {barred}; compiled kernels are not kept", stacklevel=1)
+
+
+def _mend(folder: Path) -> None:
+    """Remove damaged files."""
+    damaged = sum(map(_removed, _damaged(folder)))
+    if damaged:
+        warnings.warn(f"{folder}: damaged kernels ({damaged}) are compiled anew", stacklevel=1)
+
+
+def _is_known_sound(marks: Path) -> bool:
+    """Return whether all files were looked through lately, and since the system was started."""
+    try:
+        with (marks / _SOUND).open("rb") as file:
+            return file.read() == _BOOT.read_bytes() and abs(time.time() - os.fstat(file.fileno()).st_mtime) < SOUND_FOR
+    except OSError:
+        return False
+
+
+def _call_sound(marks: Path, left: list[Path]) -> None:
+    """Write down that all files have been looked through; forget the processes that were the reason."""
+    with contextlib.suppress(OSError):
+        (marks / _SOUND).write_bytes(_BOOT.read_bytes())
+        for mark in left:
+            mark.unlink(missing_ok=True)
+
+
+def _has_room(folder: Path) -> bool:
+    """Return whether the disk of a folder has room for the kernels of a scene."""
+    try:
+        return shutil.disk_usage(folder).free >= ROOM
+    except OSError:
+        return False
 
 
 def _barred(folder: Path) -> str | None:

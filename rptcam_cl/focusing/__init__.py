@@ -14,7 +14,6 @@ from rptcam_cl.focusing.drives import focus_drive
 from rptcam_cl.focusing.probe import Drive, Policy, Zone, ZoneImage, circle_of_confusion
 from rptcam_cl.focusing.renderer import ProbeRenderer
 from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach, ProbeRecord, focus_plot
-from rptcam_cl.focusing.search import requested_autofocus
 
 __all__ = [
     "METHODS",
@@ -36,6 +35,5 @@ __all__ = [
     "focused_scene",
     "follow_focus",
     "in_focus",
-    "requested_autofocus",
     "zone_at",
 ]

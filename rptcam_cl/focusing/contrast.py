@@ -18,7 +18,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing.measures import BEST, MEASURES, Peak, Probe, peak_of
 from rptcam_cl.focusing.probe import Policy, Zone, chosen
 from rptcam_cl.focusing.report import FocusReport, NoContrast
-from rptcam_cl.focusing.search import Probes, Task, requested_autofocus, within
+from rptcam_cl.focusing.search import Probes, Task, within
 
 STEP = 8.0  # depths of focus between the probes of the first round: half of a texture's contrast remains that far away
 FIRST_PROBES = 5
@@ -303,7 +303,7 @@ def _walk_start(task: Task, probes: Probes) -> tuple[float, str]:
     """Return the object distance at which the walk starts [m], and why there."""
     scene, zone = task.renderer.scene, task.zones[0]
     far = FARTHEST_FOCAL_LENGTHS * task.drive.film_distance(task.renderer.state) * 1e-3
-    if task.near is None and requested_autofocus(scene) is not None:
+    if task.near is None and scene.requested_autofocus is not None:
         printed = f"d = {WALK_START:g}, s = {WALK_STEP:g} scene units, as the paper prints it"
         if _state_within_reach(probes, WALK_START * scene.metres_per_unit, zone) is None:
             return far, f"far away, as {printed}, is out of reach"

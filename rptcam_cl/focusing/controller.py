@@ -24,7 +24,7 @@ from rptcam_cl.focusing.phase import focus_by_phase
 from rptcam_cl.focusing.probe import Drive, Policy, Zone
 from rptcam_cl.focusing.renderer import ProbeRenderer
 from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach
-from rptcam_cl.focusing.search import Task, requested_autofocus
+from rptcam_cl.focusing.search import Task
 from rptcam_cl.imaging import MARKED
 from rptcam_cl.scene import AutoFocus, Scene, change_scene, input_error, listed, load_scene, near_name, read_zones
 
@@ -99,7 +99,7 @@ def focus_settings(scene: Scene, manner: Mapping[str, Any], where: Mapping[str, 
     InputError
         When the result is not valid.
     """
-    given = requested_autofocus(scene) or AutoFocus()
+    given = scene.requested_autofocus or AutoFocus()
     known = {name: getattr(given, name) for name in given.model_fields_set}
     places = {key: value for key, value in where.items() if value is not None}
     if places:
@@ -232,7 +232,7 @@ def in_focus(
     InputError
         When there is nothing to focus on.
     """
-    settings = requested_autofocus(scene)
+    settings = scene.requested_autofocus
     if settings is None:
         return scene, None
     if known is None:

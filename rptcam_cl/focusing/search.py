@@ -11,7 +11,6 @@ from rptcam_cl.focusing.measures import Measure, Probe
 from rptcam_cl.focusing.probe import Drive, Policy, Zone
 from rptcam_cl.focusing.renderer import ProbeRenderer
 from rptcam_cl.focusing.report import FocusReport, NoContrast, ProbeRecord
-from rptcam_cl.scene import AutoFocus, LensCamera, Scene, ThinLensCamera
 
 NEAR = 8.0  # depths of focus to either side within which the focus is searched when it was found a moment ago
 
@@ -75,14 +74,6 @@ class Task:
 def within(tolerance: float, error: float) -> float:
     """Return the probability that a normal error of a standard deviation stays within a tolerance."""
     return math.erf(tolerance / (math.sqrt(2) * error)) if error > 0 else 1.0
-
-
-def requested_autofocus(scene: Scene) -> AutoFocus | None:
-    """Return the autofocus settings of a scene; None where its focus is given."""
-    camera = scene.camera
-    if isinstance(camera, LensCamera):
-        return camera.focus.auto
-    return camera.focus.auto if isinstance(camera, ThinLensCamera) and camera.focus is not None else None
 
 
 MOST_PROBES = 40  # after which a search gives up

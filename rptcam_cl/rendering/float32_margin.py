@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras import LensSetting, lens_setting, stop_shape, thick_lens_of
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session
-from rptcam_cl.lenstools import trace_on_device
 from rptcam_cl.optics import FilmProbe, Lens, Rays
 from rptcam_cl.scene import RealisticCamera, Scene
 
@@ -50,6 +49,8 @@ def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
     camera = scene.camera
     if not isinstance(camera, RealisticCamera) or camera.rays == "fitted":
         return None
+    from rptcam_cl.lenstools import trace_on_device  # few renders measure this, and the room takes long to import
+
     setting = lens_setting(scene)
     lens, wavelength_nm = setting.lens, camera.wavelength_nm
     shape = stop_shape(scene, camera.aperture)

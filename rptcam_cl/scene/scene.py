@@ -14,8 +14,9 @@ from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders, References
 from rptcam_cl.optics import Lens, digests_of_lens, load_lens, named_lens, names_a_file
+from rptcam_cl.scene.autofocus import AutoFocus
 from rptcam_cl.scene.base import SceneModel, listed, near_name, refuse
-from rptcam_cl.scene.camera import Camera, LensCamera
+from rptcam_cl.scene.camera import Camera, LensCamera, ThinLensCamera
 from rptcam_cl.scene.checks import check_extent, check_focus, scene_warnings
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, Shutter, check_exposure
 from rptcam_cl.scene.file_reference import FileReference, file_references
@@ -199,6 +200,14 @@ class Scene(SceneModel):
     def stand_ins(self) -> tuple[str, ...]:
         """What is missing from the scene's files, and what stands in its place."""
         return self._stand_ins
+
+    @property
+    def requested_autofocus(self) -> AutoFocus | None:
+        """The settings of autofocus; None where the focus is given."""
+        camera = self.camera
+        if isinstance(camera, LensCamera):
+            return camera.focus.auto
+        return camera.focus.auto if isinstance(camera, ThinLensCamera) and camera.focus is not None else None
 
     def lens_source(self) -> str | Path | dict[str, Any] | None:
         """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.device import pocl_cache
 from rptcam_cl.device.pocl_cache import VARIABLE, make_pocl_cache_usable, pocl_cache_folder
 from rptcam_cl.device.trial import is_pocl
@@ -19,6 +20,7 @@ pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="Po
 @pytest.fixture(autouse=True)
 def environment(monkeypatch, tmp_path):
     monkeypatch.setenv(VARIABLE, str(tmp_path / "kcache"))
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
     monkeypatch.setattr(pocl_cache, "WRITING", 0.0)
 
 
@@ -46,6 +48,91 @@ def test_full_disk_gives_way_with_a_word(monkeypatch):
         make_pocl_cache_usable()
 
 
+def damaged_kernel(folder):
+    """A file that ends too soon, of long ago."""
+    file = folder / "AB" / "CD" / "program.bc"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.touch()
+    os.utime(file, (1e9, 1e9))
+    return file
+
+
+def in_a_process(code):
+    """Run code in a process that uses the cache, however that ends."""
+    program = f"import os\nfrom rptcam_cl.device.pocl_cache import make_pocl_cache_usable\n{code}"
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)}
+    return subprocess.run([sys.executable, "-c", program], env=environment, capture_output=True, check=False)
+
+
+@pytest.fixture
+def sound(tmp_path):
+    """A cache whose files a process has looked through; nothing was amiss, and it ended well."""
+    assert in_a_process("make_pocl_cache_usable()").returncode == 0
+    return tmp_path / "kcache"
+
+
+def test_files_are_looked_through_once_while_all_processes_end_well(sound):
+    kernel = damaged_kernel(sound)  # by nothing that this program can know of
+    assert in_a_process("make_pocl_cache_usable()").returncode == 0
+    make_pocl_cache_usable()
+    assert kernel.exists()
+
+
+def test_processes_at_work_are_no_reason_to_look(sound):
+    kernel = damaged_kernel(sound)
+    done = in_a_process(
+        "make_pocl_cache_usable()\nimport subprocess, sys\n"
+        "more = 'from rptcam_cl.device.pocl_cache import make_pocl_cache_usable; make_pocl_cache_usable()'\n"
+        "sys.exit(subprocess.run([sys.executable, '-c', more]).returncode)"
+    )
+    assert done.returncode == 0
+    assert kernel.exists()
+
+
+@pytest.mark.parametrize("end", ["os._exit(0)", "os.kill(os.getpid(), 9)"])
+def test_files_are_looked_through_after_a_process_that_did_not_end_well(sound, end):
+    in_a_process(f"make_pocl_cache_usable()\n{end}")
+    kernel = damaged_kernel(sound)
+    with pytest.warns(UserWarning, match=r"damaged kernels \(1\) are compiled anew"):
+        make_pocl_cache_usable()
+    assert not kernel.exists()
+    make_pocl_cache_usable()  # and once is enough
+    kernel = damaged_kernel(sound)
+    make_pocl_cache_usable()
+    assert kernel.exists()
+
+
+def test_files_are_looked_through_after_a_full_disk(sound):
+    in_a_process("import rptcam_cl.device.pocl_cache as c\nmake_pocl_cache_usable()\nc.ROOM = 1 << 62")
+    kernel = damaged_kernel(sound)
+    with pytest.warns(UserWarning, match="damaged kernels"):
+        make_pocl_cache_usable()
+    assert not kernel.exists()
+
+
+@pytest.mark.parametrize("reason", ["a day has passed", "the system was started"])
+def test_files_are_looked_through_now_and_then(monkeypatch, tmp_path, sound, reason):
+    (note,) = (tmp_path / "cache").rglob("sound")
+    if reason == "a day has passed":
+        os.utime(note, (1e9, 1e9))
+    else:
+        note.write_text("another start")
+    kernel = damaged_kernel(sound)
+    with pytest.warns(UserWarning, match="damaged kernels"):
+        make_pocl_cache_usable()
+    assert not kernel.exists()
+
+
+def test_files_are_looked_through_where_no_marks_can_be_kept(monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "file"))
+    for _ in range(2):
+        kernel = damaged_kernel(tmp_path / "kcache")
+        with pytest.warns(UserWarning, match="damaged kernels"):
+            make_pocl_cache_usable()
+        assert not kernel.exists()
+
+
 SCENE = """\
 film: {resolution: [8, 8]}
 camera: {kind: pinhole, eye: [0, 0, 5], target: [0, 0, 0], fov_degrees: 40}
@@ -67,6 +154,7 @@ def test_render_goes_on_with_damaged_kernels(tmp_path):
         for file in files:
             os.truncate(file, size)
             os.utime(file, (1e9, 1e9))
+        in_a_process("make_pocl_cache_usable()\nos._exit(1)")  # as if it had crashed while it wrote them
         assert "are compiled anew" in rendered(tmp_path)
 
 

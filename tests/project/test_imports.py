@@ -211,3 +211,45 @@ def test_room_is_usable_without_opencl(room: str) -> None:
     program = f"import sys; sys.modules['pyopencl'] = None; import rptcam_cl.{room}"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
+
+
+# What takes long to import, and no render of a plain scene needs.
+NOT_FOR_A_RENDER = {
+    "rptcam_cl.api.frames",
+    "rptcam_cl.api.merging",
+    "rptcam_cl.api.session",
+    "rptcam_cl.api.sweeping",
+    "rptcam_cl.cli.doctor",
+    "rptcam_cl.cli.lens",
+    "rptcam_cl.cli.sweep",
+    "rptcam_cl.cli.view",
+    "rptcam_cl.focusing",
+    "rptcam_cl.importers",
+    "rptcam_cl.lenstools",
+    "rptcam_cl.selfcheck",
+    "rptcam_cl.tradeoff",
+    "rptcam_cl.viewfinder",
+    "matplotlib",
+    "scipy",
+    "starlette",
+}
+SCENE = """\
+film: {resolution: [8, 8]}
+camera: {kind: pinhole, eye: [0, 0, 5], target: [0, 0, 0], fov_degrees: 40}
+objects: [{shape: sphere, center: [0, 0, 0], radius: 1, material: {kind: matte, reflectance: 0.5}}]
+environment: {kind: constant, radiance: 1}
+"""
+
+
+def test_render_imports_nothing_that_it_does_not_need(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    program = (
+        "import sys; from rptcam_cl.__main__ import run; sys.argv[0] = 'rptcam'; code = run();"
+        "print(code, *sys.modules, file=sys.stderr)"
+    )
+    words = ["render", str(tmp_path / "scene.yaml"), "--quiet", "-o", str(tmp_path / "picture.png")]
+    done = subprocess.run([sys.executable, "-c", program, *words], capture_output=True, text=True, check=True)
+    code, *found = done.stderr.split()
+    assert code == "0"
+    assert (tmp_path / "picture.png").exists()
+    assert NOT_FOR_A_RENDER & set(found) == set()
