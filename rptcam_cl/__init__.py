@@ -28,6 +28,7 @@ if TYPE_CHECKING:
         render,
         settle,
         sweep,
+        tolerance,
     )
 
 __all__ = [
@@ -56,6 +57,7 @@ __all__ = [
     "render",
     "settle",
     "sweep",
+    "tolerance",
 ]
 
 

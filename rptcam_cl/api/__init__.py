@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rptcam_cl.api.session import RenderSession
     from rptcam_cl.api.sweeping import SweepEntry, sweep
     from rptcam_cl.focusing import FocusReport, autofocus, focused_scene
+    from rptcam_cl.tolerances import tolerance
     from rptcam_cl.tradeoff import measure_tradeoff
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "run",
     "settle",
     "sweep",
+    "tolerance",
 ]
 
 # What a render of one picture does not need: imported at its first use, so that every command starts sooner.
@@ -67,6 +69,7 @@ _LATER = {
     "merge": "api.merging",
     "settle": "api.resolving",
     "sweep": "api.sweeping",
+    "tolerance": "tolerances",
 }
 
 

@@ -11,6 +11,7 @@ from rptcam_cl.cli import (
     lens_field,
     lens_losses,
     lens_spots,
+    lens_tolerance,
     lens_trace,
     lens_wavefront,
 )
@@ -54,6 +55,7 @@ def add_to(commands: Commands) -> None:
         lens_wavefront,
         lens_field,
         lens_losses,
+        lens_tolerance,
         lens_trace,
         lens_convert,
         lens_design,

@@ -38,6 +38,7 @@ from rptcam_cl.lenstools.prescription import lens_text
 from rptcam_cl.lenstools.psf import npy_bytes, point_image, psf_chart
 from rptcam_cl.lenstools.ray_paths import Tracer, reference
 from rptcam_cl.lenstools.spots import FilmSpot, at_best_focus, film_spots, spot_chart, spot_table
+from rptcam_cl.lenstools.tolerance_chart import tolerance_chart
 from rptcam_cl.lenstools.transmittance import Row, transmittance_chart, transmittance_table
 from rptcam_cl.lenstools.vignetting import film_radii, vignetting_chart, vignetting_table
 from rptcam_cl.lenstools.wave_images import wave_mtf_chart, wave_mtf_table, wave_point_image, wave_transfer
@@ -98,6 +99,7 @@ __all__ = [
     "styled",
     "svg",
     "svg_text",
+    "tolerance_chart",
     "trace_on_device",
     "traceable",
     "transmittance_chart",

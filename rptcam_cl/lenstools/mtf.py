@@ -17,6 +17,7 @@ from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
 from rptcam_cl.lenstools.colours import FAINT, INK
 from rptcam_cl.lenstools.lens_state import Setting
 from rptcam_cl.lenstools.spots import FilmSpot, by_field
+from rptcam_cl.optics import diffraction_mtf
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -38,21 +39,6 @@ def geometric_mtf(points: Array, frequencies_per_mm: ArrayLike) -> tuple[Array, 
     off = points - points.mean(axis=0)
     tangential, sagittal = (np.abs(np.mean(np.exp(waves * off[:, axis]), axis=1)) for axis in (1, 0))
     return tangential, sagittal
-
-
-def diffraction_mtf(frequencies_per_mm: ArrayLike, aperture: float, wavelength_nm: float) -> Array:
-    """Return the modulation of a perfect lens with a round pupil; 0 from 2 aperture / wavelength on.
-
-    Parameters
-    ----------
-    aperture : float
-        Numerical aperture on the film, along the direction of the modulation: 1 / (2 f-number).
-    """
-    if not aperture > 0:
-        return np.where(np.asarray(frequencies_per_mm, dtype=np.float64) == 0, 1.0, 0.0)
-    share = np.asarray(frequencies_per_mm, dtype=np.float64) * wavelength_nm * 1e-6 / (2.0 * aperture)
-    inside = np.minimum(np.abs(share), 1.0)
-    return np.asarray(2 / np.pi * (np.arccos(inside) - inside * np.sqrt(1 - inside * inside)))
 
 
 def limits(group: Sequence[FilmSpot], frequencies_per_mm: ArrayLike) -> tuple[Array, Array]:

@@ -16,6 +16,8 @@ from rptcam_cl.optics.coating import (
     QuarterWave,
     constant_reflectance,
 )
+from rptcam_cl.optics.copies import PAIRS, Copies, Deviation
+from rptcam_cl.optics.copies_trace import check_copies, film_points
 from rptcam_cl.optics.design import GlassChoice, doublet, doublet_radii, image_distances, singlet
 from rptcam_cl.optics.files.coatings import WORDS
 from rptcam_cl.optics.files.fields import FieldError
@@ -35,6 +37,7 @@ from rptcam_cl.optics.glass import (
     ConstantIndex,
     Law,
     Medium,
+    Melt,
     PowerSeries,
     Sellmeier,
     TabulatedIndex,
@@ -82,6 +85,7 @@ from rptcam_cl.optics.wave_image import (
     AIRY,
     Strehl,
     centroid,
+    diffraction_mtf,
     encircled,
     peak_to_valley,
     radius_of_share,
@@ -104,6 +108,7 @@ __all__ = [
     "GLASS",
     "IDEAL",
     "MAGNESIUM_FLUORIDE",
+    "PAIRS",
     "PATCH_RADII",
     "UNCOATED",
     "WORDS",
@@ -114,7 +119,9 @@ __all__ = [
     "Biconic",
     "Coating",
     "ConstantIndex",
+    "Copies",
     "Crossings",
+    "Deviation",
     "FieldError",
     "FilmProbe",
     "FirstOrder",
@@ -126,6 +133,7 @@ __all__ = [
     "LensTransmission",
     "MeasuredReflectance",
     "Medium",
+    "Melt",
     "Planes",
     "PowerSeries",
     "Pupil",
@@ -153,10 +161,12 @@ __all__ = [
     "blur_variances",
     "cells",
     "centroid",
+    "check_copies",
     "chief_ray",
     "configured",
     "constant_reflectance",
     "crossings",
+    "diffraction_mtf",
     "digests_of_lens",
     "document_of",
     "doublet",
@@ -165,6 +175,7 @@ __all__ = [
     "film_behind",
     "film_distance",
     "film_irradiance",
+    "film_points",
     "fitted",
     "floated",
     "focused_by_group",

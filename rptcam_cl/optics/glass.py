@@ -139,7 +139,40 @@ class TabulatedIndex(Absorbing):
         return np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
 
 
-Law = ConstantIndex | AbbeCauchy | AbbeLinear | Sellmeier | PowerSeries | TabulatedIndex
+@dataclass(frozen=True)
+class Melt(Absorbing):
+    """A glass as one melt has it.
+
+    Attributes
+    ----------
+    glass : Law
+        What was ordered.
+    shift : float
+        By which the index is higher, at every wavelength.
+    share : float
+        By which share the Abbe number is higher: differences of the index are divided by 1 + share.
+    """
+
+    glass: Law
+    shift: float = 0.0
+    share: float = 0.0
+    name: str = ""
+
+    @classmethod
+    def of(cls, glass: Law, shift: float, share: float) -> Melt:
+        """Return a melt of a glass, which absorbs and is called as it is."""
+        return cls(glass, shift, share, glass.name, absorption=glass.absorption)
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the index at each wavelength [nm]."""
+        found = self.glass.index(wavelength_nm) + self.shift
+        if self.share == 0:
+            return found
+        off_d = self.glass.index(wavelength_nm) - self.glass.index(LINE_D_NM)
+        return np.asarray(found + off_d * (1.0 / (1.0 + self.share) - 1.0))
+
+
+Law = ConstantIndex | AbbeCauchy | AbbeLinear | Sellmeier | PowerSeries | TabulatedIndex | Melt
 
 
 def held_index(medium: Law, wavelength_nm: ArrayLike) -> Array:
@@ -156,6 +189,8 @@ def known_range(medium: Medium) -> Range | None:
             return medium.range_nm
         case TabulatedIndex():
             return medium.wavelengths_nm[0], medium.wavelengths_nm[-1]
+        case Melt():
+            return known_range(medium.glass)
     return None
 
 

@@ -163,3 +163,18 @@ def radius_of_share(pupil: PupilFunction, share: float, about: tuple[float, floa
         k = int(np.argmax(shares >= share)) if (shares >= share).any() else len(radii) - 1
         low, high = (radii[k - 1] if k else low), float(radii[k])
     return (float(low) + high) / 2
+
+
+def diffraction_mtf(frequencies_per_mm: ArrayLike, aperture: float, wavelength_nm: float) -> Array:
+    """Return the modulation of a perfect lens with a round pupil; 0 from 2 aperture / wavelength on.
+
+    Parameters
+    ----------
+    aperture : float
+        Numerical aperture on the film, along the direction of the modulation: 1 / (2 f-number).
+    """
+    if not aperture > 0:
+        return np.where(np.asarray(frequencies_per_mm, dtype=np.float64) == 0, 1.0, 0.0)
+    share = np.asarray(frequencies_per_mm, dtype=np.float64) * wavelength_nm * 1e-6 / (2.0 * aperture)
+    inside = np.minimum(np.abs(share), 1.0)
+    return np.asarray(2 / np.pi * (np.arccos(inside) - inside * np.sqrt(1 - inside * inside)))

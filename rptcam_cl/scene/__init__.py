@@ -82,6 +82,7 @@ from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rect
 from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.texture import Blend, Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
+from rptcam_cl.scene.tolerances import GRADES, Distribution, Merit, Tolerance, Tolerances, grade
 from rptcam_cl.scene.transform import Rotation, TransformStep
 
 __all__ = [
@@ -90,6 +91,7 @@ __all__ = [
     "FILM_LAYERS",
     "FLOAT32_MAX",
     "FLOAT32_MIN_NORMAL",
+    "GRADES",
     "HOTTEST",
     "LARGEST_RADIANCE",
     "LAYER_NAMES",
@@ -128,6 +130,7 @@ __all__ = [
     "Dielectric",
     "DirectionalLight",
     "Disk",
+    "Distribution",
     "Emissive",
     "Environment",
     "EnvironmentCamera",
@@ -152,6 +155,7 @@ __all__ = [
     "LoadedMesh",
     "Material",
     "Matte",
+    "Merit",
     "MeshObject",
     "MetalSpectrum",
     "MetalTable",
@@ -198,6 +202,8 @@ __all__ = [
     "ThickLensCamera",
     "ThinGlass",
     "ThinLensCamera",
+    "Tolerance",
+    "Tolerances",
     "ToneCurve",
     "Trajectory",
     "TransformStep",
@@ -209,6 +215,7 @@ __all__ = [
     "apply_overrides",
     "at_opening",
     "change_scene",
+    "grade",
     "has_holes",
     "input_error",
     "listed",

@@ -5,7 +5,7 @@ Sphere, conic and asphere follow from the profile of a surface; a `Form` has num
 
 from rptcam_cl.optics.shapes.biconic import Biconic
 from rptcam_cl.optics.shapes.form import Form, short_radius
-from rptcam_cl.optics.shapes.iterated import WORTH_MOVING
+from rptcam_cl.optics.shapes.iterated import WORTH_MOVING, Iterated
 from rptcam_cl.optics.shapes.profile_kinds import shape_of_profile
 from rptcam_cl.optics.shapes.shape import Hits, Profile, Shape
 from rptcam_cl.optics.shapes.toroid import Toroid
@@ -18,6 +18,7 @@ __all__ = [
     "Biconic",
     "Form",
     "Hits",
+    "Iterated",
     "Profile",
     "Shape",
     "Toroid",

@@ -1,0 +1,234 @@
+"""A tolerance run: many copies of a lens made at random and judged, and each tolerance alone at its limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import Copies, Lens, check_copies, configured, film_distance, floated
+from rptcam_cl.scene import Tolerances
+from rptcam_cl.tolerances.beams import beams_of, default_fields, rays_of
+from rptcam_cl.tolerances.draws import drawn
+from rptcam_cl.tolerances.limits import Limit, limits
+from rptcam_cl.tolerances.scores import Judge, Scores
+from rptcam_cl.tolerances.specification import Specification, specification
+from rptcam_cl.tolerances.statistics import Interval, percentile, rank, share
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Sensitivity:
+    """What one tolerance alone does at its limit.
+
+    Attributes
+    ----------
+    label : str
+        What is off: ``radius ±0.2 % of surface 3``.
+    direction : str
+        ``+``, ``-``, or of what lies across the axis ``+x``, ``-x``, ``+y`` or ``-y``; a tilt about that axis.
+    spot_um, mtf : float
+        The merit so changed.
+    spot_change_um, mtf_change : float
+        Less that of the design.
+    shift_mm : float
+        How far refocusing moves the film.
+    """
+
+    label: str
+    direction: str
+    spot_um: float
+    mtf: float
+    spot_change_um: float
+    mtf_change: float
+    shift_mm: float
+
+
+@dataclass(frozen=True)
+class ToleranceRun:
+    """The result.
+
+    Attributes
+    ----------
+    lens : Lens
+        The design, in the state in which copies are judged.
+    tolerances : Tolerances
+    limits : sequence of Limit
+        All that may be off.
+    fields_degrees : tuple of float
+        Angles from the axis that were judged; those beside 0 from four sides.
+    film_distance_mm : float
+        Where the film of the design stands, at the least spots of all fields together.
+    design : Scores
+        Those of the design, as of a single copy.
+    scores : Scores
+        Those of the copies, in the order in which they were made.
+    copies : Copies
+    sensitivities : tuple of Sensitivity
+    """
+
+    lens: Lens
+    tolerances: Tolerances
+    limits: Sequence[Limit]
+    fields_degrees: tuple[float, ...]
+    film_distance_mm: float
+    design: Scores
+    scores: Scores
+    copies: Copies
+    sensitivities: tuple[Sensitivity, ...]
+
+    @property
+    def rank_by(self) -> str:
+        """``spot`` or ``mtf``."""
+        return self.tolerances.merit.rank_by
+
+    @cached_property
+    def order(self) -> NDArray[np.intp]:
+        """Numbers of the copies, the best first."""
+        merit = self.scores.by(self.rank_by)
+        return np.argsort(merit if self.rank_by == "spot" else -merit, kind="stable")
+
+    def copy_at(self, percent: float) -> int:
+        """Return the number of the copy at a percentile: that percent of all are as good or better.
+
+        Raises
+        ------
+        InputError
+            For a percentile that is not above 0 and at most 100.
+        """
+        return int(self.order[rank(percent, len(self.order))])
+
+    def percentile(self, percent: float) -> Interval:
+        """Return the merit that this percent of the copies reach, with the bounds of its 95 % interval."""
+        merit = self.scores.by(self.rank_by)[self.order]
+        return percentile(merit, percent) if self.rank_by == "spot" else _mirrored(percentile(-merit, percent))
+
+    def yield_at(self, limit: float) -> Interval:
+        """Return which share of all copies is at least as good as a limit, with the bounds of its 95 % interval."""
+        merit = self.scores.by(self.rank_by)
+        good = merit <= limit if self.rank_by == "spot" else merit >= limit
+        return share(int(np.count_nonzero(good)), len(merit))
+
+    def worst_offenders(self, count: int = 10) -> list[Sensitivity]:
+        """Return the tolerances that cost most, each in its worst direction."""
+        worst: dict[str, Sensitivity] = {}
+        for one in self.sensitivities:
+            if one.label not in worst or _cost(self.rank_by, one) > _cost(self.rank_by, worst[one.label]):
+                worst[one.label] = one
+        return sorted(worst.values(), key=lambda one: -_cost(self.rank_by, one))[:count]
+
+    def lens_of(self, number: int) -> Lens:
+        """Return a copy as a lens, by its number."""
+        return self.copies.copy(number)
+
+
+def tolerance(
+    lens: Lens,
+    spec: str | Path | Mapping[str, Any] | Tolerances | Specification,
+    *,
+    copies: int | None = None,
+    seed: int | None = None,
+    with_sensitivities: bool = True,
+) -> ToleranceRun:
+    """Return how copies of a lens turn out within tolerances.
+
+    Parameters
+    ----------
+    lens : Lens
+        The design.
+    spec
+        ``commercial``, ``precision`` or ``high_precision``; a YAML file; or the same as Python data.
+    copies, seed : int, optional
+        In place of what the specification says.
+    with_sensitivities : bool
+        Whether each tolerance is taken alone to its limits as well.
+
+    Raises
+    ------
+    InputError
+        When the specification is wrong or names what the lens does not have, or the lens cannot be judged by it.
+    StateError
+        When its file cannot be read.
+    """
+    given = spec if isinstance(spec, Specification) else specification(spec)
+    wanted = given.tolerances
+    check_copies(lens)
+    found = limits(lens, given)
+    state, front = _state(lens, given)
+    judge, fields, film = _judge(state, given, front)
+    deviations = tuple(limit.deviation for limit in found)
+    count = copies or wanted.copies
+    values = drawn(found, count, wanted.seed if seed is None else seed)
+    made = Copies(state, deviations, values)
+    design = judge.scores(Copies(state, deviations, np.zeros((1, len(found), 2))), wanted.refocus)
+    rows = _sensitivities(state, found, judge, design, wanted.refocus) if with_sensitivities else ()
+    scores = judge.scores(made, wanted.refocus)
+    return ToleranceRun(state, wanted, found, fields, film, design, scores, made, rows)
+
+
+def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
+    """Return the design as copies are judged, and the distance from the object to its first vertex [mm]."""
+    wanted = given.tolerances
+    if wanted.zoom is not None:
+        lens = configured(lens, wanted.zoom)
+    wave = wanted.merit.wavelengths_nm[len(wanted.merit.wavelengths_nm) // 2]
+    if wanted.f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(wanted.f_number, wave))
+    if wanted.focus_distance_m is None:
+        return lens, math.inf
+    distance = 1e3 * wanted.focus_distance_m
+    lens = floated(lens, distance)
+    film = film_distance(lens, distance, wavelength_nm=wave)
+    return lens, distance - lens.length - film
+
+
+def _judge(lens: Lens, given: Specification, front: float) -> tuple[Judge, tuple[float, ...], float]:
+    """Return what gives scores, with the film of the design at its best; the fields; and where that film stands."""
+    merit = given.tolerances.merit
+    wave = merit.wavelengths_nm[len(merit.wavelengths_nm) // 2]
+    film = film_distance(lens, front, "front", wave)
+    fields = merit.fields_degrees or default_fields(lens, film, front, wave)
+    try:
+        rays = rays_of(lens, beams_of(fields, front), wave, merit.rings, merit.arms)
+    except InputError as problem:
+        raise given.problem(("merit", "fields_degrees"), str(problem)) from None
+    film += Judge(lens, rays, merit, film).best_shift(lens)
+    return Judge(lens, rays, merit, film), tuple(dict.fromkeys(fields)), film
+
+
+def _sensitivities(
+    lens: Lens, found: Sequence[Limit], judge: Judge, design: Scores, refocus: bool
+) -> tuple[Sensitivity, ...]:
+    """Return what each tolerance alone does, at each of its ends."""
+    rows: list[tuple[int, int, float, str]] = []
+    for number, limit in enumerate(found):
+        for k, axis in enumerate(("x", "y") if limit.deviation.is_pair else ("",)):
+            rows += [(number, k, limit.size, f"+{axis}"), (number, k, -limit.size, f"-{axis}")]
+    values = np.zeros((len(rows), len(found), 2))
+    for place, (number, k, value, _) in enumerate(rows):
+        values[place, number, k] = value
+    scores = judge.scores(Copies(lens, tuple(limit.deviation for limit in found), values), refocus)
+    spots, mtf = scores.spot_um, scores.modulation
+    return tuple(
+        Sensitivity(
+            found[number].label, direction, float(spots[k]), float(mtf[k]), float(spots[k] - design.spot_um[0]),
+            float(mtf[k] - design.modulation[0]), float(scores.shifts_mm[k]),
+        )
+        for k, (number, _, _, direction) in enumerate(rows)
+    )  # fmt: skip
+
+
+def _cost(rank_by: str, one: Sensitivity) -> float:
+    return one.spot_change_um if rank_by == "spot" else -one.mtf_change
+
+
+def _mirrored(found: Interval) -> Interval:
+    return Interval(-found.value, -found.high, -found.low)
