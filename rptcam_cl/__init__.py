@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         sweep,
         tolerance,
     )
+    from rptcam_cl.cluster import render_on_cluster
 
 __all__ = [
     "Change",
@@ -55,6 +56,7 @@ __all__ = [
     "measure_tradeoff",
     "merge",
     "render",
+    "render_on_cluster",
     "settle",
     "sweep",
     "tolerance",
@@ -63,6 +65,10 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Import the interface at first use, so that ``rptcam_cl.optics`` alone needs no OpenCL."""
+    if name == "render_on_cluster":
+        from rptcam_cl import cluster
+
+        return cluster.render_on_cluster
     if name in __all__:
         from rptcam_cl import api
 

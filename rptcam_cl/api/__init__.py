@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.api.interface import devices, load_lens, render
 from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.api.stages import Prepared, picture_so_far, prepare, report, run
+from rptcam_cl.api.stages import Prepared, check_divisible, picture_so_far, prepare, report, run
 from rptcam_cl.device import choose_device
 from rptcam_cl.imaging import Image, develop
 from rptcam_cl.rendering import Progress
@@ -17,6 +17,7 @@ from rptcam_cl.scene import Scene, load_scene
 if TYPE_CHECKING:
     from rptcam_cl.api.frames import Change, Frame
     from rptcam_cl.api.merging import merge
+    from rptcam_cl.api.part_renderer import Found, PartRenderer
     from rptcam_cl.api.resolving import Settlement, settle
     from rptcam_cl.api.session import RenderSession
     from rptcam_cl.api.sweeping import SweepEntry, sweep
@@ -27,8 +28,10 @@ if TYPE_CHECKING:
 __all__ = [
     "Change",
     "FocusReport",
+    "Found",
     "Frame",
     "Image",
+    "PartRenderer",
     "Prepared",
     "Progress",
     "RenderSession",
@@ -37,6 +40,7 @@ __all__ = [
     "Settlement",
     "SweepEntry",
     "autofocus",
+    "check_divisible",
     "choose_device",
     "develop",
     "devices",
@@ -59,7 +63,9 @@ __all__ = [
 _LATER = {
     "Change": "api.frames",
     "FocusReport": "focusing",
+    "Found": "api.part_renderer",
     "Frame": "api.frames",
+    "PartRenderer": "api.part_renderer",
     "RenderSession": "api.session",
     "Settlement": "api.resolving",
     "SweepEntry": "api.sweeping",

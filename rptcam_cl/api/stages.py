@@ -170,7 +170,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     found = resolve(scene, sessions[0]) if saver is None else _resolved_as_saved(scene, sessions[0], saver)
     plan = make_plan(found.scene)
     if saver is not None:
-        saver.of_picture = _of_picture(scene, found, plan, settings)
+        saver.of_picture = of_picture(scene, found, plan, settings)
     started = time.perf_counter()
     if settings.on_progress is not None:
         settings.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -179,7 +179,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     wavefront = _wavefront(scene, plan, sessions, shares, settings)
     if saver is not None:
         first = settings.film_part.first if saved is None else saved.done
-        saver.parts_since = lambda done: _parts(wavefront, first, done)
+        saver.parts_since = lambda done: devices_of(wavefront, first, done)
     seconds = {"start": started - begun, "compile": time.perf_counter() - started}
     return Prepared(
         settings, scene, layers, found.scene, found.metadata, plan, wavefront, saver, saved, begun, seconds,
@@ -240,7 +240,7 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     measured = settings.numerics or settings.strict
     margin = lens_margin(prepared.resolved, prepared.wavefront.session) if measured else None
     first = settings.film_part.first if prepared.saved is None else prepared.saved.done
-    parts = _parts(prepared.wavefront, first, rendering.done)
+    parts = devices_of(prepared.wavefront, first, rendering.done)
     work = joined([] if saver is None else saver.parts, parts)
     stats = statistics(prepared.plan, prepared.wavefront, rendering, times, margin) | {"work": work}
     metadata = described(prepared.scene, prepared.plan, rendering.spp, stats, prepared.metadata)
@@ -266,8 +266,12 @@ def _check_part(scene: Scene, settings: RenderSettings) -> None:
     """Refuse a part of a film that cannot be rendered alone."""
     part = settings.film_part
     part.check(FilmLayout.of(scene.film).tiles)
-    if part == WHOLE:
-        return
+    if part != WHOLE:
+        check_divisible(scene)
+
+
+def check_divisible(scene: Scene) -> None:
+    """Refuse a scene that cannot be rendered in parts."""
     if scene.render.noise is not None:
         raise InputError("part: a noise target needs the whole film (allowed: without render.noise)")
     if scene.camera.diffraction != "off":
@@ -276,7 +280,7 @@ def _check_part(scene: Scene, settings: RenderSettings) -> None:
         raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
 
 
-def _of_picture(scene: Scene, found: Resolved, plan: Plan, settings: RenderSettings) -> dict[str, Any]:
+def of_picture(scene: Scene, found: Resolved, plan: Plan, settings: RenderSettings) -> dict[str, Any]:
     """Return what the picture of a saved render can be made with, without its scene."""
     metadata = described_before(scene, plan, found.metadata)
     if (sensor := sensor_of(found.scene, metadata)) is not None:
@@ -320,7 +324,7 @@ def _saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | N
     return [last[identity] for identity in ids] if last.keys() == set(ids) else None
 
 
-def _parts(wavefront: AnyWavefront, first: int, done: int) -> list[Part]:
+def devices_of(wavefront: AnyWavefront, first: int, done: int) -> list[Part]:
     """Return which device has taken which samples since a render began or went on after ``first``."""
     if isinstance(wavefront, SharedWavefront):
         return wavefront.parts(done)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import frames, parts, plan
+from rptcam_cl.cli import cluster, frames, parts, plan
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json, print_warnings
@@ -44,6 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parts.add_options(parser)
     plan.add_option(parser)
     frames.add_option(parser)
+    cluster.add_options(parser)
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write statistics of the render")
     parser.add_argument(
         "--strict", action="store_true",
@@ -293,8 +294,11 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
         frames.check_options(arguments)
     elif arguments.video is not None:
         raise InputError("--video: is of a sequence (allowed: with --frames)")
+    spread = cluster.requested(arguments)
     _check_outputs(arguments, scene)
     print_warnings(scene.warnings)
+    if spread:
+        return _on_cluster(arguments, scene)
     if arguments.plan:
         from rptcam_cl.api import RenderSettings
 
@@ -302,6 +306,28 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
     if arguments.frames is not None:
         return frames.render_frames(arguments, scene, _wanted, _frame)
     return _one(arguments, scene, should_stop)
+
+
+def _on_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
+    """Render a picture on a cluster, write it, and return the exit code."""
+    folder = cluster.folder_of(arguments)
+    if folder.exists() and not arguments.resume and not arguments.quiet:
+        print(f"note: {folder} holds parts of an earlier render; --resume would go on from it", file=sys.stderr)
+    with contextlib.ExitStack() as stack:
+        stop = stack.enter_context(stop_on_interrupt())
+        show = None if arguments.quiet else stack.enter_context(progress_on_stderr())
+        try:
+            image = cluster.render(arguments, scene, _layers(arguments), show, stop.is_set)
+        except InterruptedError as ended:
+            print(f"interrupted: {ended}; --resume goes on from them", file=sys.stderr)
+            return INTERRUPTED
+    _save(image, arguments)
+    cluster.remove(folder)
+    if not arguments.quiet:
+        print(cluster.account(image), file=sys.stderr)
+        names = ", ".join(map(str, [*arguments.outputs, *arguments.raws]))
+        print(f"wrote {names}: {image.width} x {image.height}, {image.stats['spp']} spp", file=sys.stderr)
+    return 0
 
 
 def _wanted(arguments: argparse.Namespace, scene: "Scene") -> tuple[str, int | None]:

@@ -22,7 +22,7 @@ from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
 from rptcam_cl.rendering.forecast import Forecast, forecast
 from rptcam_cl.rendering.memory import amount
-from rptcam_cl.rendering.merge import layout_of, merged_state
+from rptcam_cl.rendering.merge import layout_of, merged_state, read_part
 from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2, resolve_exposure
 from rptcam_cl.rendering.metering import weights as metering_weights
 from rptcam_cl.rendering.precise_lens import check_precision
@@ -79,6 +79,7 @@ __all__ = [
     "metering_weights",
     "order",
     "picture_of",
+    "read_part",
     "reading_cd_m2",
     "render_plan",
     "rendering_of",

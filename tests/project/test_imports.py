@@ -52,6 +52,7 @@ ROOMS: dict[str, set[str]] = {
         "focusing",
         "tradeoff",
     },
+    "cluster": {"_version", "core", "scene", "device", "rendering", "api"},
     "viewfinder": {
         "_version",
         "core",
@@ -82,6 +83,7 @@ ROOMS: dict[str, set[str]] = {
         "tradeoff",
         "importers",
         "api",
+        "cluster",
         "viewfinder",
     },
 }

@@ -1,0 +1,145 @@
+"""The way to a cluster: a scheduler that runs already, or processes of this machine; who may be talked to, and how."""
+
+from __future__ import annotations
+
+import contextlib
+import ipaddress
+import logging
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from rptcam_cl._version import __version__
+from rptcam_cl.cluster.tasks import look
+from rptcam_cl.core.errors import DeviceError, InputError, StateError
+
+WAIT_S = 10.0  # for a scheduler, and for its first worker
+MOST_WORKERS = 256  # of this machine
+
+
+@dataclass(frozen=True)
+class TLS:
+    """Files (PEM) by which client, scheduler and workers know each other: certificate authority, certificate, key."""
+
+    authority: str
+    certificate: str
+    key: str
+
+
+def check_cluster(cluster: str | None, workers: int | None, tls: TLS | None) -> None:
+    """Refuse what leads to no cluster, or to one that others could reach.
+
+    Raises
+    ------
+    InputError
+    """
+    if (cluster is None) == (workers is None):
+        raise InputError("cluster: give the address of a scheduler or a number of workers (allowed: one of the two)")
+    if workers is not None:
+        if not 1 <= workers <= MOST_WORKERS:
+            raise InputError(f"workers: is out of range (got {workers}; allowed: 1 to {MOST_WORKERS})")
+        if tls is not None:
+            raise InputError("tls: workers of this machine need none (allowed: with a scheduler's address)")
+        return
+    assert cluster is not None
+    match = re.fullmatch(r"(tcp|tls)://(\[[0-9a-fA-F:]+\]|[^:/\[\]]+):(\d{1,5})", cluster)
+    if match is None or not 0 < int(match[3]) < 65536:
+        raise InputError(f"cluster: is no address (got {cluster}; allowed: as tcp://127.0.0.1:8786 or tls://host:8786)")
+    if match[1] == "tls" and tls is None:
+        raise InputError(f"cluster: {cluster} needs certificates (allowed: with --tls CA.pem,CERT.pem,KEY.pem)")
+    if match[1] == "tcp" and tls is not None:
+        raise InputError(f"tls: {cluster} is not encrypted (allowed: an address that begins with tls://)")
+    if match[1] == "tcp" and not _is_loopback(match[2].strip("[]")):
+        raise InputError(
+            f"cluster: {cluster} is open to the network, and whoever reaches a scheduler runs programs on its workers"
+            " (allowed: tls:// with certificates, or tcp:// on this machine)"
+        )
+    for name in () if tls is None else (tls.authority, tls.certificate, tls.key):
+        if not os.path.isfile(name):  # noqa: PTH113 -- a name as it was given
+            raise InputError(f"tls: {name}: no such file (allowed: PEM files of authority, certificate and key)")
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"
+
+
+@contextlib.contextmanager
+def connected(cluster: str | None, workers: int | None, tls: TLS | None, device: str | None) -> Iterator[Any]:
+    """A client of a scheduler, or of workers of this machine, whose workers can all render.
+
+    Raises
+    ------
+    InputError
+        dask.distributed is missing.
+    DeviceError
+        Nobody answers, there is no worker, or one has no device.
+    StateError
+        A worker has another version.
+    """
+    try:
+        import distributed
+    except ImportError:
+        raise InputError("cluster: needs dask.distributed (install rptcam_cl[cluster])") from None
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)  # what goes wrong is said by this program
+    with contextlib.ExitStack() as stack:
+        address: Any = cluster
+        if workers is not None:
+            address = stack.enter_context(_workers_here(workers))
+        security = None
+        if tls is not None:
+            security = distributed.Security(
+                tls_ca_file=tls.authority, tls_client_cert=tls.certificate, tls_client_key=tls.key,
+                require_encryption=True,
+            )  # fmt: skip
+        try:
+            client = distributed.Client(address, security=security, timeout=WAIT_S, set_as_default=False)
+        except (OSError, ValueError) as problem:
+            raise DeviceError(f"cluster: no scheduler answers at {cluster} ({_reason(problem)})") from None
+        stack.enter_context(contextlib.closing(client))
+        _check_workers(client, cluster, device)
+        yield client
+
+
+def _workers_here(workers: int) -> Any:
+    """Return a scheduler with workers of this machine, which share its processors."""
+    from distributed import LocalCluster
+
+    threads = str(max((os.cpu_count() or 1) // workers, 1))
+    return LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+        memory_limit=0, silence_logs=logging.CRITICAL,
+        env={"POCL_MAX_PTHREAD_COUNT": threads, "POCL_CPU_MAX_CU_COUNT": threads},
+    )  # fmt: skip
+
+
+def _check_workers(client: Any, cluster: str | None, device: str | None) -> None:
+    """Refuse a cluster whose workers cannot render, before any work."""
+    from distributed import TimeoutError as TooLate
+
+    name = cluster or "this machine"
+    try:
+        client.wait_for_workers(1, timeout=WAIT_S)
+        seen: dict[str, dict[str, str]] = client.run(look, device)
+    except TooLate:
+        raise DeviceError(f"cluster: {name} has no worker (start one: dask worker {name} --nthreads 1)") from None
+    except ModuleNotFoundError as missing:
+        raise DeviceError(f"cluster: {name}: a worker lacks {missing.name} (install rptcam_cl there)") from None
+    except (AttributeError, ImportError) as problem:
+        raise StateError(f"cluster: {name}: a worker has another version than {__version__} ({problem})") from None
+    for worker, found in sorted(seen.items()):
+        if found["version"] != __version__:
+            raise StateError(
+                f"cluster: the worker {worker} has version {found['version']}, and this is {__version__} (allowed: the"
+                " same everywhere)"
+            )
+        if "problem" in found:
+            raise DeviceError(f"cluster: the worker {worker} cannot render: {found['problem']}")
+
+
+def _reason(problem: Exception) -> str:
+    return str(problem).splitlines()[0] if str(problem) else type(problem).__name__

@@ -1,0 +1,106 @@
+"""A scene with all its files as bytes, so that a machine that has none of them can render it."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.core.references import named_files, read_whole
+from rptcam_cl.scene import Scene, load_scene, plain
+
+LARGEST_FILE = 2 << 30  # bytes
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A scene and its files.
+
+    Attributes
+    ----------
+    scene : dict
+        The data of the scene.
+    files : dict
+        Contents, by path in the scene's folder, with ``/`` between its parts.
+    content_hash : str
+        Of the scene as it was packed.
+    """
+
+    scene: dict[str, Any]
+    files: dict[str, bytes]
+    content_hash: str
+
+    @property
+    def digest(self) -> str:
+        """What tells this parcel from others: the SHA-256 of all that it holds."""
+        whole = hashlib.sha256(self.content_hash.encode())
+        for name, content in sorted(self.files.items()):
+            whole.update(f"\0{name}\0".encode() + hashlib.sha256(content).digest())
+        return whole.hexdigest()
+
+    def unpacked(self, folder: Path) -> Scene:
+        """Write the files into a folder, and return the scene that reads them there.
+
+        Raises
+        ------
+        StateError
+            It is not the scene that was packed.
+        """
+        for name, content in self.files.items():
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(content)
+        scene = load_scene(self.scene, base_dir=folder)
+        if scene.content_hash() != self.content_hash:
+            raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
+        return scene
+
+
+def packed(scene: Scene) -> Parcel:
+    """Return a scene with all the files that it names, directly or by a file of its own.
+
+    Raises
+    ------
+    InputError
+        A file is missing, or lies outside the scene's folder.
+    StateError
+        One cannot be read.
+    """
+    if scene.stand_ins:
+        raise InputError("the scene lacks files, and a cluster renders whole scenes (allowed: without --missing grey)")
+    data = {name: _data(value) for name, value in scene.made_of.items()}
+    base = scene.base_dir.resolve()
+    with named_files() as named:
+        again = load_scene(data, base_dir=base)
+        again.solids()
+        digest = again.content_hash()
+    files = {}
+    for path in sorted(named):
+        if not path.is_relative_to(base):
+            raise InputError(f"{path}: lies outside the scene's folder (allowed: files in {base}, which are sent)")
+        files[path.relative_to(base).as_posix()] = read_whole(path, LARGEST_FILE)
+    parcel = Parcel(data, files, digest)
+    if digest != scene.content_hash():
+        raise StateError("the scene's files have changed since it was loaded (load it again)")
+    return parcel
+
+
+def _data(value: Any) -> Any:
+    """Return a part of a scene as the data that a file has."""
+    return value.model_dump(mode="json", exclude_unset=True) if hasattr(value, "model_dump") else plain(value)
+
+
+_FOLDERS: dict[str, tuple[Any, Scene]] = {}  # of parcels that are unpacked in this process
+
+
+def scene_of(parcel: Parcel) -> Scene:
+    """Return the scene of a parcel, unpacked once in this process; its folder goes with the process or the next one."""
+    if parcel.digest not in _FOLDERS:
+        folder = tempfile.TemporaryDirectory(prefix="rptcam-scene-")
+        scene = parcel.unpacked(Path(folder.name))
+        _FOLDERS.clear()
+        _FOLDERS[parcel.digest] = folder, scene
+    return _FOLDERS[parcel.digest][1]

@@ -1,0 +1,191 @@
+"""A render on a cluster: parts go out, files come back, and their whole is the picture."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl._version import __version__
+from rptcam_cl.api import Image, Progress, RenderSettings, check_divisible, load_scene, merge
+from rptcam_cl.cluster.client import TLS, check_cluster, connected
+from rptcam_cl.cluster.parcel import Parcel, packed
+from rptcam_cl.cluster.parts_folder import PartsFolder, PartsPlan
+from rptcam_cl.cluster.tasks import Job, Opened, RenderedPart, open_render, render_part
+from rptcam_cl.cluster.tasks_out import TasksOut
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.rendering import FilmLayout
+from rptcam_cl.scene import Scene
+
+TASK_S = 3.0  # of rendering in one part [s]
+PARTS_A_WORKER = 4  # at least, so that all end at about the same time
+AHEAD = 2  # parts with each worker: the one that it renders, and the next
+
+
+def render_on_cluster(
+    scene: Scene | str | Path | Mapping[str, Any],
+    cluster: str | None = None,
+    *,
+    workers: int | None = None,
+    tls: TLS | None = None,
+    device: str | None = None,
+    folder: str | Path | None = None,
+    resume: bool = False,
+    spp: int | None = None,
+    seed: int | None = None,
+    size: tuple[int, int] | None = None,
+    crop: tuple[float, float, float, float] | None = None,
+    layers: Sequence[str] | None = None,
+    on_progress: Callable[[Progress], Any] | None = None,
+    should_stop: Callable[[], bool] | None = None,
+) -> Image:
+    """Return the picture that the camera of a scene takes, rendered by the workers of a cluster.
+
+    On equal devices it has the bits of `rptcam_cl.render`. Otherwise the metadata list each device with its parts.
+
+    Parameters
+    ----------
+    scene
+        A scene, or anything that `load_scene` takes; it goes to each worker once, with its files.
+    cluster
+        Address of a scheduler of dask.distributed: ``tls://host:8786``, or ``tcp://127.0.0.1:8786``.
+    workers
+        In place of an address: processes of this machine, which end with the render.
+    tls
+        Certificates, for an address that begins with ``tls://``.
+    device
+        Of each worker, as for `choose_device`.
+    folder
+        Where parts are kept until the picture is whole; by default one that goes with the call.
+    resume
+        Whether to go on from the parts in the folder.
+    spp, seed, size, crop, layers
+        As for `rptcam_cl.render`.
+    on_progress
+        Called with a `Progress` after each part.
+    should_stop
+        Asked several times a second; True ends the render and raises `InterruptedError`.
+
+    Raises
+    ------
+    InputError
+        Something in the scene or the arguments is wrong, or dask.distributed is missing.
+    DeviceError
+        There is no scheduler or worker, or a worker cannot render.
+    StateError
+        Workers have another version, the parts are of another render, the scheduler was lost, or a file cannot be
+        written.
+    InterruptedError
+        ``should_stop`` ended it; the parts are kept in the folder.
+    """
+    check_cluster(cluster, workers, tls)
+    given = scene if isinstance(scene, Scene) else load_scene(scene)
+    words: dict[str, Any] = {"spp": spp, "seed": seed, "size": size, "crop": crop, "layers": layers}
+    settings = RenderSettings(**words)
+    applied = settings.applied_to(given)
+    check_divisible(applied)
+    parcel, job = packed(given), Job(words, device)
+    with tempfile.TemporaryDirectory(prefix="rptcam-parts-") as scratch:
+        kept = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
+        samples = settings.most_spp(applied)
+        assert samples is not None, "without a time it ends by samples"
+        run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop)
+        if not resume:
+            kept.clear()
+        plan = run.earlier_plan()
+        if plan is None or kept.missing(plan):
+            with connected(cluster, workers, tls, device) as client:
+                plan = run.complete(client, plan)
+        image = merge([kept.file(number) for number in range(1, plan.count + 1)])
+    image.stats["cluster"] = {"parts": plan.count, "workers": run.account}
+    return image
+
+
+@dataclass
+class _Run:
+    """One render on a cluster."""
+
+    kept: PartsFolder
+    parcel: Parcel
+    job: Job
+    scene: Scene
+    spp: int
+    on_progress: Callable[[Progress], Any] | None
+    should_stop: Callable[[], bool] | None
+    account: dict[str, dict[str, Any]] = field(default_factory=dict)
+
+    def earlier_plan(self) -> PartsPlan | None:
+        """Return the plan that the folder holds, if it is of this render."""
+        plan = self.kept.plan()
+        if plan is None:
+            return None
+        mine = {"version": __version__, "scene": self.scene.content_hash(), "spp": self.spp}
+        for name, value in mine.items():
+            if getattr(plan, name) != value:
+                raise StateError(
+                    f"{self.kept.path}: holds parts of another render: its {name} is {getattr(plan, name)}, not {value}"
+                    " (remove it, or render without --resume)"
+                )
+        return plan
+
+    def complete(self, client: Any, plan: PartsPlan | None) -> PartsPlan:
+        """Render all parts that are missing, and return the plan."""
+        sent = TasksOut(client, self.parcel)
+        if plan is None:
+            opened: Opened = self._wait_for(sent, lambda: sent.submit(open_render, self.job))
+            count = self._count(opened, len(client.nthreads()))
+            plan = PartsPlan(__version__, self.scene.content_hash(), self.spp, count, opened.found)
+            self.kept.begin(plan)
+        self.job = replace(self.job, found=plan.found, count=plan.count)
+        self._render(sent, plan)
+        return plan
+
+    def _count(self, opened: Opened, workers: int) -> int:
+        by_time = int(opened.seconds / TASK_S) + 1
+        return min(max(by_time, PARTS_A_WORKER * workers), FilmLayout.of(self.scene.film).tiles)
+
+    def _wait_for(self, sent: TasksOut, begin: Callable[[], None]) -> Any:
+        begin()
+        while (came := sent.next()) is None:
+            self._check(sent)
+        return came[1]
+
+    def _render(self, sent: TasksOut, plan: PartsPlan) -> None:
+        todo = deque(self.kept.missing(plan))
+        left, begun = len(todo), time.perf_counter()
+        while left:
+            while todo and sent.under_way < AHEAD * sent.workers:
+                sent.submit(render_part, self.job, todo.popleft())
+            if (came := sent.next()) is None:
+                self._check(sent)
+                continue
+            worker, part = came
+            self._take(worker, part)
+            left -= 1
+            self._tell(1 - left / plan.count, time.perf_counter() - begun)
+            self._check(sent)
+
+    def _take(self, worker: str, part: RenderedPart) -> None:
+        self.kept.keep(part.number, part.content)
+        row = self.account.setdefault(worker, {"device": part.device, "parts": 0, "seconds": 0.0})
+        row["parts"] += 1
+        row["seconds"] = round(row["seconds"] + part.seconds, 3)
+
+    def _tell(self, share: float, seconds: float) -> None:
+        if self.on_progress is not None:
+            pixels = self.scene.film.resolution[0] * self.scene.film.resolution[1]
+            rate = share * pixels * self.spp / max(seconds, 1e-9) / 1e6
+            self.on_progress(Progress("render", 0, self.spp, seconds, rate, None, tiles_done=share))
+
+    def _check(self, sent: TasksOut) -> None:
+        if self.should_stop is not None and self.should_stop():
+            sent.cancel()
+            raise InterruptedError(f"the parts that are done are in {self.kept.path}")
+        if sent.silent:
+            raise StateError(
+                f"cluster: the scheduler is gone; {self.kept.path} holds the parts that came back (--resume goes on)"
+            )
