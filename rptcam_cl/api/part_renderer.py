@@ -76,11 +76,6 @@ class PartRenderer:
         self._wavefront.warm_up()
         self._of_picture = of_picture(scene, resolved, self._plan, settings)
 
-    @property
-    def tiles(self) -> int:
-        """Tiles of the film: the most parts that it can have."""
-        return FilmLayout.of(self._scene.film).tiles
-
     def seconds(self) -> float:
         """Return how long the whole film takes here [s], by a short measurement."""
         return forecast(self._wavefront, 0, self._end, measure_s=SHORT_MEASURE_S).seconds

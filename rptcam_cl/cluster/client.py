@@ -111,7 +111,7 @@ def _workers_here(workers: int) -> Any:
 
     threads = str(max((os.cpu_count() or 1) // workers, 1))
     return LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address=None,
+        n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address="127.0.0.1:0",
         memory_limit=0, silence_logs=logging.CRITICAL,
         env={"POCL_MAX_PTHREAD_COUNT": threads, "POCL_CPU_MAX_CU_COUNT": threads},
     )  # fmt: skip

@@ -21,7 +21,8 @@ from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering import FilmLayout
 from rptcam_cl.scene import Scene
 
-TASK_S = 3.0  # of rendering in one part [s]
+TASK_S = 3.0  # of rendering in one part, at least [s]
+CLIENT_S = 0.04  # that a part costs the client at most, so that it keeps up with many workers [s]
 PARTS_A_WORKER = 4  # at least, so that all end at about the same time
 AHEAD = 2  # parts with each worker: the one that it renders, and the next
 
@@ -105,6 +106,11 @@ def render_on_cluster(
     return image
 
 
+def parts_of(seconds: float, workers: int) -> int:
+    """Return how many parts a render of so many seconds of one worker has."""
+    return max(int(seconds / max(TASK_S, CLIENT_S * workers)) + 1, PARTS_A_WORKER * workers)
+
+
 @dataclass
 class _Run:
     """One render on a cluster."""
@@ -137,16 +143,12 @@ class _Run:
         sent = TasksOut(client, self.parcel)
         if plan is None:
             opened: Opened = self._wait_for(sent, lambda: sent.submit(open_render, self.job))
-            count = self._count(opened, len(client.nthreads()))
+            count = min(parts_of(opened.seconds, len(client.nthreads())), FilmLayout.of(self.scene.film).tiles)
             plan = PartsPlan(__version__, self.scene.content_hash(), self.spp, count, opened.found)
             self.kept.begin(plan)
         self.job = replace(self.job, found=plan.found, count=plan.count)
         self._render(sent, plan)
         return plan
-
-    def _count(self, opened: Opened, workers: int) -> int:
-        by_time = int(opened.seconds / TASK_S) + 1
-        return min(max(by_time, PARTS_A_WORKER * workers), FilmLayout.of(self.scene.film).tiles)
 
     def _wait_for(self, sent: TasksOut, begin: Callable[[], None]) -> Any:
         begin()
@@ -179,7 +181,8 @@ class _Run:
         if self.on_progress is not None:
             pixels = self.scene.film.resolution[0] * self.scene.film.resolution[1]
             rate = share * pixels * self.spp / max(seconds, 1e-9) / 1e6
-            self.on_progress(Progress("render", 0, self.spp, seconds, rate, None, tiles_done=share))
+            done = round(share * self.spp)
+            self.on_progress(Progress("render", done, self.spp, seconds, rate, None, tiles_done=share))
 
     def _check(self, sent: TasksOut) -> None:
         if self.should_stop is not None and self.should_stop():

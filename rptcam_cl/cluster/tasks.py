@@ -43,10 +43,9 @@ class Job:
 
 @dataclass(frozen=True)
 class Opened:
-    """What the first worker finds: focus and exposure for all, tiles of the film, seconds that it would take here."""
+    """What the first worker finds: focus and exposure for all, and how long the whole film would take it [s]."""
 
     found: Found
-    tiles: int
     seconds: float
 
 
@@ -76,7 +75,7 @@ def open_render(parcel: Parcel, job: Job) -> Opened:
     """Prepare a render: find focus and exposure, compile, measure the speed."""
     with _ONE:
         renderer = _renderer(parcel, job)
-        return Opened(renderer.found, renderer.tiles, renderer.seconds())
+        return Opened(renderer.found, renderer.seconds())
 
 
 def render_part(parcel: Parcel, job: Job, number: int) -> RenderedPart:

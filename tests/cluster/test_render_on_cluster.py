@@ -1,0 +1,180 @@
+"""Renders on a cluster: the bits of one run, whoever renders which part; a cluster that cannot render says why."""
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import distributed
+import numpy as np
+import pytest
+from PIL import Image as Picture
+
+import rptcam_cl
+from rptcam_cl import DeviceError, InputError, StateError, render_on_cluster
+from rptcam_cl.api import load_scene
+from rptcam_cl.cluster import TLS, client, tasks
+from rptcam_cl.cluster.parcel import packed
+from rptcam_cl.rendering import read_part
+
+WORLD: dict[str, Any] = {
+    "film": {"resolution": [50, 30]},
+    "camera": {"kind": "pinhole", "fov_degrees": 40, "eye": [0, -6, 1.5], "target": [0, 0, 0.8], "up": [0, 0, 1]},
+    "exposure": "auto",
+    "render": {"seed": 5, "max_depth": 3, "spp": 8},
+    "materials": {"dots": {"kind": "matte", "reflectance": {"kind": "image", "file": "pictures/dots.png"}}},
+    "objects": [
+        {"shape": "sphere", "center": [0, 0, 1], "radius": 1, "material": "dots"},
+        {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": "dots"},
+    ],
+    "environment": {"kind": "gradient", "bottom": 0.2, "top": [0.6, 0.8, 1.0]},
+}
+
+
+@contextmanager
+def cluster(workers: int = 1) -> Iterator[str]:
+    """A scheduler with workers that are threads of this process."""
+    with distributed.LocalCluster(
+        n_workers=workers, threads_per_worker=1, processes=False, protocol="tcp", host="127.0.0.1",
+        dashboard_address="127.0.0.1:0", memory_limit=0, silence_logs=100,
+    ) as local:  # fmt: skip
+        yield local.scheduler_address
+
+
+@pytest.fixture(scope="module")
+def address() -> Iterator[str]:
+    with cluster(2) as found:
+        yield found
+
+
+@pytest.fixture
+def scene_file(tmp_path: Path) -> Path:
+    path = tmp_path / "scene" / "scene.json"
+    (path.parent / "pictures").mkdir(parents=True)
+    Picture.fromarray(np.random.default_rng(3).integers(0, 255, (8, 8, 3), np.uint8)).save(
+        path.parent / "pictures/dots.png"
+    )
+    path.write_text(json.dumps(WORLD))
+    return path
+
+
+def test_picture_has_the_bits_and_the_metadata_of_one_run(address: str, scene_file: Path, tmp_path: Path) -> None:
+    seen = []
+    image = render_on_cluster(
+        scene_file, address, spp=9, layers=["depth"], folder=tmp_path / "parts", on_progress=seen.append
+    )
+    alone = rptcam_cl.render(scene_file, spp=9, layers=["depth"])
+    np.testing.assert_array_equal(image.pixels, alone.pixels)
+    np.testing.assert_array_equal(image["depth"], alone["depth"])
+    assert image.metadata == alone.metadata
+    count = image.stats["cluster"]["parts"]
+    assert count >= 8  # four for each worker
+    assert sum(row["parts"] for row in image.stats["cluster"]["workers"].values()) == count
+    assert [round(progress.tiles_done * count) for progress in seen] == list(range(1, count + 1))
+
+
+def test_lost_and_damaged_parts_alone_are_rendered_again(address: str, scene_file: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "parts"
+    first = render_on_cluster(scene_file, address, folder=folder)
+    (folder / "2.rpck").unlink()
+    (folder / "3.rpck").write_bytes((folder / "3.rpck").read_bytes()[:-1])
+    image = render_on_cluster(scene_file, address, folder=folder, resume=True)
+    np.testing.assert_array_equal(image.pixels, first.pixels)
+    assert sum(row["parts"] for row in image.stats["cluster"]["workers"].values()) == 2
+    whole = render_on_cluster(scene_file, "tcp://127.0.0.1:1", folder=folder, resume=True)  # nothing is left to do
+    np.testing.assert_array_equal(whole.pixels, first.pixels)
+    with pytest.raises(StateError, match="parts of another render: its spp is 8, not 9"):
+        render_on_cluster(scene_file, address, folder=folder, resume=True, spp=9)
+
+
+def test_stopped_render_keeps_its_parts(address: str, scene_file: Path, tmp_path: Path) -> None:
+    done: list[Any] = []
+    with pytest.raises(InterruptedError, match="parts"):
+        render_on_cluster(
+            scene_file, address, folder=tmp_path / "parts", on_progress=done.append, should_stop=lambda: len(done) >= 3
+        )
+    files = sorted((tmp_path / "parts").glob("*.rpck"))
+    assert len(files) == 3
+    assert all(read_part(file).done == 8 for file in files)
+
+
+def test_workers_need_no_file_of_the_client(scene_file: Path, tmp_path: Path) -> None:
+    parcel = packed(load_scene(scene_file))
+    assert list(parcel.files) == ["pictures/dots.png"]
+    elsewhere = parcel.unpacked(tmp_path / "elsewhere")
+    assert elsewhere.content_hash() == load_scene(scene_file).content_hash()
+    assert elsewhere.base_dir == tmp_path / "elsewhere"
+    other = Picture.new("RGB", (8, 8))
+    other.save(scene_file.parent / "pictures/dots.png")
+    assert packed(load_scene(scene_file)).digest != parcel.digest
+
+
+def test_files_outside_the_folder_are_not_sent(scene_file: Path, tmp_path: Path) -> None:
+    picture = {"kind": "image", "file": "../scene/pictures/dots.png"}
+    world = WORLD | {"materials": {"dots": {"kind": "matte", "reflectance": picture}}}
+    scene = load_scene(world, base_dir=tmp_path / "elsewhere", allow_folders=[scene_file.parent])
+    with pytest.raises(InputError, match="lies outside"):
+        packed(scene)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ({}, "one of the two"),
+        ({"cluster": "tcp://127.0.0.1:8786", "workers": 2}, "one of the two"),
+        ({"workers": 0}, "got 0; allowed: 1 to 256"),
+        ({"cluster": "127.0.0.1:8786"}, "is no address"),
+        ({"cluster": "tcp://127.0.0.1:99999"}, "is no address"),
+        ({"cluster": "tcp://192.168.0.7:8786"}, "is open to the network"),
+        ({"cluster": "tcp://farm.example:8786"}, "is open to the network"),
+        ({"cluster": "tls://farm.example:8786"}, "needs certificates"),
+        ({"cluster": "tls://farm.example:8786", "tls": TLS("no.pem", "no.pem", "no.pem")}, "no.pem: no such file"),
+        ({"cluster": "tcp://[::1]:8786", "tls": TLS("a", "b", "c")}, "is not encrypted"),
+        ({"workers": 2, "tls": TLS("a", "b", "c")}, "need none"),
+    ],
+)
+def test_wrong_addresses_are_refused(words: dict[str, Any], message: str, scene_file: Path) -> None:
+    with pytest.raises(InputError, match=message):
+        render_on_cluster(scene_file, **words)
+
+
+def test_addresses_of_this_machine_need_no_certificates() -> None:
+    for address in ("tcp://127.0.0.1:8786", "tcp://localhost:8786", "tcp://[::1]:8786", "tcp://127.1.2.3:1"):
+        client.check_cluster(address, None, None)
+
+
+def test_cluster_that_cannot_render_is_refused_before_any_work(
+    scene_file: Path, address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "WAIT_S", 1.0)
+    with pytest.raises(DeviceError, match=r"no scheduler answers at tcp://127\.0\.0\.1:1 "):
+        render_on_cluster(scene_file, "tcp://127.0.0.1:1")
+    with cluster(0) as empty, pytest.raises(DeviceError, match=r"has no worker .start one: dask worker tcp"):
+        render_on_cluster(scene_file, empty)
+    with pytest.raises(DeviceError, match=r"cannot render: .*fits no OpenCL device"):
+        render_on_cluster(scene_file, address, device="nothing-like-it")
+    monkeypatch.setattr(tasks, "__version__", "0.0.1")
+    with pytest.raises(StateError, match=r"has version 0\.0\.1, and this is"):
+        render_on_cluster(scene_file, address)
+
+
+def test_worker_that_joins_with_another_version_ends_the_render(
+    scene_file: Path, address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(client, "_check_workers", lambda *words: None)
+    monkeypatch.setattr(tasks, "__version__", "0.0.1")
+    with pytest.raises(StateError, match=r"a worker runs version 0\.0\.1, and the client"):
+        render_on_cluster(scene_file, address)
+
+
+def test_scenes_that_cannot_be_divided_are_refused(scene_file: Path, address: str) -> None:
+    with pytest.raises(InputError, match="variance needs the whole film"):
+        render_on_cluster(scene_file, address, layers=["variance"])
+
+
+def test_without_dask_the_extra_is_named(scene_file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    with pytest.raises(InputError, match=r"install rptcam_cl\[cluster\]"):
+        render_on_cluster(scene_file, workers=2)
