@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rptcam_cl._version import __version__
-from rptcam_cl.cluster.tasks import look
+from rptcam_cl.cluster.tasks import survey
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 
 WAIT_S = 10.0  # for a scheduler, and for its first worker
@@ -124,7 +124,7 @@ def _check_workers(client: Any, cluster: str | None, device: str | None) -> None
     name = cluster or "this machine"
     try:
         client.wait_for_workers(1, timeout=WAIT_S)
-        seen: dict[str, dict[str, str]] = client.run(look, device)
+        seen: dict[str, dict[str, str]] = client.run(survey, device)
     except TooLate:
         raise DeviceError(f"cluster: {name} has no worker (start one: dask worker {name} --nthreads 1)") from None
     except ModuleNotFoundError as missing:

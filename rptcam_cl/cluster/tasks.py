@@ -1,4 +1,4 @@
-"""What a worker does: look at itself, open a render, render one part of it; one render at a time is kept open."""
+"""What a worker does: survey itself, open a render, render one part of it; one render at a time is kept open."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ _ONE = threading.Lock()  # a worker with several threads has one device all the 
 _OPEN: dict[tuple[Any, ...], PartRenderer] = {}
 
 
-def look(device: str | None = None) -> dict[str, str]:
+def survey(device: str | None = None) -> dict[str, str]:
     """Return the version of a worker's program and its device, or under ``problem`` why it has none."""
     try:
         return {"version": __version__, "device": choose_device(device).name}
