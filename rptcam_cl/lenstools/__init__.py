@@ -30,6 +30,7 @@ from rptcam_cl.lenstools.distortion import PROJECTIONS, distortion_chart, distor
 from rptcam_cl.lenstools.drawing import draw_lens, svg
 from rptcam_cl.lenstools.fields import default_fields
 from rptcam_cl.lenstools.foreign import left_out
+from rptcam_cl.lenstools.ghosts import draw_ghost, ghost_summary, ghost_table, way_text
 from rptcam_cl.lenstools.lens_state import Setting, setting
 from rptcam_cl.lenstools.mtf import field_mtf, mtf_chart, mtf_table
 from rptcam_cl.lenstools.pbrt_table import loses_dispersion, pbrt_text
@@ -70,6 +71,7 @@ __all__ = [
     "device_tracer",
     "distortion_chart",
     "distortion_table",
+    "draw_ghost",
     "draw_lens",
     "encoded",
     "field_mtf",
@@ -77,6 +79,8 @@ __all__ = [
     "film_radii",
     "film_spots",
     "followed_projection",
+    "ghost_summary",
+    "ghost_table",
     "glass",
     "left_out",
     "lens_text",
@@ -113,5 +117,6 @@ __all__ = [
     "wavefront_chart",
     "wavefront_table",
     "wavelength_colour",
+    "way_text",
     "zemax_text",
 ]

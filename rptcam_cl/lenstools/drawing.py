@@ -38,13 +38,13 @@ def draw_lens(setting: Setting, view: View | None = None, tracer: Tracer = refer
     outline = [profile(setting.lens, k, view.section) for k in range(len(setting.lens.surfaces))]
     outline += blades(setting.lens, view.section)
     film = _film(setting, [line[-1] for beam, ray, line in lines if beam.paths.last.status[ray] == Status.ok])
-    frame = _Frame.around([*outline, *([film] if film is not None else []), *(line for _, _, line in lines)], setting)
+    frame = Frame.around([*outline, *([film] if film is not None else []), *(line for _, _, line in lines)], setting)
     picture = Drawing(WIDTH, frame.height, _title(setting))
-    _draw_glass(picture, frame, setting, view)
+    draw_glass(picture, frame, setting, view)
     picture.add(Path(frame.axis(), FAINT, 0.8, dash=(10, 3, 2, 3)))
     for beam, ray, line in lines:
         _draw_ray(picture, frame, beam, ray, line)
-    _draw_surfaces(picture, frame, setting, view)
+    draw_surfaces(picture, frame, setting, view)
     _draw_numbers(picture, frame, lines)
     if film is not None:
         picture.add(Path(frame.places(film), INK, 2.0, note="film"))
@@ -76,7 +76,7 @@ def svg(
 
 
 @dataclass(frozen=True)
-class _Frame:
+class Frame:
     """Millimetres to pixels, alike along both axes; the optical axis lies level."""
 
     scale: float
@@ -85,7 +85,7 @@ class _Frame:
     height: float
 
     @staticmethod
-    def around(lines: Sequence[Array], setting: Setting) -> _Frame:
+    def around(lines: Sequence[Array], setting: Setting) -> Frame:
         """Return the frame that holds lines of points (z, height)."""
         size = size_of(setting.lens)
         points = np.concatenate(lines)
@@ -95,7 +95,7 @@ class _Frame:
         scale = min((WIDTH - 2 * MARGIN) / (right - left), MOST_HEIGHT / (2 * reach))
         tall = max(2 * reach * scale, LEAST_HEIGHT)
         spare = (WIDTH - 2 * MARGIN) / scale - (right - left)
-        return _Frame(scale, left - spare / 2, HEAD + tall / 2, HEAD + tall + FOOT)
+        return Frame(scale, left - spare / 2, HEAD + tall / 2, HEAD + tall + FOOT)
 
     def places(self, points: Array) -> list[Point]:
         """Return pixels for points (z, height)."""
@@ -129,7 +129,8 @@ def _title(setting: Setting) -> str:
     return "; ".join(parts)
 
 
-def _draw_glass(picture: Drawing, frame: _Frame, setting: Setting, view: View) -> None:
+def draw_glass(picture: Drawing, frame: Frame, setting: Setting, view: View) -> None:
+    """Draw what lies between the surfaces."""
     media = glass(setting.lens, view.section, setting.wavelength_nm)
     if setting.film_distance_mm is not None:
         behind = medium_behind(setting.lens, view.section, setting.wavelength_nm, setting.film_z)
@@ -139,7 +140,8 @@ def _draw_glass(picture: Drawing, frame: _Frame, setting: Setting, view: View) -
         picture.add(Path(frame.places(outline), INK, 0.6, glass_colour(index), closed=True, note=note))
 
 
-def _draw_surfaces(picture: Drawing, frame: _Frame, setting: Setting, view: View) -> None:
+def draw_surfaces(picture: Drawing, frame: Frame, setting: Setting, view: View) -> None:
+    """Draw surfaces, obstructions and the stop."""
     for k, surface in enumerate(setting.lens.surfaces):
         flat_stop = surface.is_stop and surface.is_sphere and not surface.curvature
         block = obstruction(setting.lens, k, view.section)
@@ -153,7 +155,7 @@ def _draw_surfaces(picture: Drawing, frame: _Frame, setting: Setting, view: View
         picture.add(Path(frame.places(blade), INK, 3.5, note=f"stop, surface {setting.lens.stop_index}"))
 
 
-def _draw_ray(picture: Drawing, frame: _Frame, beam: Bundle, ray: int, line: Array) -> None:
+def _draw_ray(picture: Drawing, frame: Frame, beam: Bundle, ray: int, line: Array) -> None:
     places = frame.places(line)
     status = Status(int(beam.paths.last.status[ray]))
     if status == Status.ok:
@@ -166,7 +168,7 @@ def _draw_ray(picture: Drawing, frame: _Frame, beam: Bundle, ray: int, line: Arr
         picture.add(Path([(x - MARK, y - tilt), (x + MARK, y + tilt)], BLOCKED, 1.3, note=what))
 
 
-def _draw_numbers(picture: Drawing, frame: _Frame, lines: Sequence[tuple[Bundle, int, Array]]) -> None:
+def _draw_numbers(picture: Drawing, frame: Frame, lines: Sequence[tuple[Bundle, int, Array]]) -> None:
     """Write the number of each surface that blocks rays beside its outermost mark."""
     marks: dict[int, Point] = {}
     for beam, ray, line in lines:

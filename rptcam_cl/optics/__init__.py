@@ -30,6 +30,9 @@ from rptcam_cl.optics.files.schema import glass_json_schema, lens_json_schema_te
 from rptcam_cl.optics.film_crossings import Crossings, crossings
 from rptcam_cl.optics.first_order import FirstOrder, Planes, Pupil, limiting_surface, system_matrix
 from rptcam_cl.optics.focus import film_distance, object_distance
+from rptcam_cl.optics.ghost_path import GhostImage, ghost_image, ghost_magnification, steps, unfolded, with_film
+from rptcam_cl.optics.ghost_tree import Account, Lit
+from rptcam_cl.optics.ghosts import FilmLight, Ghosts, find_ghosts
 from rptcam_cl.optics.glass import (
     AIR,
     AbbeCauchy,
@@ -115,6 +118,7 @@ __all__ = [
     "AbbeCauchy",
     "AbbeLinear",
     "Absorption",
+    "Account",
     "Beam",
     "Biconic",
     "Coating",
@@ -123,14 +127,18 @@ __all__ = [
     "Crossings",
     "Deviation",
     "FieldError",
+    "FilmLight",
     "FilmProbe",
     "FirstOrder",
     "Form",
+    "GhostImage",
+    "Ghosts",
     "GlassChoice",
     "Interface",
     "Law",
     "Lens",
     "LensTransmission",
+    "Lit",
     "MeasuredReflectance",
     "Medium",
     "Melt",
@@ -176,9 +184,12 @@ __all__ = [
     "film_distance",
     "film_irradiance",
     "film_points",
+    "find_ghosts",
     "fitted",
     "floated",
     "focused_by_group",
+    "ghost_image",
+    "ghost_magnification",
     "glass_json_schema",
     "glass_named",
     "glasses_of",
@@ -221,10 +232,13 @@ __all__ = [
     "spread",
     "spread_points",
     "star",
+    "steps",
     "strehl",
     "system_matrix",
     "trace",
     "transfer",
+    "unfolded",
     "with_coating",
+    "with_film",
     "zoomed",
 ]

@@ -1,7 +1,8 @@
 """Light that an interface lets through: bare (Fresnel), with a quarter-wave layer, or with a measured coating.
 
 Nothing is swallowed at an interface, so what is not reflected passes, and light may be followed either way (Stokes):
-swapping the two sides changes nothing. Unpolarised light: the mean of both polarisations.
+swapping the two sides changes nothing. `transmittance` is for unpolarised light: the mean of both polarisations.
+`polarised` has the complex amplitudes of each, for light that is followed through several surfaces.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.optics.absorption import interpolated
 
 Array = NDArray[np.float64]
+Amplitude = NDArray[np.float64] | NDArray[np.complex128]
 
 
 class Interface(NamedTuple):
@@ -39,17 +41,39 @@ class Interface(NamedTuple):
         return Interface(self.before, self.after)
 
 
+class Polarised(NamedTuple):
+    """What an interface makes of light of both linear polarisations: factors of its amplitude.
+
+    The square of a factor is a share of the light, so those of reflected and passed light add up to 1. With s across
+    the plane of incidence, p = direction x s before and behind the interface; complex where a layer or total
+    reflection turns the phase, of light whose phase grows with the path.
+    """
+
+    reflected_s: Amplitude
+    reflected_p: Amplitude
+    passed_s: Amplitude
+    passed_p: Amplitude
+
+
 class Coating(Protocol):
     """What lies on a surface."""
 
     def transmittance(self, interface: Interface, wavelength_nm: ArrayLike) -> Array:
         """Return the share of unpolarised light that passes, at wavelengths [nm]."""
 
+    def polarised(self, interface: Interface, wavelength_nm: float) -> Polarised:
+        """Return the amplitudes of both polarisations at a wavelength [nm]; the cosine behind may be imaginary."""
+
 
 def amplitudes(interface: Interface) -> tuple[Array, Array]:
     """Return the reflected amplitudes of s and p polarised light (Born and Wolf, Principles of Optics, 1.5.2)."""
-    n, m, c, d = (np.asarray(value, dtype=np.float64) for value in interface)
+    n, m, c, d = (np.asarray(value) for value in interface)
     return (n * c - m * d) / (n * c + m * d), (m * c - n * d) / (m * c + n * d)
+
+
+def _polarised(s: Amplitude, p: Amplitude) -> Polarised:
+    """Return the amplitudes at a face from what it reflects, which is all where that is complex."""
+    return Polarised(s, p, *(np.sqrt(np.maximum(1.0 - np.abs(r) ** 2, 0.0)) for r in (s, p)))
 
 
 @dataclass(frozen=True)
@@ -60,6 +84,10 @@ class Bare:
         """Return the share of unpolarised light that passes; it depends on the wavelength by the indices alone."""
         s, p = amplitudes(interface)
         return np.asarray(1.0 - (s * s + p * p) / 2 + np.zeros(np.shape(wavelength_nm)))
+
+    def polarised(self, interface: Interface, wavelength_nm: float) -> Polarised:
+        """Return the amplitudes of both polarisations."""
+        return _polarised(*amplitudes(interface))
 
 
 BARE = Bare()
@@ -95,6 +123,20 @@ class QuarterWave:
             passed = passed + (1.0 - r * r) * (1.0 - t * t) / (1.0 + both * both + 2.0 * both * turn) / 2
         return passed
 
+    def polarised(self, interface: Interface, wavelength_nm: float) -> Polarised:
+        """Return the amplitudes of both polarisations: the sum over all ways within the layer (Airy)."""
+        n, m, c, d = (np.asarray(value) for value in interface)
+        square = 1.0 - (n / self.index) ** 2 * (1.0 - c * c)
+        inside = np.sqrt(square + 0j if np.any(square < 0) else square)
+        front, back = amplitudes(Interface(n, self.index, c, inside)), amplitudes(Interface(self.index, m, inside, d))
+        half_turn = np.exp(0.5j * np.pi * (self.wavelength_nm / wavelength_nm) * inside)
+        reflected, passed = [], []
+        for r, t in zip(front, back, strict=True):
+            round_trips = 1.0 + r * t * half_turn**2
+            reflected.append((r + t * half_turn**2) / round_trips)
+            passed.append(np.sqrt((1.0 - r * r) * (1.0 - t * t) + 0j) * half_turn / round_trips)
+        return Polarised(*reflected, *passed)
+
 
 @dataclass(frozen=True)
 class MeasuredReflectance:
@@ -126,6 +168,19 @@ class MeasuredReflectance:
         """Return the share of unpolarised light that passes, at wavelengths [nm]."""
         slanted = BARE.transmittance(interface, wavelength_nm) / BARE.transmittance(interface.head_on, wavelength_nm)
         return (1.0 - self.reflectance(wavelength_nm)) * np.minimum(slanted, 1.0)
+
+    def polarised(self, interface: Interface, wavelength_nm: float) -> Polarised:
+        """Return the amplitudes of both polarisations: alike, and in phase with those of the bare surface.
+
+        A measured reflectance says nothing of either.
+        """
+        bare = amplitudes(interface)
+        fresnel = 1.0 - (np.abs(bare[0]) ** 2 + np.abs(bare[1]) ** 2) / 2
+        slanted = np.minimum(fresnel / BARE.transmittance(interface.head_on, wavelength_nm), 1.0)
+        passed = (1.0 - self.reflectance(wavelength_nm)) * slanted
+        phases = [np.where(r == 0, 1.0, r) / np.where(r == 0, 1.0, np.abs(r)) for r in bare]
+        back, through = np.sqrt(1.0 - passed), np.sqrt(passed)
+        return Polarised(back * phases[0], back * phases[1], through, through)
 
 
 def constant_reflectance(share: float) -> MeasuredReflectance:

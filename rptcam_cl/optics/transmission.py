@@ -1,6 +1,6 @@
 """What a lens takes from the light that crosses it: reflection at its surfaces, absorption in its glass and mirrors.
 
-Reflected light is lost; it makes no ghosts. Each surface counts with the mean of both polarisations.
+Reflected light is lost here; `ghosts` follows it. Each surface counts with the mean of both polarisations.
 """
 
 from __future__ import annotations

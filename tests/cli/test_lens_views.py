@@ -169,3 +169,31 @@ def test_unwritable_plot_is_refused_before_anything_is_traced(rptcam: Command, t
     own = tmp_path / "own.yaml"
     own.write_text("name: own\n")
     assert rptcam("lens", "draw", str(own), "-o", str(own)).code == 2
+
+
+def test_ghosts_are_listed_with_the_worst_and_drawn(rptcam: Command, tmp_path: Path) -> None:
+    out = tmp_path / "ghost.svg"
+    run = rptcam("lens", "ghosts", "achromat-100mm", "--source", "2", "--film-mm", "8,6", "--json", "-o", str(out))
+    assert run.code == 0, run.err
+    (part,) = json.loads(run.out)["ghosts"]
+    assert sorted(map(tuple, (way["surfaces"] for way in part["ways"]))) == [(1, 0), (2, 0), (2, 1)]
+    assert part["worst"] == part["ways"][0]["surfaces"]
+    assert part["ghosts_in_frame"] == pytest.approx(sum(way["share_in_frame"] for way in part["ways"]))
+    assert sum(part["account"].values()) == pytest.approx(1.0, abs=1e-4)
+    assert "on to the film" in out.read_text()
+
+
+@pytest.mark.parametrize(
+    ("lens", "words", "fault"),
+    [
+        ("dgauss-50mm", ("--order", "3"), "after an even number"),
+        ("dgauss-50mm", ("--coating", "mgf3"), "allowed bare, mgf2"),
+        ("biconcave", (), "no real image"),
+        ("dgauss-50mm", ("--source", "120"), "does not come from the scene"),
+        ("dgauss-50mm", ("--film-reflectance", "1"), "from 0 to below 1"),
+    ],
+)
+def test_ghosts_refuse_what_they_cannot_know(rptcam: Command, lens: str, words: tuple[str, ...], fault: str) -> None:
+    run = rptcam("lens", "ghosts", lens, *words)
+    assert run.code != 0
+    assert fault in run.err
