@@ -156,6 +156,17 @@ class Session:
             return 1
         return 16 if self._library_arch == AVX512_ARCH else 8
 
+    @property
+    def group(self) -> int:
+        """Work items per group that suit the device; small groups spread evenly over few cores.
+
+        PoCL compiles a group as a loop. Without one its compiler takes up to 0.3 less time, and with 16 lanes per item
+        three spheres, a lens, a Cornell box and meshes render in 0.98, 0.93, 0.94 and 0.94 of the time of groups of 4.
+        """
+        if self.kind == "gpu":
+            return 64
+        return 1 if is_pocl(self.info.handle) else 4
+
     def program(self, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Program:
         """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use."""
         key = source_key(files, facts, declarations)

@@ -20,7 +20,7 @@ Precision = Literal["single", "double"]
 
 Array = NDArray[np.float64]
 
-GROUP = 16  # work items per group
+GROUP = 16  # most work items per group
 PACKETS = 2  # of lanes that a work item of the kernel traces side by side
 BLOCK = 1 << 15  # rays at a time, so that packing and unpacking stay in the processor's cache
 ROWS = 8  # of numbers that a ray has, and one more where losses count
@@ -232,7 +232,7 @@ class LensTracer:
             if wavelengths_nm is not None:
                 table[6, : high - low], table[6, high - low :] = wavelengths_nm[part], LINE_D_NM
             self.session.write(memory, table)
-            launch.enqueue(capacity // (PACKETS * self.lanes), GROUP)
+            launch.enqueue(capacity // (PACKETS * self.lanes), min(self.session.group, GROUP))
             out = self.session.read(memory, self.real, table.size).reshape(table.shape)
             self._unpack(out[:, : high - low], rays, part, self._end(surfaces))
 

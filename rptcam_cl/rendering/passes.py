@@ -28,7 +28,6 @@ from rptcam_cl.rendering.film_buffers import FilmBuffers
 from rptcam_cl.rendering.precise_lens import BYTES_PER_SLOT, PreciseLens, traces_in_float64
 from rptcam_cl.scene import RenderSettings
 
-GROUP = {"cpu": 4, "gpu": 64}  # work items per group; small ones spread evenly over few cores
 LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
 
 Run = Callable[[Launch, int], None]
@@ -93,7 +92,7 @@ class Launches:
     """
 
     def __init__(self, session: Session) -> None:
-        self._session, self._group = session, GROUP[session.kind]
+        self._session, self._group = session, session.group
         self._events: list[tuple[str, Any]] = []
         self.seconds: dict[str, float] = {}
         self.count = 0

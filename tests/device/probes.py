@@ -31,7 +31,7 @@ def open_session() -> Session:
 def run(session: Session, probe: str, facts: Mapping[str, Any], items: int, /, **arguments: Any) -> None:
     """Run a probe over ``items`` work items; its arguments are given by name."""
     program = session.program([str(FOLDER / f"{probe}.cl")], facts, device_declarations())
-    session.bind(program, probe, **arguments).enqueue(items, min(GROUP, items))
+    session.bind(program, probe, **arguments).enqueue(items, 1 if session.group == 1 else min(GROUP, items))
     session.finish()
 
 
