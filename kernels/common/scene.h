@@ -51,6 +51,16 @@
 #define LIGHT_TREE_PARTS(EACH)
 #endif
 
+#if CAUSTICS
+#define CAUSTIC_PARTS(EACH) \
+    EACH(const __global int *, caustic_roles)           /* of primitives, kernels/caustics/photon.h */ \
+    EACH(const __global float *, photons) \
+    EACH(const __global int *, photon_cells)            /* where each cell starts among them, kernels/caustics/gather.h */ \
+    EACH(const __global PhotonGrid *, photon_grid)
+#else
+#define CAUSTIC_PARTS(EACH)
+#endif
+
 #define SCENE_PARTS(EACH) \
     EACH(const __global Primitive *, primitives)        /* sorted by kind */ \
     EACH(const __global int *, kind_end)                /* end of each kind in `primitives` */ \
@@ -61,7 +71,7 @@
     EACH(const __global Environment *, environment) \
     EACH(const __global float *, distribution)          /* curves of how light sampling picks, common/curve.h */ \
     EACH(int, emitter_count) \
-    LIGHT_TREE_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) TREE_PARTS(EACH) MESH_PARTS(EACH)
+    LIGHT_TREE_PARTS(EACH) CAUSTIC_PARTS(EACH) COLOUR_PARTS(EACH) MOTION_PARTS(EACH) TREE_PARTS(EACH) MESH_PARTS(EACH)
 
 #define AS_MEMBER(type, name) type name;
 #define AS_PARAMETER(type, name) type name,

@@ -10,6 +10,9 @@
 #if HAS_EMITTERS
 #include "light/emitters.h"
 #endif
+#if CAUSTICS
+#include "caustics/gather.h"
+#endif
 
 // What limits and seeds the paths of a wave.
 typedef struct {
@@ -36,6 +39,9 @@ typedef struct {
     F3  n;          // normal where the ray starts, as light sampling takes it
 #endif
     U   pixel, sample, depth;
+#if CAUSTICS
+    I   since_receiver;     // 1 on the way from one, 2 if smooth glass and mirrors alone were met since; else 0
+#endif
 #if SPECTRUM
     F   wavelength_sample;        // chooses the wavelength, common/wavelength.h
 #endif
@@ -81,6 +87,32 @@ static F3 receiving_normal(Vertex vertex, F3 d)
 }
 #endif
 
+#if CAUSTICS
+// Lanes whose light comes by photons: from a receiver by glass and mirrors alone, the last of them one where photons start.
+static I lit_by_photons(Path path, Scene scene)
+{
+    I smooth = path.since_receiver == 2;
+    return smooth & ((caustic_role(smooth, path.ray.origin, scene) & ROLE_SURFACE) != 0);
+}
+#endif
+
+#if HAS_DISPERSION
+// Leaves a path one wavelength, which stands for all, where glass bends each by itself.
+static void leave_one_wavelength(Path *path, Vertex vertex, I on, Scene scene)
+{
+    I splits = on & vertex.splits & (AS_I(path->wavelength_sample) >= 0);
+    if (ANY(splits)) {
+#if SPECTRAL_COLOURS
+        F3 one = f3(3.0f * path->beta.x, ZERO, ZERO);
+#else
+        F3 one = mul(path->beta, share_of_wavelength(path->wavelength_sample, scene.colours));
+#endif
+        path->beta = select3(splits, one, path->beta);
+        path->wavelength_sample = splits ? AS_F(AS_I(path->wavelength_sample) | SIGN_BIT) : path->wavelength_sample;
+    }
+}
+#endif
+
 #if HAS_LAMPS
 // Emission of the primitive that was hit, weighted against light sampling.
 static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i, Scene scene)
@@ -93,6 +125,13 @@ static F3 emission(Path path, Vertex vertex, F3 radiance, I shines, F t, F cos_i
         F pick = emitter_pick(scene, e, path.ray.o, normal_behind(path));
         F other = emitter_pdf(scene.emitters, e, pick, path.ray.o, path.ray.d, t, absolute(cos_i));
         weight = rival ? against_lights(path.pdf, other) : weight;
+    }
+#endif
+#if CAUSTICS
+    I sampled = shines & lit_by_photons(path, scene) & (vertex.emitter >= 0);
+    if (ANY(sampled)) {
+        F other = emitter_pdf(scene.emitters, MAX(vertex.emitter, FALSE), ONE, path.ray.o, path.ray.d, t, absolute(cos_i));
+        shines = shines & NOT(sampled & (other > 0.0f));
     }
 #endif
     return keep3(shines, scale(mul(path.beta, radiance), weight));
@@ -140,7 +179,12 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #if ENVIRONMENT || EMITTER_SUNS
     I escaped = living & (hit.primitive == NO_PRIMITIVE);
     if (ANY(escaped)) {
-        F3 light = light_from_infinity(path->ray.o, normal_behind(*path), path->ray.d, path->pdf, scene);
+#if CAUSTICS && EMITTER_SUNS
+        I sunless = lit_by_photons(*path, scene);
+#else
+        I sunless = FALSE;
+#endif
+        F3 light = light_from_infinity(path->ray.o, normal_behind(*path), path->ray.d, path->pdf, sunless, scene);
         path->radiance = add(path->radiance, keep3(escaped, mul(path->beta, light)));
     }
 #endif
@@ -161,17 +205,7 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
 #endif
     Vertex vertex = vertex_of(path->ray, hit, on, choice, scene);
 #if HAS_DISPERSION && !LENS_SPLITS
-    // Leave a path one wavelength, which stands for all, where glass bends each by itself.
-    I splits = on & vertex.splits & (AS_I(path->wavelength_sample) >= 0);
-    if (ANY(splits)) {
-#if SPECTRAL_COLOURS
-        F3 one = f3(3.0f * path->beta.x, ZERO, ZERO);
-#else
-        F3 one = mul(path->beta, share_of_wavelength(path->wavelength_sample, scene.colours));
-#endif
-        path->beta = select3(splits, one, path->beta);
-        path->wavelength_sample = splits ? AS_F(AS_I(path->wavelength_sample) | SIGN_BIT) : path->wavelength_sample;
-    }
+    leave_one_wavelength(path, vertex, on, scene);
 #endif
     // Absorb light on the way inside a solid.
 #if HAS_ABSORPTION
@@ -201,6 +235,16 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
         return shadow;
     }
 #endif
+    // Add the photons around.
+#if CAUSTICS
+    I role = caustic_role(on, hit.primitive, scene);
+    I receiver = on & receives(vertex, role);
+    if (ANY(receiver)) {
+        I most = AS_I((U)(rules.max_depth) - path->depth);
+        F3 light = caustic_radiance(vertex, path->ray.d, receiver, hit.primitive, most, scene);
+        path->radiance = add(path->radiance, keep3(receiver, mul(path->beta, light)));
+    }
+#endif
     // Sample a light, for a shadow ray.
 #if HAS_EMITTERS
     shadow = light_sample(*path, vertex, on, hit, scene, rules);
@@ -226,6 +270,10 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     path->ray.triangle = hit.triangle;
     path->ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
     path->pdf = next.pdf;
+#if CAUSTICS
+    I onward = ((path->since_receiver > 0) & ((role & ROLE_RECEIVER) == 0)) ? (I)(2) : FALSE;
+    path->since_receiver = next.pdf == 0.0f ? onward : (receiver ? (I)(1) : FALSE);
+#endif
     path->depth += 1u;
     return shadow;
 }

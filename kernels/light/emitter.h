@@ -9,9 +9,11 @@ typedef struct {
     F  reach;       // distance to the emitter
     F3 radiance;    // emitted radiance / density, cosine and BSDF left out; zero where the sample is void
     F  pdf;         // solid-angle density incl. the pick; 0 for point and directional lights, which no BSDF sample can meet
-    I  primitive;   // the emitter's primitive or NO_PRIMITIVE
+    I  primitive;   // the emitter's primitive or NO_PRIMITIVE; with CAUSTICS FROM_SKY of a picture of the environment
     I  triangle;        // and its triangle
 } LightSample;
+
+#define FROM_SKY (-3)
 
 // A member of emitter e of the list es.
 #if ONE_EMITTER

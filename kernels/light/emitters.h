@@ -178,6 +178,9 @@ static void sample_environment(Scene scene, F pick, I kind, F u, F v, LightSampl
     s->reach = sky ? (F)(NEVER) : s->reach;
     s->radiance = select3(sky, arriving, s->radiance);
     s->pdf = sky ? pick * density : s->pdf;
+#if CAUSTICS
+    s->primitive = sky ? (I)(FROM_SKY) : s->primitive;
+#endif
     *weight = (sky & (density > 0.0f)) ? ONE / s->pdf : *weight;
 }
 #endif

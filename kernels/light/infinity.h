@@ -49,8 +49,8 @@ static F3 suns_radiance(F3 p, F3 n, F3 d, F own, Scene scene)
 #endif
 
 // Radiance that a path meets which leaves the scene along d, weighted against light sampling at p, with normal n, where it
-// comes from.
-static F3 light_from_infinity(F3 p, F3 n, F3 d, F own, Scene scene)
+// comes from; without suns in the lanes `sunless`.
+static F3 light_from_infinity(F3 p, F3 n, F3 d, F own, I sunless, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT
@@ -60,7 +60,11 @@ static F3 light_from_infinity(F3 p, F3 n, F3 d, F own, Scene scene)
     sum = scale(sum, against_lights(own, environment_pdf(d, scene) * pick_from_afar(scene.environment->emitter, p, n, scene)));
 #endif
 #if EMITTER_SUNS
+#if CAUSTICS
+    sum = add(sum, keep3(NOT(sunless), suns_radiance(p, n, d, own, scene)));
+#else
     sum = add(sum, suns_radiance(p, n, d, own, scene));
+#endif
 #endif
     return sum;
 }

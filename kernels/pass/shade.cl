@@ -33,6 +33,9 @@ __kernel void shade(SCENE_PARAMETERS
     path.wavelength_sample = READ_F(WAVELENGTH_SAMPLE, slot);
 #endif
     path.radiance = READ_F3(L, slot);
+#if CAUSTICS
+    path.since_receiver = depth == 1u ? FALSE : READ_I(SINCE_RECEIVER, slot);
+#endif
 #if HAS_EMITTERS
     path.pdf = READ_F(PDF, slot);
 #endif
@@ -68,6 +71,9 @@ __kernel void shade(SCENE_PARAMETERS
     WRITE_F3(B, slot, path.beta);
 #if LIGHT_TREE
     WRITE_F3(N, slot, path.n);
+#endif
+#if CAUSTICS
+    WRITE_I(SINCE_RECEIVER, slot, path.since_receiver);
 #endif
 #if HAS_EMITTERS
     WRITE_F(PDF, slot, path.pdf);

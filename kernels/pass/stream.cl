@@ -48,6 +48,9 @@ __kernel void stream(SCENE_PARAMETERS
 #if LIGHT_TREE
     path.n = f3(ZERO, ZERO, ZERO);
 #endif
+#if CAUSTICS
+    path.since_receiver = FALSE;
+#endif
     path.depth = (U)(1u);
     path.pixel = lane_of(first, wave, tiles).pixel;
     path.sample = (U)(wave.first_sample - 1u);
@@ -92,6 +95,9 @@ __kernel void stream(SCENE_PARAMETERS
             path.ray.origin = started ? (I)(NO_PRIMITIVE) : path.ray.origin;
             path.ray.triangle = started ? (I)(NO_TRIANGLE) : path.ray.triangle;
             path.pdf = started ? ZERO : path.pdf;
+#if CAUSTICS
+            path.since_receiver = started ? FALSE : path.since_receiver;
+#endif
             path.depth = started ? (U)(1u) : path.depth;
             running |= started;
         }

@@ -234,10 +234,46 @@ VIEW = Record(
     ),
 )
 
+CAUSTIC_SURFACE = Record(
+    "CausticSurface",  # where photons start, kernels/caustics/surface.h
+    (
+        ("float4", "row_x"),  # rows of world_from_object; of a triangle nothing
+        ("float4", "row_y"),
+        ("float4", "row_z"),
+        ("int", "kind"),
+        ("int", "primitive"),
+        ("int", "triangle"),  # of a mesh, else -1
+        ("float", "area"),  # of the canonical shape; of a triangle in the world [m²]
+    ),
+)
+
+PHOTON_GRID = Record(
+    "PhotonGrid",  # how photons lie in memory, kernels/caustics/gather.h
+    (
+        ("float4", "low"),  # bounds of the photons, a radius wider [m]; w: 1 / width of a cell [1/m]
+        ("float4", "high"),  # w: radius [m]
+        ("int", "mask_x"),  # periods of the cells, less one
+        ("int", "mask_y"),
+        ("int", "mask_z"),
+        ("int", "reserved_0"),
+    ),
+)
+
+PHOTON_PASS = Record(
+    "PhotonPass",
+    (
+        ("uint2", "seed"),
+        ("uint", "number"),
+        ("uint", "max_edges"),  # of a photon
+        ("int", "surfaces"),
+        ("float", "per_photon"),  # 1 / photons
+    ),
+)
+
 RECORDS = (
     PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA, THIN_LENS_CAMERA,
     THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL, REALISTIC_CAMERA, OWN_CAMERA, HALF_PUPIL, CAMERA, WAVE, LIMITS,
-    VIEW,
+    VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
 )  # fmt: skip
 
 
@@ -249,27 +285,44 @@ MESH_FIELDS = ("TRIANGLE", "HIT_TRIANGLE", "B1", "B2", "FROM_TRIANGLE", "TARGET_
 TIME_FIELDS = ("TIME",)
 COLOUR_FIELDS = ("WAVELENGTH_SAMPLE",)
 LIGHT_TREE_FIELDS = ("NX", "NY", "NZ")
-STATE_FIELDS = PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS + LIGHT_TREE_FIELDS
+CAUSTIC_FIELDS = ("SINCE_RECEIVER",)
+STATE_FIELDS = (
+    PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS + TIME_FIELDS + COLOUR_FIELDS + LIGHT_TREE_FIELDS + CAUSTIC_FIELDS
+)
 
 
-def floats_per_slot(*, stream: bool, emitters: bool, meshes: bool, moves: bool, colours: bool, light_tree: bool) -> int:
+def floats_per_slot(
+    *,
+    stream: bool,
+    emitters: bool,
+    meshes: bool,
+    moves: bool,
+    colours: bool,
+    light_tree: bool,
+    caustics: bool = False,
+) -> int:
     """Return how many 4-byte numbers a slot holds.
 
     Camera rays for the stream; otherwise whole paths, with shadow rays where the scene has emitters to sample, with
     triangles where it has meshes, with the time where something moves, with the wavelength sample where paths have a
-    wavelength and with a normal where the scene has a light tree.
+    wavelength, with a normal where the scene has a light tree and with their past where photons bring caustics.
     """
     if stream:
         return CAMERA_RAY_FLOATS
-    if light_tree:
-        return len(STATE_FIELDS)
-    if colours:
-        return len(STATE_FIELDS) - len(LIGHT_TREE_FIELDS)
-    if moves:
-        return len(STATE_FIELDS) - len(LIGHT_TREE_FIELDS) - len(COLOUR_FIELDS)
-    if meshes:
-        return len(PATH_FIELDS + LIGHT_FIELDS + MESH_FIELDS)
-    return len(PATH_FIELDS + LIGHT_FIELDS if emitters else PATH_FIELDS)
+    last = {
+        CAUSTIC_FIELDS: caustics,
+        LIGHT_TREE_FIELDS: light_tree,
+        COLOUR_FIELDS: colours,
+        TIME_FIELDS: moves,
+        MESH_FIELDS: meshes,
+        LIGHT_FIELDS: emitters,
+    }
+    floats = len(STATE_FIELDS)
+    for fields, needed in last.items():
+        if needed:
+            return floats
+        floats -= len(fields)
+    return floats
 
 
 def device_declarations() -> str:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras import CameraModel, FilterTable, camera_trajectory, filter_table
 from rptcam_cl.core.records import Kind
 from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
+from rptcam_cl.plan.caustics import Caustics, pack_caustics
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
 from rptcam_cl.plan.materials import Materials, pack_materials
@@ -40,6 +41,7 @@ class Plan:
     textures: Textures
     emitters: Emitters
     surroundings: Surroundings
+    caustics: Caustics
     primitive_count: int
     meshes: PackedMeshes | None
     owners: Owners
@@ -84,7 +86,8 @@ def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool =
     textures = table.pack()
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
-    facts = shown.facts | textures.facts | emitters.facts | movements.facts | spectrum.facts
+    caustics = pack_caustics(scene, primitives, first_triangles, emitters)
+    facts = caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts | spectrum.facts
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "CAMERA_SEGMENTS": min(segments, 2),
         "MOVES": int(segments > 0 or movements.facts["HAS_MOTION"] > 0),
@@ -106,6 +109,7 @@ def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool =
         textures=textures,
         emitters=emitters,
         surroundings=surroundings,
+        caustics=caustics,
         primitive_count=len(primitives),
         meshes=meshes.packed if meshes else None,
         owners=owners_of(scene, primitives),

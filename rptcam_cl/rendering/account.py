@@ -140,6 +140,9 @@ def statistics(
         stats["lens"] = wavefront.outcomes()
     if wavefront.settings.clamp is not None:
         stats["clamp"] = {"limit": wavefront.settings.clamp, "removed_share": wavefront.removed_share()}
+    if plan.caustics.choice is not None:
+        first = wavefront.wavefronts[0] if isinstance(wavefront, SharedWavefront) else wavefront
+        stats["caustics"] = {"choice": plan.caustics.choice, "radius_m": first.photon_radius}
     if rendering.noise is not None:
         stats["noise"] = asdict(rendering.noise) | {
             "spp_min": int(rendering.samples.min()),
@@ -180,6 +183,7 @@ def described(
         "exposure": scene.exposure.mode,
         **{key: value for key, value in plan.camera.metadata.items() if value is not None},
         **plan.spectrum.metadata,
+        **({} if plan.caustics.choice is None else {"caustics": plan.caustics.choice}),
         **camera_geometry(scene),
         "window": window(scene),
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras import CameraModel
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
+from rptcam_cl.rendering.photons import PhotonBuffers
 from rptcam_cl.rendering.trees.primitive_tree import PrimitiveTree, primitive_tree
 from rptcam_cl.rendering.trees.scene_trees import SceneTrees, scene_trees
 
@@ -72,6 +73,8 @@ class SceneBuffers:
         self.tree_facts: dict[str, int] = {}
         self._add_primitive_tree(earlier)
         self._add_meshes(earlier)
+        self.photons = PhotonBuffers(session, plan) if plan.caustics.active else None
+        self.scene |= {} if self.photons is None else self.photons.arguments
         self.trajectory = {"trajectory": self._buffer("trajectory", plan.trajectory)} if plan.facts["MOVES"] else {}
         self.filter = self._buffer("filter", plan.camera_filter.table)
         self.camera = {name: self._buffer(name, array) for name, array in _camera_arrays(plan.camera).items()}

@@ -8,6 +8,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.host_memory import free_host_bytes
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
+from rptcam_cl.rendering.photon_passes import PHOTON_BYTES
 
 SHARE = 0.8  # of the memory that a render may plan to use
 # Upper bounds over the meshes that were measured (benchmarks/README.md): nodes and leaf blocks on the device (51 on
@@ -51,6 +52,7 @@ def memory_needs(plan: Plan, session: Session, *, film: int, paths: int) -> Memo
     textures = plan.textures.texels.nbytes + plan.surroundings.distribution.nbytes
     rest = plan.primitives.nbytes + plan.materials.nbytes + plan.emitters.records.nbytes + plan.emitters.curve.nbytes
     rest += plan.emitters.tree.nodes.nbytes if plan.emitters.tree is not None else 0
+    rest += plan.caustics.surfaces.nbytes + PHOTON_BYTES if plan.caustics.active else 0
     return MemoryNeeds(film, paths, triangles, textures, rest, building)
 
 

@@ -71,6 +71,7 @@ def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:
         moves=plan.facts["MOVES"] > 0,
         colours=plan.facts["SPECTRUM"] > 0,
         light_tree=plan.facts["LIGHT_TREE"] > 0,
+        caustics=plan.facts["CAUSTICS"] > 0,
     )
     return 4 * floats * capacity
 

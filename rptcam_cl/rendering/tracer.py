@@ -17,6 +17,7 @@ from rptcam_cl.rendering.film_buffers import FilmBuffers, outcomes_of, planes_of
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.memory import check_memory, memory_needs
 from rptcam_cl.rendering.passes import (
+    GROUP,
     CameraPasses,
     DepthPasses,
     Launches,
@@ -25,6 +26,7 @@ from rptcam_cl.rendering.passes import (
     bytes_of_lens_rays,
     bytes_of_state,
 )
+from rptcam_cl.rendering.photons import PhotonMap
 from rptcam_cl.rendering.waves import WAVE_SLOTS, Wave, Waves
 from rptcam_cl.scene import RenderSettings
 
@@ -85,7 +87,7 @@ class Wavefront:
         self.organisation = organisation or ORGANISATION[session.kind]
         self.tiles = layout.whole_list()
         slots, stream = wave_size or WAVE_SLOTS[session.kind], self.organisation == "stream"
-        self._waves = Waves(layout, slots, stream=stream, loop_limit=session.loop_limit)
+        self._waves = Waves(layout, slots, stream=stream, loop_limit=session.loop_limit, photons=plan.caustics.active)
         self._launches = Launches(session)
         self._held = self._allocate(plan, buffers)
         self._film, self._tile_list = self._held.film, self._held.tiles
@@ -96,6 +98,15 @@ class Wavefront:
         self._camera = CameraPasses(session, plan, held, stream=stream)
         self._paths = (StreamPass if stream else DepthPasses)(session, plan, self.settings, held)
         self._layers = self._layer_pass(plan, held, stream)
+        self._photons = self._photon_map(plan)
+
+    def _photon_map(self, plan: Plan) -> PhotonMap | None:
+        scene, pixels = self._held.scene, self.layout.full_width * self.layout.full_height
+        if scene.photons is None:
+            return None
+        return PhotonMap(
+            self.session, plan, scene.scene, scene.tree_facts, scene.photons, self.settings.max_depth, pixels
+        )
 
     def _allocate(self, plan: Plan, scene: SceneBuffers | None) -> WaveBuffers:
         session, layout, capacity = self.session, self.layout, self.capacity
@@ -194,6 +205,8 @@ class Wavefront:
         wave = (first_pixel, pixels, first_sample, samples)
         record, slots, run = self._waves.record(wave, self.seed), pixels * samples, self._launches.run
         self._film.expect(self._waves.rays_of(wave, self.tiles))
+        if self._photons is not None:
+            self._photons.use(first_sample, self.seed, GROUP[self.session.kind])
         self._camera.enqueue(record, slots, run)
         if self._layers is not None and first_sample < self.settings.layers_spp:
             seen = min(samples, self.settings.layers_spp - first_sample)
@@ -250,6 +263,11 @@ class Wavefront:
     def layers(self) -> dict[str, NDArray[Any]]:
         """Return the auxiliary layers by name, (height, width) or (height, width, channels)."""
         return {} if self._layers is None else self._layers.arrays(self._layers.planes())
+
+    @property
+    def photon_radius(self) -> float | None:
+        """Radius over which photons were spread last [m]; None where there are none."""
+        return None if self._photons is None else self._photons.radius
 
     @property
     def layer_pass(self) -> LayerPass | None:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.records import WAVE
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout
+from rptcam_cl.rendering.photon_passes import within_passes
 
 # Paths of a wave. On two CPU cores 256k render meshes 1.3 times as fast as 64k, whose ends leave a core idle.
 WAVE_SLOTS = {"cpu": 1 << 18, "gpu": 1 << 20}
@@ -30,6 +33,8 @@ class Waves:
         Whether a lane carries its pixel through all samples of the wave.
     loop_limit
         Steps that all loops of a work item may take together; None where they may take as many as they like.
+    photons
+        Whether the samples of a wave must see the same pass of photons.
 
     Attributes
     ----------
@@ -37,8 +42,11 @@ class Waves:
         Pixels of a wave, and samples per pixel.
     """
 
-    def __init__(self, layout: FilmLayout, slots: int, *, stream: bool, loop_limit: int | None) -> None:
+    def __init__(
+        self, layout: FilmLayout, slots: int, *, stream: bool, loop_limit: int | None, photons: bool = False
+    ) -> None:
         self._layout = layout
+        self._photons = photons
         at_least = STREAM_SAMPLES if stream else 1
         self.pixels = min(max(slots // at_least // BLOCK, 1) * BLOCK, layout.pixels)
         most = (loop_limit or slots * STEPS_OF_SAMPLE) // STEPS_OF_SAMPLE
@@ -52,11 +60,18 @@ class Waves:
     def over(self, tiles: int, first_sample: int, samples: int) -> list[Wave]:
         """Return the waves that render a range of samples of so many tiles."""
         found, pixels = [], tiles * TILE_PIXELS
-        for start in range(first_sample, first_sample + samples, self.samples):
-            count = min(self.samples, first_sample + samples - start)
+        for start, count in self._pieces(first_sample, samples):
             for pixel in range(0, pixels, self.pixels):
                 found.append((pixel, min(self.pixels, pixels - pixel), start, count))
         return found
+
+    def _pieces(self, first_sample: int, samples: int) -> Iterator[tuple[int, int]]:
+        """Yield first sample and number of what goes into a wave together."""
+        if self._photons:
+            yield from within_passes(first_sample, samples, self.samples)
+            return
+        for start in range(first_sample, first_sample + samples, self.samples):
+            yield start, min(self.samples, first_sample + samples - start)
 
     def rays_of(self, wave: Wave, tiles: NDArray[np.uint32]) -> int:
         """Return how many samples of the picture's pixels a wave holds; ``tiles`` is the list that it goes through."""

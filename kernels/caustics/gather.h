@@ -1,0 +1,86 @@
+// Light that receivers get by smooth glass and mirrors: the photons around a point, each weighted by the distance
+// (Epanechnikov's kernel over the disk of the grid's radius: Silverman 1986, ch. 4). Photons are sorted by the cell that they
+// lie in, twice the radius wide; cells repeat with the periods of a PhotonGrid, which are at least two, so that the eight
+// cells about a point are different ones.
+#ifndef GATHER_H
+#define GATHER_H
+#include "caustics/photon.h"
+#include "material/scatter.h"
+
+#define TANGENTIAL 0.25f     // a photon may stand off the plane of the surface by this share of the radius
+#define LEAST_COSINE 1e-3f   // of a photon's direction: below, power per area of the surface has no digits
+
+// Whether a vertex takes its caustics from photons.
+static I receives(Vertex vertex, I role)
+{
+    I kind = vertex.kind;
+    I taking = (kind == MATERIAL_MATTE) | (kind == MATERIAL_PLASTIC) | (kind == MATERIAL_ROUGH_PLASTIC)
+        | (kind == MATERIAL_PRINCIPLED);
+    return taking & ((role & ROLE_RECEIVER) != 0);
+}
+
+// What one photon adds to the radiance against d.
+static F3 light_of_photon(Eight photon, Vertex vertex, F3 d, F weight, Scene scene)
+{
+    F3 way = from_octahedral(AS_I(photon.f[6]));
+    F pdf;
+    F3 bsdf = scatter_eval(vertex, d, scale(way, -ONE), &pdf);
+    F3 power = f3(photon.f[3], photon.f[4], photon.f[5]);
+#if SPECTRAL_COLOURS
+    power = light_in(scene.spectral, power);
+#endif
+    return scale(mul(bsdf, power), weight / MAX(absolute(dot3(vertex.ng, way)), (F)(LEAST_COSINE)));
+}
+
+// Of a cell, the photons that the lanes `on` count. `most` is the number of edges that a photon may have.
+static F3 light_of_cell(I cell, I on, Vertex vertex, F3 d, I primitive, I most, float radius2, Scene scene)
+{
+    F3 sum = f3(ZERO, ZERO, ZERO);
+    I k = on ? GATHER(I, scene.photon_cells, cell, ) : FALSE;
+    I end = on ? GATHER(I, scene.photon_cells, cell + 1, ) : FALSE;
+    I more = k < end;
+    while (ANY(more)) {
+        Eight photon = load_eight(scene.photons, (more ? k : FALSE) * 8);
+        F3 off = sub(f3(photon.f[0], photon.f[1], photon.f[2]), vertex.p);
+        F height = dot3(off, vertex.ng);
+        F aside2 = dot3(off, off) - height * height;
+        I mark = AS_I(photon.f[7]);
+        I near = more & (aside2 < radius2) & (height * height < TANGENTIAL * TANGENTIAL * radius2)
+            & ((mark & ((1 << EDGES_SHIFT) - 1)) == primitive) & ((mark >> EDGES_SHIFT) <= most);
+        if (ANY(near)) {
+            F weight = 1.0f - aside2 / radius2;
+            sum = add(sum, keep3(near, light_of_photon(photon, vertex, d, weight, scene)));
+        }
+        k += more ? (I)(1) : FALSE;
+        more = k < end;
+    }
+    return sum;
+}
+
+// Radiance against d from the vertices of the lanes `on`, by photons of at most so many edges.
+static F3 caustic_radiance(Vertex vertex, F3 d, I on, I primitive, I most, Scene scene)
+{
+    F3 sum = f3(ZERO, ZERO, ZERO);
+    const __global PhotonGrid *grid = scene.photon_grid;
+    F3 p = vertex.p;
+    on = on & (p.x >= grid->low.x) & (p.y >= grid->low.y) & (p.z >= grid->low.z)
+        & (p.x <= grid->high.x) & (p.y <= grid->high.y) & (p.z <= grid->high.z);
+    if (!ANY(on))
+        return sum;
+    float per_cell = grid->low.w;
+    float radius2 = grid->high.w * grid->high.w;
+    p = select3(on, p, f3_of(grid->low));
+    I x = TO_I(floor(p.x * per_cell - 0.5f));
+    I y = TO_I(floor(p.y * per_cell - 0.5f));
+    I z = TO_I(floor(p.z * per_cell - 0.5f));
+    for (int i = 0; i < 8; ++i) {
+        I cx = (x + (i & 1)) & grid->mask_x;
+        I cy = (y + ((i >> 1) & 1)) & grid->mask_y;
+        I cz = (z + (i >> 2)) & grid->mask_z;
+        I cell = (cz * (grid->mask_y + 1) + cy) * (grid->mask_x + 1) + cx;
+        sum = add(sum, light_of_cell(cell, on, vertex, d, primitive, most, radius2, scene));
+    }
+    return scale(sum, (F)(2.0f * INV_PI_F / radius2));
+}
+
+#endif

@@ -1,0 +1,127 @@
+// Photons of one pass: each starts at a point of smooth glass or of a mirror, takes light there from a lamp that it sees, and
+// goes on by smooth glass and mirrors until it meets a receiver, where it is written; else NO_PHOTON is.
+// Facts: those of the scene, CAUSTICS among them.
+#include "caustics/surface.h"
+#include "integrator/path.h"
+#include "geometry/nearest.h"
+
+// Light that a photon takes from a lamp to where it starts, and the ray on to there: power, not yet visible.
+static ShadowRay light_of_start(Vertex vertex, StartPoint start, F4 u, Scene scene)
+{
+    LightSample light = sample_emitter(scene, vertex.p, f3(ZERO, ZERO, ZERO), u.a, u.b, u.c);
+    ShadowRay shadow;
+    shadow.ray.o = departure(vertex, light.direction);
+    shadow.ray.d = light.direction;
+    shadow.ray.origin = start.hit.primitive;
+    shadow.ray.triangle = start.hit.triangle;
+    shadow.light = scale(light.radiance, absolute(dot3(vertex.ng, light.direction)) * start.area);
+#if HAS_ABSORPTION
+    shadow.light = mul(shadow.light, transmittance(vertex, scale(light.direction, -ONE), light.reach));
+#endif
+    shadow.target = light.primitive;
+    shadow.target_triangle = light.triangle;
+    // What surrounds the scene stays with the paths.
+    shadow.reach = ((max3(shadow.light) > 0.0f) & (light.primitive != FROM_SKY)) ? light.reach : ZERO;
+    return shadow;
+}
+
+// The share of a photon's power that goes on: a smooth surface gives power, not radiance, its due (no squeeze by
+// refraction), and of shading normals that of Veach 1997, ch. 5.3.
+static F3 share_on(Vertex vertex, F3 d, Scattered next)
+{
+    F3 weight = next.weight;
+    I glass = vertex.kind == MATERIAL_DIELECTRIC;
+    weight = select3(glass, keep3(max3(weight) > 0.0f, f3(ONE, ONE, ONE)), weight);
+#if HAS_SHADING_NORMAL
+    F top = dot3(vertex.ng, next.direction) * dot3(vertex.n, d);
+    F below = dot3(vertex.ng, d) * dot3(vertex.n, next.direction);
+    weight = scale(weight, MIN(absolute(top) / MAX(absolute(below), (F)(SMALLEST)), (F)(10.0f)));
+#endif
+    return weight;
+}
+
+__kernel void photons(SCENE_PARAMETERS
+                      const __global CausticSurface *surfaces,
+                      const __global float *surface_curve,  // picks among them
+                      __global float       *found,          // eight floats per photon, kernels/caustics/photon.h
+                      PhotonPass            pass)
+{
+    uint first = get_global_id(0) * VW;
+    Scene scene = SCENE;
+    U sample = (U)(first) + AS_U((I)(LANES));
+    U stream = (U)(pass.number);
+    Path path;
+#if SPECTRUM
+    path.wavelength_sample = absolute(wavelength_sample_of(stream, sample, pass.seed));
+#endif
+#if SPECTRAL_COLOURS
+    scene.spectral = spectral_colours_of(path.wavelength_sample, scene.colours);
+#endif
+#if HAS_DISPERSION
+    scene.inverse = inverse_wavelength(path.wavelength_sample, scene.colours);
+#endif
+    // Start on glass or a mirror, with light from a lamp.
+    F4 u = random4(stream, sample, (U)(0u), pass.seed);
+    StartPoint start = start_point(surfaces, surface_curve, pass.surfaces, u.a, u.b, u.c);
+    Hit hit = start.hit;
+    path.ray.o = start.p;
+    path.ray.d = f3(ZERO, ZERO, ONE);
+    path.ray.origin = (I)(NO_PRIMITIVE);
+    path.ray.triangle = (I)(NO_TRIANGLE);
+    path.beta = f3(ONE, ONE, ONE);
+    I on = TRUE;
+    Vertex vertex = vertex_of(path.ray, hit, on, u.d, scene);
+    ShadowRay shadow = light_of_start(vertex, start, random4(stream, sample, (U)(3u), pass.seed), scene);
+    on = shadow.reach > 0.0f;
+    if (ANY(on))
+        on = on & NOT(any_hit(shadow.ray, shadow.reach, shadow.target, shadow.target_triangle, scene));
+    path.beta = scale(shadow.light, (F)(pass.per_photon));
+    path.ray.d = scale(shadow.ray.d, -ONE);
+    // Go on as long as nothing but glass and mirrors is met.
+    I mark = (I)(NO_PHOTON);
+    F3 place = f3(ZERO, ZERO, ZERO), way = f3(ZERO, ZERO, ONE), power = f3(ZERO, ZERO, ZERO);
+    for (uint edges = 1u; edges < pass.max_edges && ANY(on); ++edges) {
+#if HAS_DISPERSION
+        leave_one_wavelength(&path, vertex, on, scene);
+#endif
+        u = random4(stream, sample, (U)(2u * edges), pass.seed);
+        Scattered next = scatter_sample(vertex, path.ray.d, u.a, u.b, u.c);
+        path.beta = mul(path.beta, share_on(vertex, path.ray.d, next));
+        on = on & (next.pdf == 0.0f) & (max3(path.beta) > 0.0f);
+        path.ray.o = departure(vertex, next.direction);
+        path.ray.d = next.direction;
+        path.ray.triangle = hit.triangle;
+        path.ray.origin = on ? hit.primitive : (I)(PATH_ENDED);
+        if (!ANY(on))
+            break;
+        hit = nearest_hit(path.ray, scene);
+        on = on & (hit.primitive >= 0);
+        if (!ANY(on))
+            break;
+#if HAS_MIX
+        F choice = random4(stream, sample, (U)(2u * edges + 2u), pass.seed).c;
+#else
+        F choice = ZERO;
+#endif
+        vertex = vertex_of(path.ray, hit, on, choice, scene);
+#if HAS_ABSORPTION
+        path.beta = mul(path.beta, transmittance(vertex, path.ray.d, hit.t));
+#endif
+        I ends = on & ((caustic_role(on, hit.primitive, scene) & ROLE_RECEIVER) != 0);
+        mark = ends ? hit.primitive | ((I)((int)edges + 1) << EDGES_SHIFT) : mark;
+        place = select3(ends, vertex.p, place);
+        way = select3(ends, path.ray.d, way);
+        power = select3(ends, path.beta, power);
+        on = on & NOT(ends) & (vertex.kind != MATERIAL_EMISSIVE);
+    }
+    // Write those that have met a receiver; their light is that of the film, as camera paths have wavelengths of their own.
+#if SPECTRUM == SPECTRUM_SPECTRAL
+    power = film_value(power, path.wavelength_sample, scene.colours);
+#endif
+    Eight photon;
+    photon.f[0] = place.x; photon.f[1] = place.y; photon.f[2] = place.z;
+    photon.f[3] = power.x; photon.f[4] = power.y; photon.f[5] = power.z;
+    photon.f[6] = AS_F(octahedral(way));
+    photon.f[7] = AS_F(mark);
+    store_eight(found, first, photon);
+}

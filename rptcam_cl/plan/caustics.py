@@ -1,0 +1,234 @@
+"""Caustics: where photons start and end, and whether a scene has any.
+
+Photons start at smooth glass and mirrors with light of the lamps that light sampling knows, and end at receivers:
+surfaces that scatter light widely. `kernels/pass/photons.cl` traces them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.curves import curves
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.kinds import EmitterKind
+from rptcam_cl.core.records import CAUSTIC_SURFACE, Kind
+from rptcam_cl.plan.emitters import Emitters, triangle_emitters
+from rptcam_cl.plan.primitives import Primitive
+from rptcam_cl.scene import Dielectric, Material, Matte, Mirror, Mix, Plastic, Principled, Scene, ThinGlass, has_holes
+
+PHOTONS = "on: photons (biased: what they bring is blurred, less with more samples)"
+SURFACE, RECEIVER = 1, 2  # roles of primitives
+SMALL_LAMP_SR = 0.2  # a lamp that glass or a mirror sees so large is found by paths
+# Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
+LEAST_ALPHA = 0.04
+WITHOUT_SIZE = (EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.DIRECTIONAL, EmitterKind.SUN)
+
+# Area of the canonical shapes [1].
+_AREA = {
+    Kind.SPHERE: 4 * np.pi,
+    Kind.ELLIPSOID: 4 * np.pi,
+    Kind.RECTANGLE: 1.0,
+    Kind.DISK: np.pi,
+    Kind.CYLINDER: 2 * np.pi,
+    Kind.CONE: np.sqrt(2) * np.pi,
+}
+
+
+@dataclass(frozen=True)
+class Caustics:
+    """Where photons start and end.
+
+    Attributes
+    ----------
+    active : bool
+        Whether photons are traced.
+    choice : str or None
+        What was decided and why; None where the scene leaves it off.
+    surfaces : array of CausticSurface
+        Smooth glass and mirrors; boxes as their faces, meshes as triangles.
+    curve : (n,) array
+        Picks among them by area.
+    roles : (primitives,) array
+        What each primitive is: bits of `SURFACE` and `RECEIVER`.
+    """
+
+    active: bool
+    choice: str | None
+    surfaces: NDArray[np.void]
+    curve: NDArray[np.float32]
+    roles: NDArray[np.int32]
+
+    @property
+    def facts(self) -> dict[str, int]:
+        """Whether the kernels must know of photons."""
+        return {"CAUSTICS": int(self.active)}
+
+
+def pack_caustics(
+    scene: Scene, primitives: Sequence[Primitive], first_triangles: Sequence[int], emitters: Emitters
+) -> Caustics:
+    """Return the caustics of a scene, inactive where it has none or leaves them off.
+
+    Parameters
+    ----------
+    scene
+        The scene; ``render.caustics`` says what is wanted.
+    primitives
+        Its primitives, meshes last.
+    first_triangles
+        Of those that are meshes, in their order.
+    emitters
+        The lamps that light sampling chooses from.
+
+    Raises
+    ------
+    InputError
+        With ``render.caustics: on`` where objects move.
+    """
+    wanted = scene.render.caustics
+    if wanted == "off":
+        return _without(None)
+    roles = np.array([_role(primitive) for primitive in primitives] or [0], np.int32)
+    if reason := _nothing_to_do(roles, emitters):
+        return _without(reason)
+    if any(primitive.trajectory is not None for primitive in primitives):
+        if wanted == "on":
+            raise InputError("render.caustics: objects that move have none (allowed: off or auto, or objects at rest)")
+        return _without("objects move")
+    eye = np.array(scene.camera.eye) * scene.metres_per_unit
+    surfaces, areas = _surfaces(primitives, first_triangles, roles, eye)
+    largest = _largest_lamp(surfaces, areas, emitters)
+    if wanted == "auto" and largest > SMALL_LAMP_SR:
+        return _without(f"paths find the brightest lamp, {largest:.2g} sr large as glass or mirrors see it")
+    curve, _ = curves(areas[None])
+    return Caustics(True, PHOTONS, surfaces, curve.ravel(), roles)
+
+
+def _without(reason: str | None) -> Caustics:
+    choice = None if reason is None else f"off: {reason}"
+    return Caustics(False, choice, CAUSTIC_SURFACE.zeros(1), np.zeros(4, np.float32), np.zeros(1, np.int32))
+
+
+def _parts(material: Material) -> Sequence[Material]:
+    return material.materials if isinstance(material, Mix) else (material,)
+
+
+def _is_smooth(material: Material) -> bool:
+    if isinstance(material, Dielectric):
+        return material.alphas is None
+    return isinstance(material, (Mirror, ThinGlass))
+
+
+def _receives(material: Material) -> bool:
+    if isinstance(material, Principled):
+        roughness = material.roughness
+        rough = not isinstance(roughness, float) or roughness**2 >= LEAST_ALPHA
+        metallic = material.metallic
+        return rough and material.transmission < 0.5 and (not isinstance(metallic, float) or metallic < 0.5)
+    if isinstance(material, Plastic):
+        return material.alphas is None or min(material.alphas) >= LEAST_ALPHA
+    return isinstance(material, Matte)
+
+
+def _role(primitive: Primitive) -> int:
+    parts = _parts(primitive.material)
+    if any(map(_receives, parts)):
+        return RECEIVER
+    smooth = any(map(_is_smooth, parts)) and primitive.kind is not Kind.PLANE and not has_holes(primitive.material)
+    return SURFACE if smooth else 0
+
+
+def _nothing_to_do(roles: NDArray[np.int32], emitters: Emitters) -> str | None:
+    if not set(emitters.kinds) - {EmitterKind.ENVIRONMENT}:
+        return "no lamp that light sampling knows"
+    if not (roles == SURFACE).any():
+        return "no smooth glass and no mirror of finite size"
+    if not (roles == RECEIVER).any():
+        return "no surface that scatters light widely"
+    return None
+
+
+def _surfaces(
+    primitives: Sequence[Primitive], first_triangles: Sequence[int], roles: NDArray[np.int32], eye: NDArray[np.float64]
+) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    """Return the records of smooth glass and mirrors, and their areas [m²]."""
+    records, areas = [], []
+    first_mesh = len(primitives) - len(first_triangles)
+    for index, primitive in enumerate(primitives):
+        if roles[index] != SURFACE:
+            continue
+        if primitive.mesh is not None:
+            _, area = triangle_emitters(primitive.mesh, primitive.placement, eye)
+            found = CAUSTIC_SURFACE.zeros(len(area))
+            found["kind"], found["area"] = Kind.MESH, area
+            found["triangle"] = first_triangles[index - first_mesh] + np.arange(len(area))
+        else:
+            found, area = _shape_surfaces(primitive)
+        found["primitive"] = index
+        records.append(found)
+        areas.append(area)
+    return np.concatenate(records), np.concatenate(areas)
+
+
+def _shape_surfaces(primitive: Primitive) -> tuple[NDArray[np.void], NDArray[np.float64]]:
+    kind, placements = primitive.kind, [primitive.placement]
+    if kind is Kind.BOX:
+        kind, placements = Kind.RECTANGLE, [primitive.placement @ face for face in _FACES]
+    found = CAUSTIC_SURFACE.zeros(len(placements))
+    found["kind"], found["triangle"], found["area"] = kind, -1, _AREA[kind]
+    for record, placement in zip(found, placements, strict=True):
+        for axis, name in enumerate(("row_x", "row_y", "row_z")):
+            record[name] = placement[axis]
+    return found, np.array([_area_of(kind, placement[:3, :3]) for placement in placements])
+
+
+def _faces() -> list[NDArray[np.float64]]:
+    """Return the placements of the unit square on the six faces of the cube from -1 to 1."""
+    found = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            face = np.zeros((4, 4))
+            face[(axis + 1) % 3, 0] = face[(axis + 2) % 3, 1] = 2.0
+            face[axis, 2] = 1.0
+            face[:3, 3] = -1.0
+            face[axis, 3], face[3, 3] = side, 1.0
+            found.append(face)
+    return found
+
+
+_FACES = _faces()
+
+
+def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
+    """Return the area of a canonical shape under a linear map, by its mean growth over 256 normals."""
+    turn, up = np.linspace(0, 2 * np.pi, 16, endpoint=False), (np.arange(16) + 0.5) / 8 - 1
+    around, z = (grid.ravel() for grid in np.meshgrid(turn, up))
+    aside = {Kind.CYLINDER: np.ones_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, np.sqrt(1 - z * z))
+    height = {Kind.CYLINDER: np.zeros_like(z), Kind.CONE: np.full_like(z, 0.5**0.5)}.get(kind, z)
+    normals = np.stack([aside * np.cos(around), aside * np.sin(around), height], axis=1)
+    if kind in (Kind.RECTANGLE, Kind.DISK):
+        normals = np.array([[0.0, 0.0, 1.0]])
+    x, y, z_row = linear
+    cofactors = np.array([np.cross(y, z_row), np.cross(z_row, x), np.cross(x, y)])
+    return float(_AREA[kind] * np.linalg.norm(normals @ cofactors.T, axis=1).mean())
+
+
+def _largest_lamp(surfaces: NDArray[np.void], areas: NDArray[np.float64], emitters: Emitters) -> float:
+    """Return the solid angle [sr] under which the surfaces see the brightest lamp, 0 where it has no size."""
+    records = emitters.records[: emitters.count]
+    lamp = records[np.argmax(records["pick"])]
+    kind = EmitterKind(int(lamp["kind"]))
+    if kind in WITHOUT_SIZE:
+        return 0.0
+    extent = float(lamp["a"][3])
+    size = np.pi * extent**2 if kind is EmitterKind.SPHERE else extent
+    solid = surfaces[surfaces["kind"] != Kind.MESH]
+    if not len(solid):
+        return 0.0
+    places = np.stack([solid["row_x"][:, 3], solid["row_y"][:, 3], solid["row_z"][:, 3]], axis=1)
+    distance2 = ((places - lamp["a"][:3]) ** 2).sum(axis=1).min()
+    return float(size / max(distance2, 1e-12))

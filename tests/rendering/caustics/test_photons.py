@@ -1,0 +1,137 @@
+"""Photons of caustics: the same light as paths find, closed forms, and the same bits however a render is cut."""
+
+import math
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.device import open_session
+from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import FilmLayout, Wavefront
+from rptcam_cl.scene import load_scene
+from tests.rendering.pictures import batches, looking, pixels, scene_of
+from tests.support.statistics import overall
+
+GREY = {"kind": "matte", "reflectance": [0.7, 0.5, 0.3]}
+GLASS = {"kind": "dielectric", "index": 1.5}
+FLOOR = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": GREY}
+ABOVE = looking([0, -0.5, 0.6], [0, 0, 0])
+
+
+def lamp(radius=0.12, radiance=10.0):
+    emitting = {"kind": "emissive", "radiance": [radiance] * 3}
+    return {"shape": "sphere", "center": [0.3, 0.2, 0.6], "radius": radius, "material": emitting}
+
+
+def ball(**material):
+    return {"shape": "sphere", "center": [0, 0, 0.08], "radius": 0.06, "material": GLASS | material}
+
+
+def scene(*objects, caustics="on", size=(32, 32), **rest):
+    made = scene_of([FLOOR, *objects], rest.pop("camera", ABOVE), resolution=size, **rest)
+    made["render"]["caustics"] = caustics
+    return made
+
+
+def glasses(**rest):
+    """Glass, a mirror and a pane, lit by one lamp."""
+    mirror = {"shape": "rectangle", "corner": [-0.2, 0.2, 0.02], "edge_u": [0.4, 0, 0], "edge_v": [0, 0.05, 0.2],
+              "material": {"kind": "mirror", "reflectance": [0.9, 0.8, 0.7]}}  # fmt: skip
+    pane = {"shape": "disk", "center": [0.15, -0.05, 0.1], "normal": [0.3, 0, 1], "radius": 0.05,
+            "material": {"kind": "thin_glass"}}  # fmt: skip
+    return scene(lamp(), ball(absorption_per_m=[1, 5, 20]), mirror, pane, **rest)
+
+
+def difference_in_errors(one, other):
+    a, b = overall(one), overall(other)
+    return (a.mean - b.mean) / np.sqrt(a.variance + b.variance)
+
+
+def test_photons_bring_the_light_that_paths_find():
+    name = "photons against paths"
+    with_photons, by_paths = (batches(glasses(caustics=c), f"{name} {c}", 8, spp=128) for c in ("on", "off"))
+    found = difference_in_errors(with_photons, by_paths)
+    assert np.all(np.abs(found) < 4), found
+
+
+def test_light_through_a_pane_is_what_fresnel_leaves():
+    """A point lamp straight above; a pane of index n lets 2 n / (n² + 1) pass at normal incidence."""
+    pane = {"shape": "rectangle", "corner": [-0.5, -0.5, 0.5], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0],
+            "material": {"kind": "thin_glass", "index": 1.7}}  # fmt: skip
+    light = {"kind": "point", "position": [0, 0, 1.0], "intensity": [3.0, 3.0, 3.0]}
+    below = looking([0.1, 0, 0.4], [0, 0, 0], fov=3)
+    film = pixels(scene(pane, camera=below, lights=[light], size=(16, 16), depth=3), spp=256, seed=1)
+    expected = np.array(GREY["reflectance"]) / math.pi * 3.0 * 2 * 1.7 / (1.7**2 + 1)
+    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)  # photons within 256 samples: 0.3 %
+
+
+def test_patch_of_a_mirror_has_the_light_of_the_sun_times_its_reflectance():
+    """Parallel light along +x meets a mirror tilted by 45°, which throws it straight down."""
+    mirror = {"shape": "rectangle", "corner": [-0.2, -0.2, 0.6], "edge_u": [0.4, 0, -0.4], "edge_v": [0, 0.4, 0],
+              "material": {"kind": "mirror", "reflectance": [0.9, 0.6, 0.3]}}  # fmt: skip
+    sun = {"kind": "directional", "direction": [1, 0, 0], "irradiance": [2.0, 2.0, 2.0]}
+    below = looking([0.5, 0.05, 0.3], [0, 0, 0], fov=5)
+    film = pixels(scene(mirror, camera=below, lights=[sun], size=(16, 16), depth=3), spp=256, seed=1)
+    expected = np.array(GREY["reflectance"]) / math.pi * 2.0 * np.array([0.9, 0.6, 0.3])
+    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
+
+
+@pytest.fixture(scope="module")
+def whole():
+    return pixels(glasses(), spp=21, seed=5)
+
+
+@pytest.mark.parametrize("options", [{"wave_size": 1024}, {"wave_size": 1 << 20}, {"part": "1/1"}])
+def test_waves_do_not_change_a_bit(options, whole):
+    assert np.array_equal(pixels(glasses(), spp=21, seed=5, **options), whole)
+
+
+def test_crop_has_the_pixels_of_the_whole(whole):
+    found = pixels(glasses(), spp=21, seed=5, crop=(0.25, 0.75, 0.5, 1.0))
+    assert np.array_equal(found, whole[16:, 8:24])
+
+
+def test_parts_of_tiles_merge_to_the_bits_of_the_whole(whole, tmp_path):
+    files = [tmp_path / f"{number}.rpck" for number in (1, 2)]
+    for number, file in enumerate(files, start=1):
+        rptcam_cl.render(glasses(), spp=21, seed=5, part=f"{number}/2", checkpoint=file)
+    assert np.array_equal(np.asarray(rptcam_cl.merge(files)).astype(np.float64), whole)
+
+
+def test_ranges_of_samples_merge_to_the_whole(whole, tmp_path):
+    files = [tmp_path / f"{first}.rpck" for first in (0, 3)]
+    for (first, end), file in zip(((0, 3), (3, 21)), files, strict=True):
+        rptcam_cl.render(glasses(), samples=(first, end), seed=5, checkpoint=file)
+    merged = np.asarray(rptcam_cl.merge(files)).astype(np.float64)
+    assert merged == pytest.approx(whole, rel=1e-5, abs=1e-7)  # sums of two orders
+
+
+def test_render_that_is_stopped_goes_on_to_the_same_bits(whole, tmp_path):
+    options = {"seed": 5, "checkpoint": tmp_path / "state.rpck", "resume": True}
+    for samples in (3, 11, 21):
+        film = pixels(glasses(), spp=samples, **options)
+    assert np.array_equal(film, whole)
+
+
+def test_passes_have_the_picture_of_the_stream(whole):
+    loaded = load_scene(glasses() | {"render": glasses()["render"] | {"seed": 5}})
+    wavefront = Wavefront(
+        open_session(), make_plan(loaded), FilmLayout.of(loaded.film), loaded.render, organisation="passes"
+    )
+    for wave in wavefront.waves(0, 21):
+        wavefront.enqueue(*wave)
+    wavefront.finish()
+    assert wavefront.picture(21) == pytest.approx(whole, rel=1e-4, abs=1e-6)
+
+
+def test_objects_that_move_are_refused():
+    moving = ball() | {"motion": [{"time_s": 0, "translate": [0, 0, 0]}, {"time_s": 1, "translate": [0.1, 0, 0]}]}
+    with pytest.raises(InputError, match=r"render\.caustics: .*move.*allowed"):
+        rptcam_cl.render(scene(lamp(), moving, shutter={"time_s": 1}), spp=1)
+
+
+def test_bad_value_is_refused():
+    with pytest.raises(InputError, match=r"render\.caustics.*'yes'"):
+        load_scene(scene(caustics="yes"))
