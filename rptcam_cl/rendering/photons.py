@@ -89,7 +89,7 @@ class PhotonMap:
         self.radius = 0.0
         self._radii: dict[int, float] = {}  # of a pass of one sample, by seed [m]
 
-    def use(self, sample: int, seed: int, lanes_per_group: int) -> None:
+    def use(self, sample: int, seed: int) -> None:
         """Have the photons in place that a sample sees."""
         seen = pass_of(sample)
         key = (self._token, seed, seen.number)
@@ -97,20 +97,20 @@ class PhotonMap:
             return
         self._buffers.current = key
         if seed not in self._radii:
-            pilot = self._trace(PILOT, PILOT_PHOTONS, seed, lanes_per_group)
+            pilot = self._trace(PILOT, PILOT_PHOTONS, seed)
             self._radii[seed] = first_radius(pilot, self._pixels)
-        photons = self._trace(seen.number, seen.photons(self._pixels), seed, lanes_per_group)
+        photons = self._trace(seen.number, seen.photons(self._pixels), seed)
         self.radius = self._radii[seed] * seen.shrinkage
         self._put(photons, self.radius)
 
-    def _trace(self, number: int, count: int, seed: int, group: int) -> Photons:
+    def _trace(self, number: int, count: int, seed: int) -> Photons:
         """Return the photons of a pass that met a receiver."""
         record = PHOTON_PASS.zeros(1)
         record["seed"][0] = seed_words(seed ^ SEED)
         record["number"], record["max_edges"], record["surfaces"] = number, self._max_edges, self._surfaces
         record["per_photon"] = 1 / count
         self._launch.set(**{"pass": record.tobytes()})
-        self._launch.enqueue(count // self._session.lanes, group)
+        self._launch.enqueue(count // self._session.lanes, self._session.group)
         found = self._session.read(self._found, np.float32, count * PHOTON_FLOATS).reshape(count, PHOTON_FLOATS)
         return np.asarray(found[found[:, MARK].view(np.int32) >= 0])
 

@@ -17,7 +17,6 @@ from rptcam_cl.rendering.film_buffers import FilmBuffers, outcomes_of, planes_of
 from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.memory import check_memory, memory_needs
 from rptcam_cl.rendering.passes import (
-    GROUP,
     CameraPasses,
     DepthPasses,
     Launches,
@@ -206,7 +205,7 @@ class Wavefront:
         record, slots, run = self._waves.record(wave, self.seed), pixels * samples, self._launches.run
         self._film.expect(self._waves.rays_of(wave, self.tiles))
         if self._photons is not None:
-            self._photons.use(first_sample, self.seed, GROUP[self.session.kind])
+            self._photons.use(first_sample, self.seed)
         self._camera.enqueue(record, slots, run)
         if self._layers is not None and first_sample < self.settings.layers_spp:
             seen = min(samples, self.settings.layers_spp - first_sample)
