@@ -6,9 +6,9 @@ import os
 from collections.abc import Sequence
 
 from rptcam_cl.core.atomic import check_writable
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging import Image, develop
-from rptcam_cl.rendering import layout_of, merged_state, picture_of, write_checkpoint
+from rptcam_cl.rendering import Checkpoint, FilmSpread, layout_of, merged_state, picture_of, spread_of, write_checkpoint
 
 
 def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathLike[str] | None = None) -> Image:
@@ -37,7 +37,17 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
     if checkpoint is not None:
         check_writable(checkpoint, parts)
     state = merged_state(parts)
-    found = picture_of(state, layout_of(state.facts))
+    layout = layout_of(state.facts)
+    found = picture_of(state, layout)
+    pixels = found.pixels if (spread := _spread(state)) is None else spread.over(found.pixels, layout)
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
-    return develop(Image(found.pixels, found.metadata, found.stats, layers=found.layers))
+    return develop(Image(pixels, found.metadata, found.stats, layers=found.layers))
+
+
+def _spread(state: Checkpoint) -> FilmSpread | None:
+    """Return what diffraction does to the film of a saved render."""
+    try:
+        return spread_of(state.arrays, tuple(state.facts["resolution"]))
+    except (ValueError, KeyError) as problem:
+        raise StateError(f"this saved render is damaged: {problem} (render it again)") from None

@@ -74,6 +74,7 @@ class PartRenderer:
         self._plan = make_plan(resolved.scene)
         self._wavefront = Wavefront(session, self._plan, FilmLayout.of(scene.film), scene.render)
         self._wavefront.warm_up()
+        self._diffraction = resolved.diffraction
         self._of_picture = of_picture(scene, resolved, self._plan, settings)
 
     def seconds(self) -> float:
@@ -98,6 +99,8 @@ class PartRenderer:
             saver = Saver(path, self._scene, [self.device], part)
             saver.focus, saver.metered_cd_m2 = self.found.focus, self.found.metered_cd_m2
             saver.of_picture = self._of_picture
+            if self._diffraction is not None:
+                saver.beside = self._diffraction.arrays
             saver.parts_since = lambda done: devices_of(wavefront, part.first, done)
             saver.save(rendering.state())
         return time.perf_counter() - begun

@@ -171,6 +171,8 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     plan = make_plan(found.scene)
     if saver is not None:
         saver.of_picture = of_picture(scene, found, plan, settings)
+        if found.diffraction is not None:
+            saver.beside = found.diffraction.arrays
     started = time.perf_counter()
     if settings.on_progress is not None:
         settings.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -274,8 +276,6 @@ def check_divisible(scene: Scene) -> None:
     """Refuse a scene that cannot be rendered in parts."""
     if scene.render.noise is not None:
         raise InputError("part: a noise target needs the whole film (allowed: without render.noise)")
-    if scene.camera.diffraction != "off":
-        raise InputError("part: diffraction needs the whole film (allowed: with camera.diffraction: off)")
     if "variance" in scene.render.layers:
         raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
 

@@ -13,9 +13,9 @@ from rptcam_cl.rendering.account import (
     window,
 )
 from rptcam_cl.rendering.buffers import SceneBuffers
-from rptcam_cl.rendering.checkpoint import SUFFIX, Saver, write_checkpoint
+from rptcam_cl.rendering.checkpoint import SUFFIX, Checkpoint, Saver, write_checkpoint
 from rptcam_cl.rendering.compile_apart import SMALL, Compiler, order
-from rptcam_cl.rendering.diffraction import Diffraction, diffracted, diffraction_of
+from rptcam_cl.rendering.diffraction import Diffraction, FilmSpread, diffracted, diffraction_of, spread_of
 from rptcam_cl.rendering.film import TILE, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
@@ -44,11 +44,13 @@ __all__ = [
     "TILE_PIXELS",
     "WHOLE",
     "AnyWavefront",
+    "Checkpoint",
     "Compiler",
     "Diffraction",
     "FilmLayout",
     "FilmPart",
     "FilmRun",
+    "FilmSpread",
     "Forecast",
     "LensMargin",
     "Part",
@@ -89,6 +91,7 @@ __all__ = [
     "signature",
     "split_of",
     "split_text",
+    "spread_of",
     "statistics",
     "summary",
     "truncation",

@@ -179,6 +179,8 @@ class Saver:
         """What autofocus found, likewise."""
         self.of_picture: dict[str, Any] = {}
         """What `rptcam_cl.rendering.merge` needs to make the picture without the scene."""
+        self.beside: Callable[[], Mapping[str, NDArray[Any]]] = dict
+        """Arrays that it needs beside those of the state."""
         self._saved = time.monotonic()
         self._written = False
 
@@ -231,7 +233,8 @@ class Saver:
         work = joined(self.parts, self.parts_since(state.done))
         facts = {**self._facts, **resolved, "done": state.done, "devices": self._devices, "work": work}
         facts["picture"] = self.of_picture
-        write_checkpoint(self.path, facts, self.part.packed(state.arrays, self._layout.tiles))
+        arrays = self.part.packed(state.arrays, self._layout.tiles)
+        write_checkpoint(self.path, facts, {**arrays, **self.beside()})
         self._written = True
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:

@@ -7,7 +7,7 @@ why, and how far that is from the full wave image.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -31,6 +31,70 @@ NODE_PX = 16  # least distance between nodes
 
 
 @dataclass(frozen=True)
+class FilmSpread:
+    """What the openings that the film sees make of its light.
+
+    Attributes
+    ----------
+    resolution : tuple of int
+        Columns and rows of the whole film.
+    pixel_mm : tuple of float
+        Width and height of a pixel.
+    pupils : tuple of FilmPupil
+        The opening that each node sees, by rows of nodes.
+    """
+
+    resolution: tuple[int, int]
+    pixel_mm: tuple[float, float]
+    pupils: tuple[FilmPupil, ...]
+
+    @cached_property
+    def kernels(self) -> tuple[tuple[Array, Array], list[Array]]:
+        """Columns and rows of the nodes on the whole film, and the kernel of each."""
+        reach = reach_px(max(unit_px(pupil, self.pixel_mm) for pupil in self.pupils), max(self.resolution))
+        found = [kernel(pupil, self.pixel_mm, reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
+        return _nodes(self.resolution), found
+
+    def over(self, pixels: NDArray[np.float32], layout: FilmLayout) -> NDArray[np.float32]:
+        """Return a film (height, width, 3) of linear RGB with its light spread."""
+        planes = np.moveaxis(pixels.astype(np.float64), -1, 0)
+        spread = blurred(planes, (layout.x, layout.y), *self.kernels)
+        return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return what `spread_of` makes the same of; shares of coverage are sixteenths, which float32 holds."""
+        return {
+            "diffraction_pixel_mm": np.array(self.pixel_mm),
+            "diffraction_coverage": np.array([pupil.coverage for pupil in self.pupils], np.float32),
+            "diffraction_cosines": np.array([[pupil.cosines_x, pupil.cosines_y] for pupil in self.pupils]),
+            "diffraction_index": np.array([pupil.index for pupil in self.pupils]),
+        }
+
+
+def spread_of(arrays: Mapping[str, NDArray[Any]], resolution: tuple[int, int]) -> FilmSpread | None:
+    """Return what `FilmSpread.arrays` is of; None where there are none.
+
+    Raises
+    ------
+    ValueError, KeyError
+        They do not fit together.
+    """
+    if "diffraction_index" not in arrays:
+        return None
+    nodes = [len(axis) for axis in _nodes(resolution)]
+    width, height = arrays["diffraction_pixel_mm"].tolist()
+    coverage, cosines = arrays["diffraction_coverage"], arrays["diffraction_cosines"]
+    count, cells = nodes[0] * nodes[1], cosines.shape[-1]
+    if not min(width, height) > 0 or coverage.shape != (count, cells, cells) or cosines.shape != (count, 2, cells):
+        raise ValueError("diffraction")
+    pupils = tuple(
+        FilmPupil(cover.astype(np.float64), x, y, float(index))
+        for cover, (x, y), index in zip(coverage, cosines, arrays["diffraction_index"], strict=True)
+    )
+    return FilmSpread(resolution, (width, height), pupils)
+
+
+@dataclass(frozen=True)
 class Diffraction:
     """What diffraction does to the film of a scene.
 
@@ -51,17 +115,15 @@ class Diffraction:
     pupils: Callable[[Array], FilmPupil] | None
 
     @cached_property
-    def kernels(self) -> tuple[tuple[Array, Array], list[Array]]:
-        """Columns and rows of the nodes on the whole film, and the kernel of each.
+    def spread(self) -> FilmSpread:
+        """What the openings do, of nodes on the whole film.
 
-        A node that no light reaches takes the kernel of the film's middle, as it has nothing to spread.
+        A node that no light reaches takes the opening of the film's middle, as it has nothing to spread.
         """
-        scene, pixel, sides = self.scene, _pixel_mm(self.scene), self.scene.film.resolution
-        order = NODES if sides[0] >= sides[1] else NODES[::-1]
-        columns, rows = (_nodes(side, most) for side, most in zip(sides, order, strict=True))
-        seen = [self._seen(_film_point(scene, column, row)) for row in rows for column in columns]
-        reach = reach_px(max(unit_px(pupil, pixel) for pupil in seen), max(sides))
-        return (columns, rows), [kernel(pupil, pixel, reach)[:, :, ::-1] for pupil in seen]  # x runs to the left
+        film = self.scene.film
+        columns, rows = _nodes(film.resolution)
+        seen = tuple(self._seen(_film_point(self.scene, column, row)) for row in rows for column in columns)
+        return FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
 
     def _seen(self, point: Array) -> FilmPupil:
         assert self.pupils is not None
@@ -69,6 +131,10 @@ class Diffraction:
             return self.pupils(point)
         except InputError:
             return self.pupils(np.zeros(2))
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return what a saved render needs so that `merge` can apply it without the scene; none where it is off."""
+        return self.spread.arrays() if self.is_on else {}
 
     @property
     def metadata(self) -> dict[str, Any]:
@@ -108,14 +174,17 @@ def diffracted(found: Diffraction | None, pixels: NDArray[np.float32]) -> NDArra
     """Return a film (height, width, 3) of linear RGB with its diffraction; the very same where that is off."""
     if found is None or not found.is_on:
         return pixels
-    layout = FilmLayout.of(found.scene.film)
-    nodes, kernels = found.kernels
-    planes = np.moveaxis(pixels.astype(np.float64), -1, 0)
-    spread = blurred(planes, (layout.x, layout.y), nodes, kernels)
-    return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
+    return found.spread.over(pixels, FilmLayout.of(found.scene.film))
 
 
-def _nodes(pixels: int, most: int) -> Array:
+def _nodes(resolution: tuple[int, int]) -> tuple[Array, Array]:
+    """Return columns and rows of the nodes on a film [pixels]."""
+    order = NODES if resolution[0] >= resolution[1] else NODES[::-1]
+    columns, rows = (_along(side, most) for side, most in zip(resolution, order, strict=True))
+    return columns, rows
+
+
+def _along(pixels: int, most: int) -> Array:
     """Return places of nodes along a side of the film, from its first pixel to its last [pixels]."""
     count = min(most, 1 + pixels // NODE_PX)
     return np.array([(pixels - 1) / 2]) if count < 2 else np.linspace(0.0, pixels - 1.0, count)

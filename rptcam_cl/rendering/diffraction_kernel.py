@@ -60,7 +60,7 @@ def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array
     """
     total = np.zeros((3, 2 * reach + 1, 2 * reach + 1))
     for nm, shares in zip(WAVES_NM, white_shares(), strict=True):
-        total += shares[:, None, None] * _of_wavelength(pupil, pixel_mm, reach, nm)
+        total += shares[:, None, None] * of_wavelength(pupil, pixel_mm, reach, nm)
     away = np.arange(-reach, reach + 1) / (reach + 1)
     radius = np.hypot(away[:, None], away[None, :])
     fade = np.cos(np.pi / 2 * np.clip((radius - TAPER) / (1 - TAPER), 0.0, 1.0)) ** 2
@@ -68,7 +68,7 @@ def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array
     return np.asarray(total / total.sum(axis=(1, 2), keepdims=True))
 
 
-def _of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm: float) -> Array:
+def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm: float) -> Array:
     """Return the light of a wavelength in each pixel, its sum 1."""
     unit = unit_px(pupil, pixel_mm, nm)
     width = float(np.sqrt(np.clip((SMOOTH - unit) / (SMOOTH - SHARP), 0.0, 1.0)))  # of the square that is averaged

@@ -24,6 +24,7 @@ from rptcam_cl.scene import Film
 
 Arrays = dict[str, NDArray[Any]]
 Planes = NDArray[np.float32]
+DIFFRACTION = "diffraction_"  # begins the names of what the openings do to the film, the same in all parts
 PASSED = 0  # plane of the layers with the weight of the rays that pass
 
 # What all parts of one render have in common, and how it is said where they have not.
@@ -83,8 +84,9 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
     picture = facts.get("picture") or {}
     if not isinstance(picture.get("metadata"), dict):
         raise StateError(f"{path}: was saved by a version that could not merge (render it again)")
-    if picture["metadata"].get("diffraction") is not None:
-        raise StateError(f"{path}: a render with diffraction cannot be merged (allowed: with camera.diffraction: off)")
+    wanted = (picture["metadata"].get("diffraction") or {}).get("on", False)
+    if wanted and not any(name.startswith(DIFFRACTION) for name in saved.arrays):
+        raise StateError(f"{path}: was saved by a version that could not merge diffraction (render it again)")
     part, done = part_of_facts(facts.get("part")), facts["done"]
     end = part.end or (done if part.count == 1 else picture.get("spp") or done)
     return SavedPart(path, saved, part, done, max(end, done))
@@ -205,7 +207,8 @@ def merged_arrays(parts: Sequence[SavedPart], layout: FilmLayout) -> Arrays:
             _take_first(found["layers"], arrays["layers"], pixels, 2 * layers.sums)
             _add(found["layers"], arrays["layers"], pixels, layers.sums)
         counts += arrays["counts"]
-    return found | {"counts": counts}
+    beside = {name: array for name, array in parts[0].saved.arrays.items() if name.startswith(DIFFRACTION)}
+    return found | {"counts": counts} | beside
 
 
 def _check_fit(part: SavedPart, arrays: Arrays, found: Arrays, counts: NDArray[np.uint64]) -> None:

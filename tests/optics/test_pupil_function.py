@@ -132,7 +132,7 @@ PERFECT = {
 }
 
 
-@pytest.mark.parametrize("f_number", [8, 32])
+@pytest.mark.parametrize("f_number", [8, 11, 16, 22, 32])
 def test_a_lens_without_aberrations_has_the_airy_pattern(f_number: float) -> None:
     lens = load_lens(PERFECT)
     lens = lens.with_stop_diameter(50 / f_number)

@@ -8,7 +8,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Beam, load_lens, pupil_function, transfer
 from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.rendering.diffraction import SHOWS_PX, diffracted, diffraction_of
-from rptcam_cl.rendering.diffraction_kernel import WAVES_NM, kernel, white_shares
+from rptcam_cl.rendering.diffraction_kernel import WAVES_NM, kernel, of_wavelength, white_shares
 from rptcam_cl.rendering.patch_blur import blurred
 from rptcam_cl.scene import load_scene
 from tests.rendering.pictures import scene_of
@@ -46,7 +46,7 @@ def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number)
 def test_spikes_stand_across_the_blades_and_keep_their_handedness():
     # Corners at 10, 130 and 250 degrees: edges across 70, 190 and 310, spikes both ways from each.
     found = found_of(aperture={"shape": "polygon", "blades": 3, "rotation_degrees": 10})
-    (_, _), kernels = found.kernels
+    _, kernels = found.spread.kernels
     plane = kernels[len(kernels) // 2][1]
     reach = len(plane) // 2
     down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
@@ -168,5 +168,33 @@ def test_resumed_render_has_the_same_bits(tmp_path):
     state = tmp_path / "edge.state"
     rptcam_cl.render(edge_scene("on"), spp=2, checkpoint=state, resume=True)
     np.testing.assert_array_equal(rptcam_cl.render(edge_scene("on"), spp=4, checkpoint=state, resume=True), whole)
-    with pytest.raises(InputError, match="part: diffraction needs the whole film"):
-        rptcam_cl.render(edge_scene("on"), spp=2, part="1/2", checkpoint=tmp_path / "part.state")
+
+
+def test_parts_are_merged_with_the_diffraction_of_the_whole(tmp_path):
+    whole = rptcam_cl.render(edge_scene("on"), spp=2, layers=["direct"])
+    parts = [tmp_path / "1.rpck", tmp_path / "2.rpck"]
+    for number, path in enumerate(parts, 1):
+        rptcam_cl.render(edge_scene("on"), spp=2, layers=["direct"], part=f"{number}/2", checkpoint=path)
+    merged = rptcam_cl.merge(parts)
+    np.testing.assert_array_equal(merged, whole)
+    np.testing.assert_array_equal(merged["direct"], whole["direct"])
+    assert merged.metadata["diffraction"] == whole.metadata["diffraction"]
+    assert not np.array_equal(merged, whole["direct"])
+
+
+@pytest.mark.parametrize("blades", [5, 6])
+def test_spikes_are_one_for_each_direction_across_a_blade_and_grow_with_the_wavelength(blades):
+    found = found_of(f_number=22, aperture={"shape": "polygon", "blades": blades})
+    pupil, pixel, reach = found.pupils(np.zeros(2)), 0.2 / 64, 220
+    down, right = np.mgrid[-reach : reach + 1, -reach : reach + 1]
+    radius, angle = np.hypot(down, right), np.degrees(np.arctan2(-down, right)) % 360
+    ring = (radius > 60) & (radius < 200)
+    places, lengths = (angle[ring] // 2).astype(int), []
+    for nm in (450.0, 600.0):
+        light = of_wavelength(pupil, (pixel, pixel), reach, nm)
+        around = np.bincount(places, (light * radius**3)[ring]) / np.bincount(places)
+        peaks = (around > np.roll(around, 1)) & (around >= np.roll(around, -1)) & (around > 4 * np.median(around))
+        assert peaks.sum() == (2 * blades if blades % 2 else blades)
+        along = np.bincount(np.rint(radius).astype(int).ravel(), light.ravel())[:reach]
+        lengths.append(np.interp(0.97, np.cumsum(along), np.arange(reach)))  # holds 97 % of the light
+    assert lengths[1] / lengths[0] == pytest.approx(600 / 450, rel=0.02)

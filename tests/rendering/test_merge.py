@@ -128,7 +128,7 @@ OTHERS = {
     ),
     "light": ({"metered_cd_m2": 3.0}, "auto exposure differs .*rptcam settle"),
     "no picture": ({"picture": {}}, "by a version that could not merge"),
-    "diffraction": ({"picture": {"metadata": {"diffraction": {}}}}, "a render with diffraction cannot be merged"),
+    "diffraction": ({"picture": {"metadata": {"diffraction": {"on": True}}}}, "could not merge diffraction"),
     "noise": ({"noise": 0.1}, "a render with a noise target .* cannot be merged"),
     "part": ({"part": [4, 3, 0, None]}, "damaged: part"),
 }
