@@ -18,7 +18,14 @@ from rptcam_cl.cameras.ray_map import RayMap
 from rptcam_cl.cameras.rays import allowed_px, fitted_map
 from rptcam_cl.cameras.realistic import lens_tint, shows_losses
 from rptcam_cl.cameras.records import lens_records
-from rptcam_cl.cameras.setting import LensSetting, film_point, lens_setting, lens_to_focus
+from rptcam_cl.cameras.setting import (
+    LensSetting,
+    design_to_focus,
+    film_for_infinity,
+    film_point,
+    lens_setting,
+    lens_to_focus,
+)
 from rptcam_cl.cameras.thick_lens import ThickLens, thick_lens_of
 from rptcam_cl.cameras.trajectory import camera_trajectory
 from rptcam_cl.scene import LensColour, RealisticCamera, Scene, at_opening
@@ -64,9 +71,11 @@ __all__ = [
     "camera_model",
     "camera_trajectory",
     "colour_error_px",
+    "design_to_focus",
     "disperses",
     "exposed",
     "fewest_terms",
+    "film_for_infinity",
     "film_point",
     "film_pupils",
     "filter_table",

@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from rptcam_cl.cameras.as_made import DESIGN, RealState, real_state
 from rptcam_cl.cameras.lens_losses import as_coated, transmission_of
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import (
@@ -138,12 +139,15 @@ class LensSetting:
         Object plane in focus to film; None when the film stands where no object is sharp.
     camera : LensCamera
         The request.
+    real : RealState
+        How the lens differs from its design.
     """
 
     lens: Lens
     film_distance_mm: float
     focus_distance_mm: float | None
     camera: LensCamera
+    real: RealState = DESIGN
 
     @property
     def gain(self) -> float:
@@ -173,6 +177,7 @@ class LensSetting:
             "focus_field": None if focus.field is None else list(focus.field),
             "focused_by": ("whole lens" if self.lens.focusing is None else "group") if sought else None,
             "wavelength_nm": self.camera.wavelength_nm,
+            **self.real.metadata,
         }
 
 
@@ -191,24 +196,26 @@ def lens_setting(scene: Scene) -> LensSetting:
     """
     camera = scene.camera
     assert isinstance(camera, LensCamera)
-    lens, focus = lens_to_focus(scene, camera), camera.focus
+    lens, focus, real = design_to_focus(scene, camera), camera.focus, real_state(scene)
     if focus.film_distance_mm is not None:
-        return LensSetting(lens, focus.film_distance_mm, _sharp_at(lens, focus.film_distance_mm, camera), camera)
+        lens, back_mm = real.lens(lens), focus.film_distance_mm
+        return LensSetting(lens, back_mm, _sharp_at(lens, back_mm, camera), camera, real)
     if focus.group_shift_mm is not None:
-        return _at_shift(lens, focus.group_shift_mm, camera)
+        return _at_shift(lens, focus.group_shift_mm, camera, real)
     if focus.auto is not None:
         raise InputError(NOT_FOUND_YET)
     if focus.front_distance_m is not None:
         front_mm = focus.front_distance_m * 1e3
         lens, back_mm = focused(lens, front_mm, "front", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
-        return LensSetting(lens, back_mm, front_mm + lens.length + lens.sense * back_mm, camera)
+        distance_mm = front_mm + lens.length + lens.sense * back_mm
+        return LensSetting(real.lens(lens), real.film(back_mm), distance_mm, camera, real)
     if focus.point is not None:
         distance_mm = camera.ahead(focus.point) * scene.metres_per_unit * 1e3
     else:
         assert focus.distance_m is not None
         distance_mm = focus.distance_m * 1e3
     lens, back_mm = focused(lens, distance_mm, "film", focus.method, camera.wavelength_nm, _sharpest(scene, camera))
-    return LensSetting(lens, back_mm, distance_mm, camera)
+    return LensSetting(real.lens(lens), real.film(back_mm), distance_mm, camera, real)
 
 
 def _sharpest(scene: Scene, camera: LensCamera) -> tuple[float, float] | None:
@@ -232,7 +239,18 @@ def film_point(scene: Scene, camera: LensCamera, right: float, down: float) -> t
 
 
 def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
-    """Return the lens at its focal length and working aperture."""
+    """Return the lens as it really is, at its focal length and working aperture."""
+    return real_state(scene).lens(design_to_focus(scene, camera))
+
+
+def film_for_infinity(scene: Scene, camera: LensCamera) -> float:
+    """Return the distance from the last vertex to a film that stays where the scale says infinity [mm]."""
+    design = design_to_focus(scene, camera)
+    return real_state(scene).film(film_distance(design, np.inf, wavelength_nm=camera.wavelength_nm))
+
+
+def design_to_focus(scene: Scene, camera: LensCamera) -> Lens:
+    """Return the design of the lens at its focal length and working aperture."""
     lens = as_coated(scene.load_lens(), camera)
     if camera.zoom is not None:
         lens = configured(lens, camera.zoom)
@@ -245,7 +263,7 @@ def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     return lens
 
 
-def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera) -> LensSetting:
+def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera, real: RealState) -> LensSetting:
     if lens.focusing is None:
         raise InputError(f"camera.focus.group_shift_mm: {lens.name}: has no focusing group (allowed: film_distance_mm)")
     low, high = lens.focusing.travel_mm
@@ -254,9 +272,9 @@ def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera) -> LensSetting:
             f"camera.focus.group_shift_mm: beyond the travel of the group (got {shift_mm:g};"
             f" allowed: {low:g} to {high:g})"
         )
-    infinity_mm = film_distance(lens, np.inf, wavelength_nm=camera.wavelength_nm)
-    state, back_mm = moved(lens, shift_mm), film_behind(lens, shift_mm, infinity_mm)
-    return LensSetting(state, back_mm, _sharp_at(state, back_mm, camera), camera)
+    infinity_mm = real.film(film_distance(lens, np.inf, wavelength_nm=camera.wavelength_nm))
+    state, back_mm = moved(real.lens(lens), shift_mm), film_behind(lens, shift_mm, infinity_mm)
+    return LensSetting(state, back_mm, _sharp_at(state, back_mm, camera), camera, real)
 
 
 def _sharp_at(lens: Lens, back_mm: float, camera: LensCamera) -> float | None:

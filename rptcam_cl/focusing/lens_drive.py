@@ -14,6 +14,7 @@ from rptcam_cl.cameras import (
     CameraModel,
     LensSetting,
     PupilRays,
+    film_for_infinity,
     film_point,
     lens_rays,
     lens_setting,
@@ -227,7 +228,7 @@ class GroupDrive(LensDrive):
 
     @cached_property
     def _film_mm(self) -> float:
-        return film_distance(self.lens, np.inf, wavelength_nm=self.own_camera.wavelength_nm)
+        return film_for_infinity(self.scene, self.own_camera)
 
     def lens_at(self, state: float) -> tuple[Lens, float]:
         """Return the lens with its group shifted, and the distance from its last vertex to the film [mm]."""

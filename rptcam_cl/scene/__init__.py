@@ -1,12 +1,14 @@
 """Scene files: a validated, frozen model of everything that a picture needs. Knows nothing of OpenCL."""
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 from rptcam_cl.scene.autofocus import METHODS, POLICIES, AutoFocus, OnlyAuto, ZonesFile, read_zones
 from rptcam_cl.scene.base import FLOAT32_MAX, FLOAT32_MIN_NORMAL, listed, near_name
 from rptcam_cl.scene.camera import (
     NOT_FOUND_YET,
     Camera,
     EnvironmentCamera,
-    Focus,
     LensCamera,
     PinholeCamera,
     Pose,
@@ -20,6 +22,7 @@ from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure, Shutter
 from rptcam_cl.scene.file_reference import FileReference
 from rptcam_cl.scene.film import SIDES_MM, Film, FilmFilter
+from rptcam_cl.scene.focus import Focus
 from rptcam_cl.scene.lens_settings import (
     Accuracy,
     Aperture,
@@ -62,6 +65,7 @@ from rptcam_cl.scene.picture import (
 )
 from rptcam_cl.scene.problems import input_error
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, LONGEST_S, SHORTEST_S, Colour
+from rptcam_cl.scene.real_lens import GRADES, AsBuilt, RealLens
 from rptcam_cl.scene.render_settings import (
     ADAPTIVE_SPP,
     FILM_LAYERS,
@@ -82,8 +86,10 @@ from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rect
 from rptcam_cl.scene.spectrum import SpectralColour
 from rptcam_cl.scene.spectrum_forms import LightSpectrum, TabulatedSpectrum
 from rptcam_cl.scene.texture import Blend, Checker, Gradient, Grid, ImageTexture, Noise, Reflectance, Texture
-from rptcam_cl.scene.tolerances import GRADES, Distribution, Merit, Tolerance, Tolerances, grade
 from rptcam_cl.scene.transform import Rotation, TransformStep
+
+if TYPE_CHECKING:
+    from rptcam_cl.scene.tolerances import Distribution, Merit, Tolerance, Tolerances, grade
 
 __all__ = [
     "ADAPTIVE_SPP",
@@ -113,6 +119,7 @@ __all__ = [
     "AbsorbingMaterial",
     "Accuracy",
     "Aperture",
+    "AsBuilt",
     "AutoFocus",
     "Blend",
     "Box",
@@ -180,6 +187,7 @@ __all__ = [
     "Pose",
     "Principled",
     "ProfileLight",
+    "RealLens",
     "RealisticCamera",
     "Rectangle",
     "Reflectance",
@@ -233,3 +241,13 @@ __all__ = [
     "set_keys",
     "with_camera",
 ]
+
+_TOLERANCES = ("Distribution", "Merit", "Tolerance", "Tolerances", "grade")  # few scenes have any
+
+
+def __getattr__(name: str) -> Any:
+    """Import the model of tolerances at its first use, so that every command starts sooner."""
+    if name not in _TOLERANCES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = found = getattr(import_module("rptcam_cl.scene.tolerances"), name)
+    return found

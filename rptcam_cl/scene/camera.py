@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal, Self, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, Self, TypeVar
 
 import numpy as np
 from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.scene.autofocus import AutoFocusOrMethod, OnlyAuto
+from rptcam_cl.scene.autofocus import OnlyAuto
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
+from rptcam_cl.scene.focus import Focus
 from rptcam_cl.scene.lens_settings import (
     AUTO,
     EVERY_FORM,
@@ -20,19 +21,17 @@ from rptcam_cl.scene.lens_settings import (
     Accuracy,
     Aperture,
     CircularAperture,
-    LensReference,
     Transmission,
 )
 from rptcam_cl.scene.motion import CameraMotion, Vector, place_between
-from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Fraction, Position, list_of
+from rptcam_cl.scene.quantities import NUMBER, SMALLEST_LENGTH, Direction, Metres, Millimetres, Position
+from rptcam_cl.scene.real_lens import AsBuilt, LensOrDesign, RealLens
 
 # Sine of the smallest angle between up and the viewing direction that still fixes the roll in float32.
 SMALLEST_ROLL_SINE = 1e-6
 
 Degrees = Annotated[float, Field(gt=0, lt=180), NUMBER]
 FovAxis = Literal["horizontal", "vertical", "diagonal"]
-Metres = Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
-Millimetres = Annotated[float, Field(ge=1e-6, le=1e12), NUMBER]
 AnyPose = TypeVar("AnyPose", bound="Pose")
 NOT_FOUND_YET = "camera.focus.auto: the focus is found by render() or autofocus(), before the camera can be used"
 FNumber = Annotated[float, Field(ge=1e-2, le=1e6), NUMBER]
@@ -251,65 +250,6 @@ class ThinLensCamera(Pose):
         return self
 
 
-class Focus(SceneModel):
-    """Focus of a real lens: where the object plane, the film or the group is. Exactly one of these, or `auto`.
-
-    The eye is the centre of the film, so `distance_m` and `point` fix a plane of the scene, at right angles to the
-    axis. `front_distance_m` fixes it relative to the lens: the plane lies farther from the eye by the length of the
-    lens and the film distance, which follow from it.
-    """
-
-    alternatives: ClassVar[tuple[Alternatives, ...]] = (
-        Alternatives(
-            ("distance_m", "front_distance_m", "point", "film_distance_mm", "group_shift_mm", "auto"), required=True
-        ),
-    )
-
-    distance_m: Metres | None = None
-    """Distance from the object plane in focus to the film [m]."""
-
-    front_distance_m: Metres | None = None
-    """Distance from the object plane in focus to the first vertex of the lens [m]."""
-
-    point: Position | None = None
-    """A point of the object plane in focus [scene units]."""
-
-    film_distance_mm: Millimetres | None = None
-    """Distance from the last vertex of the lens to the film [mm]."""
-
-    group_shift_mm: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER] | None = None
-    """How far the focusing group of the lens stands towards the film from its place in the lens file [mm]."""
-
-    auto: AutoFocusOrMethod | None = None
-    """Autofocus."""
-
-    method: Literal["thick", "spot"] = "thick"
-    """How the film distance of an object plane is found: first-order optics, or the least spot of traced rays."""
-
-    field: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
-    """With method `spot`: where in the picture the spot is least, as fractions from its left and top edges; on the
-    axis by default."""
-
-    @model_validator(mode="after")
-    def _check_method(self) -> Self:
-        given = [key for key in ("film_distance_mm", "group_shift_mm", "auto") if getattr(self, key) is not None]
-        if self.method != "thick" and given:
-            raise refuse(
-                f"seeks the film distance, which {given[0]} gives already",
-                got=self.method,
-                allowed="distance_m, front_distance_m or point beside it",
-                path=("method",),
-            )
-        if self.field is not None and self.method != "spot":
-            raise refuse(
-                "says where the spot is least",
-                got=list(self.field),
-                allowed="method: spot beside it",
-                path=("field",),
-            )
-        return self
-
-
 class LensCamera(Pose):
     """A camera with a lens of surfaces.
 
@@ -321,8 +261,9 @@ class LensCamera(Pose):
         Alternatives(("zoom", "focal_length_mm"), required=False),
     )
 
-    lens: LensReference
-    """The lens: a name, a file in the scene's folder, or a prescription written out as a mapping."""
+    lens: LensOrDesign
+    """The lens: a name, a file in the scene's folder, or a prescription written out as a mapping; or a mapping with one
+    of these as `design` and how the lens differs from it."""
 
     zoom: Annotated[str, Field(max_length=200)] | None = None
     """Position of a zoom lens by its name in the lens file; the first one by default."""
@@ -345,6 +286,16 @@ class LensCamera(Pose):
     transmission: Annotated[Transmission, AlsoAccepts(EVERY_FORM)] = IDEAL
     """What the lens takes from the light; nothing by default."""
 
+    @property
+    def design(self) -> str | dict[str, Any]:
+        """The name, file or prescription of the lens."""
+        return self.lens.design if isinstance(self.lens, RealLens) else self.lens
+
+    @property
+    def as_built(self) -> AsBuilt | None:
+        """Which copy of the lens it is; None for the design."""
+        return self.lens.as_built if isinstance(self.lens, RealLens) else None
+
     def ahead(self, point: tuple[float, float, float]) -> float:
         """Return how far in front of the eye a point lies along the axis [scene units]."""
         return float(np.dot(np.subtract(self.eye, point), self.world_from_camera()[:3, 2]))
@@ -366,6 +317,17 @@ class ThickLensCamera(LensCamera):
 
     kind: Literal["thick_lens"]
     """Camera model."""
+
+    @model_validator(mode="after")
+    def _check_copy(self) -> Self:
+        if self.as_built is not None:
+            raise refuse(
+                "has elements beside the axis, which a thick lens leaves out",
+                got=self.as_built.percentile,
+                allowed="kind: realistic, or no as_built",
+                path=("lens", "as_built"),
+            )
+        return self
 
 
 class RealisticCamera(LensCamera):

@@ -11,10 +11,12 @@ from pydantic import ValidationError
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import KeyPath, dotted, read_yaml
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.camera import Focus, LensCamera, Pose, ThinLensCamera
+from rptcam_cl.scene.camera import LensCamera, Pose, ThinLensCamera
 from rptcam_cl.scene.film import Film
+from rptcam_cl.scene.focus import Focus
 from rptcam_cl.scene.picture import WhiteBalance
 from rptcam_cl.scene.problems import input_error, shown
+from rptcam_cl.scene.real_lens import with_design
 from rptcam_cl.scene.scene import Scene
 
 # Where keys that exclude each other live, and the models that say which they are.
@@ -87,6 +89,8 @@ def _parent(data: dict[Any, Any], path: KeyPath, text: str) -> Any:
         if isinstance(value, dict):
             if value.get(_key(value, key)) is None:
                 value[_key(value, key)] = {}
+            if path[:length] == ("camera", "lens"):
+                value[key] = with_design(value[key], str(path[length]))
             if path[:length] in _WORDS and isinstance(value[key], str):
                 value[key] = {_WORDS[path[:length]]: value[key]}
             place = _key(value, key)

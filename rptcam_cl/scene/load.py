@@ -21,6 +21,7 @@ from rptcam_cl.scene.file_reference import file_references
 from rptcam_cl.scene.mesh import MeshObject
 from rptcam_cl.scene.picture import PictureSettings
 from rptcam_cl.scene.problems import Where, input_error, refusal_text, shown
+from rptcam_cl.scene.real_lens import GRADES
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.shape import Object
 
@@ -110,6 +111,12 @@ def with_files(scene: Scene, where: Where, missing: Missing) -> Scene:
         scene.lens_source()
     except InputError as problem:
         raise InputError(f"{where(('camera', 'lens'), False)}camera.lens: {problem}") from None
+    try:
+        scene.tolerances_source()
+    except InputError as problem:
+        key: KeyPath = ("camera", "lens", "as_built", "spec")
+        hint = f"; a grade is one of {', '.join(GRADES)}" if isinstance(problem, MissingFileError) else ""
+        raise type(problem)(f"{where(key, False)}{dotted(key)}: {problem}{hint}") from None
     pictures: list[str] = []
     kept, without = _checked_meshes(scene, where, pictures)
     fatal: list[str] = []

@@ -15,12 +15,13 @@ from rptcam_cl.core.strict_yaml import KeyPath, dotted
 from rptcam_cl.scene.base import REFUSED, listed, near_name
 from rptcam_cl.scene.metal import MEASURED, WRITTEN_OUT
 from rptcam_cl.scene.quantities import SPECTRUM
+from rptcam_cl.scene.real_lens import DESIGN, REAL
 from rptcam_cl.scene.texture import CONSTANT
 
 MAX_REPORTED = 5
 
 # Names of forms that a value without a kind may have; no keys.
-FORMS = (CONSTANT, SPECTRUM, MEASURED)
+FORMS = (CONSTANT, SPECTRUM, MEASURED, DESIGN, REAL)
 
 Where = Callable[[KeyPath, bool], str]
 

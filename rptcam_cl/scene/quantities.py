@@ -176,6 +176,8 @@ Length = Annotated[float, Field(ge=SMALLEST_LENGTH, le=LARGEST_COORDINATE), NUMB
 Turn = Annotated[float, Field(ge=-360, le=360), NUMBER]
 LARGEST_GAIN = 1e12
 Gain = Annotated[float, Field(ge=0, le=LARGEST_GAIN), NUMBER]
+Metres = Annotated[float, Field(ge=1e-9, le=1e12), NUMBER]
+Millimetres = Annotated[float, Field(ge=1e-6, le=1e12), NUMBER]
 Fraction = Annotated[float, Field(ge=0, le=1), NUMBER]
 
 Position = Annotated[

@@ -12,7 +12,8 @@ from typing import Annotated, Any, Self
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.references import Folders, References
+from rptcam_cl.core.references import Folders, References, digest
+from rptcam_cl.core.strict_yaml import MAX_BYTES
 from rptcam_cl.optics import Lens, digests_of_lens, load_lens, named_lens, names_a_file
 from rptcam_cl.scene.autofocus import AutoFocus
 from rptcam_cl.scene.base import SceneModel, listed, near_name, refuse
@@ -26,6 +27,7 @@ from rptcam_cl.scene.material import Material, with_material, with_parts
 from rptcam_cl.scene.mesh import LoadedMesh, MeshLibrary, MeshObject, NamedMesh
 from rptcam_cl.scene.picture import PictureSettings
 from rptcam_cl.scene.quantities import NUMBER
+from rptcam_cl.scene.real_lens import GRADES, RealLens
 from rptcam_cl.scene.render_settings import RenderSettings, SpectrumSettings
 from rptcam_cl.scene.scene_object import Solid
 from rptcam_cl.scene.sensor import Sensor
@@ -213,8 +215,15 @@ class Scene(SceneModel):
         """Return what to load the lens from: a name, a checked path or a mapping; None without a real lens."""
         if not isinstance(self.camera, LensCamera):
             return None
-        lens = self.camera.lens
+        lens = self.camera.design
         return self._folders.find(lens) if isinstance(lens, str) and names_a_file(lens) else lens
+
+    def tolerances_source(self) -> str | Path | None:
+        """Return the tolerances of a lens as built: a grade, or a checked path; None for a design."""
+        made = self.camera.as_built if isinstance(self.camera, LensCamera) else None
+        if made is None:
+            return None
+        return made.spec if made.spec in GRADES else self._folders.find(made.spec)
 
     def load_lens(self) -> Lens:
         """Return the real lens of the camera; its files lie where the scene may read.
@@ -272,9 +281,15 @@ class Scene(SceneModel):
         if source is not None and not isinstance(source, str):
             digests = digests_of_lens(source, self._lens_folders(source))
             if isinstance(source, Path):
-                content["camera"]["lens"] = digests.pop("")
+                found = digests.pop("")
+                if isinstance(self.camera.lens, RealLens):  # type: ignore[union-attr]
+                    content["camera"]["lens"]["design"] = found
+                else:
+                    content["camera"]["lens"] = found
             if digests:
                 content["camera"]["files of the lens"] = digests
+        if isinstance(tolerances := self.tolerances_source(), Path):
+            content["camera"]["lens"]["as_built"]["spec"] = digest(tolerances, MAX_BYTES)
         for (key, *rest), reference in file_references(self):
             if key != "materials":
                 part: Any = content[str(key)]

@@ -208,11 +208,8 @@ def _grade(name: str, column: str, radius: float, thickness: float, sag: float, 
     )
 
 
-GRADES = ("commercial", "precision", "high_precision")
-
-
 def grade(name: str) -> Tolerances:
-    """Return the tolerances of a grade by its name, of `GRADES`; the highest knows its glass by melt data."""
+    """Return the tolerances of a grade by its name, of `real_lens.GRADES`; the highest knows its glass by melt data."""
     return {
         "commercial": lambda: _grade(name, "commercial", 0.2, 0.15, 0.05, 0.1, 0.05, (0.001, 0.8)),
         "precision": lambda: _grade(name, "precision", 0.1, 0.05, 0.025, 0.025, 0.01, (0.0005, 0.5)),

@@ -127,5 +127,5 @@ def current_name(scene: Scene) -> str | None:
     """Return the name of the scene's lens; of a prescription written out, what it is called; None without one."""
     if not isinstance(scene.camera, LensCamera):
         return None
-    lens = scene.camera.lens
+    lens = scene.camera.design
     return lens if isinstance(lens, str) else str(lens.get("name", "own prescription"))

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from rptcam_cl.cameras import camera_model, lens_setting, lens_to_focus
+from rptcam_cl.cameras import camera_model, design_to_focus, lens_setting
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import (
     EnvironmentCamera,
@@ -165,7 +165,7 @@ def f_number_of_camera(scene: Scene) -> float | None:
     if isinstance(camera, LensCamera):
         if camera.f_number is not None:
             return camera.f_number
-        found = lens_to_focus(scene, camera).first_order(camera.wavelength_nm).f_number
+        found = design_to_focus(scene, camera).first_order(camera.wavelength_nm).f_number
         return found if math.isfinite(found) else None
     if isinstance(camera, ThinLensCamera):
         if camera.f_number is not None:
@@ -181,7 +181,7 @@ def f_numbers(scene: Scene) -> tuple[float, float]:
     camera = scene.camera
     if not isinstance(camera, LensCamera):
         return IDEAL_F_NUMBERS
-    lens = lens_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None}))
+    lens = design_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None}))
     widest = lens.first_order(camera.wavelength_nm).f_number
     if not math.isfinite(widest):
         return IDEAL_F_NUMBERS

@@ -52,7 +52,7 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
         "dials": dial_list(slot.dials, slot.scene, slot.resolved),
         "camera": {
             "kind": camera.kind,
-            "lens": camera.lens if isinstance(camera, LensCamera) and isinstance(camera.lens, str) else None,
+            "lens": camera.design if isinstance(camera, LensCamera) and isinstance(camera.design, str) else None,
             "eye": list(camera.eye),
             "target": list(camera.target),
             "up": list(camera.up),

@@ -39,6 +39,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Zones file": (model.ZonesFile,),
     "Autofocus of a thin lens": (model.OnlyAuto,),
     "Transmission": (model.Transmission,),
+    "Real lens": (model.RealLens,),
+    "Copy of a lens": (model.AsBuilt,),
     "Exposure": (model.Exposure,),
     "Shutter": (model.Shutter,),
     "spectrum": (model.SpectrumSettings,),
@@ -96,6 +98,9 @@ BASES = {
     model.motion.Keyframe,
     FileReference,
     model.LensCamera,
+    model.Tolerance,  # these have files of their own: docs/tolerances.md
+    model.Tolerances,
+    model.Merit,
     model.PlacedObject,
     model.SceneObject,
     model.mesh.MeshSource,

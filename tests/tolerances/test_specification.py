@@ -8,7 +8,7 @@ import pytest
 
 from rptcam_cl import InputError
 from rptcam_cl.optics import load_lens
-from rptcam_cl.scene import GRADES
+from rptcam_cl.scene import GRADES, Merit, Tolerance, Tolerances
 from rptcam_cl.tolerances import specification
 from rptcam_cl.tolerances.draws import drawn
 from rptcam_cl.tolerances.limits import Limit, components, limits
@@ -149,3 +149,9 @@ def test_example_suits_the_lens_that_it_names(checkout: Path) -> None:
     found = limits(TRIPLET, specification(checkout / "examples" / "tolerances" / "triplet.yml"))
     assert {limit.distribution for limit in found} == {"normal", "end_point"}
     assert found[-1].label == "tilt 2′ of surfaces 4 to 5"
+
+
+def test_page_has_every_key(checkout: Path) -> None:
+    page = (checkout / "docs" / "tolerances.md").read_text("utf-8")
+    keys = [*Tolerance.model_fields, *Tolerances.model_fields, *Merit.model_fields, *GRADES]
+    assert [key for key in keys if f"`{key}`" not in page and f"`{key}:" not in page] == []
