@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Literal
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras.pupil_check import loses_light
 from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilSampling
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.kept import forget, identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import PupilKind
 from rptcam_cl.optics import (
     BULGE,
@@ -30,6 +32,7 @@ from rptcam_cl.optics import (
 
 Array = NDArray[np.float64]
 Tier = Literal["auto", "rear", "thick", "bounds", "tight"]
+KEPT = "pupils"  # folder of the cache on disk
 REMEMBERED = 64  # lens states whose tables are kept, of 30 to 150 kB each
 NOWHERE = (np.inf, -np.inf)  # low and high corner of a box that holds nothing
 CELLS = 16  # of the film across and down, for the boxes
@@ -83,6 +86,10 @@ class ByContent:
     def _content(self) -> tuple[object, ...]:
         return self.lens.name, self.lens.surfaces, self.lens.stop_index, self.lens.object_medium
 
+    def pickled(self) -> bytes:
+        """Return bytes from which the content can be made again: they differ where it does."""
+        return pickle.dumps(self._content())
+
     def __hash__(self) -> int:
         return hash(self._content())
 
@@ -98,12 +105,31 @@ def _remembered(
     wavelength_nm: Wavelengths,
     tier: Tier,
 ) -> PupilSampling:
-    """Return the sampling, ready for the next picture with the lens in the same state."""
+    """Return the sampling, ready for the next picture with the lens in the same state, in this process or another."""
+    state = (film_distance_mm, half_film_mm, wavelength_nm, tier)
+    name = name_of(identity_of_code(("core", "colour", "optics", "cameras")), content.pickled(), state)
+    kept = kept_arrays(KEPT, name)
+    if kept is None:
+        sampling = _checked(content, film_distance_mm, half_film_mm, wavelength_nm, tier)
+        keep_arrays(KEPT, name, {"table": sampling.table}, sampling.facts_but_table())
+    else:
+        sampling = PupilSampling.of_facts(kept[1], kept[0]["table"])
+    sampling.table.flags.writeable = False
+    return sampling
+
+
+def _checked(
+    content: ByContent,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+) -> PupilSampling:
+    """Return the sampling of a tier, or of another one where its tables would lose light."""
     sampling = _made(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier)
     if tier != "rear" and loses_light(sampling, FilmProbe(content.lens, film_distance_mm, wavelength_nm), half_film_mm):
         rear = _rear(content.lens, film_distance_mm, half_film_mm, wavelength_nm)
         sampling = replace(rear, instead_of=sampling.tier)
-    sampling.table.flags.writeable = False
     return sampling
 
 
@@ -118,6 +144,7 @@ def _remembered_coarse(
 
 def forget_tables() -> None:
     """Make the next sampling of every lens be computed anew."""
+    forget(KEPT)
     _remembered.cache_clear()
     _remembered_coarse.cache_clear()
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,6 +39,18 @@ class PupilSampling:
     radial: bool = False
     instead_of: str = ""  # the requested tier, where its tables would lose light
     widened: float = 1.0  # factor on the paraxial pupil of the thick tier, without which it would lose light
+
+    def facts_but_table(self) -> dict[str, Any]:
+        """Return all but the table, as JSON holds it; see `of_facts`."""
+        facts = {name: value for name, value in vars(self).items() if name != "table"}
+        return facts | {"kind": int(self.kind), "parameters": [float(value) for value in self.parameters]}
+
+    @classmethod
+    def of_facts(cls, facts: dict[str, Any], table: NDArray[np.float32]) -> PupilSampling:
+        """Return the sampling of a table and of what `facts_but_table` returned."""
+        numbers = facts["parameters"]
+        parameters = PupilCircle(*numbers) if facts["kind"] == PupilKind.CIRCLE else PupilGrid(*numbers)
+        return cls(**facts | {"kind": PupilKind(facts["kind"]), "parameters": parameters}, table=table)
 
     @property
     def metadata(self) -> dict[str, str | float]:

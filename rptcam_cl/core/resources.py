@@ -20,6 +20,11 @@ def _folder(name: str) -> Path:
     raise StateError(f"the installation is incomplete: no folder {places}; reinstall rptcam_cl")
 
 
+def package_dir() -> Path:
+    """Folder of the program."""
+    return _PACKAGE
+
+
 def kernels_dir() -> Path:
     """Folder of the OpenCL sources."""
     return _folder("kernels")

@@ -18,8 +18,8 @@ from functools import cached_property
 from typing import Any
 
 from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.core.kept import keep_bytes, kept_bytes
 from rptcam_cl.core.resources import kernels_dir
-from rptcam_cl.device.kept import keep_bytes, kept_bytes
 from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.signature import kernel_parameters
 from rptcam_cl.device.trial import AVX512_ARCH, first_error, target_pragma

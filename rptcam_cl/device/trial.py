@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl._version import __version__
-from rptcam_cl.device.kept import keep_bytes, kept_bytes
+from rptcam_cl.core.kept import keep_bytes, kept_bytes
 from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.pocl_processor import AVX2, AVX512, own_name, processor_flags, rename_as_before, rename_processor
 

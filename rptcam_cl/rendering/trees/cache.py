@@ -39,7 +39,7 @@ def load_or_build(key: str, build: Callable[[], Bvh], fits: Callable[[Bvh], bool
         Says whether a sound tree is one over what it is wanted for.
     """
     folder = cache_folder()
-    path = folder / f"{hashlib.sha256(f'{_builder_identity()} {key}'.encode()).hexdigest()}.npz"
+    path = folder / f"{hashlib.sha256(f'{builder_identity()} {key}'.encode()).hexdigest()}.npz"
     kept = _load(path)
     if kept is not None and fits(kept):
         return kept
@@ -56,7 +56,7 @@ def cache_folder() -> Path:
 
 
 @lru_cache(maxsize=1)
-def _builder_identity() -> str:
+def builder_identity() -> str:
     """Return a hash of the code that builds trees, so that no tree outlives it."""
     files = [*Path(__file__).parent.glob("*.py"), *(kernels_dir() / "build").iterdir()]
     texts = [path.read_bytes() for path in sorted(files, key=lambda path: path.name)]

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import Kind
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Movements, Places
 from rptcam_cl.rendering.trees.build import build_bvh
+from rptcam_cl.rendering.trees.cache import builder_identity
 from rptcam_cl.rendering.trees.wide_tree import EMPTY, Bvh, quality, stack_size
 
 Array = NDArray[np.float64]
 
+KEPT = "primitive-trees"  # folder of the cache on disk
 BREAK_EVEN = 48  # bounded primitives: see benchmarks/README.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
 ROUNDING = 4e-6  # HIT_ROUNDING of kernels/geometry/primitive_tree.h
@@ -65,10 +69,23 @@ def primitive_tree(
     infinity = np.float32(np.inf)
     lower32 = np.nextafter(lower.astype(np.float32), -infinity)
     upper32 = np.nextafter(upper.astype(np.float32), infinity)
-    tree = build_bvh(lower32, upper32, width=2, leaf_size=LEAF, session=session)
-    nodes = _nodes(tree)
-    leaves = bounded[tree.blocks[tree.blocks >= 0]]
-    return PrimitiveTree(nodes, leaves, {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack_size(quality(tree).depth)})
+    nodes, order, stack = _kept_or_built(lower32, upper32, session)
+    return PrimitiveTree(nodes, bounded[order], {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
+
+
+def _kept_or_built(
+    lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
+) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
+    """Return nodes, the boxes in the order of the leaves, and the size of the stack; kept from one run to the next."""
+    driver = session.info.name, session.info.platform, session.kind, session.loop_limit
+    boxes = hashlib.sha256(lower.tobytes() + upper.tobytes()).hexdigest()
+    name = name_of(builder_identity(), identity_of_code(("rendering/trees",)), driver, boxes)
+    if (kept := kept_arrays(KEPT, name)) is not None:
+        return kept[0]["nodes"], kept[0]["order"], kept[1]["stack"]
+    tree = build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
+    nodes, order, stack = _nodes(tree), tree.blocks[tree.blocks >= 0], stack_size(quality(tree).depth)
+    keep_arrays(KEPT, name, {"nodes": nodes, "order": order}, {"stack": stack})
+    return nodes, order, stack
 
 
 def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:

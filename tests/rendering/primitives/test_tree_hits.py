@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.records import Kind
+from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.rendering.trees.primitive_tree import primitive_bounds, primitive_tree
 from rptcam_cl.selfcheck.rays import ObjectRays, mesh_object
 from rptcam_cl.selfcheck.scenes import axis_rays, crowd, directions, globe, random_rays, slanting_rays
@@ -101,6 +102,22 @@ def test_few_primitives_make_a_sound_tree(session, monkeypatch, count):
     o = rng.uniform(-2, 2, (20_000, 3)).astype(np.float32)
     d = directions(rng, len(o)).astype(np.float32)
     assert not tree.trace(o, d).unlike(loop.trace(o, d)).any()
+
+
+def test_tree_is_kept_for_the_next_run(session, monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    tree, _ = both(session, monkeypatch, crowd(rng_of("kept"), 60))
+    with_tree(monkeypatch, True)
+    built = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
+    monkeypatch.setattr("rptcam_cl.rendering.trees.primitive_tree.build_bvh", None)
+    again = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
+    assert again.facts == built.facts
+    assert again.nodes.tobytes() == built.nodes.tobytes()
+    assert again.leaves.tobytes() == built.leaves.tobytes()
+    moved = tree.plan.primitives.copy()
+    moved["row_x"] += 1.0
+    with pytest.raises(TypeError):
+        primitive_tree(moved, tree.plan.kind_end, session)
 
 
 def test_scene_of_planes_alone_has_no_tree(session, monkeypatch):

@@ -63,7 +63,7 @@ def test_other_key_is_another_tree(folder, tree):
 def test_tree_does_not_outlive_the_code_that_built_it(folder, tree, monkeypatch):
     build = Build(tree)
     load_or_build("a", build)
-    monkeypatch.setattr(cache, "_builder_identity", lambda: "another version")
+    monkeypatch.setattr(cache, "builder_identity", lambda: "another version")
     load_or_build("a", build)
     assert build.calls == 2
 

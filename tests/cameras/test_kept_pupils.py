@@ -1,0 +1,71 @@
+"""Tables of pupils kept on disk: the same bits as those computed, for the same lens in the same state alone."""
+
+from dataclasses import replace
+
+import pytest
+
+from rptcam_cl.cameras import pupil
+from rptcam_cl.cameras.pupil import pupil_sampling
+from rptcam_cl.core.resources import CACHE_VARIABLE
+from rptcam_cl.optics import load_lens
+
+NAME, BACK_MM, HALF_MM, NM = "dgauss-50mm", 38.0, (18.0, 12.0), 550.0
+
+
+class ComputedError(Exception):
+    """Something that was to be kept."""
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    pupil._remembered.cache_clear()
+    yield tmp_path
+    pupil._remembered.cache_clear()
+
+
+def no_more(monkeypatch):
+    """Let nothing be computed from now on."""
+
+    def refuse(*_):
+        raise ComputedError
+
+    monkeypatch.setattr(pupil, "_checked", refuse)
+    pupil._remembered.cache_clear()
+
+
+@pytest.mark.parametrize("tier", ["rear", "thick", "bounds", "auto"])
+def test_tables_come_back_with_the_same_bits(monkeypatch, tier):
+    made = pupil_sampling(load_lens(NAME), BACK_MM, HALF_MM, NM, tier)
+    no_more(monkeypatch)
+    kept = pupil_sampling(load_lens(NAME), BACK_MM, HALF_MM, NM, tier)
+    assert kept.table.tobytes() == made.table.tobytes()
+    assert not kept.table.flags.writeable
+    assert replace(kept, table=made.table) == made
+    assert (type(kept.parameters), kept.facts, kept.metadata) == (type(made.parameters), made.facts, made.metadata)
+
+
+def test_each_state_and_each_lens_has_tables_of_its_own(monkeypatch):
+    lens = load_lens(NAME)
+    pupil_sampling(lens, BACK_MM, HALF_MM, NM, "rear")
+    no_more(monkeypatch)
+    changed = replace(lens.surfaces[0], curvature=lens.surfaces[0].curvature * (1 + 1e-15))
+    others = [
+        (replace(lens, surfaces=(changed, *lens.surfaces[1:])), BACK_MM, HALF_MM, NM, "rear"),
+        (lens, BACK_MM + 1e-9, HALF_MM, NM, "rear"),
+        (lens, BACK_MM, (18.0, 12.5), NM, "rear"),
+        (lens, BACK_MM, HALF_MM, (450.0, 650.0), "rear"),
+        (lens, BACK_MM, HALF_MM, NM, "bounds"),
+    ]
+    for other in others:
+        with pytest.raises(ComputedError):
+            pupil_sampling(*other)
+    pupil_sampling(lens, BACK_MM, HALF_MM, NM, "rear")
+
+
+def test_changed_code_makes_tables_anew(monkeypatch):
+    pupil_sampling(load_lens(NAME), BACK_MM, HALF_MM, NM, "rear")
+    no_more(monkeypatch)
+    monkeypatch.setattr(pupil, "identity_of_code", lambda rooms: "other code")
+    with pytest.raises(ComputedError):
+        pupil_sampling(load_lens(NAME), BACK_MM, HALF_MM, NM, "rear")

@@ -1,0 +1,73 @@
+"""Things kept on disk between runs: whole or not there, and gone when what they follow from has changed."""
+
+import os
+
+import numpy as np
+import pytest
+
+from rptcam_cl.core import kept
+from rptcam_cl.core.kept import identity_of_code, keep_arrays, keep_bytes, kept_arrays, kept_bytes, name_of
+from rptcam_cl.core.resources import CACHE_VARIABLE
+
+ARRAYS = {"table": np.arange(6, dtype=np.float32).reshape(2, 3), "order": np.array([2, 0, 1], np.int32)}
+FACTS = {"tier": "tight", "shift": 0.1, "far": float("inf")}
+
+
+@pytest.fixture(autouse=True)
+def folder(monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    return tmp_path
+
+
+def test_arrays_come_back_with_the_same_bits():
+    keep_arrays("things", "name", ARRAYS, FACTS)
+    arrays, facts = kept_arrays("things", "name")
+    assert facts == FACTS
+    for key, array in ARRAYS.items():
+        assert arrays[key].dtype == array.dtype
+        np.testing.assert_array_equal(arrays[key], array)
+
+
+def test_what_is_not_there_or_damaged_is_as_if_never_kept(folder):
+    assert kept_arrays("things", "name") is None
+    keep_arrays("things", "name", ARRAYS, FACTS)
+    whole = (folder / "things" / "name").read_bytes()
+    for damaged in (b"", whole[:-1], whole[:-1] + b"x", whole[:40]):
+        (folder / "things" / "name").write_bytes(damaged)
+        assert kept_arrays("things", "name") is None
+
+
+def test_folder_that_cannot_be_made_breaks_nothing(monkeypatch, folder):
+    (folder / "file").touch()
+    monkeypatch.setenv(CACHE_VARIABLE, str(folder / "file"))
+    keep_arrays("things", "name", ARRAYS, FACTS)
+    assert kept_arrays("things", "name") is None
+
+
+def test_least_recently_used_makes_room(monkeypatch, folder):
+    for age, name in enumerate(("a", "b", "c")):
+        keep_bytes("things", name, bytes(100))
+        os.utime(folder / "things" / name, (1e9 + age, 1e9 + age))
+    assert kept_bytes("things", "a") is not None  # and now it is the latest
+    monkeypatch.setattr(kept, "MOST_BYTES", 250)
+    keep_bytes("things", "0", bytes(100))
+    assert {path.name for path in (folder / "things").iterdir()} == {"a", "0"}
+
+
+def test_names_differ_where_parts_do():
+    assert name_of(1, 2) == name_of(1, 2)
+    assert len({name_of(1, 2), name_of(12), name_of("1", 2), name_of((1, 2)), name_of(1.0, 2)}) == 5
+
+
+def test_identity_of_code_follows_its_files(monkeypatch, tmp_path):
+    file = tmp_path / "room" / "module.py"
+    file.parent.mkdir()
+    file.write_text("1")
+    monkeypatch.setattr(kept, "package_dir", lambda: tmp_path)
+    found = []
+    for text in ("1", "23"):
+        file.write_text(text)
+        identity_of_code.cache_clear()
+        found.append(identity_of_code(("room",)))
+    identity_of_code.cache_clear()
+    assert found[0] != found[1]
