@@ -1,5 +1,6 @@
 """OpenCL devices, programs and buffers: the only package that imports pyopencl, and it knows no scene and no lens."""
 
+from rptcam_cl.device.at_work import end_work
 from rptcam_cl.device.choose import choose_device, default_device, fitting_devices
 from rptcam_cl.device.devices import DeviceInfo, device_details, list_devices, opencl_version, problem_of
 from rptcam_cl.device.pocl_cache import pocl_cache_folder
@@ -17,6 +18,7 @@ __all__ = [
     "choose_device",
     "default_device",
     "device_details",
+    "end_work",
     "fitting_devices",
     "list_devices",
     "means_all",

@@ -13,8 +13,10 @@ import os
 import secrets
 from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 _SUFFIX = ".at-work"
+_of_this_process: dict[Path, tuple[int, BinaryIO, Callable[[], bool]]] = {}
 
 
 def left_behind(folder: Path) -> list[Path]:
@@ -58,10 +60,13 @@ def mark_work(folder: Path, *, ended_well: Callable[[], bool]) -> None:
     fcntl.flock(file, fcntl.LOCK_EX)
     mark = hidden.with_suffix(_SUFFIX)
     hidden.rename(mark)  # locked already: nobody takes it for one left behind
-    atexit.register(_unmark, mark, os.getpid(), file, ended_well)
+    _of_this_process[mark] = os.getpid(), file, ended_well
+    atexit.register(end_work)
 
 
-def _unmark(mark: Path, owner: int, file: object, ended_well: Callable[[], bool]) -> None:
-    """Remove a mark at the end of its process, not at that of a child with the same memory."""
-    if os.getpid() == owner and ended_well():
-        mark.unlink(missing_ok=True)
+def end_work() -> None:
+    """Remove the marks of this process, which will do no more work; for those that end without Python's own end."""
+    while _of_this_process:
+        mark, (owner, _, ended_well) = _of_this_process.popitem()
+        if os.getpid() == owner and ended_well():  # not at the end of a child with the same memory
+            mark.unlink(missing_ok=True)

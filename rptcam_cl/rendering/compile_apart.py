@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 from typing import BinaryIO
 
 from rptcam_cl.cameras import CameraView
-from rptcam_cl.device import Session, open_session
+from rptcam_cl.device import Session, end_work, open_session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.film import FilmLayout
@@ -29,6 +29,7 @@ from rptcam_cl.rendering.tracer import Wavefront
 from rptcam_cl.scene import RenderSettings
 
 SMALL = FilmLayout(16, 16, 0, 0, 16, 16)  # programs do not depend on the film's size
+SECONDS_TO_END = 0.2  # that a process has to end by itself
 MOST_BYTES = 1 << 16  # of each array of the scene
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.rendering import compile_apart; "
@@ -109,8 +110,14 @@ class Compiler:
         with self._lock:
             process, self._process = self._process, None
         if process is not None:
-            process.kill()
-            process.wait()
+            with contextlib.suppress(OSError):
+                if process.stdin is not None:
+                    process.stdin.close()  # it ends by itself if it has nothing to do
+            try:
+                process.wait(SECONDS_TO_END)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
             for pipe in (process.stdin, process.stdout):
                 with contextlib.suppress(OSError):
                     if pipe is not None:
@@ -128,6 +135,7 @@ def serve(orders: BinaryIO, answers: BinaryIO) -> None:
         else:
             answers.write(b"\n" + _DONE)
         answers.flush()
+    end_work()
     os._exit(0)  # nothing to tidy up, and a driver may take its time for it
 
 

@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 
+from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.device import open_session, pocl_cache_folder
 from rptcam_cl.plan import make_plan
 from rptcam_cl.rendering import SMALL, Compiler, SceneBuffers, Wavefront, order
@@ -39,9 +40,11 @@ def test_process_apart_fills_the_cache_with_what_a_wave_takes(tmp_path: Path, mo
     Wavefront(session, plan, SMALL, scene.render).warm_up()
     own = libraries(pocl_cache_folder())
     monkeypatch.setenv("POCL_CACHE_DIR", os.fspath(tmp_path))
+    monkeypatch.setenv(CACHE_VARIABLE, os.fspath(tmp_path / "marks"))
     compiler = Compiler()
     assert compiler.compile(wanted(scene))
     compiler.close()
+    assert not list(tmp_path.rglob("*.at-work")), "it ended well"
     found = {path for path in libraries(tmp_path) if "trial" not in path}
     assert {Path(path).stem for path in found} == {"generate", "stream"}
     assert found <= own
