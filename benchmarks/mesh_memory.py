@@ -59,7 +59,7 @@ def bytes_per_path(device_type: str) -> dict[str, dict[str, float]]:
     """Return the bytes of a slot of the wave, and megabytes of the default wave, by organisation and scene."""
     found = {}
     for name, stream, emitters, meshes in (
-        ("stream, any scene", True, True, True),
+        ("stream, behind a lens", True, True, True),
         ("passes, no lamps", False, False, False),
         ("passes, lamps", False, True, False),
         ("passes, lamps and meshes", False, True, True),

@@ -18,17 +18,17 @@ typedef struct {
 #endif
 } Draw;
 
-static Draw draw_of(uint slot, Wave wave, const __global uint *tiles, const __global Camera *camera,
-                    const __global float *filter, const __global float *colours)
+static Draw draw_of(Lane lane, uint2 seed, const __global Camera *camera, const __global float *filter,
+                    const __global float *colours)
 {
     Draw draw;
-    draw.lane = lane_of(slot, wave, tiles);
-    draw.u = random4(draw.lane.pixel, draw.lane.sample, (U)(0u), wave.seed);
+    draw.lane = lane;
+    draw.u = random4(lane.pixel, lane.sample, (U)(0u), seed);
 #if FILTER
     draw.sign = filter_sign(&draw.u.a, filter) * filter_sign(&draw.u.b, filter);
 #endif
 #if SPECTRUM
-    draw.wavelength_sample = wavelength_sample_of(draw.lane.pixel, draw.lane.sample, wave.seed);
+    draw.wavelength_sample = wavelength_sample_of(lane.pixel, lane.sample, seed);
     draw.wavelength = wavelength_of(draw.wavelength_sample, colours);
 #else
     draw.wavelength = (F)(camera->wavelength);

@@ -21,4 +21,12 @@ typedef struct {
     I  status;    // RAY_…
 } CameraRay;
 
+typedef struct {
+    F3 o, d;      // metres, about the eye; d unit
+    F  weight;    // 0 where there is no ray
+#if MOVES
+    F  time;      // since the shutter opens [s]
+#endif
+} WorldRay;
+
 #endif

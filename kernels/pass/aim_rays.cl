@@ -14,7 +14,7 @@ __kernel void aim_rays(const __global Camera *camera,
                        uint                   capacity)    // slots in it
 {
     uint slot = get_global_id(0) * VW;
-    Draw draw = draw_of(slot, wave, tiles, camera, filter, colours);
+    Draw draw = draw_of(lane_of(slot, wave, tiles), wave.seed, camera, filter, colours);
     Underway ray = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
     store_aim(rays, capacity, slot, ray, draw.wavelength);
 }

@@ -4,29 +4,13 @@
 // Facts: CAMERA_FILE, CAMERA_HAS_LENS, CAMERA_PACKETS (packets of lanes per work item), LENS_FLOAT64 (whether the passes
 // aim_rays and trace_lens have taken the rays through the lens), STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
 #include CAMERA_FILE
-#include "camera/draw.h"
-#if MOVES
-#include "camera/trajectory.h"
-#endif
+#include "camera/into_world.h"
 #include "common/transpose.h"
 #include "integrator/state.h"
 #if LENS_FLOAT64
 #include "lens/float64.h"
 #endif
 
-static F3 in_world(const __global Camera *c, F3 v)
-{
-    return f3(c->right.x * v.x + c->up.x * v.y + c->back.x * v.z, c->right.y * v.x + c->up.y * v.y + c->back.y * v.z,
-              c->right.z * v.x + c->up.z * v.y + c->back.z * v.z);
-}
-
-#if MOVES
-#define TRAJECTORY_PARAMETER , const __global float4 *trajectory      // of shutter and camera
-#define TRAJECTORY , trajectory
-#else
-#define TRAJECTORY_PARAMETER
-#define TRAJECTORY
-#endif
 #if LENS_FLOAT64
 #define TRACED_PARAMETER , const __global float *traced
 #else
@@ -37,9 +21,8 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
                        __global uint *counters, __global float *state, uint capacity TRAJECTORY_PARAMETER)
 {
     // Count the rays that the lens stops.
-    Lane lane = draw.lane;
-    I alive = lane.inside & (ray.weight > 0.0f);
 #if CAMERA_HAS_LENS
+    Lane lane = draw.lane;
     if (ANY(ray.status != RAY_OK))                              // those that passed are the rest
         for (int status = RAY_OK + 1; status < RAY_STATUS_COUNT; ++status) {
             uint n = COUNT(lane.inside & (ray.status == status));
@@ -47,40 +30,25 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
                 atomic_add(counters + status, n);
         }
 #endif
-    // Place the ray in the world, at its time.
-#if MOVES
-    F time = moment_of(lane, path_numbers(lane.pixel, lane.sample, wave.seed).b, trajectory);
-#endif
-#if CAMERA_SEGMENTS
-    Pose pose = pose_at(time, trajectory);
-    F3 o = add(pose.eye, from_frame(pose.right, pose.up, pose.back, ray.o));
-    F3 d = from_frame(pose.right, pose.up, pose.back, ray.d);
-#else
-    F3 o = in_world(camera, ray.o);
-    F3 d = in_world(camera, ray.d);
-#endif
-    // Weigh it, and write the record of the stream or the state of the path.
-    F weight = alive ? ray.weight * camera->exposure : ZERO;
-#if FILTER
-    weight *= draw.sign;
-#endif
+    // Place the ray in the world, and write the record of the stream or the state of the path.
+    WorldRay world = into_world(draw, ray, wave.seed, camera TRAJECTORY);
 #if STREAM
     Eight record;
-    record.f[0] = o.x; record.f[1] = o.y; record.f[2] = o.z; record.f[3] = weight;
-    record.f[4] = d.x; record.f[5] = d.y; record.f[6] = d.z; record.f[7] = ZERO;
+    record.f[0] = world.o.x; record.f[1] = world.o.y; record.f[2] = world.o.z; record.f[3] = world.weight;
+    record.f[4] = world.d.x; record.f[5] = world.d.y; record.f[6] = world.d.z; record.f[7] = ZERO;
 #if MOVES
-    record.f[7] = time;
+    record.f[7] = world.time;
 #endif
     store_eight(state, record_of(slot, wave), record);
 #else
-    WRITE_F3(O, slot, o);
-    WRITE_F3(D, slot, d);
-    WRITE_F(WEIGHT, slot, weight);
+    WRITE_F3(O, slot, world.o);
+    WRITE_F3(D, slot, world.d);
+    WRITE_F(WEIGHT, slot, world.weight);
     WRITE_F3(B, slot, FIRST_BETA);
-    WRITE_I(ORIGIN, slot, alive ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
+    WRITE_I(ORIGIN, slot, world.weight != 0.0f ? (I)(NO_PRIMITIVE) : (I)(PATH_ENDED));
     WRITE_TRIANGLE(TRIANGLE, slot, (I)(NO_TRIANGLE));
 #if MOVES
-    WRITE_F(TIME, slot, time);
+    WRITE_F(TIME, slot, world.time);
 #endif
     WRITE_F3(L, slot, f3(ZERO, ZERO, ZERO));
 #if SPECTRUM
@@ -113,7 +81,7 @@ __kernel void generate(const __global Camera  *camera,
     Underway rays[CAMERA_PACKETS];
 #pragma unroll
     for (uint i = 0; i < CAMERA_PACKETS; ++i) {
-        draws[i] = draw_of(slot + i * VW, wave, tiles, camera, filter, colours);
+        draws[i] = draw_of(lane_of(slot + i * VW, wave, tiles), wave.seed, camera, filter, colours);
         rays[i] = enter_camera(draws[i].lane, draws[i].u, draws[i].wavelength, camera, tables);
     }
     for (int k = 0; k < camera->own.realistic.surfaces; ++k)
@@ -126,7 +94,7 @@ __kernel void generate(const __global Camera  *camera,
         start_path(draws[i], ray, slot + i * VW, wave, camera, counters, state, capacity TRAJECTORY);
     }
 #else
-    Draw draw = draw_of(slot, wave, tiles, camera, filter, colours);
+    Draw draw = draw_of(lane_of(slot, wave, tiles), wave.seed, camera, filter, colours);
 #if LENS_FLOAT64
     Underway entering = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
     CameraRay ray = leave_camera(entering, traced_ray(traced, capacity, slot), camera);

@@ -1,16 +1,17 @@
 // Carries VW pixels through all their samples of a wave: every lane takes its path from vertex to vertex and, when it ends,
 // adds it to the film and starts the next camera ray of its pixel, so that lanes are hardly ever idle. The same steps as
 // intersect, shade, shadow and film, without state in memory between them.
-// Reads the camera rays that generate wrote: records (o, weight, d, time).
+// RAYS_FILE says where camera rays come from: integrator/made_rays.h makes them, integrator/read_rays.h reads those that
+// generate wrote.
 #include "integrator/film.h"
 #include "integrator/path.h"
-#include "common/transpose.h"
 #include "geometry/nearest.h"
+#include RAYS_FILE
 
 #define MOST_IDLE  (VW / 4u)      // lanes that wait for others before all of them take camera rays together
 
 __kernel void stream(SCENE_PARAMETERS
-                     const __global float *rays,        // eight floats per slot
+                     RAYS_PARAMETERS
                      Wave                  wave,
                      Limits                limits,
                      __global float       *sums,        // [6][pixels]: r, g, b and their compensations
@@ -27,8 +28,7 @@ __kernel void stream(SCENE_PARAMETERS
     Rules rules = rules_of(wave, limits);
     uint place = film_place(first, wave, tiles);
     PixelSum film = read_pixels(sums, place, pixels);
-    I next = (I)((int)record_of(first, wave)) + LANES;     // camera ray of each lane
-    I end = next + (int)(wave.samples * RAYS_TOGETHER);
+    CameraRays camera_rays = RAYS_START;
     I running = FALSE;
     Path path;
     path.ray.o = f3(ZERO, ZERO, ZERO);
@@ -52,34 +52,21 @@ __kernel void stream(SCENE_PARAMETERS
     path.since_receiver = FALSE;
 #endif
     path.depth = (U)(1u);
-    path.pixel = lane_of(first, wave, tiles).pixel;
-    path.sample = (U)(wave.first_sample - 1u);
+    path.pixel = camera_rays.lane.pixel;
+    path.sample = camera_rays.lane.sample;
     for (;;) {
         // Start camera rays in lanes whose path has ended, once enough of them are idle or all are.
-        I start = NOT(running) & (next < end);
+        I start = NOT(running) & rays_left(camera_rays);
         if (COUNT(start) > MOST_IDLE || (ANY(start) && !ANY(running))) {
-            I source = start ? next : (I)((int)record_of(first, wave));
-            Eight ray = load_eight(rays, source * 8);
-            path.sample = start ? path.sample + 1u : path.sample;
-            next = start ? next + (int)RAYS_TOGETHER : next;
-            I started = start & (ray.f[3] != 0.0f);
-            I blocked = start & NOT(started) & (next < end);
-            if (ANY(blocked)) {                     // a ray that the lens blocked weighs zero: on to one that does not
-                while (ANY(blocked)) {
-                    source = blocked ? next : source;
-                    path.sample = blocked ? path.sample + 1u : path.sample;
-                    next = blocked ? next + (int)RAYS_TOGETHER : next;
-                    started |= blocked & (GATHER(F, rays + 3, source * 8, ) != 0.0f);
-                    blocked = blocked & NOT(started) & (next < end);
-                }
-                ray = load_eight(rays, source * 8);
-            }
-            path.ray.o = select3(started, f3(ray.f[0], ray.f[1], ray.f[2]), path.ray.o);
-            path.ray.d = select3(started, f3(ray.f[4], ray.f[5], ray.f[6]), path.ray.d);
+            WorldRay ray = take_rays(&camera_rays, start);
+            I started = start & (ray.weight != 0.0f);       // a ray that the lens blocks weighs zero
+            path.sample = camera_rays.lane.sample;
+            path.ray.o = select3(started, ray.o, path.ray.o);
+            path.ray.d = select3(started, ray.d, path.ray.d);
 #if HAS_MOTION
-            path.ray.time = started ? ray.f[7] : path.ray.time;
+            path.ray.time = started ? ray.time : path.ray.time;
 #endif
-            path.weight = started ? ray.f[3] : path.weight;
+            path.weight = started ? ray.weight : path.weight;
 #if SPECTRUM
             path.wavelength_sample = started ? wavelength_sample_of(path.pixel, path.sample, wave.seed)
                                              : path.wavelength_sample;
@@ -101,8 +88,11 @@ __kernel void stream(SCENE_PARAMETERS
             path.depth = started ? (U)(1u) : path.depth;
             running |= started;
         }
-        if (!ANY(running))
-            break;
+        if (!ANY(running)) {
+            if (!ANY(rays_left(camera_rays)))
+                break;
+            continue;
+        }
         // Intersect and shade one vertex of every path.
         ShadowRay shadow = shade_vertex(&path, nearest_hit(path.ray, scene), scene, rules);
         // Add the light samples that nothing blocks.

@@ -38,7 +38,7 @@ class SceneBuffers:
     colours : buffer
         Wavelengths of paths; a single 0 where they have none.
     camera : dict
-        Arguments of the pass ``generate``: record, tables, surfaces and stop of the camera.
+        Arguments of the passes that make camera rays: record, tables, surfaces and stop of the camera.
     trajectory : dict
         And one more if anything moves: when the shutter is open and where the camera is.
     """
@@ -157,7 +157,7 @@ class SceneBuffers:
 
 
 def camera_buffers(session: Session, camera: CameraModel) -> dict[str, Any]:
-    """Return arguments of the pass ``generate``: record, tables, surfaces and stop of a camera, uploaded."""
+    """Return arguments of the passes that make camera rays: record, tables, surfaces and stop of a camera, uploaded."""
     return {name: session.upload(array) for name, array in _camera_arrays(camera).items()}
 
 

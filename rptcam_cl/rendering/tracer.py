@@ -24,6 +24,7 @@ from rptcam_cl.rendering.passes import (
     WaveBuffers,
     bytes_of_lens_rays,
     bytes_of_state,
+    makes_rays,
 )
 from rptcam_cl.rendering.photons import PhotonMap
 from rptcam_cl.rendering.waves import WAVE_SLOTS, Wave, Waves
@@ -94,8 +95,13 @@ class Wavefront:
 
     def _bind(self, plan: Plan) -> None:
         session, held, stream = self.session, self._held, self.organisation == "stream"
-        self._camera = CameraPasses(session, plan, held, stream=stream)
-        self._paths = (StreamPass if stream else DepthPasses)(session, plan, self.settings, held)
+        made = makes_rays(plan, self.settings, stream=stream)
+        self._camera = None if made else CameraPasses(session, plan, held, stream=stream)
+        self._paths: StreamPass | DepthPasses
+        if stream:
+            self._paths = StreamPass(session, plan, self.settings, held, makes_rays=made)
+        else:
+            self._paths = DepthPasses(session, plan, self.settings, held)
         self._layers = self._layer_pass(plan, held, stream)
         self._photons = self._photon_map(plan)
 
@@ -110,7 +116,9 @@ class Wavefront:
     def _allocate(self, plan: Plan, scene: SceneBuffers | None) -> WaveBuffers:
         session, layout, capacity = self.session, self.layout, self.capacity
         clamped = self.settings.clamp is not None
-        state = bytes_of_state(plan, capacity, stream=self.organisation == "stream")
+        stream = self.organisation == "stream"
+        made = makes_rays(plan, self.settings, stream=stream)
+        state = 0 if made else bytes_of_state(plan, capacity, stream=stream)
         film = (4 * planes_of(clamped) + LayerPlanes(self.settings.layers).bytes_per_pixel) * layout.pixels
         self.needs = memory_needs(plan, session, film=film, paths=state + bytes_of_lens_rays(plan, capacity))
         check_memory(self.needs, session)
@@ -119,7 +127,7 @@ class Wavefront:
         return WaveBuffers(
             scene=scene or SceneBuffers(session, plan),
             film=FilmBuffers(session, layout, clamped=clamped),
-            state=session.allocate(state),
+            state=session.allocate(max(state, 4)),
             tiles=tiles,
             capacity=capacity,
         )
@@ -163,7 +171,7 @@ class Wavefront:
         """Run a wave without samples, because PoCL generates code at the first launch; no path looks at the scene."""
         pixels = min(BLOCK, self._waves.pixels)
         record, run = self._waves.record((0, pixels, 0, 0), self.seed), self._launches.run
-        self._camera.enqueue(record, pixels, run)
+        self._make_rays(record, pixels)
         if self._layers is not None:
             self._layers.set_wave(record, 0)
             run(self._layers.launch, pixels // self.session.lanes)
@@ -193,7 +201,10 @@ class Wavefront:
 
     def use_camera(self, camera: CameraModel) -> None:
         """Look through another state of the camera from now on; its kernel and its facts are those of the plan."""
-        self._camera.use_camera(camera)
+        if self._camera is not None:
+            self._camera.use_camera(camera)
+        elif isinstance(self._paths, StreamPass):
+            self._paths.use_camera(camera)
 
     def waves(self, first_sample: int, samples: int) -> list[Wave]:
         """Return ``(first pixel, pixels, first sample, samples)`` of the waves that render a range of samples."""
@@ -206,12 +217,16 @@ class Wavefront:
         self._film.expect(self._waves.rays_of(wave, self.tiles))
         if self._photons is not None:
             self._photons.use(first_sample, self.seed)
-        self._camera.enqueue(record, slots, run)
+        self._make_rays(record, slots)
         if self._layers is not None and first_sample < self.settings.layers_spp:
             seen = min(samples, self.settings.layers_spp - first_sample)
             self._layers.set_wave(record, seen)
             run(self._layers.launch, pixels // self.session.lanes)
         self._paths.enqueue(record, pixels, slots, run)
+
+    def _make_rays(self, record: bytes, slots: int) -> None:
+        if self._camera is not None:
+            self._camera.enqueue(record, slots, self._launches.run)
 
     def finish(self) -> None:
         """Wait for everything enqueued and take over its counters."""

@@ -89,7 +89,7 @@ def everything() -> None:
 
 RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "passes": (passes, WAVE),
-    "stream": (stream, {"generate", "stream"}),
+    "stream": (stream, {"stream"}),
     "lens": (lens, WAVE | {"aim_rays", "trace_lens", "trace_rays"}),
     "meshes": (meshes, WAVE | TREES | {"layers"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),

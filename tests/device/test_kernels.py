@@ -22,7 +22,7 @@ PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_
 CAMERAS = sorted(
     path.stem
     for path in (kernels_dir() / "camera").glob("*.h")
-    if path.stem not in ("film_point", "filter", "trajectory", "draw", "aimed")
+    if path.stem not in ("film_point", "filter", "trajectory", "draw", "aimed", "into_world")
 )
 # How calls pass wide vectors is moot, as every helper is static. Compilers that are not clang ignore the pragma.
 NO_ABI = '#ifdef __clang__\n#pragma clang diagnostic ignored "-Wpsabi"\n#endif\n'
@@ -63,6 +63,8 @@ EVERY_MATERIAL = {
 GLOW = {"kind": "emissive", "radiance": GRID}
 LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
 GLASS = {"LENS_SPLITS": 1}
+READ = {"RAYS_FILE": "integrator/read_rays.h"}  # by the stream, or made there
+MADE = {"RAYS_FILE": "integrator/made_rays.h", "CAMERA_FILE": "camera/thin_lens.h", "APERTURE_PARTS": 9, "FILTER": 1024}
 TREES = {"BVH_WIDTH": 16, "LEAF_WIDTH": 16, "BVH_STACK": 64, "HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": 16}
 
 
@@ -141,7 +143,7 @@ def test_meshes_compile_for_trees_of_four(session, file):
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
-    facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | GLASS | {"VW": lanes}
+    facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | GLASS | MADE | {"VW": lanes}
     without_warnings(session, [file], facts)
 
 
@@ -151,6 +153,7 @@ def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
         all_facts()
         | TREES
         | GLASS
+        | READ
         | {"SPECTRUM": 1, "SPECTRAL_COLOURS": 0, "HAS_SPECTRA": 0, "LENS_SPLITS": 0, "VW": 8}
     )
     without_warnings(session, [file], facts)
@@ -159,7 +162,12 @@ def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lanes):
-    without_warnings(session, [file], least_facts() | layer_facts(["coverage"]) | {"VW": lanes})
+    without_warnings(session, [file], least_facts() | layer_facts(["coverage"]) | READ | {"VW": lanes})
+
+
+@pytest.mark.parametrize("camera", ["pinhole", "environment", "thick_lens"])
+def test_stream_makes_the_rays_of_a_camera_without_surfaces(session, camera):
+    without_warnings(session, ["pass/stream.cl"], least_facts() | MADE | {"CAMERA_FILE": f"camera/{camera}.h", "VW": 8})
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])

@@ -44,8 +44,8 @@ MUTANTS = [
     Mutant("rows for columns", "shutter.z * TO_F(lane.x) + shutter.w * TO_F(lane.y)",
            "shutter.w * TO_F(lane.x) + shutter.z * TO_F(lane.y)", rolling),
     Mutant("the first segment alone", "next < end; next += 6", "next < 8; next += 6", by_camera),
-    Mutant("times as one likes", "path_numbers(lane.pixel, lane.sample, wave.seed).b",
-           "unit_float(hash4(lane.pixel, lane.sample, (U)(99u), wave.seed).b)", spread),
+    Mutant("times as one likes", "path_numbers(draw.lane.pixel, draw.lane.sample, seed).b",
+           "unit_float(hash4(draw.lane.pixel, draw.lane.sample, (U)(99u), seed).b)", spread),
 ]  # fmt: skip
 
 
