@@ -84,11 +84,53 @@ def add_lens(parser: argparse.ArgumentParser) -> None:
         help="distance from the object to the film in metres (default: infinity)",
     )  # fmt: skip
     add_catalogue(parser)
+    parser.add_argument(
+        "--temperature-c", type=temperature, metavar="T", default=20.0,
+        help="temperature of lens and air in degrees Celsius; the film is focused anew (default: 20)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--pressure-hpa", type=pressure, metavar="P", default=1013.25, help="of the air (default: %(default)s)"
+    )
+    parser.add_argument(
+        "--barrel", type=barrel, metavar="M", default="aluminium",
+        help="what holds the elements: a material, or its linear expansion per kelvin (default: aluminium)",
+    )  # fmt: skip
     zoom = parser.add_mutually_exclusive_group()
     zoom.add_argument("--zoom", metavar="NAME", help="position of a zoom lens, by its name (default: the first)")
     zoom.add_argument(
         "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens, between its positions too"
     )
+
+
+def _between(text: str, low: float, high: float, unit: str) -> float:
+    value = number(text)
+    if not low <= value <= high:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed {low:g} to {high:g} {unit}")
+    return value
+
+
+def temperature(text: str) -> float:
+    """A temperature at which the constants of glasses hold [degrees Celsius]."""
+    return _between(text, -100, 140, "degrees Celsius")
+
+
+def pressure(text: str) -> float:
+    """A pressure of air [hPa]."""
+    return _between(text, 0, 2000, "hPa")
+
+
+def barrel(text: str) -> str | float:
+    """A material, or a linear expansion [1/K]."""
+    from rptcam_cl.optics import BARRELS
+
+    if text in BARRELS:
+        return text
+    try:
+        return _between(text, -1e-5, 1e-3, "per kelvin")
+    except argparse.ArgumentTypeError:
+        raise argparse.ArgumentTypeError(
+            f"got {text}; allowed {', '.join(BARRELS)}, or an expansion as 2.4e-5"
+        ) from None
 
 
 def add_catalogue(parser: argparse.ArgumentParser) -> None:
@@ -167,10 +209,15 @@ def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
 
     lens = load(arguments.lens, arguments.catalogue)
     if arguments.zoom is not None:
-        return configured(lens, arguments.zoom)
+        lens = configured(lens, arguments.zoom)
     if arguments.focal_length_mm is not None:
-        return zoomed(lens, arguments.focal_length_mm, wavelength_nm)
-    return lens
+        lens = zoomed(lens, arguments.focal_length_mm, wavelength_nm)
+    if (arguments.temperature_c, arguments.pressure_hpa) == (20.0, 1013.25):
+        return lens
+    from rptcam_cl.optics import BARRELS, Heat
+
+    held = arguments.barrel if isinstance(arguments.barrel, float) else BARRELS[arguments.barrel]
+    return Heat(arguments.temperature_c, arguments.pressure_hpa, held).lens(lens)
 
 
 def load(source: str, catalogues: Sequence[str] = ()) -> "Lens":

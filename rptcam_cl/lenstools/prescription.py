@@ -20,6 +20,7 @@ from rptcam_cl.optics import (
     Absorption,
     Coating,
     ConstantIndex,
+    Law,
     Lens,
     MeasuredReflectance,
     Medium,
@@ -31,6 +32,7 @@ from rptcam_cl.optics import (
     Surface,
     SurfacePose,
     TabulatedIndex,
+    Thermal,
     glass_named,
     short_radius,
 )
@@ -160,9 +162,20 @@ def _medium(medium: Medium) -> Any:
     if medium.name and glass_named(medium.name) == medium:
         return medium.name
     entry = _glass(medium)
-    if medium.absorption is None or isinstance(entry, str):
+    if isinstance(entry, str):
         return entry
-    return entry | {"transmittance": _transmittance(medium.absorption)}
+    thermal = _thermal(medium.thermal) if isinstance(medium, Law) and medium.thermal is not None else {}
+    absorbs = {} if medium.absorption is None else {"transmittance": _transmittance(medium.absorption)}
+    return entry | absorbs | thermal
+
+
+def _thermal(thermal: Thermal) -> dict[str, Any]:
+    """Return what is said about heat."""
+    row: dict[str, Any] = {}
+    if thermal.dispersion is not None:
+        d, e = list(thermal.dispersion[:3]), list(thermal.dispersion[3:5])
+        row["thermal"] = {"d": d, "e": e, "resonance_um": thermal.dispersion[5], "reference_c": thermal.reference_c}
+    return row if thermal.expansion_per_k is None else row | {"expansion_per_k": thermal.expansion_per_k}
 
 
 def _transmittance(absorption: Absorption) -> dict[str, Any]:

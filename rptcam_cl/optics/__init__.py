@@ -49,6 +49,7 @@ from rptcam_cl.optics.glass import (
     held_index,
     known_range,
 )
+from rptcam_cl.optics.heat import BARRELS, Heat, thermal_of
 from rptcam_cl.optics.irradiance import film_irradiance, on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
@@ -71,6 +72,7 @@ from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
 from rptcam_cl.optics.summary import image_circle, lens_info
 from rptcam_cl.optics.surface import Surface
+from rptcam_cl.optics.thermal import STANDARD_C, STANDARD_HPA, Thermal, air_index
 from rptcam_cl.optics.transmission import (
     BY_NAME,
     COATED,
@@ -102,6 +104,7 @@ __all__ = [
     "AIR",
     "AIRY",
     "BARE",
+    "BARRELS",
     "BULGE",
     "BY_NAME",
     "COARSE_OUTLINES",
@@ -113,6 +116,8 @@ __all__ = [
     "MAGNESIUM_FLUORIDE",
     "PAIRS",
     "PATCH_RADII",
+    "STANDARD_C",
+    "STANDARD_HPA",
     "UNCOATED",
     "WORDS",
     "AbbeCauchy",
@@ -134,6 +139,7 @@ __all__ = [
     "GhostImage",
     "Ghosts",
     "GlassChoice",
+    "Heat",
     "Interface",
     "Law",
     "Lens",
@@ -158,9 +164,11 @@ __all__ = [
     "Surface",
     "SurfacePose",
     "TabulatedIndex",
+    "Thermal",
     "Toroid",
     "Wavelengths",
     "abbe_number",
+    "air_index",
     "attenuation",
     "axial_transmittance",
     "best_film_distance",
@@ -235,6 +243,7 @@ __all__ = [
     "steps",
     "strehl",
     "system_matrix",
+    "thermal_of",
     "trace",
     "transfer",
     "unfolded",

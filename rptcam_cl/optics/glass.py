@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.absorption import Absorption
+from rptcam_cl.optics.thermal import Thermal
 
 Array = NDArray[np.float64]
 Range = tuple[float, float]
@@ -36,9 +37,10 @@ class Medium(Protocol):
 
 @dataclass(frozen=True, kw_only=True)
 class Absorbing:
-    """A medium whose absorption may be known."""
+    """A medium whose absorption, and what heat does to it, may be known."""
 
     absorption: Absorption | None = field(default=None, repr=False)
+    thermal: Thermal | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -172,7 +174,37 @@ class Melt(Absorbing):
         return np.asarray(found + off_d * (1.0 / (1.0 + self.share) - 1.0))
 
 
-Law = ConstantIndex | AbbeCauchy | AbbeLinear | Sellmeier | PowerSeries | TabulatedIndex | Melt
+@dataclass(frozen=True)
+class Heated(Absorbing):
+    """A glass at another temperature, relative to the air around it.
+
+    Attributes
+    ----------
+    glass : Law
+        As its catalogue has it.
+    by : Thermal
+        What the catalogue says of heat.
+    celsius, pressure_hpa : float
+        Of glass and air.
+    """
+
+    glass: Law
+    by: Thermal
+    celsius: float
+    pressure_hpa: float
+    name: str = ""
+
+    @classmethod
+    def of(cls, glass: Law, by: Thermal, celsius: float, pressure_hpa: float) -> Heated:
+        """Return a glass under heat, which absorbs and is called as it is."""
+        return cls(glass, by, celsius, pressure_hpa, glass.name, absorption=glass.absorption)
+
+    def index(self, wavelength_nm: ArrayLike) -> Array:
+        """Return the index at each wavelength [nm]."""
+        return self.by.index(self.glass.index(wavelength_nm), wavelength_nm, self.celsius, self.pressure_hpa)
+
+
+Law = ConstantIndex | AbbeCauchy | AbbeLinear | Sellmeier | PowerSeries | TabulatedIndex | Melt | Heated
 
 
 def held_index(medium: Law, wavelength_nm: ArrayLike) -> Array:
@@ -189,7 +221,7 @@ def known_range(medium: Medium) -> Range | None:
             return medium.range_nm
         case TabulatedIndex():
             return medium.wavelengths_nm[0], medium.wavelengths_nm[-1]
-        case Melt():
+        case Melt() | Heated():
             return known_range(medium.glass)
     return None
 

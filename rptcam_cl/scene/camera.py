@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import Heat
 from rptcam_cl.scene.autofocus import OnlyAuto
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, SceneModel, refuse
 from rptcam_cl.scene.focus import Focus
@@ -295,6 +296,11 @@ class LensCamera(Pose):
     def as_built(self) -> AsBuilt | None:
         """Which copy of the lens it is; None for the design."""
         return self.lens.as_built if isinstance(self.lens, RealLens) else None
+
+    @property
+    def heat(self) -> Heat | None:
+        """What the lens is exposed to; None at 20 degrees and standard pressure."""
+        return self.lens.heat if isinstance(self.lens, RealLens) else None
 
     def ahead(self, point: tuple[float, float, float]) -> float:
         """Return how far in front of the eye a point lies along the axis [scene units]."""

@@ -7,8 +7,10 @@ from typing import Annotated, Any
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
-from rptcam_cl.scene.base import AlsoAccepts, SceneModel, refuse
+from rptcam_cl.optics import BARRELS, STANDARD_C, STANDARD_HPA, Heat
+from rptcam_cl.scene.base import AlsoAccepts, SceneModel, near_name, read_number, refuse
 from rptcam_cl.scene.lens_settings import MAX_TEXT, LensReference
+from rptcam_cl.scene.quantities import NUMBER
 
 GRADES = ("commercial", "precision", "high_precision")
 DESIGN, REAL = "a design", "a real lens"  # forms of a lens; not keys
@@ -24,6 +26,7 @@ def _check_percent(value: Any) -> str:
     return str(value)
 
 
+LEAST_EXPANSION, MOST_EXPANSION = -1e-5, 1e-3  # of barrels [1/K]
 PERCENTAGE = {"type": "string", "pattern": _PATTERN}
 Percent = Annotated[str, BeforeValidator(_check_percent), WithJsonSchema(PERCENTAGE)]
 
@@ -47,6 +50,27 @@ def _from_percentile(value: Any) -> Any:
     return value if isinstance(value, (dict, SceneModel)) else {"percentile": value}
 
 
+def _check_barrel(value: Any) -> str | float:
+    """Return a material, or an expansion."""
+    allowed = f"{', '.join(BARRELS)}, or a linear expansion from {LEAST_EXPANSION:g} to {MOST_EXPANSION:g} per kelvin"
+    if isinstance(value, str):
+        if value not in BARRELS:
+            raise refuse(f"is no material of a barrel{near_name(value, list(BARRELS))}", allowed=allowed)
+        return value
+    number = read_number(value)
+    if not LEAST_EXPANSION <= number <= MOST_EXPANSION:
+        raise refuse("is no linear expansion", allowed=allowed)
+    return number
+
+
+BARREL_FORMS = {
+    "anyOf": [
+        {"enum": list(BARRELS)},
+        {"type": "number", "minimum": LEAST_EXPANSION, "maximum": MOST_EXPANSION},
+    ]
+}
+
+
 class RealLens(SceneModel):
     """A lens as it is made, or as heat has it."""
 
@@ -55,6 +79,22 @@ class RealLens(SceneModel):
 
     as_built: Annotated[AsBuilt, BeforeValidator(_from_percentile), AlsoAccepts(PERCENTAGE)] | None = None
     """Which copy of it; the design itself by default."""
+
+    temperature_c: Annotated[float, Field(ge=-100, le=140), NUMBER] = 20.0
+    """Temperature of the lens and the air around it [degrees Celsius]."""
+
+    pressure_hpa: Annotated[float, Field(ge=0, le=2000), NUMBER] = 1013.25
+    """Pressure of that air [hPa]."""
+
+    barrel: Annotated[str | float, BeforeValidator(_check_barrel), WithJsonSchema(BARREL_FORMS)] = "aluminium"
+    """What holds elements and film: a material, or its linear expansion [1/K]."""
+
+    @property
+    def heat(self) -> Heat | None:
+        """What it is exposed to; None at 20 degrees and standard pressure."""
+        barrel = self.barrel if isinstance(self.barrel, float) else BARRELS[self.barrel]
+        heat = Heat(self.temperature_c, self.pressure_hpa, barrel)
+        return None if (heat.celsius, heat.pressure_hpa) == (STANDARD_C, STANDARD_HPA) else heat
 
 
 def _form(value: Any) -> str:

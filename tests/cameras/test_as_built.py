@@ -9,7 +9,7 @@ import pytest
 from rptcam_cl import InputError, render
 from rptcam_cl.cameras import camera_model, design_to_focus, film_for_infinity, lens_setting
 from rptcam_cl.focusing.lens_drive import GroupDrive
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics import Heat, load_lens
 from rptcam_cl.scene import Scene, load_scene
 from tests.cameras.beams import PRECISIONS, doubtful, film_beam, on_device
 
@@ -197,3 +197,48 @@ def test_rays_pass_and_the_picture_says_which_copy_took_it(folder: Path) -> None
     assert outcomes["passed"] >= 0.9 * sum(outcomes.values())
     assert image.metadata["as_built"]["percentile"] == 90
     assert image.pixels.mean() == pytest.approx(0.5, abs=0.08)  # of 0.1 and 0.9, darker in the corners
+
+
+def test_hot_lens_has_its_film_where_the_barrel_took_it(folder: Path) -> None:
+    cold = lens_setting(scene(folder, "cooke-triplet-50mm"))
+    lens = {"design": "cooke-triplet-50mm", "temperature_c": 70, "barrel": 10e-6}
+    hot = lens_setting(scene(folder, lens))
+    assert hot.film_distance_mm == pytest.approx(cold.film_distance_mm * (1 + 50 * 10e-6), rel=1e-12)
+    assert hot.lens == Heat(70.0, barrel_per_k=10e-6).lens(cold.lens)
+    assert (hot.metadata["temperature_c"], hot.metadata["pressure_hpa"]) == (70, 1013.25)
+    assert lens_setting(scene(folder, lens, {"film_distance_mm": 44.0})).film_distance_mm == 44.0
+    both = lens_setting(scene(folder, built("90%") | {"temperature_c": 70, "barrel": 10e-6}))
+    made = lens_setting(scene(folder, built("90%")))
+    assert both.film_distance_mm == pytest.approx(made.film_distance_mm * (1 + 50 * 10e-6), rel=1e-12)
+    thick = scene(folder, "cooke-triplet-50mm", None, "camera.lens.temperature_c=70", kind="thick_lens")
+    assert lens_setting(thick).lens.surfaces[0].curvature == Heat(70.0).lens(cold.lens).surfaces[0].curvature
+
+
+def test_lens_at_20_degrees_changes_no_bit(folder: Path) -> None:
+    plain = camera_model(scene(folder, "cooke-triplet-50mm"))
+    same = {"design": "cooke-triplet-50mm", "temperature_c": 20, "pressure_hpa": 1013.25, "barrel": "invar"}
+    made = camera_model(scene(folder, same))
+    assert (made.record.tobytes(), made.surfaces.tobytes()) == (plain.record.tobytes(), plain.surfaces.tobytes())
+    assert made.facts == plain.facts
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        ({"temperature_c": 200}, r"camera.lens.temperature_c: is out of range \(got 200; allowed: at most 140"),
+        ({"pressure_hpa": -1}, "camera.lens.pressure_hpa: is out of range"),
+        ({"barrel": "aluminum"}, r"camera.lens.barrel: is no material of a barrel; did you mean aluminium\?"),
+        ({"barrel": 1}, r"camera.lens.barrel: is no linear expansion .*-1e-05 to 0.001 per kelvin"),
+    ],
+)
+def test_impossible_heat_is_refused(folder: Path, keys: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        scene(folder, {"design": "cooke-triplet-50mm"} | keys)
+
+
+def test_glass_of_which_nothing_is_known_is_refused_with_its_key(folder: Path) -> None:
+    hot = scene(folder, {"design": "dgauss-50mm", "temperature_c": 60})
+    with pytest.raises(
+        InputError, match=r"camera.lens.temperature_c: Double Gauss .*surfaces\[0\]: nothing says how glass"
+    ):
+        camera_model(hot)

@@ -71,3 +71,26 @@ def test_wrong_specification_is_one_line_with_its_place(spec: Path, capsys: pyte
     error = capsys.readouterr().err.strip().splitlines()
     assert len(error) == 1
     assert f"{spec}:6:6: tolerances[1].decenter_mm: unknown key; did you mean decentre_mm?" in error[0]
+
+
+def test_lens_is_measured_at_a_temperature(capsys: pytest.CaptureFixture[str]) -> None:
+    lengths = []
+    for celsius in ("20", "80"):
+        assert main(["lens", "info", "cooke-triplet-50mm", "--json", "--temperature-c", celsius]) == 0
+        lengths.append(json.loads(capsys.readouterr().out)["focal_length_mm"])
+    assert 1e-5 < lengths[1] / lengths[0] - 1 < 1e-3
+    assert main(["lens", "info", "dgauss-50mm", "--temperature-c", "60"]) == 2
+    assert "nothing says how glass n = 1.67 takes heat" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "message"),
+    [
+        (["--temperature-c", "300"], "allowed -100 to 140 degrees Celsius"),
+        (["--pressure-hpa", "-5"], "allowed 0 to 2000 hPa"),
+        (["--barrel", "wood"], "allowed aluminium, brass"),
+    ],
+)
+def test_impossible_heat_is_refused(option: list[str], message: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["lens", "info", "cooke-triplet-50mm", *option]) == 2
+    assert message in capsys.readouterr().err

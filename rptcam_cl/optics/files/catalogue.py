@@ -14,6 +14,7 @@ from rptcam_cl.core.references import read_whole
 from rptcam_cl.core.strict_yaml import read_yaml
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.glass import Law, PowerSeries, Sellmeier, TabulatedIndex
+from rptcam_cl.optics.thermal import STANDARD_C, Thermal
 
 Formula = Callable[[list[float], tuple[float, float], str], Law]
 
@@ -61,6 +62,7 @@ def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
     name, formula = "", 0
     terms: list[float] = []
     inside: list[tuple[float, float, float]] = []
+    thermal = Thermal()
     limits: tuple[float, float] | None = None
     for line, raw in enumerate(_text(content).splitlines(), start=1):
         words = raw.split()
@@ -68,17 +70,23 @@ def glasses_of_agf(content: bytes, path: Path | str) -> dict[str, Law]:
             continue
         try:
             if words[0] == "NM":
-                _add(glasses, name, formula, terms, limits, inside)
+                _add(glasses, name, formula, terms, limits, inside, thermal)
                 name, formula, terms, limits, inside = words[1], int(float(words[2])), [], None, []
+                thermal = Thermal()
             elif words[0] == "CD":
                 terms = [float(word) for word in words[1:]]
             elif words[0] == "LD":
                 limits = (1e3 * float(words[1]), 1e3 * float(words[2]))
+            elif words[0] == "ED" and float(words[1]) != 0:
+                thermal = replace(thermal, expansion_per_k=1e-6 * float(words[1]))
+            elif words[0] == "TD" and len(words) > 6:
+                values, reference = [float(word) for word in words[1:7]], float(words[7] if words[7:] else STANDARD_C)
+                thermal = replace(thermal, dispersion=tuple(values) if any(values) else None, reference_c=reference)
             elif words[0] == "IT" and len(words) > 3:
                 inside.append((1e3 * float(words[1]), float(words[2]), float(words[3])))
         except (IndexError, ValueError, OverflowError):
             raise InputError(f"{path}:{line}: cannot read this {words[0]} line of a glass catalogue") from None
-    _add(glasses, name, formula, terms, limits, inside)
+    _add(glasses, name, formula, terms, limits, inside, thermal)
     if not glasses:
         raise InputError(f"{path}: no glass with a known formula; is this a Zemax glass catalogue?")
     return glasses
@@ -91,19 +99,20 @@ def _add(
     terms: list[float],
     limits: tuple[float, float] | None,
     inside: list[tuple[float, float, float]],
+    thermal: Thermal,
 ) -> None:
     """Add a glass; `inside` has wavelength [nm], internal transmittance and thickness [mm] in rows."""
     if not name or not terms:
         return
-    absorption = _absorption(inside)
+    absorption, heat = _absorption(inside), None if thermal == Thermal() else thermal
     if formula in POWERS:
         powers = POWERS[formula]
         series = tuple((float(p), a) for p, a in zip(powers, terms, strict=False) if a)
-        glasses[name] = PowerSeries(series, True, limits, name, absorption=absorption)
+        glasses[name] = PowerSeries(series, True, limits, name, absorption=absorption, thermal=heat)
     elif formula in (SELLMEIER_1, 6, SELLMEIER_5):
         pairs = [(b, c) for b, c in zip(terms[::2], terms[1::2], strict=False) if b]
         b, c = tuple(b for b, _ in pairs), tuple(c for _, c in pairs)
-        glasses[name] = Sellmeier(b, c, 0.0, limits, name, absorption=absorption)
+        glasses[name] = Sellmeier(b, c, 0.0, limits, name, absorption=absorption, thermal=heat)
 
 
 def _absorption(inside: list[tuple[float, float, float]]) -> Absorption | None:

@@ -21,6 +21,7 @@ from rptcam_cl.optics.files.keys import (
     LINEAR_ABBE,
     LOWEST_INDEX,
     SELLMEIER,
+    THERMAL,
     TRANSMITTANCE,
 )
 from rptcam_cl.optics.glass import (
@@ -34,6 +35,7 @@ from rptcam_cl.optics.glass import (
     Sellmeier,
     TabulatedIndex,
 )
+from rptcam_cl.optics.thermal import STANDARD_C, Thermal
 
 
 def read_glass(document: Document, path: KeyPath) -> Medium:
@@ -48,7 +50,21 @@ def read_glass(document: Document, path: KeyPath) -> Medium:
     if len(given) != 1:
         raise fields.fail(None, f"needs exactly one of {', '.join(LAWS)} (has {', '.join(given) or 'none'})")
     medium = _LAWS[given[0]](fields)
+    if "thermal" in fields or "expansion_per_k" in fields:
+        medium = replace(medium, thermal=_thermal(fields, medium.thermal or Thermal()))
     return replace(medium, absorption=_absorption(fields)) if "transmittance" in fields else medium
+
+
+def _thermal(fields: Fields, known: Thermal) -> Thermal:
+    expansion = fields.number("expansion_per_k") if "expansion_per_k" in fields else known.expansion_per_k
+    if "thermal" not in fields:
+        return replace(known, expansion_per_k=expansion)
+    inner = fields.inner("thermal", THERMAL)
+    d, e = inner.numbers("d"), inner.numbers("e")
+    for key, values, count in (("d", d, 3), ("e", e, 2)):
+        if len(values) != count:
+            raise inner.fail(key, f"expected {count} numbers")
+    return Thermal((*d, *e, inner.positive("resonance_um")), expansion, inner.number("reference_c", STANDARD_C))
 
 
 def _absorption(fields: Fields) -> Absorption:

@@ -71,12 +71,21 @@ COATING = {
 COATING_WORDS = ("bare", "mgf2")
 COATING_VALUE = {"$ref": "#/$defs/Coating"}
 
+THERMAL = {
+    "d": Key("Schott's D0, D1, D2 of dn/dT [1/K, 1/K^2, 1/K^3].", numbers(3, 3)),
+    "e": Key("Schott's E0 and E1 [um^2/K, um^2/K^2].", numbers(2, 2)),
+    "resonance_um": Key("Schott's lambda_TK [um].", POSITIVE),
+    "reference_c": Key("Temperature of the index, from which they count [degrees Celsius]; 20 by default.", NUMBER),
+}
+
 GLASS = LAWS | {
     "vd": Key("Abbe number, beside nd.", POSITIVE),
     "transmittance": Key(
         "Internal transmittance, surfaces left out, over a thickness.",
         mapping(TRANSMITTANCE, ("thickness_mm", "wavelengths_nm", "values")),
     ),
+    "thermal": Key("How heat changes the index.", mapping(THERMAL, ("d", "e", "resonance_um"))),
+    "expansion_per_k": Key("Linear expansion [1/K].", NUMBER),
     "range_nm": Key("Shortest and longest wavelength at which the law holds [nm].", numbers(2, 2)),
     "name": Key("Label; of a catalogue the glass.", TEXT),
 }

@@ -17,7 +17,9 @@ from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.resources import glass_catalogues_dir
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.files.catalogue import law_of_formula
-from rptcam_cl.optics.glass import Law, TabulatedIndex
+from rptcam_cl.optics.glass import Law, Medium, TabulatedIndex
+from rptcam_cl.optics.glass_table import GLASSES
+from rptcam_cl.optics.thermal import STANDARD_C, Thermal
 
 MAKERS = (
     "schott", "ohara", "hoya", "hikari", "cdgm", "sumita", "lzos", "plastic", "corning", "crystran", "ami", "lightpath",
@@ -65,16 +67,35 @@ def glasses_of(maker: str) -> dict[str, MakersGlass]:
 @lru_cache(maxsize=256)
 def law_of(glass: MakersGlass, label: str) -> Law:
     """Return the dispersion law of a glass, called `label`, with what it absorbs."""
-    text = _text(glass.maker)
-    start = text.index(f'{{"name":"{glass.name}"')
-    row = json.loads(text[start : text.index("\n", start)])
-    absorption = _absorption(row)
+    row = _row(glass)
+    absorption, thermal = _absorption(row), _thermal(row)
     if "formula" in row:
         low, high = row["range_um"]
         law = law_of_formula(f"formula {row['formula']}", row["coefficients"], (1e3 * low, 1e3 * high), label)
-        return replace(law, absorption=absorption)
+        return replace(law, absorption=absorption, thermal=thermal)
     wavelengths, values = zip(*row["n"], strict=True)
-    return TabulatedIndex(tuple(1e3 * w for w in wavelengths), values, label, absorption=absorption)
+    return TabulatedIndex(tuple(1e3 * w for w in wavelengths), values, label, absorption=absorption, thermal=thermal)
+
+
+def bundled_thermal(medium: Medium) -> Thermal | None:
+    """Return what SCHOTT says about heat, of a glass of the bundled table; None of others."""
+    glass = glasses_of("schott").get(plain_glass_name(medium.name)) if GLASSES.get(medium.name) == medium else None
+    return _thermal(_row(glass)) if glass is not None else None
+
+
+def _row(glass: MakersGlass) -> dict[str, Any]:
+    text = _text(glass.maker)
+    start = text.index(f'{{"name":"{glass.name}"')
+    row: dict[str, Any] = json.loads(text[start : text.index("\n", start)])
+    return row
+
+
+def _thermal(row: dict[str, Any]) -> Thermal | None:
+    """Return what a row says about heat, None when it says nothing."""
+    if "thermal" not in row and "expansion" not in row:
+        return None
+    dispersion = tuple(row["thermal"]) if "thermal" in row else None
+    return Thermal(dispersion, row.get("expansion"), row.get("temperature_c", STANDARD_C))
 
 
 def _absorption(row: dict[str, Any]) -> Absorption | None:

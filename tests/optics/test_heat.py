@@ -1,0 +1,204 @@
+"""Lenses under heat: indices by the makers' constants, closed forms of single lenses, and what no file says."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl import InputError
+from rptcam_cl.lenstools import lens_text
+from rptcam_cl.optics import AIR, BARRELS, Heat, Melt, air_index, glass_named, load_lens, thermal_of
+from rptcam_cl.optics.files.makers import MAKERS, glasses_of, law_of
+from rptcam_cl.optics.glass import Heated, Law
+
+E_NM, G_NM, IR_NM = 546.074, 435.835, 1060.0
+D_NM = 587.5618
+
+
+def index(glass: Law, celsius: float, wavelength_nm: Any, pressure_hpa: float = 1013.25) -> Any:
+    thermal = thermal_of(glass)
+    assert thermal is not None
+    return Heated.of(glass, thermal, celsius, pressure_hpa).index(wavelength_nm)
+
+
+# Data sheet of SCHOTT N-BK7: dn/dT relative and absolute [1e-6/K] at 1060 nm, e and g, between two temperatures.
+N_BK7 = {
+    (-40, -20): (2.4, 2.9, 3.3, 0.3, 0.8, 1.2),
+    (20, 40): (2.4, 3.0, 3.5, 1.1, 1.6, 2.1),
+    (60, 80): (2.5, 3.1, 3.7, 1.5, 2.1, 2.7),
+}
+
+
+@pytest.mark.parametrize("span", N_BK7)
+def test_index_changes_as_the_data_sheet_says(span: tuple[int, int]) -> None:
+    glass = glass_named("N-BK7")
+    assert glass is not None
+    waves = np.array([IR_NM, E_NM, G_NM])
+    cold, hot = (index(glass, celsius, waves) for celsius in span)
+    relative = (hot - cold) / (span[1] - span[0])
+    airs = [air_index(waves, celsius, 1013.25) for celsius in span]
+    absolute = (hot * airs[1] - cold * airs[0]) / (span[1] - span[0])
+    np.testing.assert_allclose(1e6 * np.concatenate([relative, absolute]), N_BK7[span], atol=0.06)  # its last digit
+
+
+def test_air_has_its_index() -> None:
+    # Edlen, Metrologia 2, 71 (1966): dry air at 20 degrees and 1013.25 hPa, 632.8 nm
+    assert air_index(632.8, 20.0, 1013.25) - 1 == pytest.approx(2.7138e-4, abs=5e-7)
+    assert air_index(632.8, 20.0, 0.0) == 1
+    assert air_index(632.8, 20.0, 506.625) - 1 == pytest.approx((air_index(632.8, 20.0, 1013.25) - 1) / 2)
+
+
+def test_in_vacuum_the_index_is_absolute() -> None:
+    glass = glass_named("N-BK7")
+    assert glass is not None
+    expected = glass.index(D_NM) * air_index(D_NM, 20.0, 1013.25)
+    assert index(glass, 20.0, D_NM, 0.0) == pytest.approx(float(expected), abs=1e-12)
+
+
+def test_constants_count_from_the_temperature_of_the_catalogue() -> None:
+    glass = glass_named("S-BSL7")
+    assert glass is not None
+    thermal = thermal_of(glass)
+    assert thermal is not None
+    assert thermal.reference_c == 25
+    assert index(glass, 25.0, D_NM) == pytest.approx(float(glass.index(D_NM)), abs=1e-12)
+
+
+def test_makers_say_how_most_glasses_take_heat() -> None:
+    laws = [law_of(glass, glass.name) for maker in MAKERS for glass in glasses_of(maker).values()]
+    known = [thermal for law in laws if (thermal := law.thermal) is not None]
+    whole = [thermal for thermal in known if thermal.dispersion is not None and thermal.expansion_per_k is not None]
+    assert len(whole) == 1317
+    assert all(3e-7 < thermal.expansion_per_k < 3e-5 for thermal in whole)  # type: ignore[operator]
+
+
+def plano_convex(glass: Any = "N-BK7") -> Any:
+    return load_lens({"surfaces": [{"radius": 50, "thickness": 6, "glass": glass, "diameter": 20}, {"diameter": 20}]})
+
+
+@pytest.mark.parametrize("celsius", [-40.0, 60.0])
+@pytest.mark.parametrize("glass", ["N-BK7", "SF6", "S-FPL53"])
+def test_focal_length_of_a_single_lens_is_its_closed_form(celsius: float, glass: str) -> None:
+    cold = plano_convex(glass)
+    law, thermal = cold.surfaces[0].glass, thermal_of(cold.surfaces[0].glass)
+    hot = Heat(celsius).lens(cold)
+    n = float(index(law, celsius, D_NM))
+    growth = 1 + thermal.expansion_per_k * (celsius - 20)  # type: ignore[union-attr, operator]
+    assert hot.first_order().focal_length_mm == pytest.approx(50 * growth / (n - 1), rel=1e-12)  # R / (n - 1)
+    assert hot.surfaces[0].thickness == pytest.approx(6 * growth, rel=1e-14)
+    assert hot.surfaces[0].semi_diameter == pytest.approx(10 * growth, rel=1e-14)
+    # df/f = alpha dT - dn / (n - 1), to first order
+    before = cold.first_order().focal_length_mm
+    change = growth - 1 - (n - float(law.index(D_NM))) / (n - 1)
+    assert hot.first_order().focal_length_mm / before - 1 == pytest.approx(change, rel=0.01)
+
+
+def test_air_spaces_grow_as_the_barrel() -> None:
+    triplet = load_lens("cooke-triplet-50mm")
+    heat = Heat(70.0, barrel_per_k=BARRELS["titanium"])
+    hot = heat.lens(triplet)
+    assert hot.surfaces[1].thickness == pytest.approx(triplet.surfaces[1].thickness * (1 + 50 * 8.6e-6))
+    assert hot.surfaces[1].glass == AIR
+    assert heat.film(40.0) == pytest.approx(40 * (1 + 50 * 8.6e-6))
+
+
+def test_shape_of_an_asphere_grows_alike() -> None:
+    rows = [
+        {
+            "radius": 20,
+            "thickness": 4,
+            "glass": "N-BK7",
+            "diameter": 10,
+            "conic": -0.5,
+            "aspheric": {4: 1e-5, 6: -2e-7},
+        },
+        {"diameter": 10},
+    ]
+    cold = load_lens({"surfaces": rows})
+    hot = Heat(120.0).lens(cold)
+    growth = 1 + 100 * 7.1e-6
+    height, zero = np.array([4.0]), np.zeros(1)
+    assert hot.surfaces[0].sag(zero, growth * height) == pytest.approx(growth * cold.surfaces[0].sag(zero, height))
+
+
+def test_lens_at_20_degrees_stays_as_it_is() -> None:
+    lens = load_lens("cooke-triplet-50mm")
+    assert Heat(20.0).lens(lens) is lens
+    assert load_lens("dgauss-50mm") == Heat().lens(load_lens("dgauss-50mm"))  # whatever its glass
+
+
+def test_melt_takes_heat_as_its_glass() -> None:
+    lens = plano_convex()
+    glass = lens.surfaces[0].glass
+    melt = Melt.of(glass, 0.001, 0.0)
+    assert thermal_of(melt) == thermal_of(glass)
+    hot = Heated.of(melt, thermal_of(melt), 60.0, 1013.25)  # type: ignore[arg-type]
+    assert hot.index(D_NM) - index(glass, 60.0, D_NM) == pytest.approx(0.001, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("glass", "message"),
+    [
+        ({"nd": 1.6, "vd": 50}, r"surfaces\[0\]: nothing says how glass 1.6 / 50 takes heat: how its index changes"),
+        ("CaF2", "nothing says how glass CaF2 takes heat"),
+        ({"nd": 1.6, "vd": 50, "thermal": {"d": [0, 0, 0], "e": [0, 0], "resonance_um": 0.2}}, "how it expands"),
+    ],
+)
+def test_glass_of_which_nothing_is_known_is_refused(glass: Any, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        Heat(60.0).lens(plano_convex(glass))
+
+
+def test_mirrors_are_refused() -> None:
+    with pytest.raises(InputError, match="has mirrors, of which no file says how they expand"):
+        Heat(60.0).lens(load_lens("mirror-500mm"))
+
+
+THERMAL = {"d": [1.86e-6, 1.31e-8, -1.37e-11], "e": [4.34e-7, 6.27e-10], "resonance_um": 0.17}
+
+
+def test_lens_file_says_how_a_glass_takes_heat() -> None:
+    own = {"sellmeier": {"b": [1.03961212, 0.231792344, 1.01046945], "c": [0.00600069867, 0.0200179144, 103.560653]}}
+    lens = plano_convex(own | {"thermal": THERMAL, "expansion_per_k": 7.1e-6})
+    expected = Heat(60.0).lens(plano_convex("N-BK7")).first_order().focal_length_mm
+    assert Heat(60.0).lens(lens).first_order().focal_length_mm == pytest.approx(expected, rel=1e-9)
+
+
+def test_lens_written_as_a_file_keeps_what_is_known_of_heat(tmp_path: Path) -> None:
+    lens = plano_convex({"nd": 1.6, "vd": 50, "thermal": THERMAL | {"reference_c": 25}, "expansion_per_k": 7e-6})
+    (tmp_path / "lens.yaml").write_text(lens_text(lens))
+    assert load_lens(tmp_path / "lens.yaml").surfaces == lens.surfaces
+
+
+def test_catalogue_of_another_program_says_how_a_glass_takes_heat(tmp_path: Path) -> None:
+    (tmp_path / "own.agf").write_text(
+        "NM GLASS 2 0 1.5168 64.17\nED 7.1 8.3 2.51 0 0\n"
+        "CD 1.03961212 0.00600069867 0.231792344 0.0200179144 1.01046945 103.560653\n"
+        "TD 1.86E-6 1.31E-8 -1.37E-11 4.34E-7 6.27E-10 0.17 20\nLD 0.3 2.5\n"
+    )
+    (tmp_path / "lens.yaml").write_text(
+        "surfaces:\n  - {radius: 50, thickness: 6, glass: {catalogue: own.agf, name: GLASS}, diameter: 20}\n"
+        "  - {diameter: 20}\n"
+    )
+    thermal = thermal_of(load_lens(tmp_path / "lens.yaml").surfaces[0].glass)
+    known = thermal_of(plano_convex().surfaces[0].glass)
+    assert thermal is not None
+    assert known is not None
+    assert thermal.dispersion == known.dispersion
+    assert thermal.expansion_per_k == pytest.approx(known.expansion_per_k, rel=1e-12)
+    assert thermal.reference_c == 20
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"thermal": THERMAL | {"d": [1, 2]}}, r"surfaces\[0\].glass.thermal.d: expected 3 numbers"),
+        ({"thermal": {"d": [0, 0, 0]}}, r"surfaces\[0\].glass.thermal"),
+        ({"thermal": THERMAL | {"dn": 1}}, r"surfaces\[0\].glass.thermal.dn: unknown key"),
+        ({"expansion_per_k": "7e-6 /K"}, r"surfaces\[0\].glass.expansion_per_k: expected a number"),
+    ],
+)
+def test_wrong_constants_are_refused_with_their_place(more: dict[str, Any], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        plano_convex({"nd": 1.6, "vd": 50} | more)
