@@ -11,6 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.rendering import FilmRun
+
 Kind = Literal["none", "picture", "camera", "scene", "program"]
 
 QUEUE_SECONDS = 0.012  # of work that is enqueued before the device is waited for
@@ -67,6 +69,22 @@ class Frame:
     noise: float | None
     scale: float
     generation: int
+
+
+class NoiseAtHand:
+    """The noise of one film: estimated whenever its samples have doubled, as that takes long, and scaled between."""
+
+    def __init__(self) -> None:
+        self._samples = 1  # at which it was estimated
+        self._noise: float | None = None
+
+    def of(self, run: FilmRun, sums: NDArray[np.float32]) -> float | None:
+        """Return the relative standard error of a film with these sums; None for less than two samples."""
+        if run.is_whole and run.done >= 2 * self._samples:
+            achieved = run.watch.achieved(run.done, sums)
+            self._noise = None if achieved is None else achieved.picture
+            self._samples = 1 if achieved is None else run.done
+        return None if self._noise is None else float(self._noise * np.sqrt(self._samples / run.done))
 
 
 class Pace:

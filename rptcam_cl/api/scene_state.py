@@ -10,12 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.api.frames import Kind
-from rptcam_cl.api.stages import Resolved
+from rptcam_cl.api.settings import RenderSettings
+from rptcam_cl.api.stages import Prepared, Resolved, report
+from rptcam_cl.imaging import Image
 from rptcam_cl.plan import Plan, make_plan, with_film, with_lens
-from rptcam_cl.rendering import SceneBuffers, reading_cd_m2
-from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene
+from rptcam_cl.rendering import FilmRun, SceneBuffers, reading_cd_m2, rendering_of
+from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene, set_keys
 
 ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
+OF_DEVELOPMENT = {"picture"}  # parts of a scene that change no film
 OF_THE_LENS = {"camera", "exposure", "picture"}  # parts of a scene that objects and lights do not go by
 
 
@@ -48,6 +51,14 @@ def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
     if any(key[0] == "camera" and (len(key) == 1 or key[1] in ANOTHER_LENS) for key in keys):
         return True
     return scene.requested_autofocus is not None and any(key[:2] == ["camera", "focus"] for key in keys)
+
+
+def focused_as(state: SceneState, scene: Scene) -> Scene:
+    """Return a scene with the focus that was found for another state of it, where it asks for autofocus."""
+    known = state.found.focus
+    if known is None or scene.requested_autofocus is None:
+        return scene
+    return set_keys(scene, {f"camera.{key}": value for key, value in known["camera"].items()})
 
 
 def changed_parts(before: Scene, after: Scene) -> tuple[str, ...]:
@@ -91,6 +102,24 @@ def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan
     if metered is not None and reading is not None:
         plan.camera.record["exposure"] *= metered / reading
     return plan, smaller
+
+
+def image_of(state: SceneState, run: FilmRun, settings: RenderSettings, *, seconds: float, begun: float) -> Image:
+    """Return a film as `render` returns it.
+
+    Parameters
+    ----------
+    state, run, settings
+        What was rendered, its whole film, and the settings of `render` that stand for it.
+    seconds, begun
+        What the samples took [s], and when all of it began, by `time.perf_counter` [s].
+    """
+    rendering = rendering_of(run, start=0, seconds=seconds, new_samples=run.wavefront.camera_rays, interrupted=False)
+    prepared = Prepared(
+        settings, state.scene, state.scene.render.layers, state.found.scene, state.found.metadata, state.plan,
+        run.wavefront, None, None, begun, {"start": 0.0, "compile": 0.0}, state.found.diffraction,
+    )  # fmt: skip
+    return report(prepared, rendering)
 
 
 def reading_of(pixels: NDArray[np.float32], plan: Plan, state: SceneState, film: Film) -> float | None:

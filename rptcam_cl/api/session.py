@@ -14,18 +14,27 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.api.ahead import Ahead
-from rptcam_cl.api.frames import Change, Frame, Pace
-from rptcam_cl.api.scene_state import SceneState, changed_parts, focuses_anew, kind_of, plan_beside, reading_of, scaled
+from rptcam_cl.api.frames import Change, Frame, NoiseAtHand, Pace
+from rptcam_cl.api.scene_state import (
+    OF_DEVELOPMENT,
+    SceneState,
+    changed_parts,
+    focused_as,
+    focuses_anew,
+    image_of,
+    kind_of,
+    plan_beside,
+    reading_of,
+    scaled,
+)
 from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.api.stages import Prepared, Resolved, report, resolve
+from rptcam_cl.api.stages import Resolved, resolve
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device import Session, open_sessions
 from rptcam_cl.imaging import Image, check_sensor
 from rptcam_cl.plan import Plan, make_plan
-from rptcam_cl.rendering import FilmLayout, FilmRun, WavefrontPool, rendering_of, window
+from rptcam_cl.rendering import FilmLayout, FilmRun, WavefrontPool, window
 from rptcam_cl.scene import Scene, load_scene, set_keys
-
-WITHOUT_SAMPLES = {"picture"}  # parts of a scene that change no film
 
 
 class RenderSession:
@@ -76,9 +85,9 @@ class RenderSession:
         self._pace = Pace(self._cancelled)
         self._generation = 0
         self._run: FilmRun | None = None
-        self._noise: tuple[int, float] | None = None  # samples, and the relative standard error at them
+        self._noise = NoiseAtHand()
         self._waiting: SceneState | None = None
-        self._seconds = 0.0  # spent on the film
+        self._seconds, self._added_s, self._complete = 0.0, 0.0, True  # spent on the film; by the last samples
         self._shown = self._state(given, None)
         self._reading = self._shown.found.metered_cd_m2  # of the exposure meter, for glances
         self._compile(self._shown)
@@ -176,7 +185,7 @@ class RenderSession:
             As `change` would.
         """
         self._check_open()
-        state = self._state(self._focused(self._changed(changes)), self._newest)
+        state = self._state(focused_as(self._newest, self._changed(changes)), self._newest)
         self._ahead.begin(state.plan, state.buffers, state.scene.render)
 
     def take(self, samples: int = 1) -> Frame:
@@ -187,16 +196,27 @@ class RenderSession:
         InputError
             When less than one is requested.
         """
+        self.add(samples)
+        return self.frame()
+
+    def add(self, samples: int = 1) -> bool:
+        """Add samples to the film as `take` does, but read nothing of it; return whether all of them are there."""
         if samples < 1:
             raise InputError(f"samples: is out of range (got {samples!r}; allowed: at least 1)")
         begun = time.perf_counter()
-        run = self._film()
-        complete = self._add(run, samples)
+        self._complete = self._add(self._film(), samples)
+        self._added_s = time.perf_counter() - begun
+        self._seconds += self._added_s
+        return self._complete
+
+    def frame(self) -> Frame:
+        """Return the film as it is after `add`."""
+        begun, run = time.perf_counter(), self._film()
         sums = run.wavefront.sums()
-        seconds = time.perf_counter() - begun
-        self._seconds += seconds
         pixels = run.wavefront.layout.picture(sums, run.samples_of_tiles())
-        return Frame(pixels, run.done, complete, seconds, self._noise_of(run, sums), 1.0, self._generation)
+        noise = self._noise.of(run, sums)
+        seconds = self._added_s + time.perf_counter() - begun
+        return Frame(pixels, run.done, self._complete, seconds, noise, 1.0, self._generation)
 
     def glance(self, scale: float = 0.25) -> Frame:
         """Return one sample per pixel of the same view at a share of its resolution; the film stays as it is.
@@ -243,16 +263,8 @@ class RenderSession:
             self._add(run, 1)
         if run.done == 0:
             raise InputError("the session has no samples yet (call take() first)")
-        state = self._shown
-        rendering = rendering_of(
-            run, start=0, seconds=self._seconds, new_samples=run.wavefront.camera_rays, interrupted=False
-        )
         settings = replace(self._settings, device=self._device)
-        prepared = Prepared(
-            settings, state.scene, state.scene.render.layers, state.found.scene, state.found.metadata, state.plan,
-            run.wavefront, None, None, self._begun, {"start": 0.0, "compile": 0.0}, state.found.diffraction,
-        )  # fmt: skip
-        return report(prepared, rendering)
+        return image_of(self._shown, run, settings, seconds=self._seconds, begun=self._begun)
 
     def close(self) -> None:
         """Let go of the device; the session is of no use then."""
@@ -289,22 +301,15 @@ class RenderSession:
         check_sensor(scene, *window(scene)[2:])
         return scene
 
-    def _focused(self, scene: Scene) -> Scene:
-        """Return a scene with the focus that was found for the newest one, where it asks for autofocus."""
-        known = self._newest.found.focus
-        if known is None or scene.requested_autofocus is None:
-            return scene
-        return set_keys(scene, {f"camera.{key}": value for key, value in known["camera"].items()})
-
     def _take_over(self, scene: Scene, *, focus_anew: bool, wait: bool, anyway: bool = False) -> Change:
         before = self._newest
         keys = changed_parts(before.scene, scene)
         if not keys and not anyway:
             return Change("none", (), self._waiting is None)
-        if set(keys) <= WITHOUT_SAMPLES and not anyway:
+        if set(keys) <= OF_DEVELOPMENT and not anyway:
             self._replace_scene(scene)
             return Change("picture", keys, self._waiting is None)
-        state = self._state(scene if focus_anew else self._focused(scene), None if focus_anew else before)
+        state = self._state(scene if focus_anew else focused_as(before, scene), None if focus_anew else before)
         self._hash = None
         compiled = self._ahead.knows(state.plan, state.buffers, scene.render)
         if not compiled and not wait:
@@ -342,7 +347,7 @@ class RenderSession:
 
     def _show(self, state: SceneState) -> None:
         self._shown, self._waiting, self._run = state, None, None
-        self._noise, self._seconds = None, 0.0
+        self._noise, self._seconds = NoiseAtHand(), 0.0
         self._reading = self._reading or state.found.metered_cd_m2
         self._generation += 1
 
@@ -387,13 +392,3 @@ class RenderSession:
             complete = complete and not (self._cancelled.is_set() and run.done < end)
         run.wavefront.finish()
         return complete
-
-    def _noise_of(self, run: FilmRun, sums: NDArray[np.float32]) -> float | None:
-        last = 1 if self._noise is None else self._noise[0]
-        if run.is_whole and run.done >= 2 * last:
-            achieved = run.watch.achieved(run.done, sums)
-            self._noise = None if achieved is None else (run.done, achieved.picture)
-        if self._noise is None:
-            return None
-        samples, noise = self._noise
-        return float(noise * np.sqrt(samples / run.done))

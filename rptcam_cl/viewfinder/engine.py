@@ -19,6 +19,7 @@ from rptcam_cl.viewfinder.studio import Studio
 
 LOG = logging.getLogger("rptcam_cl.viewfinder")
 LINGER_S = 0.4  # after the last client has gone, for a page that is only loaded again
+COURTESY_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
 _POLL_S = 0.02  # between checks whether a compilation has ended
 _CHANGES = (Dial, Set, Move, Compare)
 
@@ -42,6 +43,8 @@ class Engine:
         self._reports = Reports(studio, self._delivery)
         self._ends = threading.Event()
         self._refining: Slot | None = None
+        self._interrupted = False
+        self._leaves_alone_until = 0.0
         self._alone_since: float | None = None
         self._thread = threading.Thread(target=self._run, name="rptcam-viewfinder", daemon=True)
 
@@ -77,6 +80,7 @@ class Engine:
 
     def _interrupt(self) -> None:
         """End the samples under way, which nobody will see."""
+        self._interrupted = True
         slot = self._refining
         if slot is not None:
             slot.session.cancel()
@@ -110,6 +114,8 @@ class Engine:
         if self._studio.is_closed:
             return None
         hurries = any(slot.wants_glance for slot in self._studio.slots)
+        if not hurries and (left := self._leaves_alone(clients)) > 0:
+            return left
         if not hurries:
             self._reports.inform(clients)
         timeout = self._render(clients)
@@ -120,9 +126,17 @@ class Engine:
         a, b = self._studio.a, self._studio.b
         if a is not None and b is not None and self._studio.compares_difference:
             self._delivery.difference(a, b, clients)
-        if not (hurries and self._inbox.is_empty):  # the first picture leaves alone, what is said of it comes next
+        if hurries and self._inbox.is_empty:  # the first picture leaves alone, what is said of it comes next
+            self._leaves_alone_until = time.monotonic() + COURTESY_S
+        else:
             self._reports.inform(clients)
         return timeout if self._inbox.is_empty else 0.0
+
+    def _leaves_alone(self, clients: list[Client]) -> float:
+        """Return how long the processor is left to pages that paint a first picture [s]: until they say it is there."""
+        if all(client.outbox.is_clear for client in clients):
+            return 0.0
+        return self._leaves_alone_until - time.monotonic()
 
     def _leave(self, clients: list[Client]) -> float | None:
         """Free the device when the last client has been gone for a while; return how long there is nothing to do.
@@ -170,10 +184,10 @@ class Engine:
         return min(waits) if waits else None
 
     def _refine(self, slot: Slot, answers: dict[int, int | None]) -> None:
-        self._refining = slot
+        self._refining, self._interrupted = slot, False
         try:
             if self._inbox.is_empty and not self._ends.is_set():
-                frame = slot.refine()
+                frame = slot.refine(lambda: not self._interrupted)
                 if frame is not None:
                     slot.show(frame, False, answers)
         finally:

@@ -97,6 +97,11 @@ class Outbox:
         """Whether a frame that is made now could leave."""
         return len(self._under_way) + len(self._frames) < MOST_UNACKNOWLEDGED
 
+    @property
+    def is_clear(self) -> bool:
+        """Whether the client has all frames that were made for it."""
+        return not (self._under_way or self._frames)
+
     def drop_frames(self) -> None:
         """Forget the frames that have not left."""
         with self._lock:

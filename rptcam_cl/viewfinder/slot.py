@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,7 +67,8 @@ class Slot:
         self._answers: Mapping[int, int | None] = {}
         self._next_samples = 1
         self._last: Frame | None = None  # of what is there now
-        self._is_done = False
+        self._reaches_noise = False  # the requested noise
+        self._unread = False  # whether the film has samples that no picture was made of
 
     @property
     def scene(self) -> Scene:
@@ -129,7 +130,8 @@ class Slot:
         return True
 
     def _begin_anew(self) -> None:
-        self.wants_glance, self._last, self._is_done = True, None, False
+        self.wants_glance, self._last = True, None
+        self._reaches_noise = self._unread = False
         self._next_samples = 1
 
     @property
@@ -149,7 +151,11 @@ class Slot:
     @property
     def is_done(self) -> bool:
         """Whether there is nothing left to render."""
-        return not self.wants_glance and (self._is_done or self.session.spp >= self.target_spp)
+        return not self.wants_glance and not self._unread and self._has_all
+
+    @property
+    def _has_all(self) -> bool:
+        return self._reaches_noise or self.session.spp >= self.target_spp
 
     def glance(self) -> Frame:
         """Return a first picture of what is there now, at the scale that keeps pace."""
@@ -165,19 +171,31 @@ class Slot:
         self.wants_showing = False
         return self._last
 
-    def refine(self) -> Frame | None:
-        """Return the picture with more samples; None where it was left before it had one of every pixel."""
-        before = self.session.spp
-        count = max(1, min(self._next_samples, self.pace.samples, self.target_spp - before))
-        frame = self.session.take(count)
-        self.pace.took(frame.spp - before, frame.seconds)
-        self._next_samples = 2 * count
-        self._paused_until = time.monotonic() + PAUSE * frame.seconds
-        self._is_done = frame.complete and frame.spp == before  # the requested noise is reached
-        if frame.spp == 0:
+    def refine(self, is_wanted: Callable[[], bool]) -> Frame | None:
+        """Return the picture with more samples; None where it was left before it had one of every pixel.
+
+        Parameters
+        ----------
+        is_wanted
+            Whether it is still wanted once the samples are there: otherwise nothing is made of them.
+        """
+        if not self._has_all:
+            self._add()
+        self._unread = not is_wanted()
+        if self.session.spp == 0 or self._unread:
             return None
-        self._last = frame
-        return frame
+        self._last = self.session.frame()
+        return self._last
+
+    def _add(self) -> None:
+        before, begun = self.session.spp, time.monotonic()
+        count = max(1, min(self._next_samples, self.pace.samples, self.target_spp - before))
+        complete = self.session.add(count)
+        took = time.monotonic() - begun
+        self.pace.took(self.session.spp - before, took)
+        self._next_samples = 2 * count
+        self._paused_until = begun + (1 + PAUSE) * took
+        self._reaches_noise = complete and self.session.spp == before
 
     def show(self, frame: Frame, moving: bool, answers: Mapping[int, int | None]) -> None:
         """Develop a frame; dials that follow the light follow it."""
