@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.cameras.pupil import forget_tables, pupil_sampling
+from rptcam_cl.cameras.pupil_check import outlines_around
 from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilSampling
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
@@ -63,8 +64,9 @@ def _aims(
     if isinstance(sampling.parameters, PupilCircle):
         a, b = sampling.parameters
         return a * film + b * ring, np.ones(len(film), dtype=bool)
-    _, _, c, d = sampling.parameters
     if sampling.kind == PupilKind.BOXES:
+        assert isinstance(sampling.parameters, PupilGrid)
+        _, _, c, d = sampling.parameters
         columns, rows = (
             np.clip(((film[:, k] / radius_mm + 1) / 2 * n).astype(int), 0, int(n) - 1) for k, n in ((0, c), (1, d))
         )
@@ -74,36 +76,27 @@ def _aims(
 
 
 def _outline_aims(sampling: PupilSampling, film: Array, u: Array, ring: Array) -> tuple[Array, NDArray[np.bool_]]:
-    assert isinstance(sampling.parameters, PupilGrid)
-    step, down, columns, rows = sampling.parameters
-    count = int(columns * rows)
-    frames = sampling.table[: 4 * count].reshape(int(rows), int(columns), 4)
-    start = 4 * (count + 1)
-    radii = sampling.table[start : start + 4 * count * DIRECTIONS].reshape(int(rows), int(columns), DIRECTIONS, 4)
-    radius = np.hypot(*film.T)
-    if sampling.radial:
-        across, along = radius * step, np.zeros(len(film))
-    else:
-        across, along = film[:, 0] * step + (columns - 1) / 2, film[:, 1] * down + (rows - 1) / 2
-    x, y = (np.clip(place, 0, n - 1) for place, n in ((across, columns), (along, rows)))
-    i, j = (np.minimum(place.astype(int), max(int(n) - 2, 0)) for place, n in ((x, columns), (y, rows)))
-    turn = np.minimum((u * DIRECTIONS).astype(int), DIRECTIONS - 1)
-    between = u * DIRECTIONS - turn
+    nodes, start, corners, turn = outlines_around(sampling, on_radius(film) if sampling.radial else film)
+    frames = sampling.table[: 4 * nodes].reshape(-1, 4)
+    radii = sampling.table[start : start + 4 * nodes * DIRECTIONS].reshape(-1, DIRECTIONS, 4)
+    place = np.minimum((u * DIRECTIONS).astype(int), DIRECTIONS - 1)
+    between = u * DIRECTIONS - place
     frame, reach = np.zeros((len(film), 4)), np.zeros(len(film))
-    for di, dj in ((0, 0), (1, 0), (0, 1), (1, 1)) if rows > 1 else ((0, 0), (1, 0)):
-        share = np.abs(1 - di - (x - i)) * (np.abs(1 - dj - (y - j)) if rows > 1 else 1.0)
-        near = radii[j + dj, i + di, turn]
-        frame += share[:, None] * frames[j + dj, i + di]
+    for node, share in corners:
+        near = radii[node, place]
+        frame += share[:, None] * frames[node]
         reach += share * (near[:, 0] + between * (near[:, 1] - near[:, 0]))
     aims = frame[:, :2] + frame[:, 2:] * ring * reach[:, None]
-    lit = (frame[:, 2] > 0) & (reach > 0)
-    if not sampling.radial:
-        return aims, lit
-    out = film / np.maximum(radius, 1e-300)[:, None]
-    turned = np.stack(
-        [out[:, 0] * aims[:, 0] - out[:, 1] * aims[:, 1], out[:, 1] * aims[:, 0] + out[:, 0] * aims[:, 1]]
-    )
-    return turned.T, lit & (across <= columns - 1)
+    if sampling.radial:
+        turn = film / np.maximum(np.hypot(*film.T), 1e-300)[:, None]
+    c, s = turn.T
+    points = np.stack([c * aims[:, 0] - s * aims[:, 1], s * aims[:, 0] + c * aims[:, 1]], axis=1)
+    return points, (frame[:, 2] > 0) & (reach > 0)
+
+
+def on_radius(film: Array) -> Array:
+    """Return film points turned to +x."""
+    return np.stack([np.hypot(*film.T), np.zeros(len(film))], axis=1)
 
 
 def measure(name: str) -> dict[str, float | None]:

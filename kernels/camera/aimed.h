@@ -1,6 +1,6 @@
 // What cameras with a lens share: the ray from a film point to where it aims, and what it weighs behind the lens. The mean
 // is the film's irradiance E = int L cos^4 / Z^2 dA over the pupil, as a ray that the lens blocks weighs zero.
-// Z is the distance from the film to the last vertex [mm]; the tables are as in lens/pupil.h.
+// Z is the distance from the film to the last vertex [mm]; the tables are as in lens/pupil.h. Fact: FILM_MOVED.
 #ifndef AIMED_H
 #define AIMED_H
 #include "camera/film_point.h"
@@ -11,6 +11,9 @@ typedef struct {
     Aim at;
     F   fx, fy;
     F3  away;         // to the plane of the last vertex, z along the travel
+#if FILM_MOVED
+    F   depth;        // of the film point, behind the film distance
+#endif
     F   length2;
 } Aimed;
 
@@ -19,10 +22,19 @@ static Aimed aimed_ray(Lane lane, F4 u, const __global Camera *camera, const __g
     const __global RealisticCamera *own = &camera->own.realistic;
     Aimed ray;
     // A lens inverts: right in the picture is left on the film.
+#if FILM_MOVED
+    F3 film = moved_film(film_x(lane, u.a, camera), film_y(lane, u.b, camera), camera);
+    ray.fx = film.x;
+    ray.fy = film.y;
+    ray.depth = film.z;
+    F distance = own->film_distance + film.z;
+#else
+    F distance = (F)(own->film_distance);
     ray.fx = -film_x(lane, u.a, camera) * own->film_half_width;
     ray.fy = -film_y(lane, u.b, camera) * own->film_half_height;
+#endif
     ray.at = aim(ray.fx, ray.fy, u.c, u.d, own, tables);
-    ray.away = f3(ray.at.x - ray.fx, ray.at.y - ray.fy, (F)(own->film_distance));
+    ray.away = f3(ray.at.x - ray.fx, ray.at.y - ray.fy, distance);
     ray.length2 = dot3(ray.away, ray.away);
     return ray;
 }
@@ -32,8 +44,16 @@ static CameraRay behind_lens(Aimed ray, F3 p, F3 d, I passed, I status, const __
 {
     const __global RealisticCamera *own = &camera->own.realistic;
     CameraRay r;
+#if FILM_MOVED
+    // The cosine at the film is another than that at the pupil; a ray from behind the film brings nothing.
+    F facing = ray.away.z * camera->film_normal.z - ray.away.x * camera->film_normal.x
+               - ray.away.y * camera->film_normal.y;
+    F per_length2 = ONE / ray.length2;
+    F weight = own->gain * ray.at.inverse_density * MAX(facing, ZERO) * ray.away.z * per_length2 * per_length2;
+#else
     F cos2_over_length2 = own->film_distance / ray.length2;        // cos^2 / Z, as cos^2 = Z^2 / length^2
     F weight = own->gain * ray.at.inverse_density * cos2_over_length2 * cos2_over_length2;
+#endif
     F mm = (F)(own->metres_per_mm);
     r.o = keep3(passed, f3(p.x * mm, p.y * mm, own->first_vertex_z - p.z * mm));
     r.d = select3(passed, f3(d.x, d.y, -d.z), f3(ZERO, ZERO, -ONE));    // travel is along -z

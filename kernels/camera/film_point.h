@@ -1,5 +1,6 @@
 // Film coordinates of a lane: [-1, 1] to the right and upwards in the upright picture (row 0 on top), jittered within the
 // pixel (box filter). `flip: false` shows the picture as it lies on the film and only changes the sign.
+// Fact: FILM_MOVED, whether the film stands otherwise than straight across the axis with its centre on it.
 #ifndef FILM_POINT_H
 #define FILM_POINT_H
 #include "common/records.h"
@@ -14,6 +15,16 @@ static F film_y(Lane lane, F jitter, const __global Camera *camera)
 {
     return (camera->height - 2.0f * (TO_F(lane.y) + jitter)) * camera->per_height;
 }
+
+#if FILM_MOVED
+// The point of a moved film that shows (x, y) of the picture: to the right, up, and behind where the film's centre stands.
+static F3 moved_film(F x, F y, const __global Camera *camera)
+{
+    return f3(camera->film_centre.x - x * camera->film_across.x - y * camera->film_up.x,
+              camera->film_centre.y - x * camera->film_across.y - y * camera->film_up.y,
+              camera->film_centre.z - x * camera->film_across.z - y * camera->film_up.z);
+}
+#endif
 
 typedef struct {
     F3 o, d;      // camera frame, metres; d unit

@@ -14,7 +14,11 @@ static Underway enter_camera(Lane lane, F4 u, F wavelength, const __global Camer
     Underway ray;
     ray.aimed = aimed_ray(lane, u, camera, tables);
     F3 d = scale(ray.aimed.away, ONE / sqrt(ray.aimed.length2));
+#if FILM_MOVED
+    ray.path = enter_lens(f3(ray.aimed.fx, ray.aimed.fy, -ray.aimed.depth), d, wavelength);
+#else
     ray.path = enter_lens(f3(ray.aimed.fx, ray.aimed.fy, ZERO), d, wavelength);
+#endif
     return ray;
 }
 

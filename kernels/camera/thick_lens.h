@@ -12,13 +12,25 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     const __global ThickLensCamera *own = &camera->own.thick_lens;
     CameraRay r;
     // A lens inverts: right in the picture is left on the film.
+#if FILM_MOVED
+    F3 film = moved_film(film_x(lane, u.a, camera), film_y(lane, u.b, camera), camera);
+    F fx = film.x;
+    F fy = film.y;
+#else
     F fx = -film_x(lane, u.a, camera) * own->film_half_width;
     F fy = -film_y(lane, u.b, camera) * own->film_half_height;
+#endif
     F s, c;
     sincos_turns(u.c, &s, &c);
     F rho = sqrt(u.d);
     F px = rho * c;
     F py = rho * s;
+#if FILM_MOVED
+    // Where the ray from this film point to that of the pupil meets the plane across the axis through the film's centre.
+    F nearer = ONE / (ONE + film.z * own->film_slope_per_film);
+    fx = (fx - film.z * own->film_slope_per_pupil * px) * nearer;
+    fy = (fy - film.z * own->film_slope_per_pupil * py) * nearer;
+#endif
     F sx = own->film_slope_per_film * fx + own->film_slope_per_pupil * px;
     F sy = own->film_slope_per_film * fy + own->film_slope_per_pupil * py;
     F cos2 = ONE / (1.0f + sx * sx + sy * sy);
@@ -28,7 +40,12 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
              (F)(own->first_vertex_z));
     r.d = normalized(f3(own->slope_per_film * fx + own->slope_per_pupil * px,
                         own->slope_per_film * fy + own->slope_per_pupil * py, -ONE));
+#if FILM_MOVED
+    F facing = camera->film_normal.z + sx * camera->film_normal.x + sy * camera->film_normal.y;
+    r.weight = own->weight * nearer * nearer * cos2 * cos2 * MAX(facing, ZERO);
+#else
     r.weight = own->weight * cos2 * cos2;
+#endif
 #if HALF_PUPIL
     r.weight = of_half(r.weight, px, py, ZERO, ZERO, camera);
 #endif

@@ -14,9 +14,17 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     F lx, ly;
     aperture_point(u.c, u.d, tables, &lx, &ly);
     r.o = f3(lx * own->aperture_radius, ly * own->aperture_radius, ZERO);
+#if FILM_MOVED
+    // Each film point has a plane of its own: 1 / focus = 1 / focal length - 1 / film distance, perhaps beyond infinity.
+    F3 film = moved_film(film_x(lane, u.a, camera), film_y(lane, u.b, camera), camera);
+    F per_distance = ONE / (ONE + film.z);
+    F vergence = ONE / focus + film.z * per_distance * camera->film_centre.w;
+    r.d = normalized(f3(-film.x * per_distance - r.o.x * vergence, -film.y * per_distance - r.o.y * vergence, -ONE));
+#else
     F3 target = f3(film_x(lane, u.a, camera) * own->half_width * focus,
                    film_y(lane, u.b, camera) * own->half_height * focus, -focus);
     r.d = normalized(sub(target, r.o));
+#endif
     r.weight = ONE;
 #if HALF_PUPIL
     r.weight = of_half(r.weight, lx, ly, ZERO, ZERO, camera);

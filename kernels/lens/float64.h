@@ -1,5 +1,5 @@
 // The rays of a wave that goes through the lens in float64, as the passes in float32 see them: eight rows of `capacity`
-// floats. The pass aim_rays writes film point x, y, aim x, y [mm] and wavelength [nm]; trace_lens.cl puts in their place the
+// floats. The pass aim_rays writes film point x, y, aim x, y [mm] and wavelength [nm], and the depth of a moved film [mm]; trace_lens.cl puts in their place the
 // point p and the direction d behind the lens, the status and what is left of the light.
 #ifndef LENS_FLOAT64_H
 #define LENS_FLOAT64_H
@@ -12,6 +12,9 @@ static void store_aim(__global float *rays, uint capacity, uint slot, Underway r
     STORE_F(rays + 2 * capacity, slot, ray.aimed.at.x);
     STORE_F(rays + 3 * capacity, slot, ray.aimed.at.y);
     STORE_F(rays + 4 * capacity, slot, wavelength);
+#if FILM_MOVED
+    STORE_F(rays + 5 * capacity, slot, ray.aimed.depth);
+#endif
 }
 
 static LensRay traced_ray(const __global float *rays, uint capacity, uint slot)

@@ -2,7 +2,8 @@
 // choice changes noise only, as a blocked ray weighs zero; every choice holds all rays that pass.
 //   PUPIL_CIRCLE    one circle, which a film point at distance r from the axis sees shifted by r * shift
 //   PUPIL_BOXES     a box per cell of the film
-//   PUPIL_OUTLINES  the true outline, interpolated between nodes: along a film radius (PUPIL_RADIAL) or over the film
+//   PUPIL_OUTLINES  the true outline, interpolated between nodes: along a film radius (PUPIL_RADIAL), or along lines all
+//                   round the axis and between them
 // Tables come from rptcam_cl/cameras/pupil.py.
 #ifndef PUPIL_H
 #define PUPIL_H
@@ -72,42 +73,50 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
     sincos_turns(u, &s, &c);
     F rho = sqrt(v);
     Aim a;
-#if PUPIL_RADIAL
     F radius = sqrt(fx * fx + fy * fy);
     F inverse = ONE / radius;
     F ex = radius > 0.0f ? fx * inverse : ONE;
     F ey = radius > 0.0f ? fy * inverse : ZERO;
+#if PUPIL_RADIAL
     F place = radius * own->pupil.grid.per_mm_across;
     I lit = place < own->pupil.grid.across - 1.0f;
     place = MIN(place, (F)(own->pupil.grid.across - 1.0f));
     I node = MIN(TO_I(place), (I)((int)own->pupil.grid.across - 2));
     F share = place - TO_F(node);
     Outline o = outline_at(tables, (int)own->pupil.grid.across, node, share, direction, between);
-    F pu = o.u + o.a * o.r * rho * c;
-    F pv = o.v + o.b * o.r * rho * s;
-    a.x = ex * pu - ey * pv;
-    a.y = ey * pu + ex * pv;
-    a.inverse_density = lit ? PI_F * o.a * o.b * o.r * o.r : ZERO;
 #else
-    F px = MAX(fx * own->pupil.grid.per_mm_across + 0.5f * (own->pupil.grid.across - 1.0f), ZERO);
-    F py = MAX(fy * own->pupil.grid.per_mm_down + 0.5f * (own->pupil.grid.down - 1.0f), ZERO);
-    I nx = MIN(TO_I(px), (I)((int)own->pupil.grid.across - 2));
-    I ny = MIN(TO_I(py), (I)((int)own->pupil.grid.down - 2));
-    F sx = px - TO_F(nx);
-    F sy = py - TO_F(ny);
-    I node = ny * (int)own->pupil.grid.across + nx;
-    int nodes = (int)(own->pupil.grid.across * own->pupil.grid.down);
-    Outline o = outline_at(tables, nodes, node, sx, direction, between);
-    Outline p = outline_at(tables, nodes, node + (int)own->pupil.grid.across, sx, direction, between);
+    // Places round the axis go evenly along the square |x| + |y| = 1, four to a turn.
+    F length = absolute(fx) + absolute(fy);
+    F quarters = length > 0.0f ? fy / length : ZERO;
+    quarters = fx >= 0.0f ? quarters : 2.0f - quarters;
+    quarters = quarters < 0.0f ? quarters + 4.0f : quarters;
+    int nodes = (int)own->pupil.lines.nodes;
+    int lines = (int)own->pupil.lines.lines;
+    F along = quarters * own->pupil.lines.per_quarter;
+    I line = MIN(TO_I(along), (I)(lines - 1));
+    F sy = along - TO_F(line);
+    int all = (lines + 1) * nodes;
+    const __global float *reaches = tables + 4 * (all + 1) + 4 * (all * PUPIL_DIRECTIONS + 1);
+    F here = GATHER(F, reaches, line, );
+    F reach = here + sy * (GATHER(F, reaches + 1, line, ) - here);
+    I lit = radius < reach;
+    F place = (ONE - sqrt(lit ? ONE - radius / reach : ZERO)) * (float)(nodes - 1);   // nodes grow denser outwards
+    I column = MIN(TO_I(place), (I)(nodes - 2));
+    F sx = place - TO_F(column);
+    I node = line * nodes + column;
+    Outline o = outline_at(tables, all, node, sx, direction, between);
+    Outline p = outline_at(tables, all, node + nodes, sx, direction, between);
     o.u = blend(o.u, p.u, sy);
     o.v = blend(o.v, p.v, sy);
     o.a = blend(o.a, p.a, sy);
     o.b = blend(o.b, p.b, sy);
     o.r = blend(o.r, p.r, sy);
-    a.x = o.u + o.a * o.r * rho * c;
-    a.y = o.v + o.b * o.r * rho * s;
-    a.inverse_density = PI_F * o.a * o.b * o.r * o.r;
 #endif
+    F pu = o.u + o.a * o.r * rho * c;
+    F pv = o.v + o.b * o.r * rho * s;
+    a.x = ex * pu - ey * pv;
+    a.y = ey * pu + ex * pv;
+    a.inverse_density = lit ? PI_F * o.a * o.b * o.r * o.r : ZERO;
     return a;
 }
 #endif

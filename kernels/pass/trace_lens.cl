@@ -6,6 +6,9 @@
 static LensPath enter(const __global float *rays, uint capacity, uint i, real film_distance)
 {
     F3 film = f3(LOAD_SINGLE(rays, i), LOAD_SINGLE(rays + capacity, i), ZERO);
+#if FILM_MOVED
+    film.z = -LOAD_SINGLE(rays + 5 * capacity, i);
+#endif
     F3 aim = f3(LOAD_SINGLE(rays + 2 * capacity, i), LOAD_SINGLE(rays + 3 * capacity, i), (F)(film_distance));
     return enter_lens(film, normalized(sub(aim, film)), LOAD_SINGLE(rays + 4 * capacity, i));
 }

@@ -13,6 +13,7 @@ from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.half_pupil import PupilLine, Split, halved, pupil_line
 from rptcam_cl.cameras.model import CameraModel, CameraView
+from rptcam_cl.cameras.movements import film_frame, half_film_mm
 from rptcam_cl.cameras.pupil_rays import PupilRays, lens_rays, thin_lens_rays
 from rptcam_cl.cameras.ray_map import RayMap
 from rptcam_cl.cameras.rays import allowed_px, fitted_map
@@ -76,11 +77,13 @@ __all__ = [
     "exposed",
     "fewest_terms",
     "film_for_infinity",
+    "film_frame",
     "film_point",
     "film_pupils",
     "filter_table",
     "fit_nodes",
     "fitted_map",
+    "half_film_mm",
     "halved",
     "lens_rays",
     "lens_records",

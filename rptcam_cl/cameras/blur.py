@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.optics import Lens, blur_variances
+from rptcam_cl.cameras.movements import film_frame, half_film_mm
+from rptcam_cl.optics import UNMOVED, FilmFrame, Lens, blur_variances
+from rptcam_cl.scene import Scene
 
 Array = NDArray[np.float64]
 
@@ -47,15 +49,27 @@ class Blur:
     by_depth: bool = True
 
 
-def perfect_blur(gain: float, focus: float, *, shift: float = 0.0, origin_z: float = 0.0) -> Blur:
+def film_depths(scene: Scene) -> Array:
+    """Return how far behind the film distance nodes of the film lie (rows, columns) [mm]; one node where all agree."""
+    frame = film_frame(scene.camera)
+    if frame.is_flat:
+        return np.zeros((1, 1))
+    return frame.depth(frame.grid(half_film_mm(scene), NODES))
+
+
+def perfect_blur(gains: Array, focuses: Array, *, shift: float = 0.0, origin_z: float = 0.0) -> Blur:
     """Return the blur of a lens without aberrations; the other parameters as in `Blur`.
 
     Parameters
     ----------
-    gain
-        Diameter [pixels] per vergence away from the focus [1/m].
+    gains, focuses
+        At nodes of the film (rows, columns): diameter [pixels] per vergence away from the focus [1/m], and the vergence
+        that is sharp there [1/m].
     """
-    return Blur(np.array([[[0.0, 0.0, gain**2, 0.0]]], np.float32), focus, 1.0, shift, origin_z)
+    focus = float(focuses.mean())
+    square, away = np.square(gains), focuses - focus
+    table = np.stack([square * away**2, -2.0 * square * away, square, np.zeros_like(square)], axis=-1)
+    return Blur(table.astype(np.float32), focus, 1.0, shift, origin_z)
 
 
 def traced_blur(
@@ -65,6 +79,7 @@ def traced_blur(
     half_film_mm: tuple[float, float],
     pixels_per_mm: tuple[float, float],
     wavelength_nm: float,
+    frame: FilmFrame = UNMOVED,
 ) -> Blur:
     """Return the blur of a lens by exact rays at three distances: infinity, the focus, and twice nearer.
 
@@ -81,7 +96,7 @@ def traced_blur(
     vergences: Array = step * np.arange(3, dtype=np.float64)
     pupil_mm = first.entrance_pupil.distance_mm
     scale, shift = (1.0, pupil_mm) if np.isfinite(pupil_mm) else (0.0, 1.0)
-    variances, lit = _variances(lens, film_distance_mm, half_film_mm, vergences, wavelength_nm)
+    variances, lit = _variances(lens, film_distance_mm, half_film_mm, vergences, wavelength_nm, frame)
     square = 8.0 * variances @ np.square(pixels_per_mm) * (scale + shift * vergences) ** 2
     square = _filled(square, lit)
     away = vergences - focus
@@ -91,15 +106,20 @@ def traced_blur(
 
 
 def _variances(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], vergences: Array, wavelength_nm: float
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    vergences: Array,
+    wavelength_nm: float,
+    frame: FilmFrame,
 ) -> tuple[Array, NDArray[np.bool_]]:
     """Return the variances (rows, columns, vergences, 2) and which nodes are lit; by a quarter for a round lens."""
-    count = NODES // 2 + 1 if lens.is_rotational else NODES
-    x, y = (np.linspace(-half, half, NODES)[-count:] for half in half_film_mm)
-    film = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    variances, lit = blur_variances(lens, film_distance_mm, film, vergences, wavelength_nm)
+    symmetric = lens.is_rotational and not frame.is_moved
+    count = NODES // 2 + 1 if symmetric else NODES
+    film = frame.grid(half_film_mm, NODES)[-count:, -count:].reshape(-1, 2)
+    variances, lit = blur_variances(lens, film_distance_mm, film, vergences, wavelength_nm, frame)
     variances, lit = variances.reshape(count, count, len(vergences), 2), lit.reshape(count, count)
-    if lens.is_rotational:
+    if symmetric:
         mirror = np.abs(np.arange(NODES) - NODES // 2)
         return variances[np.ix_(mirror, mirror)], lit[np.ix_(mirror, mirror)]
     return variances, lit

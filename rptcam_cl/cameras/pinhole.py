@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
+from rptcam_cl.cameras.movements import movements_metadata, place_film
 from rptcam_cl.scene import PinholeCamera, Scene
 
 
@@ -15,8 +16,7 @@ def build(scene: Scene) -> CameraModel:
     record = camera_record(
         camera, scene.film, "pinhole", half_width=across, half_height=down, near_distance=camera.near_m
     )
-    projection = intrinsics(scene.film, (0.5 / across, 0.5 / down), flip=camera.flip)
-    view = CameraView(starts_ahead=True)
-    return CameraModel(
-        "camera/pinhole.h", record, facts={}, metadata={"camera": "pinhole", "intrinsics": projection}, view=view
-    )
+    moved = place_film(record, scene, scene.film.size_m()[0] * 500.0 / across)
+    projection = intrinsics(scene, (0.5 / across, 0.5 / down))
+    metadata = movements_metadata(camera) | {"camera": "pinhole", "intrinsics": projection}
+    return CameraModel("camera/pinhole.h", record, moved, metadata=metadata, view=CameraView(starts_ahead=True))

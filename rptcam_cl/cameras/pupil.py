@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil_check import loses_light
-from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilSampling
+from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilLines, PupilSampling
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import forget, identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import PupilKind
@@ -19,6 +19,8 @@ from rptcam_cl.optics import (
     BULGE,
     COARSE_OUTLINES,
     PATCH_RADII,
+    UNMOVED,
+    FilmFrame,
     FilmProbe,
     Lens,
     PupilShapes,
@@ -39,15 +41,23 @@ CELLS = 16  # of the film across and down, for the boxes
 SPREAD = 0.05  # share of its size that a box is widened by, for what lies between the corners of its cell
 EDGE_SPREAD = 0.2  # the same where the pupil closes within the cell
 PROBES = (18, 18)  # rays per box and film point
+MOVED_GRID = 9  # points along each side of a film that is moved, seen from which the rear rim is held
 
 
 def pupil_sampling(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths, tier: Tier
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+    frame: FilmFrame = UNMOVED,
 ) -> PupilSampling:
     """Return the sampling of a tier.
 
     Parameters
     ----------
+    half_film_mm
+        Half the sides of the film.
     wavelength_nm
         With several, the sampling holds the rays of each.
     tier
@@ -55,20 +65,27 @@ def pupil_sampling(
         where it would lose light. ``bounds``: a box per film cell (pbrt). ``tight``: the outline of the true pupil.
         A table that proves to lose light, as with a pupil of several parts, gives way to ``rear``.
         ``auto``: tight, which needs the fewest samples on the four lenses it was measured on.
+    frame
+        How the film stands.
     """
-    return _remembered(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, tier)
+    return _remembered(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
 
 
 def coarse_pupil(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths, tier: Tier
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+    frame: FilmFrame = UNMOVED,
 ) -> PupilSampling:
     """Return a sampling that is made in a fifth of the time of the tier ``tight``, and not checked; others as they are.
 
     It may leave out slivers of the pupil, less than a thousandth of the light of the lenses that it was tried on.
     """
     if tier not in ("auto", "tight"):
-        return pupil_sampling(lens, film_distance_mm, half_film_mm, wavelength_nm, tier)
-    return _remembered_coarse(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm)
+        return pupil_sampling(lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+    return _remembered_coarse(ByContent(without_shape(lens)), film_distance_mm, half_film_mm, wavelength_nm, frame)
 
 
 def without_shape(lens: Lens) -> Lens:
@@ -104,13 +121,14 @@ def _remembered(
     half_film_mm: tuple[float, float],
     wavelength_nm: Wavelengths,
     tier: Tier,
+    frame: FilmFrame,
 ) -> PupilSampling:
     """Return the sampling, ready for the next picture with the lens in the same state, in this process or another."""
-    state = (film_distance_mm, half_film_mm, wavelength_nm, tier)
+    state = (film_distance_mm, half_film_mm, wavelength_nm, tier, *((frame,) if frame.is_moved else ()))
     name = name_of(identity_of_code(("core", "colour", "optics", "cameras")), content.pickled(), state)
     kept = kept_arrays(KEPT, name)
     if kept is None:
-        sampling = _checked(content, film_distance_mm, half_film_mm, wavelength_nm, tier)
+        sampling = _checked(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
         keep_arrays(KEPT, name, {"table": sampling.table}, sampling.facts_but_table())
     else:
         sampling = PupilSampling.of_facts(kept[1], kept[0]["table"])
@@ -119,25 +137,32 @@ def _remembered(
 
 
 def _checked(
-    content: ByContent,
+    lens: Lens,
     film_distance_mm: float,
     half_film_mm: tuple[float, float],
     wavelength_nm: Wavelengths,
     tier: Tier,
+    frame: FilmFrame,
 ) -> PupilSampling:
     """Return the sampling of a tier, or of another one where its tables would lose light."""
-    sampling = _made(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier)
-    if tier != "rear" and loses_light(sampling, FilmProbe(content.lens, film_distance_mm, wavelength_nm), half_film_mm):
-        rear = _rear(content.lens, film_distance_mm, half_film_mm, wavelength_nm)
+    sampling = _made(lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm, frame)
+    if tier != "rear" and loses_light(sampling, probe, half_film_mm):
+        rear = _rear(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
         sampling = replace(rear, instead_of=sampling.tier)
     return sampling
 
 
 @lru_cache(maxsize=REMEMBERED)
 def _remembered_coarse(
-    content: ByContent, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths
+    content: ByContent,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    frame: FilmFrame,
 ) -> PupilSampling:
-    sampling = _tight(pupil_shapes(content.lens, film_distance_mm, half_film_mm, wavelength_nm, COARSE_OUTLINES))
+    shapes = pupil_shapes(content.lens, film_distance_mm, half_film_mm, wavelength_nm, COARSE_OUTLINES, frame)
+    sampling = _tight(shapes)
     sampling.table.flags.writeable = False
     return sampling
 
@@ -150,19 +175,28 @@ def forget_tables() -> None:
 
 
 def _made(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths, tier: Tier
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    tier: Tier,
+    frame: FilmFrame,
 ) -> PupilSampling:
     if tier == "rear":
-        return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm)
+        return _rear(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
     if tier == "thick":
-        return _thick(lens, film_distance_mm, half_film_mm, wavelength_nm)
+        return _thick(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
     if tier == "bounds":
-        return _bounds(lens, film_distance_mm, half_film_mm, wavelength_nm)
-    return _tight(pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm))
+        return _bounds(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), frame.bounds(half_film_mm))
+    return _tight(pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, frame=frame))
 
 
 def _rear(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    frame: FilmFrame,
 ) -> PupilSampling:
     """The rear rim, projected from the film point on the plane of the last vertex.
 
@@ -173,6 +207,8 @@ def _rear(
     scale = film_distance_mm / (film_distance_mm - probe.patch[:, 2])
     shift = 1.0 - scale[-1]  # of the rim, the last ring of the patch
     film = np.linspace(0.0, float(np.hypot(*half_film_mm)), 9)[:, None]
+    if frame.is_moved:
+        return PupilSampling("rear", PupilKind.CIRCLE, _round_windows(probe, half_film_mm, frame, float(shift)))
     u = film * (1.0 - scale) + probe.patch[:, 0] * scale - shift * film
     reach = np.hypot(u, probe.patch[:, 1] * scale)
     radius = float(reach.max())
@@ -181,8 +217,22 @@ def _rear(
     return PupilSampling("rear", PupilKind.CIRCLE, PupilCircle(float(shift), radius))
 
 
+def _round_windows(probe: FilmProbe, half_film_mm: tuple[float, float], frame: FilmFrame, shift: float) -> PupilCircle:
+    """Return the circle that holds the rear rim as points all over a film that is moved see it."""
+    moved = FilmProbe(probe.lens, probe.distance, probe.wavelength_nm, frame)
+    film = frame.grid(half_film_mm, MOVED_GRID).reshape(-1, 2)
+    boxes = moved.windows(film)
+    middles, halves = (boxes[:, 1::2] + boxes[:, ::2]) / 2, (boxes[:, 1::2] - boxes[:, ::2]) / 2
+    reach = np.hypot(*(np.abs(middles - shift * film) + halves).T)
+    return PupilCircle(shift, float(reach.max()))
+
+
 def _thick(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    frame: FilmFrame,
 ) -> PupilSampling:
     """The paraxial exit pupil, seen on the plane of the last vertex; widened where it would lose light."""
     pupil = lens.first_order(wavelength_nm[0] if isinstance(wavelength_nm, tuple) else wavelength_nm).exit_pupil
@@ -194,7 +244,7 @@ def _thick(
         )
     shrink = film_distance_mm / from_film
     shift, radius = 1.0 - shrink, pupil.diameter_mm / 2 * shrink
-    needed = _needed_radius(lens, film_distance_mm, half_film_mm, wavelength_nm, shift)
+    needed = _needed_radius(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), half_film_mm, shift)
     widened = max(1.0, needed / radius)
     return PupilSampling("thick", PupilKind.CIRCLE, PupilCircle(shift, radius * widened), widened=widened)
 
@@ -204,16 +254,14 @@ def _film_points(half_film_mm: tuple[float, float], count: int) -> NDArray[np.fl
     return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
 
 
-def _needed_radius(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths, shift: float
-) -> float:
+def _needed_radius(probes: list[FilmProbe], half_film_mm: tuple[float, float], shift: float) -> float:
     """Return the radius [mm] of a circle, shifted with the film point, that holds every probed ray that passes."""
-    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    if lens.is_rotational:
+    radial = probes[-1].lens.is_rotational and not probes[-1].frame.is_moved
+    if radial:
         film = np.stack([np.linspace(0.0, float(np.hypot(*half_film_mm)), 17), np.zeros(17)], axis=1)
     else:
-        film = _film_points(half_film_mm, 11)
-    windows, found = pupil_boxes(probes, film, PROBES, radial=lens.is_rotational)
+        film = probes[-1].frame.grid(half_film_mm, 11).reshape(-1, 2)
+    windows, found = pupil_boxes(probes, film, PROBES, radial=radial)
     film, windows = film[found], windows[found]
     points = grid(windows, 2 * PROBES[0], 2 * PROBES[1])
     passes = probes[-1].passes(film[:, None], points)
@@ -222,11 +270,9 @@ def _needed_radius(
     return float(np.max((np.hypot(away[..., 0], away[..., 1]) + cell) * passes, initial=0.0))
 
 
-def _bounds(
-    lens: Lens, film_distance_mm: float, half_film_mm: tuple[float, float], wavelength_nm: Wavelengths
-) -> PupilSampling:
+def _bounds(probes: list[FilmProbe], half_film_mm: tuple[float, float]) -> PupilSampling:
     """A box per film cell that holds the pupils of its corners, and a little more."""
-    low, high, found = _corner_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm), half_film_mm)
+    low, high, found = _corner_boxes(probes, half_film_mm)
     corners = [(slice(i, i + CELLS), slice(j, j + CELLS)) for i in (0, 1) for j in (0, 1)]
     low = np.min([low[corner] for corner in corners], axis=0)
     high = np.max([high[corner] for corner in corners], axis=0)
@@ -235,7 +281,8 @@ def _bounds(
     spread = np.where(closed, EDGE_SPREAD, SPREAD)[..., None] * np.where(lit[..., None], high - low, 0.0)
     low, high = low - spread, high + spread
     if not lit.any():
-        raise InputError(f"{lens.name}: no light reaches the film {film_distance_mm:g} mm behind the lens")
+        where = f"the film {probes[-1].distance:g} mm behind the lens"
+        raise InputError(f"{probes[-1].lens.name}: no light reaches {where}")
     size = np.where(lit[..., None], high - low, 0.0)
     table = np.concatenate([np.where(lit[..., None], low, 0.0), size], axis=-1).astype(np.float32).ravel()
     per_mm = (CELLS / (2 * half_film_mm[0]), CELLS / (2 * half_film_mm[1]))
@@ -247,7 +294,7 @@ def _corner_boxes(probes: list[FilmProbe], half_film_mm: tuple[float, float]) ->
     it is open. Of a rotationally symmetric lens a quarter of the film is traced."""
     count = CELLS + 1
     film = _film_points(half_film_mm, count).reshape(count, count, 2)
-    symmetric = probes[-1].lens.is_rotational
+    symmetric = probes[-1].lens.is_rotational and probes[-1].frame.is_flat
     part = film[CELLS // 2 :, CELLS // 2 :] if symmetric else film
     boxes, found = pupil_boxes(probes, part.reshape(-1, 2), PROBES)
     lit = found.reshape(part.shape[:2])
@@ -270,10 +317,13 @@ def _tight(shapes: PupilShapes) -> PupilSampling:
     frames = np.concatenate([shapes.centres, shapes.axes], axis=-1)
     rows = np.stack([shapes.radii, np.roll(shapes.radii, -1, axis=-1)], axis=-1)
     ahead = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)
-    table = [frames.ravel(), np.zeros(4), np.concatenate([rows, ahead], axis=-1).ravel(), np.zeros(4)]
-    step = shapes.x[1] - shapes.x[0]
-    down = 1 / (shapes.y[1] - shapes.y[0]) if len(shapes.y) > 1 else 0.0
-    parameters = PupilGrid(1 / step, down, float(len(shapes.x)), float(len(shapes.y)))
-    return PupilSampling(
-        "tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32), shapes.radial
-    )
+    radii, last = np.concatenate([rows, ahead], axis=-1), np.zeros(4)
+    lines, nodes = frames.shape[:2]
+    if shapes.radial:
+        parameters: PupilGrid | PupilLines = PupilGrid(1 / (shapes.reach[0] / (nodes - 1)), 0.0, nodes, 1)
+        table = [frames.ravel(), last, radii.ravel(), last]
+    else:  # the first line follows on the last
+        parameters = PupilLines(lines / 4, nodes, lines)
+        frames, radii = (np.concatenate([values, values[:1]]) for values in (frames, radii))
+        table = [frames.ravel(), last, radii.ravel(), last, shapes.reach, shapes.reach[:1]]
+    return PupilSampling("tight", PupilKind.OUTLINES, parameters, np.concatenate(table).astype(np.float32))

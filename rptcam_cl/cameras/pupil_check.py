@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilSampling
+from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilLines, PupilSampling
 from rptcam_cl.core.records import PupilKind
-from rptcam_cl.optics import DIRECTIONS, FilmProbe, spread_points
+from rptcam_cl.optics import DIRECTIONS, FilmProbe, quarters_of, spread_points
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -26,16 +26,17 @@ FEW = 2  # such rays, that prove a part of its own
 
 def loses_light(sampling: PupilSampling, probe: FilmProbe, half_film_mm: tuple[float, float]) -> bool:
     """Return whether rays pass that lie well outside of what a sampling draws from."""
-    if probe.lens.is_rotational:
-        corner = (float(np.hypot(*half_film_mm)), 0.0) if sampling.radial else half_film_mm
+    corners = probe.frame.corners(half_film_mm)[:, :2]
+    if probe.lens.is_rotational and probe.frame.is_flat:
+        farthest = corners[np.argmax(np.hypot(*corners.T))]
+        corner = (float(np.hypot(*farthest)), 0.0) if sampling.radial else farthest
         film = np.linspace(0.0, FARTHEST, FILM_RADII)[:, None] * corner
     else:
-        x, y = (np.linspace(-half, half, FILM_NODES) for half in half_film_mm)
-        film = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        film = probe.frame.grid(half_film_mm, FILM_NODES).reshape(-1, 2)
     points = spread_points(probe.windows(film), RAYS)
     which = np.repeat(np.arange(len(film)), RAYS)
     film, points = film[which], points.reshape(-1, 2)
-    outside = left_out(sampling, half_film_mm, film, points, APART)
+    outside = left_out(sampling, probe.frame.bounds(half_film_mm), film, points, APART)
     return bool(probe.passes(film[outside], points[outside]).sum() >= FEW)
 
 
@@ -72,35 +73,48 @@ def _out_of_boxes(
 
 
 def _out_of_outlines(sampling: PupilSampling, film: Array, points: Array, margin: float) -> Mask:
-    assert isinstance(sampling.parameters, PupilGrid)
-    columns, rows = int(sampling.parameters.across), int(sampling.parameters.down)
-    nodes = columns * rows
-    frames = sampling.table[: 4 * nodes].reshape(rows, columns, 4).astype(np.float64)
-    radii = sampling.table[4 * (nodes + 1) :][: 4 * nodes * DIRECTIONS].reshape(rows, columns, DIRECTIONS, 4)[..., 0]
-    corners = _corners(sampling, film)
-    frame = sum((share[:, None] * frames[row, column] for row, column, share in corners), np.zeros((len(film), 4)))
+    nodes, start, corners, turn = outlines_around(sampling, film)
+    frames = sampling.table[: 4 * nodes].reshape(-1, 4).astype(np.float64)
+    radii = sampling.table[start:][: 4 * nodes * DIRECTIONS].reshape(-1, DIRECTIONS, 4)[..., 0]
+    frame = sum((share[:, None] * frames[node] for node, share in corners), np.zeros((len(film), 4)))
+    x, y = points.T
+    points = np.stack([x * turn[:, 0] + y * turn[:, 1], y * turn[:, 0] - x * turn[:, 1]], axis=1)
     away = (points - frame[:, :2]) / np.maximum(frame[:, 2:], 1e-300)
-    turn = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) % 1.0 * DIRECTIONS
-    first = np.minimum(turn.astype(int), DIRECTIONS - 1)
+    place = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) % 1.0 * DIRECTIONS
+    first = np.minimum(place.astype(int), DIRECTIONS - 1)
     here, ahead = (
-        sum((share * radii[row, column, k % DIRECTIONS] for row, column, share in corners), np.zeros(len(film)))
+        sum((share * radii[node, k % DIRECTIONS] for node, share in corners), np.zeros(len(film)))
         for k in (first, first + 1)
     )
-    radius = here + (turn - first) * (ahead - here)
+    radius = here + (place - first) * (ahead - here)
     return np.asarray((np.hypot(*away.T) > radius + margin) & (frame[:, 2] > 0))
 
 
-def _corners(sampling: PupilSampling, film: Array) -> list[tuple[NDArray[np.int64], NDArray[np.int64], Array]]:
-    """Return the nodes round film points, by row and column, and the share that each has in what lies between."""
-    assert isinstance(sampling.parameters, PupilGrid)
-    per_mm, down, columns, rows = sampling.parameters
-    places = film * (per_mm, down) + (0.0 if sampling.radial else (np.array([columns, rows]) - 1) / 2)
-    places = np.clip(places, 0.0, np.array([columns, rows]) - 1)
-    low = np.minimum(places.astype(int), np.maximum(np.array([int(columns), int(rows)]) - 2, 0))
-    share = places - low
-    found = []
-    for i in (0, 1):
-        for j in (0, 1) if rows > 1 else (0,):
-            weight = np.abs(1 - i - share[:, 0]) * np.abs(1 - j - share[:, 1])
-            found.append((low[:, 1] + j, low[:, 0] + i, weight))
-    return found
+def outlines_around(
+    sampling: PupilSampling, film: Array
+) -> tuple[int, int, list[tuple[NDArray[np.int64], Array]], Array]:
+    """Return how many nodes a table has, where its radii start, the nodes round film points with the share that each
+    has in what lies between, and the directions (n, 2) of the axes of the outlines there."""
+    radius = np.hypot(*film.T)
+    if isinstance(sampling.parameters, PupilLines):
+        per_quarter, columns, lines = sampling.parameters
+        nodes = int(lines + 1) * int(columns)
+        start = 4 * (nodes + 1)
+        reaches = sampling.table[start + 4 * (nodes * DIRECTIONS + 1) :].astype(np.float64)
+        along = quarters_of(film) * per_quarter
+        line = np.minimum(along.astype(int), int(lines) - 1)
+        rows = [(line, 1.0 - (along - line)), (line + 1, along - line)]
+        share_of_line = radius / sum(share * reaches[row] for row, share in rows)
+        places = (1.0 - np.sqrt(np.maximum(1.0 - share_of_line, 0.0))) * (columns - 1)
+        turn = np.where(radius[:, None] > 0, film / np.maximum(radius, 1e-300)[:, None], [1.0, 0.0])
+    else:
+        assert isinstance(sampling.parameters, PupilGrid)
+        columns = sampling.parameters.across
+        nodes, rows = int(columns), [(np.zeros(len(film), int), np.ones(len(film)))]
+        start, places = 4 * (nodes + 1), radius * sampling.parameters.per_mm_across
+        turn = np.broadcast_to([1.0, 0.0], film.shape)  # such film points are given on +x
+    places = np.clip(places, 0.0, columns - 1)
+    low = np.minimum(places.astype(int), int(columns) - 2)
+    beside = [(low, 1.0 - (places - low)), (low + 1, places - low)]
+    corners = [(row * int(columns) + column, share * other) for row, share in rows for column, other in beside]
+    return nodes, start, corners, np.asarray(turn)

@@ -20,12 +20,20 @@ class PupilCircle(NamedTuple):
 
 
 class PupilGrid(NamedTuple):
-    """Boxes of the film's cells, or outlines at nodes: how many there are per mm, and how many in all."""
+    """Boxes of the film's cells, or outlines along a film radius: how many there are per mm, and how many in all."""
 
     per_mm_across: float
     per_mm_down: float
     across: float
     down: float
+
+
+class PupilLines(NamedTuple):
+    """Outlines along lines from the axis outwards: lines in a quarter of a turn, nodes of each, and lines in all."""
+
+    per_quarter: float
+    nodes: float
+    lines: float
 
 
 @dataclass(frozen=True)
@@ -34,9 +42,8 @@ class PupilSampling:
 
     tier: str
     kind: PupilKind
-    parameters: PupilCircle | PupilGrid
+    parameters: PupilCircle | PupilGrid | PupilLines
     table: NDArray[np.float32] = field(default_factory=lambda: np.zeros(1, np.float32))
-    radial: bool = False
     instead_of: str = ""  # the requested tier, where its tables would lose light
     widened: float = 1.0  # factor on the paraxial pupil of the thick tier, without which it would lose light
 
@@ -49,8 +56,19 @@ class PupilSampling:
     def of_facts(cls, facts: dict[str, Any], table: NDArray[np.float32]) -> PupilSampling:
         """Return the sampling of a table and of what `facts_but_table` returned."""
         numbers = facts["parameters"]
-        parameters = PupilCircle(*numbers) if facts["kind"] == PupilKind.CIRCLE else PupilGrid(*numbers)
-        return cls(**facts | {"kind": PupilKind(facts["kind"]), "parameters": parameters}, table=table)
+        parameters = next(each for each in (PupilCircle, PupilGrid, PupilLines) if len(each._fields) == len(numbers))
+        made = parameters(*numbers)
+        return cls(**facts | {"kind": PupilKind(facts["kind"]), "parameters": made}, table=table)
+
+    @property
+    def radial(self) -> bool:
+        """Whether outlines along one film radius stand for all."""
+        return self.kind == PupilKind.OUTLINES and isinstance(self.parameters, PupilGrid)
+
+    @property
+    def member(self) -> str:
+        """Which member of the record ``Pupil`` the parameters are."""
+        return {PupilCircle: "circle", PupilGrid: "grid", PupilLines: "lines"}[type(self.parameters)]
 
     @property
     def metadata(self) -> dict[str, str | float]:

@@ -11,7 +11,16 @@ from rptcam_cl.cameras.pupil import CELLS, EDGE_SPREAD, PROBES, SPREAD, without_
 from rptcam_cl.cameras.pupil_sampling import PupilGrid, PupilSampling
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import PupilKind
-from rptcam_cl.optics import IDEAL, Lens, LensTransmission, axial_transmittance, narrowing_probes, pupil_boxes
+from rptcam_cl.optics import (
+    IDEAL,
+    UNMOVED,
+    FilmFrame,
+    Lens,
+    LensTransmission,
+    axial_transmittance,
+    narrowing_probes,
+    pupil_boxes,
+)
 
 Window = tuple[float, float, float, float]
 """Part of the film: x from, x to, y from, y to [mm], in the frame of the lens."""
@@ -23,13 +32,17 @@ def pupil_in_windows(
     half_film_mm: tuple[float, float],
     wavelength_nm: float,
     windows: Sequence[Window],
+    frame: FilmFrame = UNMOVED,
 ) -> PupilSampling:
-    """Return boxes round the pupils seen from the cells of the film that windows touch; from elsewhere it is dark."""
+    """Return boxes round the pupils seen from the cells of the film that windows touch; from elsewhere it is dark.
+
+    Of a film that is moved, `half_film_mm` are half the sides of what it takes about the axis.
+    """
     lens = without_shape(lens)
     cells = _touched(half_film_mm, windows)
     corners = np.unique(np.concatenate([cells + np.array([i, j]) for i in (0, 1) for j in (0, 1)]), axis=0)
     size = 2 * np.array(half_film_mm) / CELLS
-    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
+    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm, frame)
     boxes, found = pupil_boxes(probes, corners * size - half_film_mm, PROBES)
     if not found.any():
         raise InputError(f"{lens.name}: no light reaches the zones {film_distance_mm:g} mm behind the lens")

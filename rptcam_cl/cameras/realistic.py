@@ -15,8 +15,9 @@ from rptcam_cl.cameras.blur import traced_blur
 from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
+from rptcam_cl.cameras.movements import check_film, film_frame, movements_metadata, place_film
 from rptcam_cl.cameras.pupil import ByContent, coarse_pupil, pupil_sampling
-from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilSampling
+from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
 from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
@@ -62,6 +63,7 @@ def model_of(
     """
     camera = scene.camera
     assert isinstance(camera, RealisticCamera)
+    check_film(setting.lens, setting.film_distance_mm, scene)
     lens, back_mm = _shaped(scene, camera, setting.lens), setting.film_distance_mm
     losses = setting.transmission
     clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, by_first_order=bool(windows))
@@ -77,10 +79,11 @@ def model_of(
     said = through.metadata | setting.metadata | {"on_axis_irradiance": on_axis}
     if losses:
         said["transmittance"] = on_axis / clear
+    record = _record(scene, camera, setting, lens, pupil, len(through.surfaces))
     return CameraModel(
         through.kernel,
-        _record(scene, camera, setting, lens, pupil, len(through.surfaces)),
-        facts=through.facts | pupil.facts,
+        record,
+        facts=through.facts | pupil.facts | place_film(record, scene),
         tables=np.concatenate([pupil.table, through.table]),
         surfaces=through.surfaces,
         stop=through.stop,
@@ -88,6 +91,7 @@ def model_of(
         metadata={"camera": "realistic"}
         | said
         | pupil.metadata
+        | movements_metadata(camera)
         | colour.metadata
         | _projection(scene, camera, setting),
         view=_view(scene, setting),
@@ -133,11 +137,12 @@ def _pupil(
 ) -> PupilSampling:
     """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    half_film_mm = (width_mm / 2, height_mm / 2)
+    half_film_mm, frame = (width_mm / 2, height_mm / 2), film_frame(camera)
     if windows:
-        return pupil_in_windows(lens, back_mm, half_film_mm, camera.wavelength_nm, windows)
+        bounds = frame.bounds(half_film_mm)
+        return pupil_in_windows(lens, back_mm, bounds, camera.wavelength_nm, windows, frame)
     sampling = coarse_pupil if coarse else pupil_sampling
-    return sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil)
+    return sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil, frame)
 
 
 def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
@@ -163,7 +168,7 @@ def _record(
         metres_per_mm=1e-3, first_vertex_z=-lens.film_z(setting.film_distance_mm) * 1e-3,
         surfaces=surfaces, first_polynomial=len(pupil.table),
     )  # fmt: skip
-    aim = record["own"]["realistic"]["pupil"]["circle" if isinstance(pupil.parameters, PupilCircle) else "grid"]
+    aim = record["own"]["realistic"]["pupil"][pupil.member]
     for name, value in pupil.parameters._asdict().items():
         aim[name] = value
     record["wavelength"] = camera.wavelength_nm
@@ -224,6 +229,7 @@ def _view(scene: Scene, setting: LensSetting) -> CameraView:
             (size_mm[0] / 2, size_mm[1] / 2),
             (columns / size_mm[0], rows / size_mm[1]),
             wavelength_nm,
+            film_frame(scene.camera),
         ),
     )
 
@@ -235,7 +241,7 @@ def _projection(scene: Scene, camera: RealisticCamera, setting: LensSetting) -> 
     except InputError:
         return {}
     per_tangent = thick.film_per_tangent(*scene.film.size_m())
-    return {"intrinsics": intrinsics(scene.film, per_tangent, flip=camera.flip, distortion="traced lens")}
+    return {"intrinsics": intrinsics(scene, per_tangent, distortion="traced lens", lever=thick.lever)}
 
 
 def _shaped(scene: Scene, camera: RealisticCamera, lens: Lens) -> Lens:

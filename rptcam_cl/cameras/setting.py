@@ -9,6 +9,7 @@ import numpy as np
 
 from rptcam_cl.cameras.as_made import DESIGN, RealState, real_state
 from rptcam_cl.cameras.lens_losses import as_coated, transmission_of
+from rptcam_cl.cameras.movements import film_frame
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import (
     Lens,
@@ -24,11 +25,11 @@ from rptcam_cl.optics import (
     object_distance,
     zoomed,
 )
-from rptcam_cl.scene import NOT_FOUND_YET, LensCamera, Scene
+from rptcam_cl.scene import NOT_FOUND_YET, LensCamera, Pose, Scene
 
 Method = Literal["thick", "spot"]
 Side = Literal["film", "front"]
-FilmPoint = tuple[float, float] | None
+FilmPoint = tuple[float, float, float] | None
 
 ROUNDS = 30  # of the searches below, which need three to six
 CONVERGED = 1e-8  # of a distance, between two rounds
@@ -54,7 +55,8 @@ def focused(
     method
         ``thick``: by first-order optics. ``spot``: by the least rms spot of traced rays.
     film_point_mm
-        Where that spot lies on the film, x and y in the frame of the lens; on the axis when absent.
+        Where that spot lies on the film: x and y in the frame of the lens, and how far behind the film distance; on the
+        axis when absent.
 
     Raises
     ------
@@ -97,7 +99,8 @@ def _film_distance(
     lens: Lens, distance_mm: float, measured_from: Side, method: Method, wavelength_nm: float, film_point_mm: FilmPoint
 ) -> float:
     if method == "spot" and film_point_mm is not None:
-        return best_film_distance_at(lens, film_point_mm, distance_mm, measured_from, wavelength_nm)
+        x, y, depth = film_point_mm
+        return best_film_distance_at(lens, (x, y), distance_mm, measured_from, wavelength_nm) - depth
     if method == "spot":
         return best_film_distance(lens, distance_mm, measured_from, (wavelength_nm,))
     return film_distance(lens, distance_mm, measured_from, wavelength_nm)
@@ -218,13 +221,14 @@ def lens_setting(scene: Scene) -> LensSetting:
     return LensSetting(real.lens(lens), real.film(back_mm), distance_mm, camera, real)
 
 
-def _sharpest(scene: Scene, camera: LensCamera) -> tuple[float, float] | None:
+def _sharpest(scene: Scene, camera: LensCamera) -> FilmPoint:
     """Return where on the film the picture is to be sharpest [mm]; None for the axis."""
     return None if camera.focus.field is None else film_point(scene, camera, *camera.focus.field)
 
 
-def film_point(scene: Scene, camera: LensCamera, right: float, down: float) -> tuple[float, float]:
-    """Return where on the film a point of the picture lies [mm], in the frame of the lens.
+def film_point(scene: Scene, camera: Pose, right: float, down: float) -> tuple[float, float, float]:
+    """Return where on the film a point of the picture lies [mm]: x, y in the frame of the lens, depth behind the film
+    distance.
 
     A lens inverts: right and up in an upright picture are left and down on the film.
 
@@ -235,7 +239,9 @@ def film_point(scene: Scene, camera: LensCamera, right: float, down: float) -> t
     """
     width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
     sense = -1.0 if camera.flip else 1.0
-    return sense * (right - 0.5) * width_mm, sense * (0.5 - down) * height_mm
+    film = np.array([sense * (right - 0.5) * width_mm, sense * (0.5 - down) * height_mm])
+    x, y, depth = film_frame(camera).points(film).tolist()
+    return x, y, depth
 
 
 def lens_to_focus(scene: Scene, camera: LensCamera) -> Lens:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rptcam_cl.cameras.blur import Blur, perfect_blur
+from rptcam_cl.cameras.blur import Blur, film_depths, perfect_blur
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
+from rptcam_cl.cameras.movements import check_film, movements_metadata, place_film
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, axial_transmittance, limiting_surface, system_matrix
-from rptcam_cl.scene import Film, Scene, ThickLensCamera
+from rptcam_cl.scene import Scene, ThickLensCamera
 
 AT_THE_PUPIL = 1e-9  # distance from film to exit pupil, as a share of the film distance, that counts as none
 
@@ -49,6 +50,11 @@ class ThickLens:
         """Return how many widths and heights of a film the image moves per unit of the tangent in the scene."""
         per_mm = 1e-3 / abs(self.slope[0])
         return per_mm / width_m, per_mm / height_m
+
+    @property
+    def lever(self) -> float:
+        """Slope of chief rays at the film over that in the scene: the pupil's size there over its size at the film."""
+        return self.film_slope[0] / abs(self.slope[0])
 
     @property
     def axial_cone(self) -> float:
@@ -130,16 +136,19 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
         height_per_film=thick.height[0], height_per_pupil=thick.height[1],
         slope_per_film=thick.slope[0], slope_per_pupil=thick.slope[1],
     )  # fmt: skip
-    projection = intrinsics(scene.film, thick.film_per_tangent(width_m, height_m), flip=camera.flip)
+    check_film(setting.lens, setting.film_distance_mm, scene)
+    moved = place_film(record, scene)
+    projection = intrinsics(scene, thick.film_per_tangent(width_m, height_m), lever=thick.lever)
     metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
+    metadata |= movements_metadata(camera)
     metadata |= {"transmittance": passed} if setting.transmission else {}
     view = entrance_pupil_view(
-        setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene.film, first_vertex_m)
+        setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene, first_vertex_m)
     )
     return CameraModel(
         "camera/thick_lens.h",
         record,
-        facts={},
+        facts=moved,
         metadata=metadata,
         view=view,
         on_axis_irradiance=on_axis,
@@ -148,13 +157,20 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     )
 
 
-def _blur(thick: ThickLens, film: Film, first_vertex_m: float) -> Blur:
+def _blur(thick: ThickLens, scene: Scene, first_vertex_m: float) -> Blur:
     """Return the circle of confusion: where a point is seen, its rays spread over the film as the pupil's points do.
 
-    A point x at a distance D from the first vertex belongs to film points h with x = (height + D slope) (h, p).
+    A point x at a distance D from the first vertex belongs to film points h with x = (height + D slope) (h, p). A film
+    point farther back sees a point p of the pupil through h' = (h - depth film_slope p) / (1 + depth film_slope h).
     """
+    film = scene.film
     width_m, height_m = film.size_m()
     pixels_per_mm = math.sqrt(film.resolution[0] / width_m * film.resolution[1] / height_m) * 1e-3
     (at, across), (turn, spread) = thick.height, thick.slope
-    gain = 2 * pixels_per_mm * abs(across / turn) * 1e-3
-    return perfect_blur(gain, -spread / across * 1e3, shift=at / turn * 1e-3, origin_z=first_vertex_m)
+    depths = film_depths(scene)
+    nearer = 1.0 + depths * thick.film_slope[0]
+    moved = depths * thick.film_slope[1] / nearer
+    across_there, spread_there = across - moved * at, spread - moved * turn
+    gains = 2 * pixels_per_mm * np.abs(across_there / turn * nearer) * 1e-3
+    focuses = -spread_there / across_there * 1e3
+    return perfect_blur(gains, focuses, shift=at / turn * 1e-3, origin_z=first_vertex_m)

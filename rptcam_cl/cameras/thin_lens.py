@@ -5,10 +5,11 @@ from __future__ import annotations
 import math
 
 from rptcam_cl.cameras.aperture import aperture_tables, stop_shape
-from rptcam_cl.cameras.blur import perfect_blur
+from rptcam_cl.cameras.blur import Blur, film_depths, perfect_blur
 from rptcam_cl.cameras.exposure import opening_irradiance
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
+from rptcam_cl.cameras.movements import movements_metadata, place_film
 from rptcam_cl.scene import Film, Scene, ThinLensCamera
 
 
@@ -59,18 +60,19 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
     tables, facts = aperture_tables(scene, camera.aperture)
     film_distance = scene.film.size_m()[0] / 2 / across
     on_axis = opening_irradiance(stop_shape(scene, camera.aperture), radius, film_distance) if radius else None
-    metadata = {
+    facts |= place_film(record, scene, film_distance * 1e3)
+    metadata = movements_metadata(camera) | {
         "camera": "thin_lens",
         "focal_length_mm": focal_length * 1e3,
         "f_number": focal_length / (2 * radius) if radius else math.inf,
         "focus_distance_m": camera.plane_m,
         "on_axis_irradiance": on_axis,
-        "intrinsics": intrinsics(scene.film, (0.5 / across, 0.5 / down), flip=camera.flip),
+        "intrinsics": intrinsics(scene, (0.5 / across, 0.5 / down)),
     }
     pixels_per_tangent = math.sqrt(scene.film.resolution[0] / across * scene.film.resolution[1] / down) / 2
     view = CameraView(
         pupil_radius_m=radius,
-        blur=lambda: perfect_blur(2 * radius * pixels_per_tangent, 1 / camera.plane_m),
+        blur=lambda: _blur(scene, 2 * radius * pixels_per_tangent, 1 / camera.plane_m, film_distance),
     )
     return CameraModel(
         "camera/thin_lens.h",
@@ -81,3 +83,9 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
         view=view,
         on_axis_irradiance=on_axis,
     )
+
+
+def _blur(scene: Scene, gain: float, focus: float, film_distance_m: float) -> Blur:
+    """Return the circle of confusion: a film point farther back has its plane of focus nearer, and a longer lever."""
+    nearer = 1.0 + film_depths(scene) * 1e-3 / film_distance_m
+    return perfect_blur(gain * nearer, focus + (1.0 - 1.0 / nearer) / film_distance_m)

@@ -103,7 +103,7 @@ PUPIL_CIRCLE = Record(
 )
 
 PUPIL_GRID = Record(
-    "PupilGrid",  # cells of boxes or nodes of outlines, whole numbers of them
+    "PupilGrid",  # cells of boxes, or outlines along a film radius, whole numbers of them
     (
         ("float", "per_mm_across"),
         ("float", "per_mm_down"),
@@ -112,7 +112,20 @@ PUPIL_GRID = Record(
     ),
 )
 
-PUPIL = Record("Pupil", ((PUPIL_CIRCLE, "circle"), (PUPIL_GRID, "grid")), is_union=True)  # see kernels/lens/pupil.h
+PUPIL_LINES = Record(
+    "PupilLines",  # outlines along lines from the axis outwards, whole numbers of them
+    (
+        ("float", "per_quarter"),  # lines in a quarter of a turn
+        ("float", "nodes"),  # of a line
+        ("float", "lines"),
+    ),
+)
+
+PUPIL = Record(
+    "Pupil",  # see kernels/lens/pupil.h
+    ((PUPIL_CIRCLE, "circle"), (PUPIL_GRID, "grid"), (PUPIL_LINES, "lines")),
+    is_union=True,
+)
 
 REALISTIC_CAMERA = Record(
     "RealisticCamera",
@@ -157,6 +170,12 @@ CAMERA = Record(
         ("float4", "right"),
         ("float4", "up"),
         ("float4", "back"),
+        # Of a film that is moved (rptcam_cl/cameras/movements.py), x to the right, y up, z away from the lens: [mm], or
+        # in film distances of a camera without a lens of surfaces.
+        ("float4", "film_centre"),  # w: 1 / film distance [1/m]
+        ("float4", "film_across"),  # half the film
+        ("float4", "film_up"),
+        ("float4", "film_normal"),  # unit
         ("float", "width"),  # [pixels]
         ("float", "height"),
         ("float", "per_width"),  # 1 / width, negative where the picture is shown as it lies on the film

@@ -17,6 +17,7 @@ from rptcam_cl.core.camera_records import PINHOLE_CAMERA as PINHOLE_CAMERA
 from rptcam_cl.core.camera_records import PUPIL as PUPIL
 from rptcam_cl.core.camera_records import PUPIL_CIRCLE as PUPIL_CIRCLE
 from rptcam_cl.core.camera_records import PUPIL_GRID as PUPIL_GRID
+from rptcam_cl.core.camera_records import PUPIL_LINES as PUPIL_LINES
 from rptcam_cl.core.camera_records import REALISTIC_CAMERA as REALISTIC_CAMERA
 from rptcam_cl.core.camera_records import SURFACE as SURFACE
 from rptcam_cl.core.camera_records import THICK_LENS_CAMERA as THICK_LENS_CAMERA
@@ -272,8 +273,8 @@ PHOTON_PASS = Record(
 
 RECORDS = (
     PRIMITIVE, INSTANCE, SEGMENT, MATERIAL, TEXTURE, EMITTER, ENVIRONMENT, SURFACE, PINHOLE_CAMERA, THIN_LENS_CAMERA,
-    THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL, REALISTIC_CAMERA, OWN_CAMERA, HALF_PUPIL, CAMERA, WAVE, LIMITS,
-    VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
+    THICK_LENS_CAMERA, PUPIL_CIRCLE, PUPIL_GRID, PUPIL_LINES, PUPIL, REALISTIC_CAMERA, OWN_CAMERA, HALF_PUPIL, CAMERA,
+    WAVE, LIMITS, VIEW, CAUSTIC_SURFACE, PHOTON_GRID, PHOTON_PASS,
 )  # fmt: skip
 
 

@@ -102,9 +102,10 @@ class LensDrive(Drive):
     def _window(self, scene: Scene, zone: Zone) -> tuple[float, float, float, float]:
         """Return the part of the film that a zone needs [mm]: itself and what the filter reaches."""
         across, down = ((1 + scene.film.filter.radius) / pixels for pixels in scene.film.resolution)
-        corners = (zone.left - across, zone.top - down), (zone.right + across, zone.bottom + down)
-        (x0, y0), (x1, y1) = (film_point(scene, self.own_camera, *corner) for corner in corners)
-        return min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
+        sides = (zone.left - across, zone.right + across), (zone.top - down, zone.bottom + down)
+        corners = [film_point(scene, self.own_camera, right, below) for right in sides[0] for below in sides[1]]
+        x, y, _ = np.array(corners).T.tolist()
+        return min(x), max(x), min(y), max(y)
 
     def image_scale(self, state: float, reference: float) -> float:
         """Return how large a state draws what is sharp in the state of reference, against that one, by chief rays."""
@@ -171,12 +172,12 @@ class LensDrive(Drive):
             From the plane to the film.
         """
         wavelength = self.own_camera.wavelength_nm
-        place = (0.0, 0.0) if zone is None else film_point(self.scene, self.own_camera, *zone.centre)
+        x, y, depth = (0.0, 0.0, 0.0) if zone is None else film_point(self.scene, self.own_camera, *zone.centre)
         if isinstance(self.own_camera, ThickLensCamera):
-            return film_distance(lens, distance_mm, wavelength_nm=wavelength)
-        if not any(place) and lens.is_rotational:
-            return best_film_distance(lens, distance_mm, wavelengths_nm=(wavelength,))
-        return best_film_distance_at(lens, place, distance_mm, wavelength_nm=wavelength)
+            return film_distance(lens, distance_mm, wavelength_nm=wavelength) - depth
+        if not (x or y) and lens.is_rotational:
+            return best_film_distance(lens, distance_mm, wavelengths_nm=(wavelength,)) - depth
+        return best_film_distance_at(lens, (x, y), distance_mm, wavelength_nm=wavelength) - depth
 
 
 class WholeLens(LensDrive):

@@ -28,6 +28,7 @@ from rptcam_cl.optics.files.makers import glasses_of, plain_glass_name
 from rptcam_cl.optics.files.native import document_of
 from rptcam_cl.optics.files.schema import glass_json_schema, lens_json_schema_text
 from rptcam_cl.optics.film_crossings import Crossings, crossings
+from rptcam_cl.optics.film_frame import UNMOVED, FilmFrame
 from rptcam_cl.optics.first_order import FirstOrder, Planes, Pupil, limiting_surface, system_matrix
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.ghost_path import GhostImage, ghost_image, ghost_magnification, steps, unfolded, with_film
@@ -55,16 +56,9 @@ from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
 from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid, narrowed, spread_points
+from rptcam_cl.optics.pupil_boxes import FINE, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.pupil_function import PupilFunction, pupil_function
-from rptcam_cl.optics.pupil_shape import (
-    COARSE_OUTLINES,
-    DIRECTIONS,
-    FINE,
-    PupilShapes,
-    narrowing_probes,
-    pupil_boxes,
-    pupil_shapes,
-)
+from rptcam_cl.optics.pupil_shape import COARSE_OUTLINES, DIRECTIONS, PupilShapes, pupil_shapes, quarters_of
 from rptcam_cl.optics.ray_trace import Rays, Status, passing, trace
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.shapes import Biconic, Form, Toroid, short_radius
@@ -119,6 +113,7 @@ __all__ = [
     "STANDARD_C",
     "STANDARD_HPA",
     "UNCOATED",
+    "UNMOVED",
     "WORDS",
     "AbbeCauchy",
     "AbbeLinear",
@@ -132,6 +127,7 @@ __all__ = [
     "Crossings",
     "Deviation",
     "FieldError",
+    "FilmFrame",
     "FilmLight",
     "FilmProbe",
     "FirstOrder",
@@ -231,6 +227,7 @@ __all__ = [
     "pupil_boxes",
     "pupil_function",
     "pupil_shapes",
+    "quarters_of",
     "radius_of_share",
     "read_glass",
     "rms_waves",

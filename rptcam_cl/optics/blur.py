@@ -11,9 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.optics.film_frame import UNMOVED, FilmFrame
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.probe import grid
-from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
+from rptcam_cl.optics.pupil_boxes import narrowing_probes, pupil_boxes
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -48,7 +49,12 @@ class _Beams:
 
 
 def blur_variances(
-    lens: Lens, film_distance_mm: float, film: Array, vergences: Array, wavelength_nm: float
+    lens: Lens,
+    film_distance_mm: float,
+    film: Array,
+    vergences: Array,
+    wavelength_nm: float,
+    frame: FilmFrame = UNMOVED,
 ) -> tuple[Array, Mask]:
     """Return the variances (n, vergences, 2) of the blur in x and y [mm2], and which film points (n,) are lit.
 
@@ -58,27 +64,28 @@ def blur_variances(
         (n, 2) on the film [mm].
     vergences
         (count,) of the points of the scene [1/mm].
+    frame
+        How the film stands; x and y of the blur run along its sides.
     """
-    boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm), film)
-    beams, found = _beams(lens, film_distance_mm, film, boxes, wavelength_nm)
-    spots = [_spots(lens, film_distance_mm, beams, float(vergence), wavelength_nm) for vergence in vergences]
+    boxes, lit = pupil_boxes(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), film)
+    beams, found = _beams(lens, film_distance_mm + frame.depth(film), film, boxes, wavelength_nm)
+    spots = [_spots(lens, film_distance_mm, beams, float(vergence), wavelength_nm, frame) for vergence in vergences]
     variances = np.stack(spots, axis=1)
     lit = lit & found & np.isfinite(variances).all(axis=(1, 2))
     return np.where(lit[:, None, None], variances, 0.0), lit
 
 
-def _beams(lens: Lens, film_distance_mm: float, film: Array, boxes: Array, wavelength_nm: float) -> tuple[_Beams, Mask]:
-    """Return the beams that film points see through boxes of the rear plane, and which have any light."""
+def _beams(lens: Lens, distances_mm: Array, film: Array, boxes: Array, wavelength_nm: float) -> tuple[_Beams, Mask]:
+    """Return the beams that film points at distances see through boxes of the rear plane, and which have any light."""
     rear = grid(boxes, *NARROWING)
     count, rays_each = rear.shape[:2]
-    away = np.concatenate(
-        [rear - film[:, None], np.full((count, rays_each, 1), -lens.sense * film_distance_mm)], axis=-1
-    )
+    distances = np.broadcast_to(distances_mm[:, None, None], (count, rays_each, 1))
+    away = np.concatenate([rear - film[:, None], -lens.sense * distances], axis=-1)
     origins = np.empty_like(away)
-    origins[..., :2], origins[..., 2] = film[:, None], lens.film_z(film_distance_mm)
+    origins[..., :2], origins[..., 2] = film[:, None], lens.length + lens.sense * distances[..., 0]
     rays = lens.trace(origins.reshape(-1, 3), away.reshape(-1, 3), wavelength_nm)
     passed = np.asarray(rays.passed).reshape(count, rays_each)
-    cos4 = (film_distance_mm**2 / np.sum(away * away, axis=-1)) ** 2 * passed
+    cos4 = (distances[..., 0] ** 2 / np.sum(away * away, axis=-1)) ** 2 * passed
     weight = (cos4 / np.maximum(np.sum(cos4, axis=1), SMALLEST)[:, None])[..., None]
     starts = np.where(passed[..., None], rays.origins.reshape(away.shape), 0.0)
     middle = np.sum(weight * starts, axis=1)
@@ -95,16 +102,18 @@ def _unit(vectors: Array) -> Array:
     return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1), SMALLEST)[:, None])
 
 
-def _spots(lens: Lens, film_distance_mm: float, beams: _Beams, vergence: float, wavelength_nm: float) -> Array:
+def _spots(
+    lens: Lens, film_distance_mm: float, beams: _Beams, vergence: float, wavelength_nm: float, frame: FilmFrame
+) -> Array:
     """Return the variances (n, 2) in x and y of where the light of a point meets the film [mm2]; nan without light."""
     boxes = np.stack([-beams.reach[:, 0], beams.reach[:, 0], -beams.reach[:, 1], beams.reach[:, 1]], axis=1)
     steps = grid(boxes, *NARROWING)
-    _, passed = _on_film(lens, film_distance_mm, beams, steps, vergence, wavelength_nm)
+    _, passed = _on_film(lens, film_distance_mm, beams, steps, vergence, wavelength_nm, frame)
     margin = (boxes[:, 1::2] - boxes[:, ::2]) / NARROWING
     low = np.where(passed[..., None], steps, np.inf).min(axis=1) - margin
     high = np.where(passed[..., None], steps, -np.inf).max(axis=1) + margin
     boxes = np.where(np.sum(passed, axis=1)[:, None] > 0, np.stack([low, high], axis=-1).reshape(-1, 4), boxes)
-    film, passed = _on_film(lens, film_distance_mm, beams, grid(boxes, ACROSS, ACROSS), vergence, wavelength_nm)
+    film, passed = _on_film(lens, film_distance_mm, beams, grid(boxes, ACROSS, ACROSS), vergence, wavelength_nm, frame)
     count = np.sum(passed, axis=1)[:, None]
     with np.errstate(invalid="ignore", divide="ignore"):
         mean = np.sum(np.where(passed[..., None], film, 0.0), axis=1) / count
@@ -112,7 +121,13 @@ def _spots(lens: Lens, film_distance_mm: float, beams: _Beams, vergence: float, 
 
 
 def _on_film(
-    lens: Lens, film_distance_mm: float, beams: _Beams, steps: Array, vergence: float, wavelength_nm: float
+    lens: Lens,
+    film_distance_mm: float,
+    beams: _Beams,
+    steps: Array,
+    vergence: float,
+    wavelength_nm: float,
+    frame: FilmFrame,
 ) -> tuple[Array, Mask]:
     """Return where rays from a point of each beam through steps (n, rays, 2) across it meet the film, and which do."""
     front = beams.middle[:, None] + np.einsum("nrk,nki->nri", steps, beams.frame)
@@ -122,6 +137,10 @@ def _on_film(
         sources = (beams.nearest + beams.along / vergence)[:, None]
         origins, directions = np.broadcast_to(sources, front.shape), front - sources
     rays = lens.trace(origins.reshape(-1, 3), directions.reshape(-1, 3), wavelength_nm, start="scene")
-    step = (lens.film_z(film_distance_mm) - rays.origins[:, 2:]) / rays.directions[:, 2:]
-    film = rays.origins[:, :2] + step * rays.directions[:, :2]
+    across, up = lens.sense * np.array(frame.slopes)  # of the film's plane, in z of the lens
+    x, y = (rays.origins[:, :2] - np.array(frame.centre)).T
+    ahead = lens.film_z(film_distance_mm) + x * across + y * up - rays.origins[:, 2]
+    dx, dy, dz = rays.directions.T
+    film = rays.origins[:, :2] + (ahead / (dz - dx * across - dy * up))[:, None] * rays.directions[:, :2]
+    film = film if frame.is_flat else frame.on_film(film)
     return film.reshape(steps.shape), rays.passed.reshape(steps.shape[:2])

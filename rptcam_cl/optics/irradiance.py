@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.probe import FilmProbe, narrowed, spread_points
-from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
+from rptcam_cl.optics.pupil_boxes import narrowing_probes, pupil_boxes
 from rptcam_cl.optics.transmission import IDEAL, LensTransmission, axial_transmittance
 
 if TYPE_CHECKING:

@@ -1,6 +1,6 @@
 """Which rays from points of the film come through the lens: the ground on which pupils and irradiance are measured.
 
-A ray is named by its film point (x, y at z = film) and the point (u, v) where it crosses the plane of the last vertex.
+A ray is named by its film point (x, y on the film) and the point (u, v) where it crosses the plane of the last vertex.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.film_frame import UNMOVED, FilmFrame
 from rptcam_cl.optics.ray_trace import passing
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 PATCH_AZIMUTHS = 32
 PATCH_RADII = 257  # so many that the outline of a bulging surface, which lies between two, is met within 1e-4
 BULGE = 1e-4
+LEAST_GAP = 1e-3  # of the film distance, between the last surface and points whose windows are sought
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -36,9 +38,21 @@ class FilmProbe:
         Last vertex to film.
     wavelength_nm : float or tuple
         With several, rays pass that pass at any of them.
+    frame : FilmFrame
+        How the film stands; points in front of the last surface see no light.
+    azimuth : (x, y)
+        Unit vector: direction of the first axis of film points and points of the rear plane; the second is a quarter of
+        a turn ahead.
     """
 
-    def __init__(self, lens: Lens, film_distance_mm: float, wavelength_nm: Wavelengths) -> None:
+    def __init__(
+        self,
+        lens: Lens,
+        film_distance_mm: float,
+        wavelength_nm: Wavelengths,
+        frame: FilmFrame = UNMOVED,
+        azimuth: tuple[float, float] = (1.0, 0.0),
+    ) -> None:
         if not np.isfinite(lens.surfaces[-1].semi_diameter):
             raise InputError(f"{lens.name}: the last surface needs a diameter")
         self.patch = _patch(lens.surfaces[-1], lens.sense)
@@ -48,13 +62,33 @@ class FilmProbe:
                 f"(got {film_distance_mm:g} mm from its vertex)"
             )
         self.lens = lens
+        self.frame = frame
+        self.azimuth = azimuth
+        if not lens.surfaces[-1].is_rotational:
+            self.patch[:, :2] = self.turned(self.patch[:, :2], back=True)
         self.distance = float(film_distance_mm)
         self.wavelength_nm, *self.others_nm = wavelength_nm if isinstance(wavelength_nm, tuple) else (wavelength_nm,)
 
+    def turned(self, points: Array, *, back: bool = False) -> Array:
+        """Return points (..., 2) of the probe's axes in those of the lens, or back."""
+        c, s = self.azimuth
+        if s == 0.0 and c == 1.0:
+            return points
+        x, y = points[..., 0], points[..., 1] * (-1.0 if back else 1.0)
+        return np.stack([c * x - s * y, (s * x + c * y) * (-1.0 if back else 1.0)], axis=-1)
+
+    def distances(self, film: Array) -> Array:
+        """Return how far behind the last vertex film points (..., 2) lie [mm]."""
+        if self.frame.is_flat:
+            return np.full(film.shape[:-1], self.distance)
+        return self.distance + self.frame.depth(self.turned(film))
+
     def windows(self, film: Array) -> Array:
         """Return boxes (m, 4) u0, u1, v0, v1 [mm] that hold every ray from film points (m, 2) to the last surface."""
-        scale = self.distance / (self.distance - self.patch[:, 2])
-        crossing = film[:, None, :] * (1.0 - scale)[None, :, None] + self.patch[:, :2] * scale[:, None]
+        points = film[:1] if self.frame.is_flat else film
+        distances = np.maximum(self.distances(points), LEAST_GAP * self.distance + self.patch[:, 2].max())[:, None]
+        scale = distances / (distances - self.patch[:, 2])
+        crossing = film[:, None, :] * (1.0 - scale)[..., None] + self.patch[:, :2] * scale[..., None]
         low, high = crossing.min(axis=1), crossing.max(axis=1)
         ring = crossing[:, -(len(self.patch) // PATCH_RADII) :]
         if np.any(ring.min(axis=1) > low) or np.any(ring.max(axis=1) < high):  # a bulge beyond the rim
@@ -69,18 +103,24 @@ class FilmProbe:
         """Return which rays pass: film points (..., 2) through points (..., 2) of the plane of the last vertex."""
         film, rear = np.broadcast_arrays(film, rear)
         shape = rear.shape[:-1]
+        distances = self.distances(film)
         origins = np.empty((*shape, 3))
-        origins[..., :2] = film
-        origins[..., 2] = self.lens.film_z(self.distance)
+        origins[..., :2] = self.turned(film)
+        origins[..., 2] = self.lens.length + self.lens.sense * distances
         directions = np.empty((*shape, 3))
-        directions[..., :2] = rear - film
-        directions[..., 2] = -self.lens.sense * self.distance
+        directions[..., :2] = self.turned(rear - film)
+        directions[..., 2] = -self.lens.sense * distances
         origins, directions = origins.reshape(-1, 3), directions.reshape(-1, 3)
         passed = passing(self.lens, origins, directions, self.wavelength_nm)
         for wavelength_nm in self.others_nm:
             dark = np.flatnonzero(~passed)
             passed[dark] = passing(self.lens, origins[dark], directions[dark], wavelength_nm)
         return passed.reshape(shape)
+
+    def reaches_lens(self, half_film_mm: tuple[float, float]) -> bool:
+        """Return whether some corner of a film of such half sides stands in or in front of the last surface."""
+        corners = self.frame.corners(half_film_mm)
+        return bool(np.any(self.distance + corners[:, 2] <= max(0.0, float(self.patch[:, 2].max()))))
 
 
 def _patch(surface: Surface, sense: float) -> Array:

@@ -5,11 +5,14 @@ in their frame a radius r per direction, near 1. A point drawn by direction thet
 has the density 1 / (pi a b r(theta)^2), so any r that holds the pupil gives the same picture; a loose one only wastes
 rays. Outlines stand at nodes of the film and are interpolated between them; they are wide enough to hold the pupils
 traced between the nodes as well.
+
+Nodes lie on lines from the axis outwards, up to where the light ends or the film: there pupils close to slivers, and on
+a grid of squares would close within a cell. A round lens and a film across its axis need one line.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +20,9 @@ from numpy.typing import NDArray
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.probe import FilmProbe, Wavelengths, narrowed
+from rptcam_cl.optics.film_frame import UNMOVED, FilmFrame
+from rptcam_cl.optics.probe import FilmProbe, Wavelengths
+from rptcam_cl.optics.pupil_boxes import box_near, narrowing_probes, pupil_boxes
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -30,11 +35,10 @@ RING_SCAN = 40  # points along a direction where the middle is obstructed, besid
 LIT_SCAN = 14  # film points
 LIT_BISECTIONS = 8
 FARTHEST = 1.75  # in the frame of the box round the pupil
-COARSE = (16, 16)
-FINE = (32, 16)  # half of a pupil, at one film point
-NEAR = 1.0  # sizes of a pupil, round it, in which that of the next film point is sought
 EDGE_NODES = 2  # nearest to the edge of the light, where the pupil closes faster than nodes follow
 EDGE_MARGIN = 0.15
+LINE_EDGE_MARGIN = 0.03  # the same on lines, whose nodes are dense there
+BEYOND_LIT = 0.0005  # share of the way to the edge of the light by which lines of a lens that is not round go on
 
 
 @dataclass(frozen=True)
@@ -44,28 +48,32 @@ class Fineness:
     Attributes
     ----------
     radial_nodes : int
-        Along a film radius.
-    film_nodes : int
-        Along each side of the film, for a lens without rotational symmetry.
+        Along a film radius, where one line is enough.
+    line_nodes : int
+        Along each line of a lens without rotational symmetry.
+    lines, round_lines : int
+        In a quarter of a turn, of such a lens, and of a round one before a film that is tilted.
     directions : int
         Traced per direction of the table.
     scan, bisections : int
         Points along a direction, and steps between two of them.
-    margin, film_margin : float
-        Share of the radius beyond what was traced; for a grid over the film, whose nodes stand farther apart.
+    margin, tilted_margin : float
+        Share of the radius beyond what was traced; for a round lens before a film that is tilted.
     """
 
     radial_nodes: int
-    film_nodes: int
+    line_nodes: int
+    lines: int
+    round_lines: int
     directions: int
     scan: int
     bisections: int
     margin: float
-    film_margin: float
+    tilted_margin: float
 
 
-FINE_OUTLINES = Fineness(41, 9, 2, 10, 6, 0.003, 0.01)
-COARSE_OUTLINES = Fineness(9, 4, 1, 7, 4, 0.02, 0.04)
+FINE_OUTLINES = Fineness(41, 21, 8, 2, 2, 10, 6, 0.003, 0.006)
+COARSE_OUTLINES = Fineness(9, 7, 3, 1, 1, 7, 4, 0.02, 0.02)
 
 
 @dataclass(frozen=True)
@@ -74,25 +82,40 @@ class PupilShapes:
 
     Attributes
     ----------
-    radial : bool
-        True: nodes lie along a film radius and u runs outwards along it; the lens is rotationally symmetric. False:
-        nodes lie on a grid over the film and u, v run along x, y.
-    x, y : arrays
-        Film coordinates of the nodes [mm], increasing and evenly spaced; y is (0,) when radial.
-    centres : (len(y), len(x), 2) array
-        Centre of each outline on the plane of the last vertex [mm].
-    axes : (len(y), len(x), 2) array
-        Half axes along u and v [mm]; 0 where no light arrives.
-    radii : (len(y), len(x), DIRECTIONS) array
+    reach : (lines,) array
+        How far from the axis each line goes [mm], of one line (a lens without need of more) or of lines all round:
+        line k has the direction `direction_of(4 k / lines)`. Nodes lie evenly on each, the first on the axis.
+    centres : (lines, nodes, 2) array
+        Centre of each outline on the plane of the last vertex [mm], along the line and a quarter of a turn ahead.
+    axes : (lines, nodes, 2) array
+        Half axes in the same directions [mm]; 0 where no light arrives.
+    radii : (lines, nodes, DIRECTIONS) array
         Radius in the frame of the axes, per direction k / DIRECTIONS of a turn.
     """
 
-    radial: bool
-    x: Array
-    y: Array
+    reach: Array
     centres: Array
     axes: Array
     radii: Array
+
+    @property
+    def radial(self) -> bool:
+        """Whether one line stands for all."""
+        return len(self.reach) == 1
+
+
+def direction_of(quarters: float) -> tuple[float, float]:
+    """Return the unit vector at a place round the axis, 0 to 4: on the square |x| + |y| = 1 it goes evenly."""
+    x, y = abs(quarters % 4 - 2) - 1, abs((quarters + 3) % 4 - 2) - 1
+    length = float(np.hypot(x, y))
+    return x / length, y / length
+
+
+def quarters_of(points: Array) -> Array:
+    """Return the places round the axis of points (..., 2), the inverse of `direction_of`."""
+    x, y = points[..., 0], points[..., 1]
+    share = y / np.maximum(np.abs(x) + np.abs(y), 1e-300)
+    return np.asarray(np.where(x >= 0, share, 2 - share) % 4)
 
 
 def pupil_shapes(
@@ -101,6 +124,7 @@ def pupil_shapes(
     half_film_mm: tuple[float, float],
     wavelength_nm: Wavelengths = LINE_D_NM,
     fineness: Fineness = FINE_OUTLINES,
+    frame: FilmFrame = UNMOVED,
 ) -> PupilShapes:
     """Return the outlines of the pupil over the film.
 
@@ -115,140 +139,156 @@ def pupil_shapes(
         With several, the outlines hold the pupil of each.
     fineness : Fineness
         `COARSE_OUTLINES` take a fifth of the time.
+    frame : FilmFrame
+        How the film stands.
 
     Raises
     ------
     InputError
         When no light reaches the film at all.
     """
-    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    if lens.is_rotational:
-        lit = _lit_radius(probes, float(np.hypot(*half_film_mm)))
-        x, y = np.linspace(0.0, lit, fineness.radial_nodes), np.zeros(1)
+    if lens.is_rotational and frame.is_flat:
+        radius = float(np.hypot(*frame.corners(half_film_mm)[:, :2].T).max()) if frame.is_moved else None
+        line = _one_line(lens, film_distance_mm, radius or float(np.hypot(*half_film_mm)), wavelength_nm, fineness)
     else:
-        x, y = (np.linspace(-half, half, fineness.film_nodes) for half in half_film_mm)
-    film = np.stack(np.meshgrid(_with_middles(x), _with_middles(y)), axis=-1)
-    nodes = film[::2, ::2].copy()
-    if lens.is_rotational:
-        nodes[0, -1, 0] -= 0.1 * (x[1] - x[0])  # at the edge itself the pupil has closed
-    centres, axes = _frames(probes, nodes)
-    if not axes.any():
+        line = _lines(lens, film_distance_mm, half_film_mm, wavelength_nm, fineness, frame)
+    if not line.axes.any():
         raise InputError(f"{lens.name}: no light reaches the film {film_distance_mm:g} mm behind the lens")
-    reach = _reach(probes[-1], film, _between(centres), _between(axes), fineness)
-    margin = fineness.margin if lens.is_rotational else fineness.film_margin
-    radii = _envelope(reach, fineness.directions) * (1.0 + margin)
-    if lens.is_rotational and x[-1] < np.hypot(*half_film_mm):
+    return line
+
+
+def _one_line(
+    lens: Lens, film_distance_mm: float, radius_mm: float, wavelength_nm: Wavelengths, fineness: Fineness
+) -> PupilShapes:
+    probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
+    lit = _lit_radius(probes, radius_mm, radial=True)
+    film = _line(lit, fineness.radial_nodes)
+    centres, axes = _frames(probes, film, radial=True)
+    reach = _reach(probes[-1], film, _between(centres), _between(axes), fineness, mirrored=True)
+    radii = _envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
+    if lit < radius_mm:
         radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
-    return PupilShapes(bool(lens.is_rotational), x, y, centres, axes, radii)
+    return PupilShapes(np.array([lit]), centres[None], axes[None], radii)
 
 
-def narrowing_probes(lens: Lens, film_distance_mm: float, wavelength_nm: Wavelengths) -> list[FilmProbe]:
-    """Return probes of the lens with its stop ever smaller: first as wide as any rim, then half that, last its own.
-
-    A small pupil slips through a grid over the rear element; the next wider one tells where to look for it.
-    """
-    stops = [lens]
-    if lens.stop is not None and lens.stop_index is not None:
-        widest = max(surface.semi_diameter for surface in lens.surfaces if np.isfinite(surface.semi_diameter))
-        while (radius := _stop_radius(stops[0])) < widest:
-            surfaces = list(lens.surfaces)
-            surfaces[lens.stop_index] = replace(lens.stop, semi_diameter=2 * radius)
-            stops.insert(0, replace(lens, surfaces=tuple(surfaces)))
-    return [FilmProbe(stopped, film_distance_mm, wavelength_nm) for stopped in stops]
-
-
-def _stop_radius(lens: Lens) -> float:
-    assert lens.stop is not None
-    return lens.stop.semi_diameter
-
-
-def pupil_boxes(
-    probes: list[FilmProbe], film: Array, shape: tuple[int, int] = COARSE, *, radial: bool = False
-) -> tuple[Array, Mask]:
-    """Return boxes (m, 4) round the pupil as seen from film points (m, 2), a cell wider, and where it is open.
-
-    Film points along +x of a rotationally symmetric lens (`radial`) see pupils that are the same above as below, so
-    that half of each is enough.
-    """
-    if radial:
-        shape = (shape[0], shape[1] // 2)
-    boxes = _upper(probes[-1].windows(film), radial)
-    found = np.ones(len(film), dtype=bool)
-    for probe in (*probes, probes[-1]):
-        boxes, hit = narrowed(probe, film, boxes, shape)
-        boxes = _upper(boxes, radial)
-        found &= hit
-    if not found.all():
-        near = _upper(_paraxial_boxes(probes[-1], film[~found]), radial)
-        for _ in range(2):
-            near, again = narrowed(probes[-1], film[~found], near, shape)
-            near = _upper(near, radial)
-        boxes[~found] = near
-        found[~found] = again
-    if radial:
-        _follow(probes[-1], film, boxes, found)
-        boxes[:, 2] = -boxes[:, 3]
-    return boxes, found
+def _lines(
+    lens: Lens,
+    film_distance_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: Wavelengths,
+    fineness: Fineness,
+    frame: FilmFrame,
+) -> PupilShapes:
+    """Return outlines along lines all round the axis; their neighbours hold what lines in between see."""
+    count = 8 * (fineness.round_lines if lens.is_rotational else fineness.lines)
+    turns = [direction_of(4 * k / count) for k in range(count)]
+    like = _alike(lens, frame, count)
+    probes = {
+        k: narrowing_probes(lens, film_distance_mm, wavelength_nm, frame, turns[k])
+        for k in sorted({k for k, _ in like})
+    }
+    ends = _film_ends(frame, half_film_mm, turns)
+    found = {k: _lit_radius(probe, float(ends[k])) if ends[k] > 0 else 0.0 for k, probe in probes.items()}
+    lit = np.array([found[k] for k, _ in like])
+    reach = _held(np.where(lit < ends, (1.0 + BEYOND_LIT) * lit, ends))
+    nodes = fineness.line_nodes
+    centres, axes = np.zeros((count, 2 * nodes - 1, 2)), np.zeros((count, 2 * nodes - 1, 2))
+    for k in range(0, count, 2):
+        other, mirrored = like[k]
+        if other == k and reach[k] > 0:
+            centres[k], axes[k] = (_between(values) for values in _frames(probes[k], _closing_line(reach[k], nodes)))
+        centres[k], axes[k] = centres[other] * (1.0, -1.0 if mirrored else 1.0), axes[other]
+    for values in (centres, axes):
+        values[1::2] = (values[::2] + np.roll(values[::2], -1, axis=0)) / 2
+    edges = np.zeros((count, 2 * nodes - 1, fineness.directions * DIRECTIONS))
+    for k, (other, mirrored) in enumerate(like):
+        if other == k and axes[k].any():
+            edges[k] = _reach(probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness)
+        edges[k] = np.roll(edges[other][:, ::-1], 1, axis=1) if mirrored else edges[other]
+    margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
+    radii = _envelope(edges, fineness.directions) * (1.0 + margin)
+    radii[(lit < ends)[::2], -EDGE_NODES:] *= 1.0 + LINE_EDGE_MARGIN
+    return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii)
 
 
-def _follow(probe: FilmProbe, film: Array, boxes: Array, found: Mask) -> None:
-    """Find pupils that slipped through, near those of the film points before: they shrink and move step by step."""
-    for k in range(1, len(film)):
-        if found[k - 1] and not found[k]:
-            boxes[k], found[k] = _near(probe, film[k : k + 1], boxes[k - 1])
+def _alike(lens: Lens, frame: FilmFrame, count: int) -> list[tuple[int, bool]]:
+    """Return for each line which one sees the same pupils, itself or one before it, and whether in a mirror."""
+    even = all(surface.is_even for surface in lens.surfaces)
+    left_right = even and frame.centre[0] == 0.0 and frame.across == (1.0, 0.0, 0.0)
+    up_down = even and frame.centre[1] == 0.0 and frame.up == (0.0, 1.0, 0.0)
+    found = []
+    for k in range(count):
+        same = [(k, False)]
+        if left_right:
+            same.append(((count // 2 - k) % count, True))
+        if up_down:
+            same.append((-k % count, True))
+        if left_right and up_down:
+            same.append(((k + count // 2) % count, False))
+        found.append(min(same))
+    return found
 
 
-def _near(probe: FilmProbe, film: Array, box: Array) -> tuple[Array, bool]:
-    """Return the box round the pupil seen from one film point (1, 2), sought near another one's, and if it is open."""
-    width, height = box[1] - box[0], box[3]
-    around = np.array([[box[0] - NEAR * width, box[1] + NEAR * width, 0.0, (1.0 + NEAR) * height]])
-    around, hit = narrowed(probe, film, around, FINE)
-    return around[0], bool(hit[0])
+def _film_ends(frame: FilmFrame, half_film_mm: tuple[float, float], turns: list[tuple[float, float]]) -> Array:
+    """Return how far lines have to go, so that lines and what lies between them hold the film."""
+    fine = 8
+    quarters = np.arange(fine * len(turns)) * 4 / (fine * len(turns))
+    corners = quarters_of(frame.corners(half_film_mm)[:, :2])
+    found = frame.reach(half_film_mm, np.array([direction_of(q) for q in [*quarters.tolist(), *corners.tolist()]]))
+    place = np.concatenate([np.arange(len(quarters)) / fine, corners * len(turns) / 4])
+    apart = np.abs((place - np.arange(len(turns))[:, None] + len(turns) / 2) % len(turns) - len(turns) / 2)
+    return np.asarray(np.where(apart <= 2.0, found, 0.0).max(axis=1))
 
 
-def _upper(boxes: Array, radial: bool) -> Array:
-    """Return boxes without their lower halves."""
-    if radial:
-        boxes[:, 2] = 0.0
-    return boxes
+def _held(reach: Array) -> Array:
+    """Return lengths of lines that, interpolated from every second one, are at least those of the ones in between."""
+    even, odd = reach[::2].copy(), reach[1::2]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        short = np.maximum(np.nan_to_num(odd / ((even + np.roll(even, -1)) / 2), nan=1.0, posinf=1.0), 1.0)
+    even *= np.maximum(short, np.roll(short, 1))
+    held = np.empty_like(reach)
+    held[::2], held[1::2] = even, (even + np.roll(even, -1)) / 2
+    return held
 
 
-def _paraxial_boxes(probe: FilmProbe, film: Array) -> Array:
-    """Return boxes (m, 4) thrice as large as the paraxial exit pupil, on the plane of the last vertex."""
-    pupil = probe.lens.first_order(probe.wavelength_nm).exit_pupil
-    from_film = probe.distance - pupil.distance_mm
-    if not (np.isfinite(from_film) and from_film != 0.0):
-        return probe.windows(film)
-    shrink = probe.distance / from_film
-    centres, reach = film * (1.0 - shrink), 1.5 * abs(shrink) * pupil.diameter_mm
-    low, high = centres - reach, centres + reach
-    return np.stack([low[:, 0], high[:, 0], low[:, 1], high[:, 1]], axis=1)
+def _line(reach: float, nodes: int) -> Array:
+    """Return points (2 nodes - 1, 2) on a line of a length: the nodes and the middles between them."""
+    x = _with_middles(np.linspace(0.0, reach, nodes))
+    return np.stack([x, np.zeros(len(x))], axis=1)
 
 
-def _lit_radius(probes: list[FilmProbe], film_radius: float) -> float:
+def _closing_line(reach: float, nodes: int) -> Array:
+    """Return the same, ever denser towards the end, where pupils close: at 1 - (1 - t)^2 of the way for even t."""
+    x = reach * (1.0 - (1.0 - _with_middles(np.linspace(0.0, 1.0, nodes))) ** 2)
+    return np.stack([x, np.zeros(len(x))], axis=1)
+
+
+def _lit_radius(probes: list[FilmProbe], film_radius: float, *, radial: bool = False) -> float:
     """Return the film radius up to which light arrives, at most `film_radius`: by a scan and by following the pupil."""
     radii = np.linspace(0.0, film_radius, LIT_SCAN)
-    boxes, found = pupil_boxes(probes, np.stack([radii, np.zeros(LIT_SCAN)], axis=1), radial=True)
+    film = np.stack([radii, np.zeros(LIT_SCAN)], axis=1)
+    boxes, found = pupil_boxes(probes, film, radial=radial, in_order=True)
     last = int(np.flatnonzero(found)[-1]) if found.any() else 0
     if last == LIT_SCAN - 1 or not found[last]:
         return float(film_radius)
     low, high, box = radii[last], radii[last + 1], boxes[last]
     for _ in range(LIT_BISECTIONS):
         middle = (low + high) / 2
-        there, hit = _near(probes[-1], np.array([[middle, 0.0]]), box)
+        there, hit = box_near(probes[-1], np.array([[middle, 0.0]]), box, radial=radial)
         low, high, box = (middle, high, there) if hit else (low, middle, box)
     return float(high)
 
 
-def _frames(probes: list[FilmProbe], nodes: Array) -> tuple[Array, Array]:
-    """Return centres and half axes of boxes round the pupil at film points (rows, columns, 2); 0 where it is closed.
+def _frames(probes: list[FilmProbe], film: Array, *, radial: bool = False) -> tuple[Array, Array]:
+    """Return centres and half axes of boxes round the pupil at the nodes of a line (nodes, 2); 0 where it is closed.
 
     A closed node next to open ones takes the mean of theirs, so that interpolation reaches the edge of the light.
     """
-    boxes, found = pupil_boxes(probes, nodes.reshape(-1, 2), radial=len(nodes) == 1)
-    rows, columns = nodes.shape[:2]
-    lit = found.reshape(rows, columns, 1)
-    low, high = boxes[:, ::2].reshape(rows, columns, 2), boxes[:, 1::2].reshape(rows, columns, 2)
+    nodes = film[::2].copy()
+    nodes[-1, 0] -= 0.1 * (nodes[1, 0] - nodes[0, 0])  # at the edge itself the pupil has closed
+    boxes, found = pupil_boxes(probes, nodes, radial=radial, in_order=True)
+    lit = found[:, None]
+    low, high = boxes[:, ::2], boxes[:, 1::2]
     centres, axes = (low + high) / 2, np.where(lit, (high - low) / 2, 0.0)
     weight = _neighbours(lit.astype(np.float64))
     borrow = ~lit & (weight > 0)
@@ -260,11 +300,9 @@ def _frames(probes: list[FilmProbe], nodes: Array) -> tuple[Array, Array]:
 
 
 def _neighbours(values: Array) -> Array:
-    """Return the sums over the 3 x 3 neighbourhoods of a grid (rows, columns, components)."""
-    padded = np.pad(values, ((1, 1), (1, 1), (0, 0)))
-    rows, columns = values.shape[:2]
-    shifted = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
-    return np.asarray(np.sum(shifted, axis=0), dtype=np.float64)
+    """Return the sums over the neighbours of the nodes of a line (nodes, components), themselves included."""
+    padded = np.pad(values, ((1, 1), (0, 0)))
+    return np.asarray(padded[:-2] + padded[1:-1] + padded[2:], dtype=np.float64)
 
 
 def _with_middles(nodes: Array) -> Array:
@@ -273,35 +311,32 @@ def _with_middles(nodes: Array) -> Array:
 
 
 def _between(values: Array) -> Array:
-    """Return values at the nodes of a grid (rows, columns, components) and, by interpolation, at the middles."""
-    for axis in (0, 1):
-        if values.shape[axis] > 1:
-            moved = np.moveaxis(values, axis, 0)
-            fine = np.empty((2 * len(moved) - 1, *moved.shape[1:]))
-            fine[::2], fine[1::2] = moved, (moved[1:] + moved[:-1]) / 2
-            values = np.moveaxis(fine, 0, axis)
-    return values
+    """Return values at the nodes of a line (nodes, components) and, by interpolation, at the middles."""
+    fine = np.empty((2 * len(values) - 1, *values.shape[1:]))
+    fine[::2], fine[1::2] = values, (values[1:] + values[:-1]) / 2
+    return fine
 
 
-def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array, fineness: Fineness) -> Array:
-    """Return how far the pupil reaches in its frame, shape (rows, columns, directions).
+def _reach(
+    probe: FilmProbe, film: Array, centres: Array, axes: Array, fineness: Fineness, *, mirrored: bool = False
+) -> Array:
+    """Return how far the pupil reaches in its frame, shape (film points, directions); `mirrored`: as above, so below.
 
     Along each direction points are tried from the outside inwards until one passes, then the edge behind it is
     bisected; so an outline that is not star-shaped from the centre is still held.
     """
-    shape = (*film.shape[:2], fineness.directions * DIRECTIONS)
-    mirrored = film.shape[0] == 1  # radial nodes: v and -v are alike
-    count = shape[2] // 2 + 1 if mirrored else shape[2]
-    angles = np.arange(count) * 2 * np.pi / shape[2]
-    frame = axes[:, :, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
-    points, origins = (np.broadcast_to(values[:, :, None, :], frame.shape) for values in (film, centres))
+    directions = fineness.directions * DIRECTIONS
+    count = directions // 2 + 1 if mirrored else directions
+    angles = np.arange(count) * 2 * np.pi / directions
+    across = axes[:, None, :] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    points, origins = (np.broadcast_to(values[:, None, :], across.shape) for values in (film, centres))
     scan = RING_SCAN if probe.lens.is_obstructed else fineness.scan
     step = FARTHEST / scan
 
     def passing(rho: Array, of: Mask) -> Mask:
-        return probe.passes(points[of], origins[of] + frame[of] * rho[:, None])
+        return probe.passes(points[of], origins[of] + across[of] * rho[:, None])
 
-    low = np.zeros((*shape[:2], count))
+    low = np.zeros((len(film), count))
     for k in range(scan, 0, -1):
         dark = low == 0.0
         low[dark] = np.where(passing(np.full(int(dark.sum()), k * step), dark), k * step, 0.0)
@@ -310,18 +345,22 @@ def _reach(probe: FilmProbe, film: Array, centres: Array, axes: Array, fineness:
         middle = (low[lit] + high[lit]) / 2
         inside = passing(middle, lit)
         low[lit], high[lit] = np.where(inside, middle, low[lit]), np.where(inside, high[lit], middle)
-    reach = np.where(lit.any(axis=2, keepdims=True), high, 0.0)
-    return np.concatenate([reach, reach[..., -2:0:-1]], axis=2) if mirrored else reach
+    reach = np.where(lit.any(axis=1, keepdims=True), high, 0.0)
+    return np.concatenate([reach, reach[:, -2:0:-1]], axis=1) if mirrored else reach
 
 
 def _envelope(reach: Array, directions: int) -> Array:
-    """Return radii at the nodes that, interpolated over film and direction, hold the outlines traced at every point."""
+    """Return radii at the nodes that, interpolated over film and direction, hold the outlines traced at every point.
+
+    Parameters
+    ----------
+    reach
+        (lines, points, directions): of one line, or of twice as many lines as hold them.
+    """
     around = np.maximum(reach, np.maximum(np.roll(reach, 1, axis=2), np.roll(reach, -1, axis=2)))[..., ::directions]
-    for axis in (0, 1):
-        if around.shape[axis] > 1:
-            moved = np.moveaxis(around, axis, 0)
-            nodes, middles = moved[::2].copy(), moved[1::2]
-            nodes[:-1] = np.maximum(nodes[:-1], middles)
-            nodes[1:] = np.maximum(nodes[1:], middles)
-            around = np.moveaxis(nodes, 0, axis)
-    return around
+    nodes, middles = around[:, ::2].copy(), around[:, 1::2]
+    nodes[:, :-1] = np.maximum(nodes[:, :-1], middles)
+    nodes[:, 1:] = np.maximum(nodes[:, 1:], middles)
+    if len(nodes) == 1:
+        return nodes
+    return np.maximum(nodes[::2], np.maximum(nodes[1::2], np.roll(nodes[1::2], 1, axis=0)))

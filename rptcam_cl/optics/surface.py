@@ -97,6 +97,11 @@ class Surface:
         """Whether the surface and its clear region, but for the shape of a stop, look the same from every azimuth."""
         return not (self.cylinder or self.form or self.pose or self.region)
 
+    @property
+    def is_even(self) -> bool:
+        """Whether the surface and its clear region look the same in a mirror along x, and in one along y."""
+        return not (self.pose or self.region)
+
     def clears(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which points of the vertex plane light is not blocked at."""
         square = x * x + y * y

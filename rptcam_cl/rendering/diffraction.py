@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import FilmPupil, film_pupils
+from rptcam_cl.cameras import FilmPupil, film_frame, film_pupils
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.diffraction_kernel import kernel, reach_px, unit_px
 from rptcam_cl.rendering.film import FilmLayout
@@ -160,6 +160,8 @@ def diffraction_of(scene: Scene) -> Diffraction | None:
     choice = scene.camera.diffraction
     if choice == "off":
         return None
+    if not film_frame(scene.camera).is_flat:  # `on` is refused there
+        return Diffraction(scene, False, None, None)
     try:
         pupils = film_pupils(scene)
         radius = AIRY * unit_px(pupils(np.zeros(2)), _pixel_mm(scene))
@@ -200,4 +202,5 @@ def _film_point(scene: Scene, column: float, row: float) -> Array:
     """Return where on the film the middle of a pixel lies [mm], in the frame of the lens."""
     (columns, rows), (width, height) = scene.film.resolution, scene.film.size_m()
     sense = -1e3 if scene.camera.flip else 1e3
-    return sense * np.array([((column + 0.5) / columns - 0.5) * width, (0.5 - (row + 0.5) / rows) * height])
+    film = sense * np.array([((column + 0.5) / columns - 0.5) * width, (0.5 - (row + 0.5) / rows) * height])
+    return film_frame(scene.camera).points(film)[:2]

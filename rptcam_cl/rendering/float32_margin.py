@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import LensSetting, lens_setting, stop_shape, thick_lens_of
+from rptcam_cl.cameras import LensSetting, film_frame, half_film_mm, lens_setting, stop_shape, thick_lens_of
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session
-from rptcam_cl.optics import FilmProbe, Lens, Rays
+from rptcam_cl.optics import UNMOVED, FilmFrame, FilmProbe, Lens, Rays
 from rptcam_cl.scene import RealisticCamera, Scene
 
 RAYS = 512
@@ -56,23 +56,29 @@ def lens_margin(scene: Scene, session: Session) -> LensMargin | None:
     shape = stop_shape(scene, camera.aperture)
     if shape is not None and lens.stop is not None:
         lens = lens.with_stop_shape(shape)
-    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    origins, directions = film_rays(lens, setting.film_distance_mm, (width_mm / 2, height_mm / 2), wavelength_nm)
+    frame = film_frame(camera)
+    origins, directions = film_rays(lens, setting.film_distance_mm, half_film_mm(scene), wavelength_nm, frame=frame)
     exact = lens.trace(origins, directions, wavelength_nm)
     traced = trace_on_device(lens, session, origins, directions, wavelength_nm, "film", camera.precision)
     return _compared(exact, traced, _pixels_per_radian(scene, setting), setting.focus_distance_mm)
 
 
 def film_rays(
-    lens: Lens, film_mm: float, half_film_mm: tuple[float, float], wavelength_nm: float, count: int = RAYS
+    lens: Lens,
+    film_mm: float,
+    half_film_mm: tuple[float, float],
+    wavelength_nm: float,
+    count: int = RAYS,
+    frame: FilmFrame = UNMOVED,
 ) -> tuple[Array, Array]:
     """Return origins on the film and directions (n, 3) [mm], half to all of the last surface, half to the exit pupil.
 
     A lens whose exit pupil is infinitely far gets all of them over its last surface.
     """
     rng = np.random.default_rng(SEED)
-    film = rng.uniform(-1, 1, (count, 2)) * half_film_mm
-    boxes = FilmProbe(lens, film_mm, wavelength_nm).windows(film)
+    points = frame.points(rng.uniform(-1, 1, (count, 2)) * half_film_mm)
+    film, depth = points[:, :2], points[:, 2]
+    boxes = FilmProbe(lens, film_mm, wavelength_nm, frame).windows(film)
     aims = boxes[:, ::2] + rng.random(film.shape) * (boxes[:, 1::2] - boxes[:, ::2])
     aims = np.column_stack([aims, np.full(count, lens.length)])
     pupil = lens.first_order(wavelength_nm).exit_pupil
@@ -81,7 +87,7 @@ def film_rays(
         radius, turn = pupil.diameter_mm / 2 * np.sqrt(rng.random(half)), 2 * np.pi * rng.random(half)
         there = np.full(half, lens.film_z(pupil.distance_mm))
         aims[:half] = np.column_stack([radius * np.cos(turn), radius * np.sin(turn), there])
-    origins = np.column_stack([film, np.full(count, lens.film_z(film_mm))])
+    origins = np.column_stack([film, lens.film_z(film_mm) + lens.sense * depth])
     return origins, aims - origins
 
 

@@ -11,11 +11,9 @@ from rptcam_cl.scene.camera import (
     EnvironmentCamera,
     LensCamera,
     PinholeCamera,
-    Pose,
     RealisticCamera,
     ThickLensCamera,
     ThinLensCamera,
-    pose_matrix,
 )
 from rptcam_cl.scene.change import apply_overrides, at_opening, change_scene, with_camera
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
@@ -53,6 +51,7 @@ from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, Norm
 from rptcam_cl.scene.mesh import LoadedMesh, MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
 from rptcam_cl.scene.motion import CameraKeyframe, ObjectKeyframe, Trajectory, moments, quaternion_of
+from rptcam_cl.scene.movements import NO_MOVEMENTS, Movements
 from rptcam_cl.scene.picture import (
     COOLEST,
     HOTTEST,
@@ -63,6 +62,7 @@ from rptcam_cl.scene.picture import (
     ToneCurve,
     WhiteBalance,
 )
+from rptcam_cl.scene.pose import Pose, pose_matrix
 from rptcam_cl.scene.problems import input_error
 from rptcam_cl.scene.quantities import LARGEST_RADIANCE, LONGEST_S, SHORTEST_S, Colour
 from rptcam_cl.scene.real_lens import GRADES, AsBuilt, RealLens
@@ -112,6 +112,7 @@ __all__ = [
     "MOST_STOPS",
     "NOT_FOUND_YET",
     "NO_BALANCE",
+    "NO_MOVEMENTS",
     "POLICIES",
     "SHORTEST_S",
     "SIDES_MM",
@@ -169,6 +170,7 @@ __all__ = [
     "Mirror",
     "Missing",
     "Mix",
+    "Movements",
     "NamedMesh",
     "Noise",
     "NormalMap",

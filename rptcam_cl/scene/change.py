@@ -11,10 +11,11 @@ from pydantic import ValidationError
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import KeyPath, dotted, read_yaml
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.camera import LensCamera, Pose, ThinLensCamera
+from rptcam_cl.scene.camera import LensCamera, ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.focus import Focus
 from rptcam_cl.scene.picture import WhiteBalance
+from rptcam_cl.scene.pose import Pose
 from rptcam_cl.scene.problems import input_error, shown
 from rptcam_cl.scene.real_lens import with_design
 from rptcam_cl.scene.scene import Scene

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from rptcam_cl.cameras import film_point, thick_lens_of
+from rptcam_cl.cameras import film_frame, film_point, thick_lens_of
 from rptcam_cl.lenstools import FilmSpot, field_mtf, wavelength_colour
 from rptcam_cl.optics import FilmProbe, Rays, Status, narrowed
-from rptcam_cl.scene import LensCamera, Pose, Scene
+from rptcam_cl.scene import LensCamera, Scene
 from rptcam_cl.viewfinder.depth_of_field import perspective
 from rptcam_cl.viewfinder.lens_section import APPROACH, ideal_opening
 from rptcam_cl.viewfinder.lens_state import LINES_NM, Array, LensState
@@ -32,9 +32,10 @@ def pointer_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     """Return fan, spot and transfer of a point of the picture, in fractions from its left and top."""
     camera = state.scene.camera
     assert isinstance(camera, LensCamera)
-    start = np.array([*film_point(state.scene, camera, x, y), state.film_z])
+    *place, depth = film_point(state.scene, camera, x, y)
+    start = np.array([*place, state.film_z + state.lens.sense * depth])
     across = _section(state, start)
-    probe = FilmProbe(state.lens, state.setting.film_distance_mm, camera.wavelength_nm)
+    probe = FilmProbe(state.lens, state.setting.film_distance_mm, camera.wavelength_nm, film_frame(camera))
     film = start[None, :2]
     window = probe.windows(film)
     boxes, found = narrowed(probe, film, window, SCOUTS)
@@ -218,7 +219,7 @@ def thick_rays(state: LensState, x: float, y: float) -> dict[str, Any]:
     """Return the rays of a thick lens: straight lines between film, lens and scene, through points of its pupil."""
     camera = state.scene.camera
     assert isinstance(camera, LensCamera)
-    film = np.array(film_point(state.scene, camera, x, y))
+    film = np.array(film_point(state.scene, camera, x, y)[:2])
     across = _section(state, np.array([*film, 0.0]))
     height = float(film @ across)
     thick = thick_lens_of(state.setting.lens, state.setting.film_distance_mm, camera.wavelength_nm)
@@ -241,7 +242,7 @@ def ideal_rays(scene: Scene, x: float, y: float) -> dict[str, Any]:
     camera = scene.camera
     if film_z <= 0:
         return {"x": x, "y": y, "rays": []} | _NO_LIGHT
-    film = _ideal_film_point(scene, camera, x, y)
+    film = np.array(film_point(scene, camera, x, y)[:2])
     away = float(np.hypot(*film))
     height = away if film[1] >= 0 else -away
     found = perspective(scene)
@@ -252,13 +253,6 @@ def ideal_rays(scene: Scene, x: float, y: float) -> dict[str, Any]:
         slope = -height / film_z - pupil * vergence
         lines.append([[film_z, height], [0.0, pupil], [-film_z, pupil + slope * film_z]])
     return _ideal(x, y, film, lines, float(np.degrees(np.arctan2(away, film_z))))
-
-
-def _ideal_film_point(scene: Scene, camera: Pose, x: float, y: float) -> Array:
-    """Return where on the film a point of the picture lies [mm]; an ideal lens inverts as a real one does."""
-    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    sense = -1.0 if camera.flip else 1.0
-    return np.array([sense * (x - 0.5) * width_mm, sense * (0.5 - y) * height_mm])
 
 
 def _ideal(x: float, y: float, film: Array, lines: list[list[list[float]]], angle: float) -> dict[str, Any]:

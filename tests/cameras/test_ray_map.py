@@ -10,7 +10,7 @@ from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.probe import grid
-from rptcam_cl.optics.pupil_shape import narrowing_probes, pupil_boxes
+from rptcam_cl.optics.pupil_boxes import narrowing_probes, pupil_boxes
 
 HALF_FILM_MM = (18.0, 12.0)
 PIXELS_PER_MM = 1920 / 36

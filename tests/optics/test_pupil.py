@@ -12,7 +12,7 @@ from rptcam_cl.optics.pupil_shape import pupil_shapes
 
 def test_nodes_end_where_the_light_does():
     shapes = pupil_shapes(load_lens("fisheye-10mm"), 23.192, (25.0, 25.0))
-    assert shapes.x[-1] == pytest.approx(13.45, abs=0.3)  # the image circle of the sources
+    assert shapes.reach[0] == pytest.approx(13.45, abs=0.3)  # the image circle of the sources
 
 
 def test_film_in_front_of_the_last_surface_is_an_error():
@@ -26,6 +26,6 @@ def test_outlines_of_a_pupil_much_smaller_than_the_rear_element_are_found():
     shapes = pupil_shapes(lens, film, (2.8, 2.1))
     assert np.all(shapes.axes > 0.07) and np.all(shapes.axes < 0.1)
     probe = FilmProbe(lens, film, LINE_D_NM)
-    points = np.stack([shapes.x[:-1], np.zeros(len(shapes.x) - 1)], axis=1)
+    points = np.stack([np.linspace(0, shapes.reach[0], 41)[:-1], np.zeros(40)], axis=1)
     assert np.all(probe.passes(points, shapes.centres[0, :-1]))
     assert not np.any(probe.passes(points, shapes.centres[0, :-1] + [0.0, 0.15]))

@@ -11,8 +11,8 @@ import yaml
 from rptcam_cl import scene as model
 from rptcam_cl.scene import load_scene, scene_json_schema
 from rptcam_cl.scene.base import SceneModel
-from rptcam_cl.scene.camera import Pose
 from rptcam_cl.scene.file_reference import FileReference
+from rptcam_cl.scene.pose import Pose
 from rptcam_cl.scene.texture import Blend
 
 # Sections of docs/scene.md: the model that each describes, and the sections that describe the keys that it shares.
@@ -34,6 +34,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Heart aperture": (model.HeartAperture,),
     "Outline aperture": (model.OutlineAperture,),
     "Image aperture": (model.ImageAperture,),
+    "Movements": (model.Movements,),
     "Focus": (model.Focus,),
     "Autofocus": (model.AutoFocus,),
     "Zones file": (model.ZonesFile,),
@@ -113,7 +114,19 @@ BASES = {
 }
 
 # Defaults that the reference describes in words.
-IN_WORDS = {"film", "exposure", "shutter", "spectrum", "time_s", "render", "picture", "filter", "radius_px", "tone"}
+IN_WORDS = {
+    "movements",
+    "film",
+    "exposure",
+    "shutter",
+    "spectrum",
+    "time_s",
+    "render",
+    "picture",
+    "filter",
+    "radius_px",
+    "tone",
+}
 IN_WORDS |= {"transmission"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
