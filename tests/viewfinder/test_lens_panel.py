@@ -78,7 +78,7 @@ def test_rays_are_drawn_where_float64_traces_them(
     resolved = scene(lens, distance_m)
     state = lens_state(resolved, open_session(None))
     assert isinstance(resolved.camera, LensCamera)
-    start = np.array([*film_point(resolved, resolved.camera, *place), state.film_z])
+    start = np.array([*film_point(resolved, resolved.camera, *place)[:2], state.film_z])
     across = start[:2] / np.hypot(*start[:2]) * np.sign(start[1])
     rays = panel.pointer(resolved, *place)["rays"]
     assert {ray["wavelength_nm"] for ray in rays} == {round(nm, 2) for nm in state.wavelengths_nm}
@@ -104,7 +104,7 @@ def test_what_stops_a_ray_is_what_stops_it_in_float64(panel: LensPanel) -> None:
     state = lens_state(resolved, open_session(None))
     assert isinstance(resolved.camera, LensCamera)
     for x in (0.5, 0.3, 0.05):
-        start = np.array([*film_point(resolved, resolved.camera, x, 0.5), state.film_z])
+        start = np.array([*film_point(resolved, resolved.camera, x, 0.5)[:2], state.film_z])
         for ray in panel.pointer(resolved, x, 0.5)["rays"]:
             first = ray["points"][1]
             towards = np.array([first[1], 0.0, first[0]] if abs(start[0]) > 1e-6 else [0.0, first[1], first[0]])
