@@ -39,17 +39,20 @@ def _draw_yield(axes: Axes, run: ToleranceRun) -> None:
     axes.plot(limits, value, color=series(0))
     design = scale * float(run.design.by(run.rank_by)[0])
     axes.axvline(design, color=FAINT, linestyle=":")
-    axes.text(design, 3, " design", color=INK)
+    axes.text(design, 93, " design", color=INK)
     side = "or less" if run.rank_by == "spot" else "or more"
     axes.set(xlabel=f"{unit}, {side}", ylabel="copies [%]", ylim=(0, 102))
 
 
 def _draw_offenders(axes: Axes, run: ToleranceRun) -> None:
-    scale, unit = _scale(run)
+    scale, _ = _scale(run)
+    change = "spot with one tolerance at its limit, less the design's [µm]"
+    if run.rank_by != "spot":
+        change = "modulation with one tolerance at its limit, less the design's [%]"
     worst = run.worst_offenders(OFFENDERS)[::-1]
     changes = [scale * (one.spot_change_um if run.rank_by == "spot" else one.mtf_change) for one in worst]
     axes.barh([f"{one.label}, {one.direction}" for one in worst], changes, color=series(1))
-    axes.set(xlabel=f"{unit}, less the design's, with one tolerance at its limit")
+    axes.set(xlabel=change)
     axes.tick_params(axis="y", labelsize=8)
     axes.grid(False, axis="y")
 

@@ -144,6 +144,11 @@ def test_option_sets_the_percentile_of_any_lens(folder: Path, checkout: Path, le
     assert (short.as_built.percent, short.as_built.spec) == (10.0, "commercial")  # type: ignore[union-attr]
 
 
+def test_board_of_the_page_is_a_scene(checkout: Path) -> None:
+    chart = load_scene(checkout / "examples" / "tolerances" / "chart.yml", ["camera.lens.as_built=90%"])
+    assert chart.camera.as_built.percent == 90  # type: ignore[union-attr]
+
+
 def test_hash_of_a_scene_goes_by_what_the_tolerances_say(folder: Path) -> None:
     plain, made = scene(folder, "cooke-triplet-50mm"), scene(folder, built("90%"))
     assert plain.content_hash() != made.content_hash()
