@@ -15,6 +15,8 @@ from rptcam_cl.optics.glass import AIR, Medium, known_range
 from rptcam_cl.optics.surface import Surface
 
 Array = NDArray[np.float64]
+REMEMBERED = 256  # rows of media at one wavelength each, whose indices are remembered
+_INDICES: dict[tuple[float, ...], tuple[tuple[Medium, ...], Array]] = {}
 
 
 @dataclass(frozen=True)
@@ -153,8 +155,22 @@ class Prescription:
         return (self.object_medium, *(surface.glass for surface in self.surfaces))
 
     def indices(self, wavelength_nm: ArrayLike = LINE_D_NM) -> Array:
-        """Return the index before the first surface and after each one, shape (n + 1, *wavelengths)."""
-        return np.stack([medium.index(wavelength_nm) for medium in self.media])
+        """Return the index before the first surface and after each one, shape (n + 1, *wavelengths); not to be changed.
+
+        Those of a single wavelength are remembered, as all states of a lens have the same media.
+        """
+        media = self.media
+        if not isinstance(wavelength_nm, float):
+            return np.stack([medium.index(wavelength_nm) for medium in media])
+        key = wavelength_nm, *map(id, media)
+        known = _INDICES.get(key)
+        if known is None:
+            found = np.stack([medium.index(wavelength_nm) for medium in media])
+            found.flags.writeable = False
+            if len(_INDICES) >= REMEMBERED:
+                _INDICES.clear()
+            known = _INDICES[key] = media, found  # which keeps the media, so that no others get their ids
+        return known[1]
 
     @property
     def known_nm(self) -> tuple[float, float]:
