@@ -1,7 +1,7 @@
 // A ray through every surface of a lens, in order of travel. Coordinates in millimetres, z along the direction of travel
 // and relative to the vertex of the current surface. Snell's law is exact in vector form. A ray that fails keeps the
 // state in which it failed. A mirror turns z round, so that it runs along the travel behind it as well. Facts: those of
-// lens/surface.h, LENS_POSE, LENS_MIRROR, and LENS_DISPERSION: how many coefficients give the
+// lens/surface.h, LENS_POSE, LENS_MIRROR, LENS_POLARISED, and LENS_DISPERSION: how many coefficients give the
 // ratio of the indices at a wavelength, 0 where one ratio holds for all rays; those of lens/coating.h.
 #ifndef LENS_TRACE_H
 #define LENS_TRACE_H
@@ -10,6 +10,9 @@
 #if LENS_LOSSES
 #include "common/exponential.h"
 #include "lens/coating.h"
+#endif
+#if LENS_POLARISED
+#include "lens/polarised.h"
 #endif
 
 typedef struct {
@@ -93,6 +96,9 @@ typedef struct {
 #if LENS_REGION
     I  beside;       // lanes that pass beside the half lens at hand
 #endif
+#if LENS_POLARISED
+    Polarisation light;
+#endif
 #if LENS_KEEP_FAILED
     F3 stopped_p, stopped_d;
 #endif
@@ -119,6 +125,9 @@ static LensPath enter_lens(F3 p, F3 d, F wavelength)
 #endif
 #if LENS_REGION
     path.beside = FALSE;
+#endif
+#if LENS_POLARISED
+    path.light = unpolarised(d);
 #endif
 #if LENS_KEEP_FAILED
     path.stopped_p = p;
@@ -187,6 +196,22 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
         path->share *= share;
 #endif
     }
+#if LENS_POLARISED
+#if LENS_POSE
+    if (s->posed)
+        path->light.across = turned_back(s->rotation, path->light.across);
+#endif
+    if (s->refracts != 0.0f)
+        polarise(&path->light, s, v, hit.n, hit.cosine);
+#if LENS_POSE
+    if (s->posed)
+        path->light.across = turned(s->rotation, path->light.across);
+#endif
+#if LENS_MIRROR
+    if (mirrors)
+        turn_round(&path->light);
+#endif
+#endif
 #if LENS_REGION
     bent = select3(path->beside, v, bent);
     bends = bends | path->beside;

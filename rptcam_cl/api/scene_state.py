@@ -14,7 +14,7 @@ from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report
 from rptcam_cl.imaging import Image
 from rptcam_cl.plan import Plan, make_plan, with_film, with_lens
-from rptcam_cl.rendering import FilmRun, SceneBuffers, reading_cd_m2, rendering_of
+from rptcam_cl.rendering import FilmRun, SceneBuffers, ghosting_of, reading_cd_m2, rendering_of
 from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene, set_keys
 
 ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
@@ -118,6 +118,7 @@ def image_of(state: SceneState, run: FilmRun, settings: RenderSettings, *, secon
     prepared = Prepared(
         settings, state.scene, state.scene.render.layers, state.found.scene, state.found.metadata, state.plan,
         run.wavefront, None, None, begun, {"start": 0.0, "compile": 0.0}, state.found.diffraction,
+        ghosting_of(state.found.ghosts, state.plan, run.wavefront.session),
     )  # fmt: skip
     return report(prepared, rendering)
 

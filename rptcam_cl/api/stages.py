@@ -9,6 +9,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device import Session, means_all, open_sessions
@@ -20,6 +22,7 @@ from rptcam_cl.rendering import (
     AnyWavefront,
     Diffraction,
     FilmLayout,
+    Ghosting,
     Part,
     Progress,
     Rendering,
@@ -32,6 +35,8 @@ from rptcam_cl.rendering import (
     described_before,
     diffracted,
     diffraction_of,
+    ghosting_of,
+    has_ghosts,
     joined,
     lens_margin,
     render_plan,
@@ -61,6 +66,8 @@ class Resolved:
         The luminance that the exposure follows from.
     diffraction : Diffraction or None
         What it does to the film; None where it is off.
+    ghosts : Scene or None
+        In focus, with the camera as requested; None where there are none.
     """
 
     scene: Scene
@@ -68,6 +75,7 @@ class Resolved:
     focus: dict[str, Any] | None
     metered_cd_m2: float | None
     diffraction: Diffraction | None = None
+    ghosts: Scene | None = None
 
 
 def resolve(
@@ -85,7 +93,7 @@ def resolve(
         from rptcam_cl.focusing import in_focus  # few scenes have it, and its room takes long to import
 
         sharp, focus = in_focus(scene, session, focus)
-    diffraction = diffraction_of(sharp)
+    diffraction, in_focus_with_lens = diffraction_of(sharp), sharp
     described_choice: dict[str, Any] = {}
     if isinstance(sharp.camera, RealisticCamera) and sharp.camera.accuracy is not None:
         from rptcam_cl.tradeoff import choose_camera  # few scenes have a choice, and its room takes long to import
@@ -95,7 +103,9 @@ def resolve(
     exposed = resolve_exposure(sharp, session, metered_cd_m2)
     metadata = exposed.metadata | described_choice | ({} if focus is None else focus["metadata"])
     metadata |= {} if diffraction is None else {"diffraction": diffraction.metadata}
-    return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2, diffraction)
+    ghosts = in_focus_with_lens if has_ghosts(in_focus_with_lens) else None
+    metadata |= {} if ghosts is None else {"ghosts": {"on": True}}
+    return Resolved(exposed.scene, metadata, focus, exposed.metered_cd_m2, diffraction, ghosts)
 
 
 @dataclass(frozen=True)
@@ -124,6 +134,8 @@ class Prepared:
         What preparing took: ``start`` and ``compile`` [s].
     diffraction : Diffraction or None
         What is done to the film after its samples.
+    ghosting : Ghosting or None
+        What is added to it before.
     """
 
     settings: RenderSettings
@@ -138,6 +150,7 @@ class Prepared:
     begun: float
     seconds: dict[str, float]
     diffraction: Diffraction | None = None
+    ghosting: Ghosting | None = None
 
 
 def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSettings) -> Prepared:
@@ -185,7 +198,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     seconds = {"start": started - begun, "compile": time.perf_counter() - started}
     return Prepared(
         settings, scene, layers, found.scene, found.metadata, plan, wavefront, saver, saved, begun, seconds,
-        found.diffraction,
+        found.diffraction, ghosting_of(found.ghosts, plan, wavefront.session),
     )  # fmt: skip
 
 
@@ -258,10 +271,21 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     )
     if settings.denoise:
         image = replace(image.denoised(), layers={name: image[name] for name in prepared.layers})
+    if prepared.ghosting is not None:
+        image = _with_ghosts(image, prepared.ghosting)
     image = replace(image, pixels=diffracted(prepared.diffraction, image.pixels))
     if settings.strict and (faults := anomalies(stats["numerics"]) + _failed_focus(metadata)):
         raise NumericError(f"strict: {'; '.join(faults)}", image)
     return image
+
+
+def _with_ghosts(image: Image, ghosting: Ghosting) -> Image:
+    """Return the image with the light of ghosts."""
+    light, said = ghosting.found
+    light = light.astype(np.float32)
+    layers = dict(image.layers) | ({"ghosts": light} if "ghosts" in image.layers else {})
+    metadata = dict(image.metadata) | {"ghosts": said}
+    return replace(image, pixels=np.add(image.pixels, light, dtype=np.float32), layers=layers, metadata=metadata)
 
 
 def _check_part(scene: Scene, settings: RenderSettings) -> None:
@@ -276,6 +300,8 @@ def check_divisible(scene: Scene) -> None:
     """Refuse a scene that cannot be rendered in parts."""
     if scene.render.noise is not None:
         raise InputError("part: a noise target needs the whole film (allowed: without render.noise)")
+    if has_ghosts(scene):
+        raise InputError("part: ghosts need the whole film (allowed: with camera.ghosts: off)")
     if "variance" in scene.render.layers:
         raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
 

@@ -11,6 +11,7 @@ from rptcam_cl.cameras.exposure import exposed, on_axis_irradiance, values_per_i
 from rptcam_cl.cameras.film_pupil import FilmPupil, film_pupils
 from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.cameras.geometry import camera_geometry
+from rptcam_cl.cameras.ghost_records import WayRecords, ghost_setting, ghosts_have_colours
 from rptcam_cl.cameras.half_pupil import PupilLine, Split, halved, pupil_line
 from rptcam_cl.cameras.model import CameraModel, CameraView
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
@@ -67,6 +68,7 @@ __all__ = [
     "RayMap",
     "Split",
     "ThickLens",
+    "WayRecords",
     "allowed_px",
     "camera_geometry",
     "camera_model",
@@ -83,6 +85,8 @@ __all__ = [
     "filter_table",
     "fit_nodes",
     "fitted_map",
+    "ghost_setting",
+    "ghosts_have_colours",
     "half_film_mm",
     "halved",
     "lens_rays",

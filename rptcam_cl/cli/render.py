@@ -372,6 +372,8 @@ def _one(
     if not arguments.quiet:
         if "diffraction" in image.metadata:
             print(f"diffraction: {image.metadata['diffraction']['says']}", file=sys.stderr)
+        if "ghosts" in image.metadata:
+            print(f"ghosts: {image.metadata['ghosts']['says']}", file=sys.stderr)
         for line in image.metadata.get("accuracy", {}).get("says", ()):
             print(f"accuracy: {line}", file=sys.stderr)
         if shared := _shared(image.stats):

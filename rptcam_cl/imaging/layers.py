@@ -29,6 +29,7 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "samples": ("samples.X",),
     "variance": ("variance.Y",),
     "direct": ("direct.R", "direct.G", "direct.B"),
+    "ghosts": ("ghosts.R", "ghosts.G", "ghosts.B"),
 }
 
 

@@ -21,6 +21,7 @@ from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
 from rptcam_cl.rendering.forecast import Forecast, forecast
+from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts
 from rptcam_cl.rendering.memory import amount
 from rptcam_cl.rendering.merge import layout_of, merged_state, read_part
 from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2, resolve_exposure
@@ -52,6 +53,7 @@ __all__ = [
     "FilmRun",
     "FilmSpread",
     "Forecast",
+    "Ghosting",
     "LensMargin",
     "Part",
     "Progress",
@@ -73,6 +75,8 @@ __all__ = [
     "diffraction_of",
     "film_rays",
     "forecast",
+    "ghosting_of",
+    "has_ghosts",
     "joined",
     "layout_of",
     "lens_margin",

@@ -27,13 +27,18 @@ MIDDLE_NM = 550.0
 
 
 @cache
+def shares_of_white(waves_nm: tuple[float, ...]) -> Array:
+    """Return the share of each of some wavelengths, evenly spaced [nm], in red, green and blue of daylight, (n, 3)."""
+    light = rgb_basis() * (cie_1931().sum(axis=1) * daylight_65())[:, None]
+    bands = np.rint((WAVELENGTHS_NM - waves_nm[0]) / (waves_nm[1] - waves_nm[0])).astype(int)
+    shares = np.zeros((len(waves_nm), 3))
+    np.add.at(shares, np.clip(bands, 0, len(waves_nm) - 1), light)
+    return np.asarray(shares / shares.sum(axis=0))
+
+
 def white_shares() -> Array:
     """Return the share of each of `WAVES_NM` in red, green and blue of daylight, shape (wavelengths, 3)."""
-    light = rgb_basis() * (cie_1931().sum(axis=1) * daylight_65())[:, None]
-    bands = np.rint((WAVELENGTHS_NM - WAVES_NM[0]) / (WAVES_NM[1] - WAVES_NM[0])).astype(int)
-    shares = np.zeros((len(WAVES_NM), 3))
-    np.add.at(shares, np.clip(bands, 0, len(WAVES_NM) - 1), light)
-    return np.asarray(shares / shares.sum(axis=0))
+    return shares_of_white(tuple(WAVES_NM.tolist()))
 
 
 def unit_px(pupil: FilmPupil, pixel_mm: tuple[float, float], nm: float = MIDDLE_NM) -> float:

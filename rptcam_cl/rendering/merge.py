@@ -87,6 +87,8 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
     wanted = (picture["metadata"].get("diffraction") or {}).get("on", False)
     if wanted and not any(name.startswith(DIFFRACTION) for name in saved.arrays):
         raise StateError(f"{path}: was saved by a version that could not merge diffraction (render it again)")
+    if picture["metadata"].get("ghosts") is not None:
+        raise StateError(f"{path}: a render with ghosts cannot be merged (allowed: with camera.ghosts: off)")
     part, done = part_of_facts(facts.get("part")), facts["done"]
     end = part.end or (done if part.count == 1 else picture.get("spp") or done)
     return SavedPart(path, saved, part, done, max(end, done))

@@ -173,7 +173,7 @@ def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, 
     film = {name: np.ascontiguousarray(layout.in_rows(values[None])[0]) for name, values in in_rows.items()}
     sums = wavefront.sums()
     pixels = layout.picture(sums, tiles)
-    found = wavefront.layers() | film | {"direct": pixels}
+    found = wavefront.layers() | film | {"direct": pixels, "ghosts": np.zeros_like(pixels)}
     return Rendering(
         pixels=pixels,
         done=done,

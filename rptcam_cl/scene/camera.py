@@ -275,6 +275,19 @@ class RealisticCamera(LensCamera):
     accuracy: Annotated[Accuracy, AlsoAccepts(AUTO)] | None = None
     """Largest error of a cheaper camera model that may replace the lens; by default every ray is traced."""
 
+    ghosts: Literal["off", "on"] = "off"
+    """Whether lamps and suns make ghosts: light that two surfaces reflect onto the film. Needs a `transmission`."""
+
+    @model_validator(mode="after")
+    def _check_ghosts(self) -> Self:
+        fault = "" if self.transmission.fresnel else "needs surfaces that reflect, and those of an ideal lens do not"
+        if self.movements != NO_MOVEMENTS:
+            fault = "are known of a film in its place alone"
+        if self.ghosts == "on" and fault:
+            allowed = "off, or without movements and with a transmission: bare, coated or {coating: mgf2}"
+            raise refuse(fault, got="on", allowed=allowed, path=("ghosts",))
+        return self
+
     @model_validator(mode="after")
     def _check_movements(self) -> Self:
         for key, given in (("rays", self.rays == "fitted"), ("accuracy", self.accuracy is not None)):

@@ -25,10 +25,11 @@ LayerName = Literal[
     "samples",
     "variance",
     "direct",
+    "ghosts",
 ]
 LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
 # Of the picture itself, not of what its rays meet.
-FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct")
+FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct", "ghosts")
 
 
 def _as_list(names: object) -> object:

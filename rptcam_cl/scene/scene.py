@@ -260,15 +260,15 @@ class Scene(SceneModel):
     def content_hash(self) -> str:
         """Return the SHA-256 of everything that changes the film.
 
-        Left out are the number of samples, layers, the sensor without its response, what follows the film (diffraction
-        and how the picture is shown), and names. Files count by their content.
+        Left out are the number of samples, layers, the sensor without its response, what follows the film (diffraction,
+        ghosts and how the picture is shown), and names. Files count by their content.
         """
         left_out = {"name", "file", "mesh", "vertices", "faces", "uvs", "normals"}
         content = self.model_dump(
             mode="json",
             exclude={
-                "picture": True, "sequence": True, "sensor": True, "camera": {"diffraction"}, "materials": True,
-                "meshes": True,
+                "picture": True, "sequence": True, "sensor": True, "camera": {"diffraction", "ghosts"},
+                "materials": True, "meshes": True,
                 "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
         )  # fmt: skip

@@ -1,0 +1,104 @@
+// Sends light of sources through one way of a lens, whose surfaces stand in the order in which it meets them, and adds it
+// to the film. Every work item traces VW rays; a ray belongs to source (number % sources) and is a point of a lattice over
+// that source's box on the plane of the first vertex. Light is added as whole numbers of 64 bits, in two words with a
+// carry: such sums do not depend on their order. With GHOST_SCOUT nothing is added, and each ray's place on the film and
+// the share of its light that gets there are stored.
+#include "lens/trace.h"
+
+#define GOLDEN      2654435769u         // 2^32 over the golden ratio
+#define ONE_LIGHT   68719476736.0f      // 2^36 units
+
+typedef struct {
+    F x, y, share;      // on the film [mm]; 0 of what does not arrive
+} Landed;
+
+static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int count, const __global real *stop,
+                           float film_distance)
+{
+    LensPath path = enter_lens(p, d, ONE);
+    for (int k = 0; k < count; ++k)
+        cross_surface(&path, surfaces + k, stop);
+    F t = (film_distance - path.p.z) / path.d.z;
+    Landed landed;
+    landed.x = path.p.x + t * path.d.x;
+    landed.y = path.p.y + t * path.d.y;
+    I arrives = path.passed & (path.d.z > 0.0f);
+    F share = power_of(&path.light);
+#if LENS_ABSORPTION
+    share *= exponential(-path.depth);
+#endif
+    landed.share = arrives ? share : ZERO;
+    return landed;
+}
+
+// A source is x, y, z towards it or where it is [mm], w: 1 for a place; then its box: corner and sides; then its weights.
+static void enter_front(const __global float4 *source, uint number, uint rays, F3 *p, F3 *d, F *weight)
+{
+    float4 at = source[0], box = source[1];
+    U n = AS_U((I)((int)number) + LANES);
+    F u = (TO_F(AS_I(n)) + 0.5f) / (float)rays;
+    F v = TO_F(AS_I((n * GOLDEN) >> 8)) * 5.9604645e-8f;
+    *p = f3(box.x + u * box.z, box.y + v * box.w, ZERO);
+    F3 away = at.w > 0.0f ? sub(*p, f3((F)(at.x), (F)(at.y), (F)(at.z))) : f3((F)(at.x), (F)(at.y), (F)(at.z));
+    F length2 = dot3(away, away);
+    *d = scale(away, ONE / sqrt(length2));
+    float vertex2 = at.x * at.x + at.y * at.y + at.z * at.z;
+    *weight = at.w > 0.0f ? d->z * vertex2 / length2 : d->z;            // a lamp's light over that at the first vertex
+}
+
+static void add_light(__global uint *sum, float light)
+{
+    ulong units = (ulong)(light * ONE_LIGHT);
+    uint low = (uint)units, high = (uint)(units >> 32);
+    uint before = atomic_add((volatile __global uint *)sum, low);
+    high += before + low < before ? 1u : 0u;
+    if (high != 0u)
+        atomic_add((volatile __global uint *)sum + 1, high);
+}
+
+__kernel void ghosts(const __global Surface *surfaces,       // in order of travel
+                     int                     count,          // surfaces
+                     const __global real    *stop,           // shape of the stop
+                     const __global float4  *sources,        // [sources][3]
+                     uint                    source_count,
+                     uint                    rays,           // of each source
+                     float                   film_distance,  // behind the last vertex [mm]
+                     float4                  pixels,         // column = x + y * film x, row = z + w * film y
+                     uint2                   size,           // columns and rows of the film
+                     __global uint          *film)           // [rows][columns][3] low and high words; or with GHOST_SCOUT
+                                                             // float [3][source_count * rays]: x, y, share
+{
+    uint first = get_global_id(0) * VW;
+    uint source = first / rays;
+    if (source >= source_count)
+        return;
+    const __global float4 *lamp = sources + 3 * source;
+    F3 p, d;
+    F weight;
+    enter_front(lamp, first - source * rays, rays, &p, &d, &weight);
+    Landed landed = through_lens(p, d, surfaces, count, stop, film_distance);
+#if GHOST_SCOUT
+    uint all = source_count * rays;
+    __global float *out = (__global float *)film;
+    STORE_F(out, first, landed.x);
+    STORE_F(out + all, first, landed.y);
+    STORE_F(out + 2 * all, first, landed.share * weight);
+#else
+    F column = pixels.x + pixels.y * landed.x, row = pixels.z + pixels.w * landed.y;
+    I inside = (landed.share > 0.0f) & (column >= 0.0f) & (row >= 0.0f) & (column < (float)size.x) & (row < (float)size.y);
+    if (!ANY(inside))
+        return;
+    F light = inside ? landed.share * weight : ZERO;
+    I place = inside ? TO_I(row) * (int)size.x + TO_I(column) : FALSE;
+    float4 colour = lamp[2];
+    for (int k = 0; k < VW; ++k) {
+        float one = ((const float *)&light)[k];
+        if (one > 0.0f) {
+            __global uint *pixel = film + 6u * (uint)((const int *)&place)[k];
+            add_light(pixel, one * colour.x);
+            add_light(pixel + 2, one * colour.y);
+            add_light(pixel + 4, one * colour.z);
+        }
+    }
+#endif
+}
