@@ -14,7 +14,7 @@ from rptcam_cl.rendering.photon_passes import MOST_PHOTONS, PhotonPass, pass_of
 from rptcam_cl.rendering.waves import seed_words
 
 PHOTON_FLOATS = 8
-POWER, MARK = slice(3, 6), 7  # columns of a photon
+MARK = 7  # column of a photon
 EDGES_SHIFT = 24
 MOST_EDGES = 127
 SEED = 0x9E3779B97F4A7C15  # parts the random numbers of photons from those of camera paths
@@ -155,9 +155,10 @@ def _periods(cells: NDArray[np.float32], most: int) -> NDArray[np.int64]:
 
 
 def first_radius(pilot: Photons, pixels: int) -> float:
-    """Return the radius of a pass of one sample [m], for so many photons within it where most of the light is.
+    """Return the radius of a pass of one sample [m], for so many photons within it where most of them are.
 
-    It follows from the distances of photons to their neighbours, in the mean over the light; 1 without any.
+    It follows from the median of their distances to neighbours; 1 without any. Their power does not count: where a lamp
+    is rarely picked, one photon has that of many.
     """
     some = pilot[:: max(len(pilot) // KEPT, 1)]
     if len(some) <= NEIGHBOURS:
@@ -166,9 +167,7 @@ def first_radius(pilot: Photons, pixels: int) -> float:
     square = (places**2).sum(axis=1)
     distance2 = square[:, None] + square - 2 * places @ places.T
     near2 = np.partition(np.maximum(distance2, 0), NEIGHBOURS, axis=1)[:, NEIGHBOURS]
-    power = some[:, POWER].astype(np.float64).sum(axis=1)
-    order = np.argsort(near2)
-    median = near2[order][np.searchsorted(np.cumsum(power[order]), 0.5 * power.sum())]
+    median = np.median(near2)
     # photons per area in a pass of one sample, over that of these
     more = PhotonPass(0, 0, 1).photons(pixels) / PILOT_PHOTONS * len(pilot) / len(some)
     return max(float(np.sqrt(median * FIRST_PHOTONS / NEIGHBOURS / more)), 1e-9)

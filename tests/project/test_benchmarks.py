@@ -52,6 +52,14 @@ def test_the_lens_scene_is_measured_with_the_pupil_that_users_get() -> None:
 
 
 @pytest.mark.slow
+def test_caustics_have_an_error_by_both_ways(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "caustics", "--scenes", "mirror", "--pictures", str(tmp_path))
+    assert "| mirror |" in printed
+    assert results["mirror"]["error on"] < results["mirror"]["error off"]
+    assert (tmp_path / "caustics_mirror.png").exists()
+
+
+@pytest.mark.slow
 def test_shares_of_the_passes_sum_to_one(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "passes")
     assert "| A_lens |" in printed

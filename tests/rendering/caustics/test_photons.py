@@ -56,26 +56,30 @@ def test_photons_bring_the_light_that_paths_find():
     assert np.all(np.abs(found) < 4), found
 
 
-def test_light_through_a_pane_is_what_fresnel_leaves():
-    """A point lamp straight above; a pane of index n lets 2 n / (n² + 1) pass at normal incidence."""
-    pane = {"shape": "rectangle", "corner": [-0.5, -0.5, 0.5], "edge_u": [1, 0, 0], "edge_v": [0, 1, 0],
-            "material": {"kind": "thin_glass", "index": 1.7}}  # fmt: skip
-    light = {"kind": "point", "position": [0, 0, 1.0], "intensity": [3.0, 3.0, 3.0]}
-    below = looking([0.1, 0, 0.4], [0, 0, 0], fov=3)
-    film = pixels(scene(pane, camera=below, lights=[light], size=(16, 16), depth=3), spp=256, seed=1)
-    expected = np.array(GREY["reflectance"]) / math.pi * 3.0 * 2 * 1.7 / (1.7**2 + 1)
-    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)  # photons within 256 samples: 0.3 %
+# A point lamp over a pane; beside it a wall of mirror, which lights a point that a card hides from the lamp.
+LAMP = {"kind": "point", "position": [0, 0, 1], "intensity": [3.0, 3.0, 3.0]}
+PANE = {"shape": "rectangle", "corner": [-0.05, -0.05, 0.5], "edge_u": [0.1, 0, 0], "edge_v": [0, 0.1, 0],
+        "material": {"kind": "thin_glass", "index": 1.7}}  # fmt: skip
+MIRROR = {"shape": "rectangle", "corner": [1, -0.05, 0.28], "edge_u": [0, 0.1, 0], "edge_v": [0, 0, 0.1],
+          "material": {"kind": "mirror", "reflectance": [0.9, 0.6, 0.3]}}  # fmt: skip
+CARD = {"shape": "rectangle", "corner": [0.11, -0.1, 0.7], "edge_u": [0.08, 0, 0], "edge_v": [0, 0.2, 0],
+        "material": GREY}  # fmt: skip
 
 
-def test_patch_of_a_mirror_has_the_light_of_the_sun_times_its_reflectance():
-    """Parallel light along +x meets a mirror tilted by 45°, which throws it straight down."""
-    mirror = {"shape": "rectangle", "corner": [-0.2, -0.2, 0.6], "edge_u": [0.4, 0, -0.4], "edge_v": [0, 0.4, 0],
-              "material": {"kind": "mirror", "reflectance": [0.9, 0.6, 0.3]}}  # fmt: skip
-    sun = {"kind": "directional", "direction": [1, 0, 0], "irradiance": [2.0, 2.0, 2.0]}
-    below = looking([0.5, 0.05, 0.3], [0, 0, 0], fov=5)
-    film = pixels(scene(mirror, camera=below, lights=[sun], size=(16, 16), depth=3), spp=256, seed=1)
-    expected = np.array(GREY["reflectance"]) / math.pi * 2.0 * np.array([0.9, 0.6, 0.3])
-    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
+@pytest.mark.parametrize(
+    ("eye", "foot", "irradiance"),
+    [
+        # of a pane of index n, 2 n / (n² + 1) is left at normal incidence
+        pytest.param([0.1, 0, 0.4], [0, 0, 0], np.full(3, 3.0 * 2 * 1.7 / (1.7**2 + 1)), id="lamp behind a pane"),
+        # the image of the lamp stands at (2, 0, 1)
+        pytest.param([0.6, 0, 0.4], [0.5, 0, 0], 3.0 / 3.25**1.5 * np.array([0.9, 0.6, 0.3]), id="wall of mirror"),
+    ],
+)
+def test_light_of_a_lamp_without_size_is_the_closed_form(eye, foot, irradiance):
+    made = scene(PANE, MIRROR, CARD, camera=looking(eye, foot, fov=4), lights=[LAMP], size=(16, 16), depth=3)
+    film = pixels(made, spp=1024, seed=1)
+    expected = np.array(GREY["reflectance"]) / math.pi * irradiance
+    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)  # five times the noise
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +119,7 @@ def test_render_that_is_stopped_goes_on_to_the_same_bits(whole, tmp_path):
     assert np.array_equal(film, whole)
 
 
+@pytest.mark.slow
 def test_passes_have_the_picture_of_the_stream(whole):
     loaded = load_scene(glasses() | {"render": glasses()["render"] | {"seed": 5}})
     wavefront = Wavefront(

@@ -1,0 +1,217 @@
+"""Caustics by photons and by paths: errors at equal processor time, the bias, and the pictures of docs/caustics.md.
+
+    python -m benchmarks.caustics [--seeds 4] [--spp 64] [--scenes NAME ...] [--pictures FOLDER] [--json FILE]
+
+The error is that of pictures against a reference by photons of a third of the radius, with 32 times the samples and
+seeds of its own: squared, divided per pixel by the square of the reference (plus that of a tenth of its mean). Its mean
+over the picture times the processor time is what equal time compares. The bias is the error of the mean over the seeds
+less their noise; `light` is how much more light of the picture photons bring than paths, over the error of that.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image as Bitmap
+
+from benchmarks.report import arguments, machine, print_machine, print_table, write_json
+from benchmarks.scenes import render_samples, wavefront_of
+from benchmarks.stopwatch import timed
+from rptcam_cl.device import Session, choose_device
+from rptcam_cl.rendering import photons
+from rptcam_cl.rendering.tracer import Wavefront
+from rptcam_cl.scene import Scene, load_scene
+
+GLASS = {"kind": "dielectric", "index": 1.5}
+WOOD = {"kind": "matte", "reflectance": [0.55, 0.42, 0.3]}
+WALL = {"kind": "matte", "reflectance": 0.7}
+TABLE = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": WOOD}
+UPRIGHT = {"kind": "pinhole", "up": [0, 0, 1]}
+SIZE = (120, 80)
+Film = NDArray[np.float64]
+
+
+def revolved(profile: list[tuple[float, float]], around: int = 360) -> dict[str, Any]:
+    """Return vertices and faces of a closed profile (radius, height), from the axis to the axis, turned about z."""
+    turn = np.linspace(0, 2 * np.pi, around, endpoint=False)
+    rings = [[(r * np.cos(t), r * np.sin(t), z) for t in turn] for r, z in profile[1:-1]]
+    vertices = [(0.0, 0.0, profile[0][1]), *(place for ring in rings for place in ring), (0.0, 0.0, profile[-1][1])]
+    faces, after = [], [(k + 1) % around for k in range(around)]
+    for k in range(around):
+        faces.append([0, 1 + after[k], 1 + k])
+        last = 1 + (len(rings) - 1) * around
+        faces.append([len(vertices) - 1, last + k, last + after[k]])
+        for ring in range(len(rings) - 1):
+            low, high = 1 + ring * around, 1 + (ring + 1) * around
+            faces += [[low + k, low + after[k], high + k], [low + after[k], high + after[k], high + k]]
+    return {"shape": "mesh", "vertices": [list(map(float, place)) for place in vertices], "faces": faces}
+
+
+def lamp(place: list[float], radius: float, radiance: float) -> dict[str, Any]:
+    """Return a ball that shines."""
+    material = {"kind": "emissive", "radiance": [radiance, 0.9 * radiance, 0.75 * radiance]}
+    return {"shape": "sphere", "center": place, "radius": radius, "material": material}
+
+
+def rings() -> dict[str, Any]:
+    """Return a tumbler, a ball of glass and a ring of brass on a table, by a lamp of 3 cm, through a double Gauss."""
+    tumbler = [(0, 0.0), (0.03, 0.0), (0.032, 0.002), (0.037, 0.09), (0.0345, 0.09), (0.030, 0.012), (0, 0.012)]
+    brass = {"kind": "mirror", "reflectance": [0.9, 0.7, 0.35]}
+    camera = {"kind": "realistic", "lens": "dgauss-50mm", "eye": [0.05, -0.75, 0.5], "target": [0, -0.01, 0.01]}
+    return {
+        "camera": {**camera, "up": [0, 0, 1], "focus": {"point": [0, -0.03, 0.0]}},
+        "film": {"width_mm": 24},
+        "objects": [
+            TABLE,
+            {**revolved(tumbler), "material": GLASS, "transform": [{"translate": [-0.08, 0.03, 0.0005]}]},
+            {"shape": "sphere", "center": [0.09, -0.02, 0.031], "radius": 0.03, "material": GLASS},
+            {"shape": "cylinder", "base": [0.01, -0.09, 0.001], "top": [0.01, -0.09, 0.015], "radius": 0.03,
+             "capped": False, "material": brass},
+            lamp([0.35, 0.45, 0.6], 0.015, 1500.0),
+        ],
+        "environment": {"kind": "constant", "radiance": 0.05},
+    }  # fmt: skip
+
+
+def pane() -> dict[str, Any]:
+    """Return a room behind a solid pane of 6 mm in a wall; the only lamp, of 8 cm, hangs outside."""
+    wall = {"kind": "matte", "reflectance": [0.7, 0.68, 0.62]}
+
+    def board(*numbers: float) -> dict[str, Any]:
+        corner, u, v = (list(numbers[k : k + 3]) for k in (0, 3, 6))
+        return {"shape": "rectangle", "corner": corner, "edge_u": u, "edge_v": v, "material": wall}
+
+    around = [
+        board(-2, 2, 0, 4, 0, 0, 0, 0, 2.5),
+        board(2, -2, 0, 0, 4, 0, 0, 0, 2.5),
+        board(-2, -2, 2.5, 4, 0, 0, 0, 4, 0),
+    ]
+    holed = [board(-2, -2, 0, 0, 1.4, 0, 0, 0, 2.5), board(-2, 0.6, 0, 0, 1.4, 0, 0, 0, 2.5),
+             board(-2, -0.6, 0, 0, 1.2, 0, 0, 0, 0.8), board(-2, -0.6, 2.0, 0, 1.2, 0, 0, 0, 0.5)]  # fmt: skip
+    return {
+        "camera": {**UPRIGHT, "fov_degrees": 60, "eye": [0.6, -1.9, 1.4], "target": [-0.2, 1, 0.9]},
+        "objects": [
+            TABLE, board(-2, -2, 0, 4, 0, 0, 0, 0, 2.5), *around, *holed,
+            {"shape": "box", "min": [-2.003, -0.6, 0.8], "max": [-1.997, 0.6, 2.0], "material": GLASS},
+            {"shape": "sphere", "center": [0.2, 0.6, 0.4], "radius": 0.4, "material": WALL},
+            lamp([-4.5, -0.8, 3.2], 0.08, 1500.0),
+        ],
+    }  # fmt: skip
+
+
+def mirror() -> dict[str, Any]:
+    """Return a corner with a round mirror that throws the light of a lamp of 8 cm onto the walls."""
+    wall = {"shape": "rectangle", "corner": [-2, 1, 0], "edge_u": [4, 0, 0], "edge_v": [0, 0, 3], "material": WALL}
+    glass = {"kind": "mirror", "reflectance": 0.9}
+    return {
+        "camera": {**UPRIGHT, "fov_degrees": 45, "eye": [0, -3, 1.4], "target": [0, 0.5, 0.7]},
+        "objects": [
+            TABLE, wall,
+            {"shape": "disk", "center": [-0.6, 0.3, 0.5], "normal": [0.5, -0.3, 0.6], "radius": 0.3, "material": glass},
+            {"shape": "cylinder", "base": [0.5, 0.2, 0.0], "top": [0.5, 0.2, 0.4], "radius": 0.2, "material": glass},
+            lamp([-0.8, -1.0, 2.4], 0.04, 600.0),
+        ],
+    }  # fmt: skip
+
+
+SCENES = {"rings": rings, "pane": pane, "mirror": mirror}
+
+
+def scene_of(name: str, size: tuple[int, int], caustics: str) -> Scene:
+    """Return a scene with caustics by photons ("on") or by paths ("off")."""
+    made = SCENES[name]()
+    film = {"resolution": list(size)} | made.pop("film", {})
+    return load_scene(made | {"film": film, "render": {"max_depth": 8, "caustics": caustics}})
+
+
+def render(wavefront: Wavefront, seed: int, spp: int) -> tuple[Film, float]:
+    """Return a picture and the processor time that it took [s]."""
+    wavefront.seed = seed
+    wavefront.clear()
+    seconds = timed(lambda: render_samples(wavefront, spp)).cpu
+    return wavefront.picture(spp).astype(np.float64), seconds
+
+
+def reference_of(scene: Scene, session: Session, spp: int) -> Film:
+    """Return a picture by photons of a third of the radius."""
+    usual = photons.FIRST_PHOTONS
+    photons.FIRST_PHOTONS = usual / 9
+    try:
+        return render(wavefront_of(scene, session), 1000, spp)[0]
+    finally:
+        photons.FIRST_PHOTONS = usual
+
+
+def error_of(picture: Film, reference: Film) -> float:
+    """Return the mean relative squared error of a picture."""
+    floor = (0.1 * reference.mean()) ** 2
+    return float(((picture - reference) ** 2 / (reference**2 + floor)).mean())
+
+
+def measured(name: str, session: Session, size: tuple[int, int], spp: int, seeds: int) -> dict[str, float]:
+    """Return errors and times of both ways, their products, and the bias of photons."""
+    reference = reference_of(scene_of(name, size, "on"), session, 32 * spp)
+    found, films = {}, {}
+    for way in ("off", "on"):
+        wavefront = wavefront_of(scene_of(name, size, way), session)
+        results = [render(wavefront, seed, spp) for seed in range(seeds)]
+        films[way] = np.array([film for film, _ in results])
+        found[f"error {way}"] = float(np.mean([error_of(film, reference) for film in films[way]]))
+        found[f"seconds {way}"] = float(np.mean([seconds for _, seconds in results]))
+    mean, noise = films["on"].mean(axis=0), films["on"].var(axis=0, ddof=1) / seeds
+    floor = (0.1 * reference.mean()) ** 2
+    found["bias2"] = error_of(mean, reference) - float((noise / (reference**2 + floor)).mean())
+    light = {way: film.mean(axis=(1, 2, 3)) for way, film in films.items()}
+    spread = np.sqrt(sum(part.var(ddof=1) / seeds for part in light.values()))
+    found["light"] = float((light["on"].mean() - light["off"].mean()) / spread)
+    found["gain"] = found["error off"] * found["seconds off"] / (found["error on"] * found["seconds on"])
+    return found
+
+
+def save_pictures(name: str, session: Session, size: tuple[int, int], spp: int, folder: Path) -> tuple[int, int]:
+    """Save both ways beside each other at equal processor time; return the samples of each."""
+    ways = {way: wavefront_of(scene_of(name, size, way), session) for way in ("off", "on")}
+    picture, seconds = render(ways["on"], 1, spp)
+    _, once = render(ways["off"], 1, spp)
+    paths = max(round(spp * seconds / once), 1)
+    films = [render(ways["off"], 1, paths)[0], picture]
+    white = float(np.quantile(picture.max(axis=-1), 0.98))
+    shown = [np.clip(film / white, 0, 1) ** (1 / 2.2) for film in films]
+    gap = np.ones((size[1], 6, 3))
+    Bitmap.fromarray((np.hstack([shown[0], gap, shown[1]]) * 255 + 0.5).astype(np.uint8)).save(
+        folder / f"caustics_{name}.png"
+    )
+    return paths, spp
+
+
+def main() -> None:
+    """Measure the scenes and print the table."""
+    parser = arguments("Caustics by photons and by paths.")
+    parser.add_argument("--seeds", type=int, default=4)
+    parser.add_argument("--spp", type=int, default=64)
+    parser.add_argument("--scenes", nargs="+", choices=sorted(SCENES), default=list(SCENES))
+    parser.add_argument("--pictures", type=Path, metavar="FOLDER")
+    options = parser.parse_args()
+    device = choose_device(options.device)
+    session, facts = Session(device), machine(device)
+    size, spp, seeds = ((24, 16), 4, 2) if options.quick else (SIZE, options.spp, options.seeds)
+    print_machine(facts)
+    results = {name: measured(name, session, size, spp, seeds) for name in options.scenes}
+    rows = [
+        [name, f"{r['error off']:.3g}", f"{r['seconds off']:.2f}", f"{r['error on']:.3g}", f"{r['seconds on']:.2f}",
+         f"{r['gain']:.3g}", f"{r['bias2']:.2g}", f"{r['light']:+.1f}"]
+        for name, r in results.items()
+    ]  # fmt: skip
+    heads = ["scene", "error, paths", "s", "error, photons", "s", "gain at equal time", "bias²", "light"]
+    print_table(f"Caustics, {spp} samples a pixel", heads, rows)
+    if options.pictures is not None:
+        for name in options.scenes:
+            print(name, save_pictures(name, session, (3 * size[0], 3 * size[1]), spp, options.pictures))
+    write_json(options.json, facts, results)
+
+
+if __name__ == "__main__":
+    main()
