@@ -14,6 +14,7 @@ from rptcam_cl.tolerances.specification import Specification
 
 FRINGE_MM = 632.8e-6 / 2  # of sag, against a test glass
 ARCMIN = math.pi / 180 / 60
+HALF = 0.5  # of a radius, the most that may be off
 
 
 @dataclass(frozen=True)
@@ -154,14 +155,15 @@ def _deviation(lens: Lens, tolerance: Tolerance, item: _Item) -> tuple[Deviation
         case "radius_percent":
             return Deviation("radius", k, k), value / 100, f"radius ±{value:g} %"
         case "radius_mm":
-            return Deviation("radius", k, k), value * abs(surface.curvature), f"radius ±{value:g} mm"
+            return Deviation("radius", k, k), min(value * abs(surface.curvature), HALF), f"radius ±{value:g} mm"
         case "radius_fringes":
             size = 2 * value * FRINGE_MM / surface.semi_diameter**2
             return Deviation("curvature", k, k), size, f"power ±{value:g} fringes"
         case "spacing_mm":
-            return Deviation("thickness", k, k), value, f"air space ±{value:g} mm"
+            size = min(value, abs(surface.thickness))
+            return Deviation("thickness", k, k), size or None, f"air space ±{value:g} mm"
         case "thickness_mm":
-            return Deviation("thickness", k, k), value, f"thickness ±{value:g} mm"
+            return Deviation("thickness", k, k), min(value, surface.thickness), f"thickness ±{value:g} mm"
         case "thickness_percent":
             return Deviation("thickness", k, k), value / 100 * surface.thickness, f"thickness ±{value:g} %"
         case "index":

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.tolerances.run import ToleranceRun
 from rptcam_cl.tolerances.statistics import Interval
 
@@ -35,8 +36,13 @@ def percentile_rows(run: ToleranceRun) -> list[dict[str, Any]]:
 
 
 def yield_curve(run: ToleranceRun, points: int = CURVE) -> list[tuple[float, Interval]]:
-    """Return limits of the merit, from the best copy to the worst, and which share of all copies is as good as each."""
+    """Return limits of the merit and which share of all copies is as good: from the best to the worst in whose fields
+    light arrives.
+    """
     merit = run.scores.by(run.rank_by)
+    merit = merit[np.isfinite(merit)]
+    if not len(merit):
+        raise InputError(f"{run.lens.name}: every copy loses the light of some field; the tolerances are too wide")
     return [(float(limit), run.yield_at(float(limit))) for limit in np.linspace(merit.min(), merit.max(), points)]
 
 

@@ -24,7 +24,7 @@ class Scores:
     Attributes
     ----------
     spots_um : (copies, fields) array
-        Rms distance from the centroid of all wavelengths together [micrometres].
+        Rms distance from the centroid of all wavelengths together [micrometres]; infinite where no ray comes through.
     mtf : (copies, fields) array
         Modulation at the frequency of the merit, the mean of tangential and sagittal.
     shifts_mm : (copies,) array
@@ -93,16 +93,20 @@ class Judge:
     def _part(self, copies: Copies, refocus: bool) -> tuple[Array, Array, Array]:
         points, slopes = self._film(copies)
         weights = self.weights[None] * np.isfinite(points[..., 0] + slopes[..., 0])
-        weights = weights / np.sum(weights, axis=(2, 3), keepdims=True)
+        totals = np.sum(weights, axis=(2, 3), keepdims=True)
+        dark = totals[..., 0, 0] == 0  # fields of which no ray comes through
+        weights = weights / np.where(totals > 0, totals, 1.0)
         points, slopes = (_centred(weights, np.nan_to_num(values)) for values in (points, slopes))
         shifts = np.zeros(copies.count)
         if refocus:
             together, spread = (_moment(weights, slopes, values).sum(axis=1) for values in (points, slopes))
             changed = np.any(copies.values != 0, axis=(1, 2))
-            shifts = np.where(changed, -together / spread, 0.0)  # the design itself stands at its best already
+            shifts = np.where(
+                changed & (spread > 0), -together / np.where(spread > 0, spread, 1.0), 0.0
+            )  # the design itself stands at its best already
             points = points + shifts[:, None, None, None, None] * slopes
         spots = 1e3 * np.sqrt(_moment(weights, points, points))
-        return spots, self._modulation(weights, points), shifts
+        return np.where(dark, np.inf, spots), self._modulation(weights, points), shifts
 
     def _film(self, copies: Copies) -> tuple[Array, Array]:
         """Return where rays meet the film and their slopes there, each (copies, fields, wavelengths, rays, 2)."""

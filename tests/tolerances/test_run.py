@@ -170,6 +170,17 @@ def test_field_that_nothing_passes_is_refused() -> None:
         tolerance(TRIPLET, spec)
 
 
+@pytest.mark.filterwarnings("error")
+def test_copy_that_loses_a_field_is_the_worst() -> None:
+    merit = {"fields_degrees": [0, 20], "wavelengths_nm": [D_NM], "rings": 3, "arms": 6}
+    wide = {"copies": 20, "merit": merit, "tolerances": [{"decentre_mm": 12, "distribution": "end_point"}]}
+    run = tolerance(TRIPLET, wide)
+    assert np.isinf(run.scores.spot_um).any()
+    assert run.order[-1] in np.flatnonzero(np.isinf(run.scores.spot_um))
+    assert not np.isnan(run.scores.spots_um).any()
+    assert not np.isnan(run.scores.mtf).any()
+
+
 def test_report_holds_all_that_a_reader_needs(run: ToleranceRun) -> None:
     found = report(run)
     assert found["copies"] == 200

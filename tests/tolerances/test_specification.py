@@ -87,6 +87,13 @@ def test_quantities_in_their_units() -> None:
     assert sizes["tilt 2′"] == pytest.approx(np.radians(2 / 60))
 
 
+def test_nothing_is_off_by_more_than_itself() -> None:
+    wide = limits_of({"thickness_mm": 50}, {"spacing_mm": 50}, {"radius_mm": 1e4}, {"radius_percent": 50})
+    for limit in wide:
+        surface = TRIPLET.surfaces[limit.deviation.first]
+        assert limit.size <= (surface.thickness if limit.deviation.kind == "thickness" else 0.5)
+
+
 def test_default_is_everything_that_has_the_quantity() -> None:
     gauss = load_lens("dgauss-50mm")
     assert components(gauss) == [(0, 1), (2, 4), (6, 8), (9, 10)]
