@@ -13,7 +13,7 @@ from rptcam_cl.api.frames import Kind
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report
 from rptcam_cl.imaging import Image
-from rptcam_cl.plan import Plan, make_plan, with_film, with_lens
+from rptcam_cl.plan import Plan, make_plan, with_film, with_lens, with_pose
 from rptcam_cl.rendering import FilmRun, SceneBuffers, ghosting_of, reading_cd_m2, rendering_of
 from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene, set_keys
 
@@ -87,8 +87,20 @@ def plan_beside(before: SceneState, scene: Scene, resolved: Scene) -> Plan:
     """Return the plan of a scene for glances, made of the plan before where nothing but the lens is another."""
     same_time = before.found.scene.shutter == resolved.shutter  # where things that move are
     if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
+        if _moves_alone(before, scene, resolved):
+            return with_pose(before.plan, resolved)
         return with_lens(before.plan, resolved, coarse=True)
     return make_plan(resolved, coarse=True)
+
+
+def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
+    """Return whether nothing but the place of a camera is another, which focuses by no point of the scene."""
+    earlier, camera = before.found.scene, resolved.camera
+    if camera.motion or before.plan.facts["MOVES"] or getattr(getattr(scene.camera, "focus", None), "point", None):
+        return False
+    place = {"eye": camera.eye, "target": camera.target, "up": camera.up}
+    alike = earlier.film == resolved.film and earlier.exposure == resolved.exposure
+    return alike and earlier.camera.model_copy(update=place) == camera
 
 
 def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan, Film]:

@@ -13,7 +13,7 @@ from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.ghost_records import WayRecords, ghost_setting, ghosts_have_colours
 from rptcam_cl.cameras.half_pupil import PupilLine, Split, halved, pupil_line
-from rptcam_cl.cameras.model import CameraModel, CameraView
+from rptcam_cl.cameras.model import CameraModel, CameraView, turned
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
 from rptcam_cl.cameras.pupil_rays import PupilRays, lens_rays, thin_lens_rays
 from rptcam_cl.cameras.ray_map import RayMap
@@ -100,6 +100,7 @@ __all__ = [
     "stop_shape",
     "thick_lens_of",
     "thin_lens_rays",
+    "turned",
     "usable_nm",
     "values_per_irradiance",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -114,10 +114,7 @@ class CameraModel:
 
 def camera_record(pose: Pose, film: Film, kind: str, **own: float) -> NDArray[np.void]:
     """Return a camera record with pose and resolution in place, and what a camera of a kind has of its own."""
-    record = CAMERA.zeros(1)
-    matrix = pose.world_from_camera()
-    for index, name in enumerate(("right", "up", "back")):
-        record[name][0, :3] = matrix[:3, index]
+    record = _posed(CAMERA.zeros(1), pose)
     width, height = film.resolution
     sign = 1.0 if pose.flip else -1.0
     record["width"], record["height"] = width, height
@@ -125,6 +122,18 @@ def camera_record(pose: Pose, film: Film, kind: str, **own: float) -> NDArray[np
     record["exposure"] = 1.0
     for name, value in own.items():
         record["own"][kind][name] = value
+    return record
+
+
+def turned(camera: CameraModel, pose: Pose) -> CameraModel:
+    """Return the same camera in another pose, which it does not focus by."""
+    return replace(camera, record=_posed(camera.record.copy(), pose))
+
+
+def _posed(record: NDArray[np.void], pose: Pose) -> NDArray[np.void]:
+    matrix = pose.world_from_camera()
+    for index, name in enumerate(("right", "up", "back")):
+        record[name][0, :3] = matrix[:3, index]
     return record
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
@@ -23,7 +23,15 @@ from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
 from rptcam_cl.cameras.thick_lens import thick_lens_of
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import IDEAL, Lens, LensTransmission, axial_transmittance, is_tinted, on_axis_irradiance
+from rptcam_cl.optics import (
+    IDEAL,
+    Lens,
+    LensTransmission,
+    axial_irradiance,
+    axial_transmittance,
+    is_tinted,
+    on_axis_irradiance,
+)
 from rptcam_cl.scene import LensColour, RealisticCamera, Scene
 
 SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
@@ -66,7 +74,8 @@ def model_of(
     check_film(setting.lens, setting.film_distance_mm, scene)
     lens, back_mm = _shaped(scene, camera, setting.lens), setting.film_distance_mm
     losses = setting.transmission
-    clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, by_first_order=bool(windows))
+    irradiance = paraxial_irradiance if windows else _on_axis_soon if coarse else _on_axis
+    clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, irradiance)
     colour = _colour(scene, setting, lens_colour)
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
@@ -112,10 +121,9 @@ class _Colour:
 
 
 def _irradiance(
-    lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission, *, by_first_order: bool
+    lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission, irradiance: Callable[..., float]
 ) -> tuple[float, float]:
     """Return the irradiance in the centre of the film under unit radiance, without losses in the lens and with them."""
-    irradiance = paraxial_irradiance if by_first_order else _on_axis
     clear = irradiance(lens, back_mm, wavelength_nm)
     on_axis = irradiance(lens, back_mm, wavelength_nm, losses) if losses else clear
     if not on_axis > 0:
@@ -150,6 +158,17 @@ def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTrans
     if losses or (lens.stop is not None and lens.stop.stop_shape is not None):
         return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
     return _remembered_on_axis(ByContent(lens), back_mm, wavelength_nm)
+
+
+def _on_axis_soon(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+    """Return the same for a glance: without losses through a round pupil within 2e-5."""
+    found = None if losses else _remembered_axial(ByContent(lens), back_mm, wavelength_nm)
+    return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered_axial(content: ByContent, back_mm: float, wavelength_nm: float) -> float | None:
+    return axial_irradiance(content.lens, back_mm, wavelength_nm)
 
 
 @lru_cache(maxsize=REMEMBERED)

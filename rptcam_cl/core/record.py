@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +35,7 @@ class Record:
     members: tuple[tuple[str | Record, str], ...]
     is_union: bool = False
 
+    @cache  # noqa: B019 -- records are declared once
     def dtype_of(self, real: str) -> np.dtype[np.void]:
         """Return the numpy structured type with the same layout; ``real`` is the numpy type of ``real`` members."""
         names, formats = [], []

@@ -51,7 +51,7 @@ from rptcam_cl.optics.glass import (
     known_range,
 )
 from rptcam_cl.optics.heat import BARRELS, Heat, thermal_of
-from rptcam_cl.optics.irradiance import film_irradiance, on_axis_irradiance
+from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, on_axis_irradiance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
 from rptcam_cl.optics.placement import SurfacePose
@@ -166,6 +166,7 @@ __all__ = [
     "abbe_number",
     "air_index",
     "attenuation",
+    "axial_irradiance",
     "axial_transmittance",
     "best_film_distance",
     "best_film_distance_at",

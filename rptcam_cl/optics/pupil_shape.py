@@ -161,9 +161,14 @@ def _one_line(
     lens: Lens, film_distance_mm: float, radius_mm: float, wavelength_nm: Wavelengths, fineness: Fineness
 ) -> PupilShapes:
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
-    lit = _lit_radius(probes, radius_mm, radial=True)
+    # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
+    lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
     film = _line(lit, fineness.radial_nodes)
     centres, axes = _frames(probes, film, radial=True)
+    if fineness is COARSE_OUTLINES and not axes.all():
+        lit = _lit_radius(probes, radius_mm, radial=True)
+        film = _line(lit, fineness.radial_nodes)
+        centres, axes = _frames(probes, film, radial=True)
     reach = _reach(probes[-1], film, _between(centres), _between(axes), fineness, mirrored=True)
     radii = _envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
     if lit < radius_mm:

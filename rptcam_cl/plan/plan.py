@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import CameraModel, FilterTable, camera_trajectory, filter_table
+from rptcam_cl.cameras import CameraModel, FilterTable, camera_trajectory, filter_table, turned
 from rptcam_cl.core.records import Kind
 from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
 from rptcam_cl.plan.caustics import Caustics, pack_caustics
@@ -128,6 +128,14 @@ def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:
     record["per_height"] *= rows / lines
     trajectory, _ = camera_trajectory(at_opening(scene).model_copy(update={"film": film}))
     return replace(plan, camera=replace(plan.camera, record=record), trajectory=trajectory)
+
+
+def with_pose(plan: Plan, scene: Scene) -> Plan:
+    """Return the plan of a scene in which nothing but the pose of the camera is another; nothing moves."""
+    camera = turned(plan.camera, scene.camera)
+    if not np.array_equal(np.array(scene.camera.eye) * scene.metres_per_unit, plan.eye_m):
+        return make_plan(scene, camera)
+    return replace(plan, camera=camera, trajectory=camera_trajectory(scene)[0])
 
 
 def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:

@@ -5,7 +5,7 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
-from rptcam_cl.optics.irradiance import film_irradiance, on_axis_irradiance
+from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, on_axis_irradiance
 from tests.optics.truth import NAMES, truth, truth_lens
 
 
@@ -62,3 +62,12 @@ def test_no_light_on_the_axis_is_an_error():
     assert film_irradiance(lens, 2.0, [5.0])[0] == 0
     with pytest.raises(InputError, match="film must stand behind the last surface"):
         on_axis_irradiance(lens, 0.5)
+
+
+@pytest.mark.parametrize("f_number", [None, 5.6])
+def test_axial_irradiance_is_the_integral_over_the_pupil(f_number: float | None) -> None:
+    lens = load_lens("dgauss-50mm")
+    if f_number is not None:
+        lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number))
+    assert axial_irradiance(lens, 31.0) == pytest.approx(on_axis_irradiance(lens, 31.0), rel=2e-5)
+    assert axial_irradiance(load_lens("anamorphic-100mm"), 31.0) is None

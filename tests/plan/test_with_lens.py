@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl.plan import make_plan, with_lens
+from rptcam_cl.plan import make_plan, with_lens, with_pose
 from rptcam_cl.scene import load_scene, set_keys
 
 SCENE: dict[str, Any] = {
@@ -73,3 +73,12 @@ def test_glances_keep_the_records_of_what_has_not_changed() -> None:
     other = with_lens(plan, set_keys(scene, {"camera.f_number": 4}), coarse=True)
     assert other.primitives is plan.primitives and other.emitters is plan.emitters
     assert other.camera.tables.tobytes() != plan.camera.tables.tobytes()
+
+
+@pytest.mark.parametrize(
+    "changes", [{"camera.target": [0.5, 0, 0.5]}, {"camera.eye": [0, -5, 1.5], "camera.up": [0.1, 0, 1]}]
+)
+def test_plan_in_another_pose_is_that_of_the_scene(changes: dict[str, Any]) -> None:
+    scene = load_scene(SCENE)
+    changed = set_keys(scene, changes)
+    assert_same(with_pose(make_plan(scene), changed), make_plan(changed))
