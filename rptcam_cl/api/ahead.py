@@ -68,7 +68,9 @@ class Ahead:
     def _compile_beside(self, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
         device = self._device.beside()
         if device.generates_late:
-            self._compiler.compile(order(device, plan, scene, settings))
+            wanted = order(device, plan, scene, settings)
+            if wanted is not None:
+                self._compiler.compile(wanted)
         if not self._compiler.is_closed:
             _compile(device, plan, scene, settings)
 

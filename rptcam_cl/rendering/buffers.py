@@ -98,13 +98,25 @@ class SceneBuffers:
 
         other = self._mapped(cut)
         other.camera = {name: arrays[id(buffer)] for name, buffer in self.camera.items()}
+        if self.photons is not None:
+            other.scene = {name: value for name, value in other.scene.items() if name not in self.photons.arguments}
+            other.photons = None
         other._session = other._tree = other._mesh_trees = None  # type: ignore[assignment]
         other._plan, other._uploaded = plan, {}
         return other
 
     def uploaded_to(self, session: Session) -> SceneBuffers:
         """Return what `on_host` has made, on a device."""
-        return self._mapped(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
+        other = self._mapped(lambda value: session.upload(value) if isinstance(value, np.ndarray) else value)
+        if other._plan.caustics.active:
+            other.photons = PhotonBuffers(session, other._plan)
+            other.scene |= other.photons.arguments
+        return other
+
+    @property
+    def most_bytes(self) -> int:
+        """Of an array."""
+        return max(array.nbytes for array, _ in self._uploaded.values())
 
     def _mapped(self, change: Callable[[Any], Any]) -> SceneBuffers:
         other = copy.copy(self)

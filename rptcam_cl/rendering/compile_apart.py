@@ -31,6 +31,7 @@ from rptcam_cl.scene import RenderSettings
 SMALL = FilmLayout(16, 16, 0, 0, 16, 16)  # programs do not depend on the film's size
 SECONDS_TO_END = 0.2  # that a process has to end by itself
 MOST_BYTES = 1 << 16  # of each array of the scene
+MOST_WITH_PHOTONS = 1 << 26  # of each array, where photons look at the scene
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.rendering import compile_apart; "
     "compile_apart.serve(sys.stdin.buffer, sys.stdout.buffer)"
@@ -48,8 +49,11 @@ class Order:
     settings: RenderSettings
 
 
-def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes:
-    """Return what `Compiler.compile` takes."""
+def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes | None:
+    """Return what `Compiler.compile` takes; None where photons look at a scene that is too large to be sent."""
+    most = MOST_WITH_PHOTONS if plan.caustics.active else MOST_BYTES
+    if plan.caustics.active and buffers.most_bytes > most:
+        return None
     light = replace(
         plan,
         camera=replace(plan.camera, view=CameraView()),  # holds functions
@@ -57,7 +61,7 @@ def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderS
         textures=replace(plan.textures, texels=plan.textures.texels[:1]),
         surroundings=replace(plan.surroundings, distribution=plan.surroundings.distribution[:1]),
     )
-    return pickle.dumps(Order(session.info.id, light, buffers.on_host(light, MOST_BYTES), settings))
+    return pickle.dumps(Order(session.info.id, light, buffers.on_host(light, most), settings))
 
 
 class Compiler:

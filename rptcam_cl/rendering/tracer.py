@@ -168,9 +168,14 @@ class Wavefront:
         self.clear()
 
     def generate_code(self) -> None:
-        """Run a wave without samples, because PoCL generates code at the first launch; no path looks at the scene."""
+        """Run a wave without samples, because PoCL generates code at the first launch; no path looks at the scene.
+
+        Photons do, where there are any.
+        """
         pixels = min(BLOCK, self._waves.pixels)
         record, run = self._waves.record((0, pixels, 0, 0), self.seed), self._launches.run
+        if self._photons is not None:
+            self._photons.use(0, self.seed)
         self._make_rays(record, pixels)
         if self._layers is not None:
             self._layers.set_wave(record, 0)

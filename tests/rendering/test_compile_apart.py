@@ -19,11 +19,23 @@ WORLD: dict[str, Any] = {
     "materials": {"grey": {"kind": "matte", "reflectance": 0.5}},
     "objects": [{"shape": "sphere", "center": [0, 0, 0], "radius": 1, "material": "grey"}],
 }
+WITH_PHOTONS = WORLD | {
+    "render": {"max_depth": 3, "caustics": "on"},
+    "materials": WORLD["materials"]
+    | {"glass": {"kind": "dielectric", "index": 1.5}, "lamp": {"kind": "emissive", "radiance": 9}},
+    "objects": [
+        *WORLD["objects"],
+        {"shape": "sphere", "center": [0, 0, 1.5], "radius": 0.2, "material": "glass"},
+        {"shape": "sphere", "center": [0, 1, 3], "radius": 0.2, "material": "lamp"},
+    ],
+}
 
 
 def wanted(scene: Scene) -> bytes:
     session, plan = open_session(), make_plan(scene)
-    return order(session, plan, SceneBuffers(session, plan), scene.render)
+    found = order(session, plan, SceneBuffers(session, plan), scene.render)
+    assert found is not None
+    return found
 
 
 def libraries(folder: Path) -> set[str]:
@@ -31,11 +43,18 @@ def libraries(folder: Path) -> set[str]:
 
 
 @pytest.mark.slow
-def test_process_apart_fills_the_cache_with_what_a_wave_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize(
+    ("world", "kernels"),
+    [(WORLD, {"stream"}), (WITH_PHOTONS, {"stream", "photons"})],
+    ids=["paths", "photons"],
+)
+def test_process_apart_fills_the_cache_with_what_a_wave_takes(
+    world: dict[str, Any], kernels: set[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     session = open_session()
     if not session.generates_late:
         pytest.skip("the driver compiles nothing at the launch")
-    scene = load_scene(WORLD)
+    scene = load_scene(world)
     plan = make_plan(scene)
     Wavefront(session, plan, SMALL, scene.render).warm_up()
     own = libraries(pocl_cache_folder())
@@ -46,7 +65,7 @@ def test_process_apart_fills_the_cache_with_what_a_wave_takes(tmp_path: Path, mo
     compiler.close()
     assert not list(tmp_path.rglob("*.at-work")), "it ended well"
     found = {path for path in libraries(tmp_path) if "trial" not in path}
-    assert {Path(path).stem for path in found} == {"stream"}  # which makes the rays of a pinhole itself
+    assert {Path(path).stem for path in found} == kernels  # the stream makes the rays of a pinhole itself
     assert found <= own
 
 
