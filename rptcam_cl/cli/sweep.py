@@ -9,6 +9,7 @@ from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import print_table, print_warnings
 from rptcam_cl.cli.parser import Commands
+from rptcam_cl.cli.series import expanded
 from rptcam_cl.core.errors import InputError
 
 
@@ -23,7 +24,8 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")
     parser.add_argument(
         "--over", action="append", required=True, metavar="key.path=a,b,...", dest="keys",
-        help="values of a key of the scene file, as camera.f_number=2,4,8; may be repeated, the last varies first",
+        help="values of a key of the scene file, as camera.f_number=2,4,8 or 2,2.8,…,22; may be repeated, the last"
+        " varies first",
     )  # fmt: skip
     parser.add_argument("-o", "--output", required=True, type=Path, metavar="FOLDER", help="folder to write to")
     parser.add_argument("--spp", type=values.spp, metavar="N", help="samples per pixel, in place of the scene's")
@@ -50,7 +52,8 @@ def _over(texts: list[str]) -> dict[str, list[Any]]:
             raise InputError(f"--over {text}: is not of the form key.path=a,b,... (for instance camera.f_number=2,4,8)")
         if key in found:
             raise InputError(f"--over {text}: {key} twice (allowed: each key once)")
-        found[key] = read_yaml(f"[{listed}]", name=f"--over {text}").data
+        values = read_yaml(f"[{listed}]", name=f"--over {text}").data
+        found[key] = expanded(key, values, f"--over {text}")
     return found
 
 

@@ -4,6 +4,7 @@ import itertools
 import json
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, BinaryIO, TypeGuard
@@ -32,6 +33,7 @@ _EXR_RESERVED = {
     "channels", "chunkCount", "compression", "dataWindow", "displayWindow", "lineOrder", "maxSamplesPerPixel", "name",
     "pixelAspectRatio", "screenWindowCenter", "screenWindowWidth", "tiles", "type", "version", "view",
 }  # fmt: skip
+_TIMECODE_FLAGS = 14  # drop frame, colour frame, phase, three group flags and eight groups of user bits: none
 # The same colours by the name of the Color Interop Forum, which OpenEXR 3.4 recommends.
 _COLOUR_SPACE = "lin_rec709_scene"
 MOST_MARKS = 1000
@@ -144,6 +146,21 @@ def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.i
     return {"dataWindow": (first, last), "displayWindow": (np.zeros(2, np.int32), whole)}
 
 
+def _exr_timecode(metadata: Metadata) -> dict[str, Any]:
+    """Return the standard attributes of a frame's time: SMPTE ST 12-1 counts up to 30 frames a second and 24 hours."""
+    import OpenEXR
+
+    rate, numbers = metadata.get("frames_per_second"), str(metadata.get("timecode", "")).split(":")
+    if not isinstance(rate, int | float) or isinstance(rate, bool) or len(numbers) != 4:
+        return {}
+    found: dict[str, Any] = {"framesPerSecond": Fraction(rate).limit_denominator(1001)}
+    if all(number.isdecimal() for number in numbers):
+        hours, minutes, seconds, frame = map(int, numbers)
+        if hours < 24 and minutes < 60 and seconds < 60 and frame < 30:
+            found["timeCode"] = OpenEXR.TimeCode(hours, minutes, seconds, frame, *[0] * _TIMECODE_FLAGS)
+    return found
+
+
 def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
     """Write film and layers in float32 with each piece of metadata as an attribute, some also by standard names.
 
@@ -157,6 +174,7 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
     header = {
         **attributes,
         **exr_attributes(metadata),
+        **_exr_timecode(metadata),
         ALL_METADATA: _text(dict(metadata)),
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,
