@@ -2,8 +2,9 @@
 
     python -m benchmarks.startup [--times 3] [--json FILE]
 
-Cold means that all caches (PoCL's of compiled kernels, and the program's own) are empty folders; warm means that the same
-scene was rendered before. ``total`` is the whole process, from its start to its end; ``compile`` is the program's own figure.
+Cold means that all caches (PoCL's of compiled kernels, and the program's own) are empty folders; warm means that the
+same scene was rendered before. ``total`` is the whole process, from its start to its end; ``compile`` is the program's
+own figure.
 """
 
 from __future__ import annotations
