@@ -6,6 +6,8 @@
 #include "camera/film_point.h"
 #include "lens/half_pupil.h"
 #include "lens/pupil.h"
+#define PUPIL_HOLDS(fx, fy, x, y) (inverse_density_at(fx, fy, x, y, &camera->own.realistic, tables) > 0.0f)
+#include "lens/lamp_aim.h"
 
 typedef struct {
     Aim at;
@@ -17,7 +19,7 @@ typedef struct {
     F   length2;
 } Aimed;
 
-static Aimed aimed_ray(Lane lane, F4 u, const __global Camera *camera, const __global float *tables)
+static Aimed aimed_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera, const __global float *tables)
 {
     const __global RealisticCamera *own = &camera->own.realistic;
     Aimed ray;
@@ -33,7 +35,21 @@ static Aimed aimed_ray(Lane lane, F4 u, const __global Camera *camera, const __g
     ray.fx = -film_x(lane, u.a, camera) * own->film_half_width;
     ray.fy = -film_y(lane, u.b, camera) * own->film_half_height;
 #endif
+#if LAMP_AIM
+    LampAim lamps = aim_at_lamps(lane, ray.fx, ray.fy, wavelength, u.c, u.d, camera, tables);
+    ray.at = aim(ray.fx, ray.fy, lamps.u, u.d, own, tables);
+    if (ANY(lamps.rest < 1.0f)) {
+        F x = lamps.aims ? lamps.x : ray.at.x;
+        F y = lamps.aims ? lamps.y : ray.at.y;
+        F other = ANY(lamps.aims) ? inverse_density_at(ray.fx, ray.fy, x, y, own, tables) : ZERO;
+        F alone = lamps.aims ? other : ray.at.inverse_density;
+        ray.at.x = x;
+        ray.at.y = y;
+        ray.at.inverse_density = alone / (lamps.rest + alone * density_of_lamps(&lamps, x, y, camera, tables));
+    }
+#else
     ray.at = aim(ray.fx, ray.fy, u.c, u.d, own, tables);
+#endif
     ray.away = f3(ray.at.x - ray.fx, ray.at.y - ray.fy, distance);
     ray.length2 = dot3(ray.away, ray.away);
     return ray;

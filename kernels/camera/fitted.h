@@ -9,7 +9,7 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
                             const __global float *stop)
 {
     const __global float *map = tables + camera->own.realistic.first_polynomial;
-    Aimed ray = aimed_ray(lane, u, camera, tables);
+    Aimed ray = aimed_ray(lane, u, wavelength, camera, tables);
     MapPoint at = map_point(ray.fx, ray.fy, ray.at.x, ray.at.y, wavelength, map);
     F3 p, d;
     const __global float *rims = mapped_ray(at, map, &p, &d);

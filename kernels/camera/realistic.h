@@ -12,7 +12,7 @@ typedef struct {
 static Underway enter_camera(Lane lane, F4 u, F wavelength, const __global Camera *camera, const __global float *tables)
 {
     Underway ray;
-    ray.aimed = aimed_ray(lane, u, camera, tables);
+    ray.aimed = aimed_ray(lane, u, wavelength, camera, tables);
     F3 d = scale(ray.aimed.away, ONE / sqrt(ray.aimed.length2));
 #if FILM_MOVED
     ray.path = enter_lens(f3(ray.aimed.fx, ray.aimed.fy, -ray.aimed.depth), d, wavelength);

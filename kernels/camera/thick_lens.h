@@ -4,6 +4,8 @@
 // (rptcam_cl/cameras/thick_lens.py).
 #include "camera/film_point.h"
 #include "lens/half_pupil.h"
+#define PUPIL_HOLDS(fx, fy, x, y) ((x) * (x) + (y) * (y) < 1.0f)
+#include "lens/lamp_aim.h"
 
 static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
                             const __global float *tables, const __global Surface *surfaces,
@@ -20,11 +22,25 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
     F fx = -film_x(lane, u.a, camera) * own->film_half_width;
     F fy = -film_y(lane, u.b, camera) * own->film_half_height;
 #endif
+    F turn = u.c;
+#if LAMP_AIM
+    LampAim lamps = aim_at_lamps(lane, fx, fy, wavelength, u.c, u.d, camera, tables);
+    turn = lamps.u;
+#endif
     F s, c;
-    sincos_turns(u.c, &s, &c);
+    sincos_turns(turn, &s, &c);
     F rho = sqrt(u.d);
     F px = rho * c;
     F py = rho * s;
+    F chosen = ONE;
+#if LAMP_AIM
+    if (ANY(lamps.rest < 1.0f)) {
+        px = lamps.aims ? lamps.x : px;
+        py = lamps.aims ? lamps.y : py;
+        I open = NOT(lamps.aims) | (px * px + py * py < 1.0f);
+        chosen = open ? ONE / (lamps.rest + PI_F * density_of_lamps(&lamps, px, py, camera, tables)) : ZERO;
+    }
+#endif
 #if FILM_MOVED
     // Where the ray from this film point to that of the pupil meets the plane across the axis through the film's centre.
     F nearer = ONE / (ONE + film.z * own->film_slope_per_film);
@@ -46,6 +62,7 @@ static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera
 #else
     r.weight = own->weight * cos2 * cos2;
 #endif
+    r.weight *= chosen;
 #if HALF_PUPIL
     r.weight = of_half(r.weight, px, py, ZERO, ZERO, camera);
 #endif

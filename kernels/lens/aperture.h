@@ -30,4 +30,31 @@ static void aperture_point(F u, F v, const __global float *tables, F *x, F *y)
 #endif
 }
 
+#if LAMP_AIM
+static I aperture_holds(F x, F y, const __global float *tables)
+{
+#if APERTURE_PARTS
+    I inside = FALSE;
+    for (int k = 0; k < APERTURE_PARTS; ++k) {
+        const __global float *part = tables + CURVE(APERTURE_PARTS) + 6 * k;
+        F px = x - part[0], py = y - part[1];
+        float far_x = part[2] + part[4], far_y = part[3] + part[5];        // from the apex to its other corner
+        float area = part[2] * far_y - part[3] * far_x;
+        F a = (px * far_y - py * far_x) / area;
+        F b = (part[2] * py - part[3] * px) / area;
+        inside |= (a >= 0.0f) & (b >= 0.0f) & (a + b <= 1.0f);
+    }
+    return inside;
+#elif APERTURE_ROWS
+    I column = TO_I((x + 1.0f) * (0.5f * APERTURE_ROWS));
+    I row = TO_I((y + 1.0f) * (0.5f * APERTURE_ROWS));
+    I within = (absolute(x) < 1.0f) & (absolute(y) < 1.0f) & (column < APERTURE_ROWS) & (row < APERTURE_ROWS);
+    I at = within ? (row + 1) * CURVE(APERTURE_ROWS) + 2 * column : FALSE;
+    return within & (GATHER(F, tables + 2, at, ) > GATHER(F, tables, at, ));
+#else
+    return x * x + y * y < 1.0f;
+#endif
+}
+#endif
+
 #endif

@@ -9,6 +9,9 @@
 #define PUPIL_H
 #include "common/records.h"
 #include "common/transpose.h"
+#if LAMP_AIM
+#include "common/angles.h"
+#endif
 
 typedef struct { F x, y, inverse_density; } Aim;
 
@@ -25,15 +28,30 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
     return a;
 }
 
+#if LAMP_AIM
+static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
+{
+    float radius2 = own->pupil.circle.radius * own->pupil.circle.radius;
+    F u = x - own->pupil.circle.shift * fx;
+    F v = y - own->pupil.circle.shift * fy;
+    return u * u + v * v < radius2 ? (F)(PI_F * radius2) : ZERO;
+}
+#endif
+
 #elif PUPIL_KIND == PUPIL_BOXES
 // Tables: u0, v0, width, height per cell
-static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
+static I box_of(F fx, F fy, const __global RealisticCamera *own)
 {
     I ix = TO_I(fx * own->pupil.grid.per_mm_across + 0.5f * own->pupil.grid.across);
     I iy = TO_I(fy * own->pupil.grid.per_mm_down + 0.5f * own->pupil.grid.down);
     ix = MAX(MIN(ix, (I)((int)own->pupil.grid.across - 1)), FALSE);
     iy = MAX(MIN(iy, (I)((int)own->pupil.grid.down - 1)), FALSE);
-    I cell = (iy * (int)own->pupil.grid.across + ix) * 4;
+    return (iy * (int)own->pupil.grid.across + ix) * 4;
+}
+
+static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
+{
+    I cell = box_of(fx, fy, own);
     F width = GATHER(F, tables + 2, cell, );
     F height = GATHER(F, tables + 3, cell, );
     Aim a;
@@ -42,6 +60,18 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
     a.inverse_density = width * height;
     return a;
 }
+
+#if LAMP_AIM
+static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
+{
+    I cell = box_of(fx, fy, own);
+    F width = GATHER(F, tables + 2, cell, );
+    F height = GATHER(F, tables + 3, cell, );
+    F u = x - GATHER(F, tables, cell, );
+    F v = y - GATHER(F, tables + 1, cell, );
+    return ((u >= 0.0f) & (u < width) & (v >= 0.0f) & (v < height)) ? width * height : ZERO;
+}
+#endif
 
 #else
 // Tables: per node its centre u, v and half axes u, v, and one node more; then, per node and direction, the radius there,
@@ -64,26 +94,27 @@ static Outline outline_at(const __global float *tables, int nodes, I node, F sha
     return o;
 }
 
-static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
+// Where the outline that a film point sees stands in the table.
+typedef struct {
+    F ex, ey;        // from the axis to the film point
+    I node, lit;
+    F sx, sy;        // share of the way to the next node, and to the next line
+} OutlinePlace;
+
+static OutlinePlace outline_place(F fx, F fy, const __global RealisticCamera *own, const __global float *tables)
 {
-    F turn = u * (float)PUPIL_DIRECTIONS;
-    I direction = MIN(TO_I(turn), (I)(PUPIL_DIRECTIONS - 1));
-    F between = turn - TO_F(direction);
-    F s, c;
-    sincos_turns(u, &s, &c);
-    F rho = sqrt(v);
-    Aim a;
+    OutlinePlace p;
     F radius = sqrt(fx * fx + fy * fy);
     F inverse = ONE / radius;
-    F ex = radius > 0.0f ? fx * inverse : ONE;
-    F ey = radius > 0.0f ? fy * inverse : ZERO;
+    p.ex = radius > 0.0f ? fx * inverse : ONE;
+    p.ey = radius > 0.0f ? fy * inverse : ZERO;
 #if PUPIL_RADIAL
     F place = radius * own->pupil.grid.per_mm_across;
-    I lit = place < own->pupil.grid.across - 1.0f;
+    p.lit = place < own->pupil.grid.across - 1.0f;
     place = MIN(place, (F)(own->pupil.grid.across - 1.0f));
-    I node = MIN(TO_I(place), (I)((int)own->pupil.grid.across - 2));
-    F share = place - TO_F(node);
-    Outline o = outline_at(tables, (int)own->pupil.grid.across, node, share, direction, between);
+    p.node = MIN(TO_I(place), (I)((int)own->pupil.grid.across - 2));
+    p.sx = place - TO_F(p.node);
+    p.sy = ZERO;
 #else
     // Places round the axis go evenly along the square |x| + |y| = 1, four to a turn.
     F length = absolute(fx) + absolute(fy);
@@ -94,31 +125,73 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
     int lines = (int)own->pupil.lines.lines;
     F along = quarters * own->pupil.lines.per_quarter;
     I line = MIN(TO_I(along), (I)(lines - 1));
-    F sy = along - TO_F(line);
+    p.sy = along - TO_F(line);
     int all = (lines + 1) * nodes;
     const __global float *reaches = tables + 4 * (all + 1) + 4 * (all * PUPIL_DIRECTIONS + 1);
     F here = GATHER(F, reaches, line, );
-    F reach = here + sy * (GATHER(F, reaches + 1, line, ) - here);
-    I lit = radius < reach;
-    F place = (ONE - sqrt(lit ? ONE - radius / reach : ZERO)) * (float)(nodes - 1);   // nodes grow denser outwards
+    F reach = here + p.sy * (GATHER(F, reaches + 1, line, ) - here);
+    p.lit = radius < reach;
+    F place = (ONE - sqrt(p.lit ? ONE - radius / reach : ZERO)) * (float)(nodes - 1);   // nodes grow denser outwards
     I column = MIN(TO_I(place), (I)(nodes - 2));
-    F sx = place - TO_F(column);
-    I node = line * nodes + column;
-    Outline o = outline_at(tables, all, node, sx, direction, between);
-    Outline p = outline_at(tables, all, node + nodes, sx, direction, between);
-    o.u = blend(o.u, p.u, sy);
-    o.v = blend(o.v, p.v, sy);
-    o.a = blend(o.a, p.a, sy);
-    o.b = blend(o.b, p.b, sy);
-    o.r = blend(o.r, p.r, sy);
+    p.sx = place - TO_F(column);
+    p.node = line * nodes + column;
 #endif
+    return p;
+}
+
+static Outline outline_near(const __global float *tables, OutlinePlace at, const __global RealisticCamera *own, I direction,
+                            F between)
+{
+#if PUPIL_RADIAL
+    return outline_at(tables, (int)own->pupil.grid.across, at.node, at.sx, direction, between);
+#else
+    int nodes = (int)own->pupil.lines.nodes;
+    int all = ((int)own->pupil.lines.lines + 1) * nodes;
+    Outline o = outline_at(tables, all, at.node, at.sx, direction, between);
+    Outline p = outline_at(tables, all, at.node + nodes, at.sx, direction, between);
+    o.u = blend(o.u, p.u, at.sy);
+    o.v = blend(o.v, p.v, at.sy);
+    o.a = blend(o.a, p.a, at.sy);
+    o.b = blend(o.b, p.b, at.sy);
+    o.r = blend(o.r, p.r, at.sy);
+    return o;
+#endif
+}
+
+static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
+{
+    F turn = u * (float)PUPIL_DIRECTIONS;
+    I direction = MIN(TO_I(turn), (I)(PUPIL_DIRECTIONS - 1));
+    F between = turn - TO_F(direction);
+    F s, c;
+    sincos_turns(u, &s, &c);
+    OutlinePlace p = outline_place(fx, fy, own, tables);
+    Outline o = outline_near(tables, p, own, direction, between);
+    I lit = p.lit;
+    F rho = sqrt(v);
+    Aim a;
     F pu = o.u + o.a * o.r * rho * c;
     F pv = o.v + o.b * o.r * rho * s;
-    a.x = ex * pu - ey * pv;
-    a.y = ey * pu + ex * pv;
+    a.x = p.ex * pu - p.ey * pv;
+    a.y = p.ey * pu + p.ex * pv;
     a.inverse_density = lit ? PI_F * o.a * o.b * o.r * o.r : ZERO;
     return a;
 }
+
+#if LAMP_AIM
+// A place's direction in the outline gives the radius there; 0 outside.
+static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
+{
+    OutlinePlace p = outline_place(fx, fy, own, tables);
+    Outline o = outline_near(tables, p, own, FALSE, ZERO);
+    F u = (p.ex * x + p.ey * y - o.u) / o.a;
+    F v = (p.ex * y - p.ey * x - o.v) / o.b;
+    F turn = turns_around(u, v) * (float)PUPIL_DIRECTIONS;
+    I direction = MIN(TO_I(turn), (I)(PUPIL_DIRECTIONS - 1));
+    o = outline_near(tables, p, own, direction, turn - TO_F(direction));
+    return (p.lit & (u * u + v * v < o.r * o.r)) ? PI_F * o.a * o.b * o.r * o.r : ZERO;
+}
+#endif
 #endif
 
 #endif

@@ -116,19 +116,21 @@ def scaled(state: SceneState, scale: float, reading: float | None) -> tuple[Plan
     return plan, smaller
 
 
-def image_of(state: SceneState, run: FilmRun, settings: RenderSettings, *, seconds: float, begun: float) -> Image:
+def image_of(
+    state: SceneState, plan: Plan, run: FilmRun, settings: RenderSettings, *, seconds: float, begun: float
+) -> Image:
     """Return a film as `render` returns it.
 
     Parameters
     ----------
-    state, run, settings
-        What was rendered, its whole film, and the settings of `render` that stand for it.
+    state, plan, run, settings
+        What was rendered, with the plan of its film, its whole film, and the settings of `render` that stand for it.
     seconds, begun
         What the samples took [s], and when all of it began, by `time.perf_counter` [s].
     """
     rendering = rendering_of(run, start=0, seconds=seconds, new_samples=run.wavefront.camera_rays, interrupted=False)
     prepared = Prepared(
-        settings, state.scene, state.scene.render.layers, state.found.scene, state.found.metadata, state.plan,
+        settings, state.scene, state.scene.render.layers, state.found.scene, state.found.metadata, plan,
         run.wavefront, None, None, begun, {"start": 0.0, "compile": 0.0}, state.found.diffraction,
         ghosting_of(state.found.ghosts, state.plan, run.wavefront.session),
     )  # fmt: skip

@@ -33,7 +33,7 @@ from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device import Session, open_sessions
 from rptcam_cl.imaging import Image, check_sensor
 from rptcam_cl.plan import Plan, make_plan
-from rptcam_cl.rendering import FilmLayout, FilmRun, WavefrontPool, window
+from rptcam_cl.rendering import FilmLayout, FilmRun, WavefrontPool, aimed_plan, window
 from rptcam_cl.scene import Scene, load_scene, set_keys
 
 
@@ -264,7 +264,7 @@ class RenderSession:
         if run.done == 0:
             raise InputError("the session has no samples yet (call take() first)")
         settings = replace(self._settings, device=self._device)
-        return image_of(self._shown, run, settings, seconds=self._seconds, begun=self._begun)
+        return image_of(self._shown, self._film_plan, run, settings, seconds=self._seconds, begun=self._begun)
 
     def close(self) -> None:
         """Let go of the device; the session is of no use then."""
@@ -375,9 +375,9 @@ class RenderSession:
             if not state.is_final:
                 state = self._shown = self._final(state)
             settings = state.scene.render
-            wavefront = self._pool.wavefront(
-                state.plan, state.buffers, FilmLayout.of(state.scene.film), settings, "film"
-            )
+            self._film_plan, buffers = aimed_plan(state.plan, self._device, settings.layers, state.buffers)
+            layout = FilmLayout.of(state.scene.film)
+            wavefront = self._pool.wavefront(self._film_plan, buffers or state.buffers, layout, settings, "film")
             self._run = FilmRun(wavefront, settings.noise)
         return self._run
 

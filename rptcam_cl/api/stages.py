@@ -28,8 +28,10 @@ from rptcam_cl.rendering import (
     Rendering,
     SavedState,
     Saver,
+    SceneBuffers,
     SharedWavefront,
     Wavefront,
+    aimed_plan,
     anomalies,
     described,
     described_before,
@@ -181,7 +183,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
 
     # Resolve what the scene leaves open, plan, compile
     found = resolve(scene, sessions[0]) if saver is None else _resolved_as_saved(scene, sessions[0], saver)
-    plan = make_plan(found.scene)
+    plan, buffers = aimed_plan(make_plan(found.scene), sessions[0], scene.render.layers)
     if saver is not None:
         saver.of_picture = of_picture(scene, found, plan, settings)
         if found.diffraction is not None:
@@ -191,7 +193,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
         settings.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
     if shares is None and saver is not None:
         shares = _saved_shares(saver.parts, sessions)
-    wavefront = _wavefront(scene, plan, sessions, shares, settings)
+    wavefront = _wavefront(scene, plan, sessions, shares, settings, buffers)
     if saver is not None:
         first = settings.film_part.first if saved is None else saved.done
         saver.parts_since = lambda done: devices_of(wavefront, first, done)
@@ -330,15 +332,23 @@ def _resolved_as_saved(scene: Scene, session: Session, saver: Saver) -> Resolved
 
 
 def _wavefront(
-    scene: Scene, plan: Plan, sessions: list[Session], shares: list[float] | None, settings: RenderSettings
+    scene: Scene,
+    plan: Plan,
+    sessions: list[Session],
+    shares: list[float] | None,
+    settings: RenderSettings,
+    buffers: SceneBuffers | None,
 ) -> AnyWavefront:
-    """Return what renders the scene, compiled and ready: on one device, or on several that share it."""
+    """Return what renders the scene, compiled and ready: on one device, or on several that share it.
+
+    ``buffers`` are the scene on the first device, where it is there already.
+    """
     layout = FilmLayout.of(scene.film)
     if len(sessions) > 1:
         return SharedWavefront(
             sessions, plan, layout, scene.render, settings.wave_size, shares=shares, lenient=means_all(settings.device)
         )
-    wavefront = Wavefront(sessions[0], plan, layout, scene.render, settings.wave_size)
+    wavefront = Wavefront(sessions[0], plan, layout, scene.render, settings.wave_size, buffers=buffers)
     wavefront.warm_up()
     return wavefront
 

@@ -13,6 +13,8 @@ from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.ghost_records import WayRecords, ghost_setting, ghosts_have_colours
 from rptcam_cl.cameras.half_pupil import PupilLine, Split, halved, pupil_line
+from rptcam_cl.cameras.lamp_aim import Shows, Sights, aimed_at_lamps
+from rptcam_cl.cameras.lamp_fits import SeenLamp
 from rptcam_cl.cameras.model import CameraModel, CameraView, turned
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
 from rptcam_cl.cameras.pupil_rays import PupilRays, lens_rays, thin_lens_rays
@@ -66,9 +68,13 @@ __all__ = [
     "PupilLine",
     "PupilRays",
     "RayMap",
+    "SeenLamp",
+    "Shows",
+    "Sights",
     "Split",
     "ThickLens",
     "WayRecords",
+    "aimed_at_lamps",
     "allowed_px",
     "camera_geometry",
     "camera_model",

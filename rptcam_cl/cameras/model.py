@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.blur import Blur
+from rptcam_cl.cameras.lamp_reach import LampReach
 from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
 from rptcam_cl.optics import FirstOrder
 from rptcam_cl.scene import Film, Pose
@@ -84,6 +85,8 @@ class CameraModel:
         Share of that light which the lens leaves of what enters it: 1 unless its losses count.
     axial_weight : float
         Mean weight there: the same number, or 1 where the weights leave radiance as it is.
+    reach : LampReach or None
+        How it sees points of the scene; None for a camera without a lens opening.
     """
 
     kernel: str
@@ -100,6 +103,7 @@ class CameraModel:
     on_axis_irradiance: float | None = None
     passed: float = 1.0
     axial_weight: float = 1.0
+    reach: LampReach | None = None
 
     @property
     def bends_colours(self) -> bool:

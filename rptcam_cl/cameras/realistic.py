@@ -14,6 +14,7 @@ from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.blur import traced_blur
 from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
 from rptcam_cl.cameras.geometry import intrinsics
+from rptcam_cl.cameras.lamp_reach import lens_reach
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.movements import check_film, film_frame, movements_metadata, place_film
 from rptcam_cl.cameras.pupil import ByContent, coarse_pupil, pupil_sampling
@@ -108,6 +109,7 @@ def model_of(
         passed=on_axis / clear,
         axial_weight=on_axis,
         usable_nm=(low, high),
+        reach=lens_reach(lens, back_mm, camera.wavelength_nm, _half_film_mm(scene)),
         axial_colour=_axial_colour(lens, back_mm, *balanced, (low, high)) if colour.dispersive else None,
     )
 
@@ -144,13 +146,17 @@ def _pupil(
     coarse: bool,
 ) -> PupilSampling:
     """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
-    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
-    half_film_mm, frame = (width_mm / 2, height_mm / 2), film_frame(camera)
+    half_film_mm, frame = _half_film_mm(scene), film_frame(camera)
     if windows:
         bounds = frame.bounds(half_film_mm)
         return pupil_in_windows(lens, back_mm, bounds, camera.wavelength_nm, windows, frame)
     sampling = coarse_pupil if coarse else pupil_sampling
     return sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil, frame)
+
+
+def _half_film_mm(scene: Scene) -> tuple[float, float]:
+    width_mm, height_mm = (side * 1e3 for side in scene.film.size_m())
+    return width_mm / 2, height_mm / 2
 
 
 def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:

@@ -9,6 +9,7 @@ import numpy as np
 
 from rptcam_cl.cameras.blur import Blur, film_depths, perfect_blur
 from rptcam_cl.cameras.geometry import intrinsics
+from rptcam_cl.cameras.lamp_reach import thick_lens_reach
 from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.movements import check_film, movements_metadata, place_film
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
@@ -154,6 +155,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
         on_axis_irradiance=on_axis,
         passed=passed,
         axial_weight=on_axis,
+        reach=thick_lens_reach(thick.height, thick.slope, first_vertex_m, (width_m / 2 * 1e3, height_m / 2 * 1e3)),
     )
 
 

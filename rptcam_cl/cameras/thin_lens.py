@@ -8,6 +8,7 @@ from rptcam_cl.cameras.aperture import aperture_tables, stop_shape
 from rptcam_cl.cameras.blur import Blur, film_depths, perfect_blur
 from rptcam_cl.cameras.exposure import opening_irradiance
 from rptcam_cl.cameras.geometry import intrinsics
+from rptcam_cl.cameras.lamp_reach import thin_lens_reach
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
 from rptcam_cl.cameras.movements import movements_metadata, place_film
 from rptcam_cl.scene import Film, Scene, ThinLensCamera
@@ -59,7 +60,8 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
     )  # fmt: skip
     tables, facts = aperture_tables(scene, camera.aperture)
     film_distance = scene.film.size_m()[0] / 2 / across
-    on_axis = opening_irradiance(stop_shape(scene, camera.aperture), radius, film_distance) if radius else None
+    shape = stop_shape(scene, camera.aperture)
+    on_axis = opening_irradiance(shape, radius, film_distance) if radius else None
     facts |= place_film(record, scene, film_distance * 1e3)
     metadata = movements_metadata(camera) | {
         "camera": "thin_lens",
@@ -82,6 +84,7 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
         metadata=metadata,
         view=view,
         on_axis_irradiance=on_axis,
+        reach=thin_lens_reach(radius, camera.plane_m, (across, down), shape) if radius else None,
     )
 
 

@@ -374,6 +374,8 @@ def _one(
             print(f"diffraction: {image.metadata['diffraction']['says']}", file=sys.stderr)
         if "ghosts" in image.metadata:
             print(f"ghosts: {image.metadata['ghosts']['says']}", file=sys.stderr)
+        if lamps := image.metadata.get("lamps_aimed_at"):
+            print(f"bokeh: camera rays aim at {lamps} lamp{'s' * (lamps > 1)} out of focus", file=sys.stderr)
         for line in image.metadata.get("accuracy", {}).get("says", ()):
             print(f"accuracy: {line}", file=sys.stderr)
         if shared := _shared(image.stats):

@@ -184,6 +184,10 @@ CAMERA = Record(
         ("float", "wavelength"),  # of all rays, where they have one [nm]
         (HALF_PUPIL, "half_pupil"),
         (OWN_CAMERA, "own"),
-        ("int", "reserved[5]"),
+        ("int", "lamp_table"),  # see kernels/lens/lamp_aim.h: where it stands among the tables
+        ("int", "lamp_across"),  # blocks of pixels
+        ("int", "lamp_down"),
+        ("int", "lamp_shift"),  # log2 of their side
+        ("int", "reserved"),
     ),
 )

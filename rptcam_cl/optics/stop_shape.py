@@ -107,6 +107,11 @@ class StopMask:
 
     cells: NDArray[np.bool_]
 
+    @property
+    def area(self) -> float:
+        """Of the open cells, in units of the square of the stop's radius."""
+        return float(self.cells.mean()) * 4.0
+
     def holds(self, x: Array, y: Array) -> NDArray[np.bool_]:
         """Return which points, in units of the stop's radius, lie in an open cell."""
         count = len(self.cells)

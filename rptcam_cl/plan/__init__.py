@@ -3,7 +3,7 @@
 from rptcam_cl.plan.albedo import LargestAlbedo
 from rptcam_cl.plan.motion import Movements, Places
 from rptcam_cl.plan.packed_meshes import PackedMeshes, TriangleGroup, shifted
-from rptcam_cl.plan.plan import Plan, make_plan, with_film, with_lens, with_pose
+from rptcam_cl.plan.plan import Plan, aimed, make_plan, with_film, with_lens, with_pose
 
 __all__ = [
     "LargestAlbedo",
@@ -12,6 +12,7 @@ __all__ = [
     "Places",
     "Plan",
     "TriangleGroup",
+    "aimed",
     "make_plan",
     "shifted",
     "with_film",

@@ -137,7 +137,7 @@ _SAMPLED = {Kind.RECTANGLE: _flat, Kind.DISK: _flat, Kind.SPHERE: _sphere, **dic
 
 
 @dataclass(frozen=True)
-class _Glow:
+class Glow:
     """What a material emits: radiance, mean over a texture; the texture's index or -1; whether the back shines; the
     number of its spectrum."""
 
@@ -158,7 +158,8 @@ class _Glow:
         records["texture"], records["two_sided"] = self.texture, self.two_sided
 
 
-def _glow(material: Material, textures: TextureTable, spectra: KnownSpectra) -> _Glow:
+def glow_of(material: Material, textures: TextureTable, spectra: KnownSpectra) -> Glow:
+    """Return what a material emits; its texture and its spectrum are entered."""
     emitted: Texture | Colour = (0.0, 0.0, 0.0)
     two_sided = False
     if isinstance(material, Emissive):
@@ -167,10 +168,10 @@ def _glow(material: Material, textures: TextureTable, spectra: KnownSpectra) -> 
         emitted = material.emission
     colour, texture = textures.slot(emitted, limit=LARGEST_RADIANCE)
     number = spectra.number(emitted, light=True)
-    return _Glow(np.array(colour) if texture < 0 else textures.mean(texture), texture, two_sided, number)
+    return Glow(np.array(colour) if texture < 0 else textures.mean(texture), texture, two_sided, number)
 
 
-def _surface_emitter(index: int, primitive: Primitive, glow: _Glow) -> Found | None:
+def _surface_emitter(index: int, primitive: Primitive, glow: Glow) -> Found | None:
     """Return record and power [W, luminance] of an emissive primitive, or None when it is not sampled."""
     if primitive.kind not in _SAMPLED or glow.strength <= 0:
         return None
@@ -182,7 +183,7 @@ def _surface_emitter(index: int, primitive: Primitive, glow: _Glow) -> Found | N
 
 
 def _mesh_emitters(
-    index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64], glow: _Glow
+    index: int, primitive: Primitive, first_triangle: int, eye: NDArray[np.float64], glow: Glow
 ) -> Found | None:
     """Return records and powers [W, luminance] of the triangles of an emissive mesh, or None when it does not shine."""
     if primitive.mesh is None or glow.strength <= 0:
@@ -294,7 +295,7 @@ def _surface_emitters(
     count = 0
     first_mesh = len(primitives) - len(first_triangles)
     for index, primitive in enumerate(primitives):
-        glow = _glow(primitive.material, textures, spectra)
+        glow = glow_of(primitive.material, textures, spectra)
         if has_holes(primitive.material):  # a sample would have to ask whether it lies in one; paths find what shines
             continue
         if primitive.trajectory is not None:  # a sample would have to follow it; paths find what shines

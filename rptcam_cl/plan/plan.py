@@ -2,18 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import CameraModel, FilterTable, camera_trajectory, filter_table, turned
+from rptcam_cl.cameras import (
+    CameraModel,
+    FilterTable,
+    SeenLamp,
+    Shows,
+    Sights,
+    aimed_at_lamps,
+    camera_trajectory,
+    filter_table,
+    turned,
+)
 from rptcam_cl.core.records import Kind
 from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
 from rptcam_cl.plan.caustics import Caustics, pack_caustics
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
 from rptcam_cl.plan.environment import Surroundings, pack_environment
+from rptcam_cl.plan.lamps_out_of_focus import visible_lamps
 from rptcam_cl.plan.materials import Materials, pack_materials
 from rptcam_cl.plan.meshes import MeshPlan
 from rptcam_cl.plan.motion import Movements, pack_movements
@@ -48,6 +59,7 @@ class Plan:
     eye_m: NDArray[np.float64]
     albedo: LargestAlbedo
     colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one
+    lamps: tuple[SeenLamp, ...]  # that the eye sees
 
 
 FEW = 16  # primitives, as many as lanes that a processor permutes at once
@@ -82,6 +94,8 @@ def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool =
     surroundings = pack_environment(scene, table, spectra)
     first_triangles = meshes.first_triangles if meshes else ()
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
+    eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
+    lamps = visible_lamps(primitives, eye_m, table)
     camera, spectrum = seen_by(scene, camera, spectra, shown, coarse=coarse)
     textures = table.pack()
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
@@ -113,9 +127,10 @@ def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool =
         primitive_count=len(primitives),
         meshes=meshes.packed if meshes else None,
         owners=owners_of(scene, primitives),
-        eye_m=np.array(scene.camera.eye) * scene.metres_per_unit,
+        eye_m=eye_m,
         albedo=largest_albedo(materials),
         colours=(spectra, shown),
+        lamps=lamps,
     )
 
 
@@ -152,3 +167,29 @@ def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
         return make_plan(scene, coarse=coarse)
     trajectory, _ = camera_trajectory(scene)
     return replace(plan, facts=plan.facts | spectrum.facts, camera=camera, spectrum=spectrum, trajectory=trajectory)
+
+
+FIRST_RAY = {"object_id", "material_id", "uv", "pupil"}  # layers of a pixel's first ray, which must aim at nothing
+
+
+def aimed(plan: Plan, shows: Shows, layers: Iterable[str] = ()) -> Plan:
+    """Return the plan with camera rays that aim at lamps out of focus; without such a lamp, the plan that was given.
+
+    Parameters
+    ----------
+    shows
+        Returns which lines of sight, in the world about the eye [m], nothing blocks.
+    layers
+        That the picture is to have: those of a pixel's first ray need one that aims at nothing.
+    """
+    if not plan.lamps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers):
+        return plan
+    record = plan.camera.record[0]
+    turn = np.stack([record[name][:3] for name in ("right", "up", "back")]).astype(np.float64)
+
+    def shows_in_world(sights: Sights) -> NDArray[np.bool_]:
+        return shows(replace(sights, origins=sights.origins @ turn, targets=sights.targets @ turn))
+
+    lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.lamps]
+    camera = aimed_at_lamps(plan.camera, lamps, shows_in_world)
+    return plan if camera is plan.camera else replace(plan, camera=camera)

@@ -22,6 +22,7 @@ from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
 from rptcam_cl.rendering.forecast import Forecast, forecast
 from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts
+from rptcam_cl.rendering.lamp_sights import aimed_plan
 from rptcam_cl.rendering.memory import amount
 from rptcam_cl.rendering.merge import layout_of, merged_state, read_part
 from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2, resolve_exposure
@@ -64,6 +65,7 @@ __all__ = [
     "SharedWavefront",
     "Wavefront",
     "WavefrontPool",
+    "aimed_plan",
     "amount",
     "anomalies",
     "cache_folder",

@@ -66,7 +66,8 @@ class WaveBuffers:
 
 def makes_rays(plan: Plan, settings: RenderSettings, *, stream: bool) -> bool:
     """Return whether the pass that takes camera rays to the film makes them itself: nothing else wants them."""
-    return stream and not plan.camera.has_lens and not LayerPlanes(settings.layers).names
+    aims = plan.camera.facts.get("LAMP_AIM", 0)
+    return stream and not plan.camera.has_lens and not aims and not LayerPlanes(settings.layers).names
 
 
 def bytes_of_state(plan: Plan, capacity: int, *, stream: bool) -> int:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan, make_plan
-from rptcam_cl.rendering import FilmLayout, Wavefront, check_precision, truncation
+from rptcam_cl.rendering import FilmLayout, Wavefront, aimed_plan, check_precision, truncation
 from rptcam_cl.scene import RenderSettings
 from rptcam_cl.tradeoff.ladder import Variant
 from rptcam_cl.tradeoff.tiles import SpreadTiles
@@ -85,8 +85,9 @@ def prepare(
             found[seen[known_as]] = replace(same, configuration=known)
             continue
         seen[known_as] = len(found)
-        layout = FilmLayout.of(configuration.scene.film)
-        wavefront = Wavefront(session, plan, layout, configuration.scene.render)
+        layout, settings = FilmLayout.of(configuration.scene.film), configuration.scene.render
+        plan, buffers = aimed_plan(plan, session, settings.layers)
+        wavefront = Wavefront(session, plan, layout, settings, buffers=buffers)
         wavefront.warm_up()
         facts = plan.camera.metadata | plan.spectrum.metadata
         rest = truncation(plan.albedo, configuration.scene.render.max_depth)

@@ -1,0 +1,215 @@
+"""Tables by which camera rays aim at small lamps out of focus, as `kernels/lens/lamp_aim.h` reads them.
+
+For every lamp that the film sees unsharp, the place in the pupil through which a film point sees it is a smooth
+function of the film point. In a block of pixels it is taken as affine, and the lamp's part of the pupil as the image of
+a disk or a square, as large as what the affine map leaves out requires. Rays are weighed by the density with which they
+are chosen, so that errors of the tables change noise and never the mean.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras.lamp_fits import LampFit, SeenLamp, lamp_fit
+from rptcam_cl.cameras.model import CameraModel
+from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
+
+Array = NDArray[np.float64]
+
+LAMP = 18  # floats of a lamp in a block
+LARGEST_PART = 0.15  # of the pupil: a lamp that fills more is found by other rays
+LARGEST_AIM = 0.4  # of the pupil that rays at a lamp are spread over
+WIDER = 1.05  # than a lamp's part of the pupil is found to be
+MOST_SHARE = 0.7  # of the rays of a film point
+DIM = 0.02  # value of the film that a lamp's disk has to be bright against
+MOST_ENTRIES = 20_000
+SEEN_NM = (440.0, 650.0)  # between which colours are taken as a line
+COLOURS = tuple(DISPERSION_SCALE / nm - DISPERSION_SHIFT for nm in SEEN_NM)
+MOST_BLOCKS = 1_000_000  # of a film
+GRID = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(9, 2)  # of a block
+
+
+@dataclass(frozen=True)
+class Sights:
+    """Lines of sight: from where rays enter the camera to the middle of a lamp, in the camera's frame [m].
+
+    Attributes
+    ----------
+    origins, targets : (n, 3) arrays
+    short : (n,) array
+        How far before the target they end.
+    """
+
+    origins: Array
+    targets: Array
+    short: Array
+
+
+Shows = Callable[[Sights], NDArray[np.bool_]]
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """Blocks of pixels over a film."""
+
+    shift: int
+    resolution: tuple[int, int]
+    film_scale: Array  # film coordinates of the upright picture's edges
+    flip: float
+
+    @property
+    def counts(self) -> tuple[int, int]:
+        """How many there are across and down."""
+        across, down = (((side - 1) >> self.shift) + 1 for side in self.resolution)
+        return across, down
+
+    @property
+    def half(self) -> Array:
+        """Half the sides of one on the film."""
+        place = np.full(2, 2.0 ** (self.shift - 1))
+        return np.abs(self.film(place) - self.film(np.zeros(2)))
+
+    def film(self, pixels: Array) -> Array:
+        """Return the film coordinates of places right and down in pixels."""
+        place = (2.0 * pixels / self.resolution - 1.0) * (1.0, -1.0)
+        return np.asarray(place * self.flip * self.film_scale)
+
+    def pixels(self, film: Array) -> Array:
+        """Return where film coordinates lie, right and down in pixels."""
+        place = film / self.film_scale * self.flip
+        return np.asarray((place * (1.0, -1.0) + 1.0) / 2.0 * self.resolution)
+
+    def area(self, fit: LampFit) -> float:
+        """Return how many pixels the disk of a lamp touches."""
+        pixels = np.clip(self.pixels(fit.film), 0.0, self.resolution)
+        return float(np.prod(np.ptp(pixels, axis=0) + 4.0))
+
+    def touched(self, fit: LampFit) -> tuple[NDArray[np.int64], Array]:
+        """Return the numbers of the blocks that a lamp's disk may touch, and their middles on the film."""
+        size, pixels = 1 << self.shift, self.pixels(fit.film)
+        low, high = pixels.min(axis=0), pixels.max(axis=0)
+        beyond = 0.05 * (high - low) + 2.0
+        first = np.maximum(np.floor((low - beyond) / size), 0).astype(int)
+        last = np.minimum(np.floor((high + beyond) / size), np.array(self.counts) - 1).astype(int)
+        x, y = (part.ravel() for part in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True))))
+        return y * self.counts[0] + x, self.film((np.stack([x, y], axis=1) + 0.5) * size)
+
+
+def _fine_enough(blocks: _Blocks, fits: Sequence[LampFit]) -> _Blocks:
+    """Return the smallest blocks whose tables are not too large: at best single pixels."""
+    entries, shift = sum(map(blocks.area, fits)), 0
+    while entries > MOST_ENTRIES * 4**shift or np.prod(blocks.counts) > MOST_BLOCKS * 4**shift:
+        shift += 1
+    return replace(blocks, shift=shift)
+
+
+@dataclass(frozen=True)
+class _Entries:
+    """What the table has of one lamp: the blocks, the floats but for its share, how much of the pupil it fills, and the
+    points where rays of a block enter the camera (n, 9, 2)."""
+
+    blocks: NDArray[np.int64]
+    floats: Array
+    part: Array
+    entry: Array
+
+    def kept(self, keep: NDArray[Any]) -> _Entries:
+        return _Entries(self.blocks[keep], self.floats[keep], self.part[keep], self.entry[keep])
+
+
+def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
+    numbers, middle = blocks.touched(fit)
+    if not len(numbers):
+        return _Entries(numbers, np.zeros((0, LAMP)), np.zeros(0), np.zeros((0, 9, 2)))
+    # The place in the pupil as an affine map of the film point, and what it leaves out at the corners.
+    about = fit.middle(middle[:, None] + GRID * blocks.half)
+    places, entry = about[..., :2], about[..., 2:]
+    slope = np.stack([places[:, 5] - places[:, 3], places[:, 7] - places[:, 1]], axis=-1) / (2 * blocks.half)
+    at = places[:, 4]
+    left_out = places - at[:, None] - np.einsum("nij,kj->nki", slope, GRID * blocks.half)
+    some, everywhere = fit.near(places)
+    margin = np.where(some, np.linalg.norm(left_out, axis=-1), 0.0).max(axis=1) + 2 * fit.middle.error
+    ends = np.array([[end(middle) for end in pair] for pair in fit.edges])
+    parts = np.moveaxis((ends[:, 0] - ends[:, 1]) / 2, 0, -1)
+    margin = margin + np.linalg.norm((ends[:, 0] + ends[:, 1]) / 2 - at, axis=-1).max(axis=0)
+    shift = np.zeros_like(at)
+    if fit.colours is not None:
+        first, second = (each(middle) for each in fit.colours)
+        shift = (second - first) / (COLOURS[1] - COLOURS[0])
+        margin = margin + np.linalg.norm(at - (first + second) / 2, axis=1) / 2
+        at = (first + second) / 2 - shift * sum(COLOURS) / 2
+    # The lamp's part of the pupil, wide enough for that.
+    u, sizes, v = np.linalg.svd(parts)
+    widened = (u * (sizes * WIDER + margin[:, None])[:, None, :]) @ v
+    full = np.pi if lamp.is_round else 4.0
+    part, taken = (full * np.abs(np.linalg.det(matrix)) / fit.pupil_area for matrix in (parts, widened))
+    beyond = sizes[:, 0] + margin
+    radius = fit.pupil_radius * 1.03 + beyond
+    constant = at - (slope @ middle[..., None])[..., 0]
+    n = len(numbers)
+    floats = np.column_stack([
+        np.zeros(n), constant[:, 0], slope[:, 0], constant[:, 1], slope[:, 1], shift, widened.reshape(n, 4),
+        np.full(n, float(lamp.is_round)), np.broadcast_to(fit.pupil_middle, (n, 2)), radius**2,
+        np.where(everywhere.all(axis=1), 0.0, beyond),
+    ])  # fmt: skip
+    keep = np.flatnonzero(some.any(axis=1) * (part < LARGEST_PART) * (taken < LARGEST_AIM))
+    return _Entries(numbers, floats, part, entry).kept(keep)
+
+
+def _that_show(entries: _Entries, lamp: SeenLamp, entry_z_m: float, shows: Shows) -> _Entries:
+    """Return the entries of blocks from where a lamp shows, its share as large as it does there."""
+    origins = np.concatenate([entries.entry, np.full((*entries.entry.shape[:2], 1), entry_z_m)], axis=-1).reshape(-1, 3)
+    short = np.full(len(origins), 1.1 * float(np.linalg.norm(lamp.axes, axis=1).sum()))
+    seen = shows(Sights(origins, np.broadcast_to(lamp.centre, origins.shape), short)).reshape(-1, len(GRID))
+    return replace(entries, part=entries.part * seen.mean(axis=1)).kept(seen.any(axis=1))
+
+
+def aimed_at_lamps(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> CameraModel:
+    """Return the camera with tables that aim some of its rays at lamps out of focus; its metadata say at how many.
+
+    Without any, or with a film that is tilted or shifted, it is the camera that was given.
+
+    Parameters
+    ----------
+    shows
+        Returns which lines of sight nothing blocks.
+    """
+    if camera.reach is None or camera.facts.get("FILM_MOVED"):
+        return camera
+    record, reach = camera.record[0], camera.reach
+    resolution = int(record["width"]), int(record["height"])
+    flip = 1.0 if record["per_width"] > 0 else -1.0
+    colours_nm = SEEN_NM if camera.bends_colours else None
+    fits = [(lamp, fit) for lamp in lamps if (fit := lamp_fit(lamp, reach, colours_nm)) is not None]
+    blocks = _fine_enough(_Blocks(0, resolution, np.array(reach.film_scale), flip), [fit for _, fit in fits])
+    found = [(lamp, entries) for lamp, fit in fits if len((entries := _entries(lamp, fit, blocks)).blocks)]
+    found = [(lamp, _that_show(entries, lamp, reach.entry_z_m, shows)) for lamp, entries in found]
+    found = [(lamp, entries) for lamp, entries in found if len(entries.blocks)]
+    if not found:
+        return camera
+    per_radiance = float(record["exposure"]) * camera.axial_weight
+    values = np.concatenate([entries.part * lamp.radiance * per_radiance for lamp, entries in found])
+    numbers, floats = (np.concatenate([getattr(e, name) for _, e in found]) for name in ("blocks", "floats"))
+    new = camera.record.copy()
+    new["lamp_table"], new["lamp_shift"] = len(camera.tables), blocks.shift
+    new["lamp_across"], new["lamp_down"] = blocks.counts
+    tables = [camera.tables, np.array([reach.area], np.float32), _packed(numbers, floats, values, blocks)]
+    facts = camera.facts | {"LAMP_AIM": 1, "LAMP_COLOURS": int(camera.bends_colours)}
+    metadata = camera.metadata | {"lamps_aimed_at": len(found)}
+    return replace(camera, record=new, facts=facts, tables=np.concatenate(tables), metadata=metadata)
+
+
+def _packed(numbers: NDArray[np.int64], floats: Array, values: Array, blocks: _Blocks) -> NDArray[np.float32]:
+    """Return places and counts of all blocks, and behind them their lamps, each with its share of the rays."""
+    count = int(np.prod(blocks.counts))
+    sums = np.bincount(numbers, values, count)
+    floats[:, 0] = MOST_SHARE * values / (DIM + sums[numbers])
+    order = np.argsort(numbers, kind="stable")
+    counts = np.bincount(numbers, minlength=count)
+    places = 1 + 2 * count + LAMP * (np.cumsum(counts) - counts)
+    return np.concatenate([np.column_stack([places, counts]).ravel(), floats[order].ravel()]).astype(np.float32)

@@ -1,0 +1,137 @@
+"""How the film sees one lamp through the pupil: polynomials in the film point, fitted to exact rays from the lamp."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras.lamp_reach import LampReach
+
+Array = NDArray[np.float64]
+
+ACROSS, FEW_ACROSS = 16, 12  # rays across the pupil for the middle of a lamp, and for its edges and other colours
+DEGREE = 5  # of the polynomials
+CELLS = 12  # across the pupil, each with a ray or more where it is open
+FEWEST = 40  # rays that a lamp needs
+LARGEST_ERROR = (
+    0.15  # of a polynomial, in radii of the pupil: beyond it, a film point sees a lamp through several places
+)
+
+
+@dataclass(frozen=True)
+class SeenLamp:
+    """A lamp as the camera sees it.
+
+    Attributes
+    ----------
+    centre : (3,) array
+        In the camera's frame [m].
+    axes : (2, 3) array
+        From there to the edge, in two directions.
+    is_round : bool
+        Whether it is an ellipse with these half axes; otherwise the parallelogram of half edges.
+    radiance : float
+        Luminance of what it emits [W/(m² sr)].
+    """
+
+    centre: Array
+    axes: Array
+    is_round: bool
+    radiance: float
+
+
+class Polynomial:
+    """The polynomial in a point (n, 2) that is fitted to values (n, k)."""
+
+    def __init__(self, points: Array, values: Array, degree: int = DEGREE) -> None:
+        self._powers = [(i, k - i) for k in range(degree + 1) for i in range(k + 1)]
+        self._middle = points.mean(axis=0)
+        self._scale = np.maximum(np.abs(points - self._middle).max(axis=0), np.finfo(np.float64).tiny)
+        terms = self._terms(points)
+        self._coefficients = np.linalg.lstsq(terms, values, rcond=1e-10)[0]
+        off = terms @ self._coefficients - values
+        self.error = float(np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1))))
+
+    def _terms(self, points: Array) -> Array:
+        x, y = np.moveaxis((points - self._middle) / self._scale, -1, 0)
+        return np.stack([x**i * y**j for i, j in self._powers], axis=-1)
+
+    def __call__(self, points: Array) -> Array:
+        """Return its values (..., k) at points (..., 2)."""
+        return np.asarray(self._terms(points) @ self._coefficients)
+
+
+@dataclass(frozen=True)
+class LampFit:
+    """Polynomials in the film point.
+
+    Attributes
+    ----------
+    middle : Polynomial
+        Place in the pupil, and where the ray enters the camera [m], of rays to the lamp's middle.
+    edges : pairs of Polynomial
+        Place in the pupil of rays to the ends of both axes.
+    colours : pair of Polynomial or None
+        That of rays to its middle of two wavelengths.
+    film, pupil : (n, 2) arrays
+        What rays of the middle reach.
+    """
+
+    middle: Polynomial
+    edges: tuple[tuple[Polynomial, Polynomial], tuple[Polynomial, Polynomial]]
+    colours: tuple[Polynomial, Polynomial] | None
+    film: Array
+    pupil: Array
+
+    @property
+    def pupil_middle(self) -> Array:
+        """Middle of the part of the pupil that the lens opens to the lamp."""
+        return np.asarray((self.pupil.min(axis=0) + self.pupil.max(axis=0)) / 2)
+
+    @property
+    def pupil_radius(self) -> float:
+        """Of the circle about it."""
+        return float(np.linalg.norm(self.pupil - self.pupil_middle, axis=1).max())
+
+    @property
+    def pupil_area(self) -> float:
+        """About that of this part."""
+        return float(4 * np.pi * np.sqrt(np.linalg.det(np.cov(self.pupil.T))))
+
+    def near(self, places: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which places of the pupil (..., 2) have rays that pass in their neighbourhood, and all over it."""
+        low, high = self.pupil.min(axis=0), self.pupil.max(axis=0)
+
+        def cells(points: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+            cell = np.clip(np.floor((points - low) / (high - low) * CELLS) + 2, 0, CELLS + 3).astype(np.intp)
+            return cell[..., 0], cell[..., 1]
+
+        lit = np.zeros((CELLS + 4, CELLS + 4), dtype=bool)
+        lit[cells(self.pupil * (1 - 1e-9) + (low + high) / 2 * 1e-9)] = True
+        around: NDArray[np.bool_] = np.lib.stride_tricks.sliding_window_view(np.pad(lit, 1), (3, 3))
+        some, everywhere = (np.asarray(each(axis=(2, 3))) for each in (around.any, around.all))
+        return some[cells(places)], everywhere[cells(places)]
+
+
+def lamp_fit(lamp: SeenLamp, reach: LampReach, colours_nm: tuple[float, float] | None) -> LampFit | None:
+    """Return how a lamp is seen; None where too little of its light comes through, or a film point sees it twice."""
+    found = reach.rays(lamp.centre[None], ACROSS, None)
+    passed = found.passed[0]
+    if passed.sum() < FEWEST:
+        return None
+    film, pupil = found.film[0][passed], found.pupil[0][passed]
+    middle = Polynomial(film, np.concatenate([pupil, found.entry[0][passed]], axis=1))
+    ends = reach.rays(lamp.centre + np.concatenate([lamp.axes, -lamp.axes]), FEW_ACROSS, None)
+    colours = None if colours_nm is None else [reach.rays(lamp.centre[None], FEW_ACROSS, nm) for nm in colours_nm]
+    if min(rays.passed.sum(axis=1).min() for rays in (ends, *(colours or ()))) < FEWEST:
+        return None
+    edges = [_fitted(*rays) for rays in zip(ends.film, ends.pupil, ends.passed, strict=True)]
+    by_colour = None if colours is None else tuple(_fitted(r.film[0], r.pupil[0], r.passed[0]) for r in colours)
+    fit = LampFit(middle, ((edges[0], edges[2]), (edges[1], edges[3])), by_colour, film, pupil)  # type: ignore[arg-type]
+    return None if middle.error > LARGEST_ERROR * fit.pupil_radius else fit
+
+
+def _fitted(film: Array, pupil: Array, passed: NDArray[np.bool_]) -> Polynomial:
+    return Polynomial(film[passed], pupil[passed])

@@ -1,0 +1,104 @@
+"""Tables that aim camera rays at lamps out of focus: their places in the pupil do lead to the lamp, by exact rays."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.cameras import SeenLamp, aimed_at_lamps, camera_model, lens_setting
+from rptcam_cl.scene import load_scene
+
+LAMP = 18  # floats of a lamp in a block
+RADIUS = 0.004
+EYE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+REALISTIC = EYE | {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 1.0}}
+THIN = EYE | {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 2, "focus_distance_m": 1.0}
+ON_FILM = {"centre": [0.0, 0.0, -3.0], "aside": [0.15, -0.1, -2.5]}
+
+
+def scene_with(camera):
+    return load_scene({"camera": camera, "film": {"resolution": [96, 64], "size_mm": [9, 6]}})
+
+
+def round_lamp(centre):
+    return SeenLamp(np.array(centre), np.array([[RADIUS, 0, 0], [0, RADIUS, 0]]), True, 200.0)
+
+
+def everything(sights):
+    return np.ones(len(sights.origins), dtype=bool)
+
+
+def blocks_of(model):
+    """Middle of each block on the film, in the kernel's coordinates, and its lamp."""
+    record = model.record[0]
+    table = model.tables[record["lamp_table"] :].astype(np.float64)
+    across, down = int(record["lamp_across"]), int(record["lamp_down"])
+    size = 1 << int(record["lamp_shift"])
+    for block in range(across * down):
+        first, count = (int(value) for value in table[1 + 2 * block : 3 + 2 * block])
+        column, row = (block % across + 0.5) * size, (block // across + 0.5) * size
+        place = np.array([2 * column / 96 - 1, 1 - 2 * row / 64]) * model.reach.film_scale
+        for k in range(count):
+            yield place, table[first + k * LAMP : first + (k + 1) * LAMP]
+
+
+def seen_through(lamp, film):
+    return lamp[[1, 4]] + lamp[[2, 3, 5, 6]].reshape(2, 2) @ film
+
+
+@pytest.mark.parametrize("centre", ON_FILM.values(), ids=ON_FILM)
+def test_rays_through_the_middle_of_a_lamp_in_the_pupil_meet_the_lamp(centre):
+    scene = scene_with(REALISTIC)
+    model = aimed_at_lamps(camera_model(scene), [round_lamp(centre)], everything)
+    found = list(blocks_of(model))
+    assert len(found) > 20
+    film, aims = np.array([place for place, _ in found]), np.array([seen_through(lamp, place) for place, lamp in found])
+    setting = lens_setting(scene)
+    lens, back = setting.lens, setting.film_distance_mm
+    start = np.column_stack([film, np.full(len(film), lens.film_z(back))])
+    rays = lens.trace(start, np.column_stack([aims - film, np.full(len(film), -back)]), 587.56)
+    assert rays.passed.sum() > 20
+    ahead = (centre[2] * 1e3 + lens.film_z(back) - rays.origins[:, 2]) / rays.directions[:, 2]
+    there = rays.origins[:, :2] + rays.directions[:, :2] * ahead[:, None]
+    off = np.linalg.norm(there * 1e-3 - centre[:2], axis=1)[rays.passed]
+    assert np.quantile(off, 0.9) < RADIUS  # but for rims, where the lens folds its light
+    assert np.median(off) < 0.3 * RADIUS
+
+
+def test_a_thin_lens_sees_a_point_through_the_place_that_first_order_optics_gives():
+    centre = np.array([0.2, 0.1, -3.0])
+    model = aimed_at_lamps(camera_model(scene_with(THIN)), [round_lamp(centre)], everything)
+    found = list(blocks_of(model))
+    assert found
+    for tangents, lamp in found:
+        on_lens = (centre[:2] - tangents * 3.0) / (1 - 3.0 / 1.0)  # of the ray that meets tangents * 1 m in focus
+        assert seen_through(lamp, tangents) == pytest.approx(on_lens / 0.0125, abs=1e-4)
+
+
+def test_shares_stay_below_one_however_many_lamps_a_pixel_sees():
+    lamps = [round_lamp([0.01 * i, 0.0, -3.0]) for i in range(12)]
+    model = aimed_at_lamps(camera_model(scene_with(THIN)), lamps, everything)
+    sums: dict[tuple[float, float], float] = {}
+    for place, lamp in blocks_of(model):
+        sums[tuple(place)] = sums.get(tuple(place), 0.0) + lamp[0]
+    assert 0.6 < max(sums.values()) <= 0.7
+    assert model.metadata["lamps_aimed_at"] == 12
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        round_lamp([0, 0, -1.0]),  # in focus
+        round_lamp([0, 0, 3.0]),  # behind the camera
+        round_lamp([9.0, 0, -3.0]),  # beside the picture
+    ],
+    ids=["in focus", "behind", "beside"],
+)
+@pytest.mark.parametrize("camera", [THIN, REALISTIC], ids=["thin", "realistic"])
+def test_lamps_that_other_rays_find_or_none_change_nothing(camera, lamp):
+    model = camera_model(scene_with(camera))
+    assert aimed_at_lamps(model, [lamp], everything) is model
+
+
+def test_hidden_lamps_change_nothing():
+    model = camera_model(scene_with(THIN))
+    hidden = aimed_at_lamps(model, [round_lamp([0, 0, -3.0])], lambda sights: ~everything(sights))
+    assert hidden is model
