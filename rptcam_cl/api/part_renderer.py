@@ -13,7 +13,7 @@ from rptcam_cl.api.stages import check_divisible, devices_of, of_picture, resolv
 from rptcam_cl.device import open_session
 from rptcam_cl.imaging import check_sensor
 from rptcam_cl.plan import make_plan
-from rptcam_cl.rendering import FilmLayout, FilmPart, Saver, Wavefront, forecast, render_plan, window
+from rptcam_cl.rendering import FilmLayout, FilmPart, Saver, Wavefront, aimed_plan, forecast, render_plan, window
 from rptcam_cl.scene import Scene
 
 SHORT_MEASURE_S = 0.5
@@ -71,8 +71,9 @@ class PartRenderer:
         resolved = resolve(scene, session, known.focus, known.metered_cd_m2)
         self.found = found or Found(resolved.focus, resolved.metered_cd_m2)
         self.device = session.info.name
-        self._plan = make_plan(resolved.scene)
-        self._wavefront = Wavefront(session, self._plan, FilmLayout.of(scene.film), scene.render)
+        layout, layers = FilmLayout.of(scene.film), scene.render.layers
+        self._plan, buffers = aimed_plan(make_plan(resolved.scene), session, layers)
+        self._wavefront = Wavefront(session, self._plan, layout, scene.render, buffers=buffers)
         self._wavefront.warm_up()
         self._diffraction = resolved.diffraction
         self._of_picture = of_picture(scene, resolved, self._plan, settings)

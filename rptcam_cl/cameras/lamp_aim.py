@@ -166,7 +166,7 @@ def _that_show(entries: _Entries, lamp: SeenLamp, entry_z_m: float, shows: Shows
     origins = np.concatenate([entries.entry, np.full((*entries.entry.shape[:2], 1), entry_z_m)], axis=-1).reshape(-1, 3)
     short = np.full(len(origins), 1.1 * float(np.linalg.norm(lamp.axes, axis=1).sum()))
     seen = shows(Sights(origins, np.broadcast_to(lamp.centre, origins.shape), short)).reshape(-1, len(GRID))
-    return replace(entries, part=entries.part * seen.mean(axis=1)).kept(seen.any(axis=1))
+    return replace(entries, part=entries.part * seen.mean(axis=1)).kept(np.flatnonzero(seen.any(axis=1)))
 
 
 def aimed_at_lamps(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> CameraModel:
