@@ -14,6 +14,8 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import shutil
+import signal
 import statistics
 import struct
 import subprocess
@@ -48,7 +50,7 @@ class Client:
 
     def __init__(self, socket: ClientConnection, token: str) -> None:
         self._socket = socket
-        self._last = 0
+        self._last = self.generation = 0
         self.send(type="hello", token=token, version=1)
         self.send(type="view", width=SIZE[0], height=SIZE[1], panels=["histogram"])
 
@@ -71,6 +73,7 @@ class Client:
                 header: dict[str, Any] = json.loads(message[4 : 4 + length])
                 self.send(type="ack", frame=header["frame"])
                 if header["kind"] == "picture":
+                    self.generation = header["generation"]
                     return header
             elif '"type":"error"' in message:
                 raise RuntimeError(message)
@@ -91,9 +94,11 @@ class Client:
 
 
 @contextmanager
-def viewing(cache: Path, device: str, size: tuple[int, int]) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
+def viewing(
+    cache: Path, device: str, size: tuple[int, int], scene: Path = SCENE
+) -> Iterator[tuple[subprocess.Popen[str], int, str]]:
     """Run the command; yield its process, its port and its token."""
-    words = [sys.executable, "-m", "rptcam_cl", "view", str(SCENE), "--no-browser", "--device", device]
+    words = [sys.executable, "-m", "rptcam_cl", "view", str(scene), "--no-browser", "--device", device]
     folders = {"POCL_CACHE_DIR": str(cache / "pocl"), "XDG_CACHE_HOME": str(cache / "xdg")}
     words += ["--size", f"{size[0]}x{size[1]}"]
     process = subprocess.Popen(words, cwd=ROOT, env=os.environ | folders, stdout=subprocess.PIPE, text=True)
@@ -113,6 +118,11 @@ def connected(port: int, token: str) -> Iterator[Client]:
     here = f"127.0.0.1:{port}"
     with connect(f"ws://{here}/ws", origin=f"http://{here}", compression=None, max_size=None, proxy=None) as socket:  # type: ignore[arg-type]
         yield Client(socket, token)
+
+
+def copied(folder: Path) -> Path:
+    """Return a copy of the scene, to be edited."""
+    return Path(shutil.copy(SCENE, folder))
 
 
 def cpu_seconds(process: subprocess.Popen[str]) -> float:
@@ -172,6 +182,25 @@ def other_kernels(client: Client) -> dict[str, float]:
     return {"ms": 1e3 * (last - begun), "longest": 1e3 * longest, "frames": frames - 1}
 
 
+def edit(client: Client, scene: Path) -> float:
+    """Return how long an edit of the scene file takes until its picture arrives [ms]."""
+    client.rest()
+    edited = scene.with_name("edited.yaml")
+    edited.write_text(scene.read_text("utf-8").replace("0.653", "0.7"), "utf-8")
+    shown, begun = client.generation, time.perf_counter()
+    edited.replace(scene)  # as editors do
+    client.frame_that(lambda header: header["generation"] > shown)
+    return 1e3 * (time.perf_counter() - begun)
+
+
+def end(process: subprocess.Popen[str]) -> float:
+    """Return how long the command takes to end after Ctrl-C [ms]."""
+    begun = time.perf_counter()
+    process.send_signal(signal.SIGINT)
+    process.wait(PATIENCE_S)
+    return 1e3 * (time.perf_counter() - begun)
+
+
 def drag(client: Client, process: subprocess.Popen[str], seconds: float, rate: float = 30.0) -> dict[str, Any]:
     """Move the camera so long; return frames a second, the ages of what they show [ms] and their scales."""
     client.rest()
@@ -213,7 +242,7 @@ def measured(options: argparse.Namespace, device: str) -> dict[str, Any]:
     found: dict[str, Any] = {"first picture, s": first_pictures(device, size, 1 if options.quick else options.times)}
     with (
         tempfile.TemporaryDirectory() as cache,
-        viewing(Path(cache), device, size) as (process, port, token),
+        viewing(Path(cache), device, size, copied(Path(cache))) as (process, port, token),
         connected(port, token) as client,
     ):
         client.frame_that(lambda header: header["spp"] > 1)
@@ -222,6 +251,8 @@ def measured(options: argparse.Namespace, device: str) -> dict[str, Any]:
             found[name] = answers(client, process, name, turns)
         found["drag"] = drag(client, process, seconds)
         found["other kernels"] = other_kernels(client)
+        found["edit, ms"] = edit(client, Path(cache) / SCENE.name)
+        found["Ctrl-C, ms"] = end(process)
     return found
 
 
@@ -250,6 +281,8 @@ def main() -> None:
         f"other kernels: {1e-3 * other['ms']:.1f} s until the change shows, {other['frames']} frames of the picture"
         f" before meanwhile, the longest time between two {other['longest']:.0f} ms"
     )
+    print(f"an edit of the scene file shows after {found['edit, ms']:.0f} ms")
+    print(f"the command has ended {found['Ctrl-C, ms']:.0f} ms after Ctrl-C")
     write_json(options.json, facts, found)
 
 

@@ -215,10 +215,12 @@ class Slot:
             self.dials, self._follows = turned.dials, False
 
     def image_of(self, frame: Frame) -> Image:
-        """Return a frame as an image that develops as the scene says; glances leave the sensor out."""
-        if self.scene.sensor is not None and frame.scale == 1 and self.session.spp > 0:
+        """Return a frame as an image that develops as the scene says; glances leave sensor and diffraction out."""
+        found = self.session.metadata
+        comes_last = self.scene.sensor is not None or found.get("diffraction", {}).get("on", False)
+        if comes_last and frame.scale == 1 and self.session.spp > 0:
             return self.session.image()
-        metadata = {"spectrum": self.session.metadata.get("spectrum", "rgb")}
+        metadata = {"spectrum": found.get("spectrum", "rgb")}
         return with_picture_settings(Image(frame.pixels, metadata), self.scene.picture)
 
     def close(self) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 from rptcam_cl._version import __version__
 from rptcam_cl.scene import METHODS, LensCamera
 from rptcam_cl.viewfinder.dial_list import dial_list
-from rptcam_cl.viewfinder.dials import wheel
+from rptcam_cl.viewfinder.dials import meter_needle, wheel
 from rptcam_cl.viewfinder.lens_choice import lens_entries
 from rptcam_cl.viewfinder.messages import MOST_BYTES, VERSION
 from rptcam_cl.viewfinder.outbox import MOST_UNACKNOWLEDGED
@@ -37,6 +37,14 @@ def hello_message(studio: Studio, slot: Slot, client: int) -> dict[str, Any]:
     }
 
 
+def _left_out(slot: Slot) -> list[str]:
+    """Return what a saved picture has and the one on the screen has not."""
+    shown_by_image = slot.scene.sensor is not None or slot.session.metadata.get("diffraction", {}).get("on", False)
+    if "ghosts" in slot.session.metadata and not shown_by_image:
+        return ["Ghosts of the lens are in saved pictures alone"]
+    return []
+
+
 def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, Any]:
     """Return how camera, dials and comparison stand.
 
@@ -61,7 +69,8 @@ def state_message(studio: Studio, slot: Slot, *, detailed: bool) -> dict[str, An
         "compare": studio.compare,
         "changed": list(slot.changes.as_dict()),
         "paused": studio.paused,
-        "messages": [*slot.messages, *(studio.b.messages if studio.b is not None else ())],
+        "needle": meter_needle(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2),
+        "messages": [*slot.messages, *_left_out(slot), *(studio.b.messages if studio.b is not None else ())],
     }
     if studio.b is not None:
         message["dials_b"] = dial_list(studio.b.dials, studio.b.scene, studio.b.resolved)

@@ -3,7 +3,7 @@
 import { Compare } from "./compare.js";
 import { Dials } from "./dials.js";
 import { choice, h } from "./dom.js";
-import { exposurePanel, histogramView, meterText, Overlays } from "./exposure.js";
+import { exposurePanel, histogramView, meterNeedle, meterText, Overlays } from "./exposure.js";
 import { Focus } from "./focus.js";
 import { Gestures, TOOLS } from "./gestures.js";
 import { Guides } from "./guides-panel.js";
@@ -50,7 +50,7 @@ export class Viewfinder {
   body() {
     this.tools = choice("What a drag does", TOOLS, (tool) => this.gestures.use(tool), { value: "tilt", name: "tool" });
     const foot = h("div", { class: "vf-foot" },
-      h("div", { class: "vf-tools" }, this.tools, h("span", { class: "vf-wheel" }),
+      h("div", { class: "vf-tools" }, this.tools, meterNeedle(this.link), h("span", { class: "vf-wheel" }),
         h("button", { type: "button", class: "vf-button vf-ask", "aria-label": "Keys", "data-name": "help", on: { click: () => this.help.open() } }, "?")),
       this.status.messages, this.dials.strip);
     this.link.on("state", ({ wheel }) => {

@@ -93,6 +93,25 @@ function meterTable(link) {
   return list;
 }
 
+const NEEDLE_EV = 3; // either way
+
+/** The needle of the exposure meter: how far the settings bring the metered part off its target; hidden where the camera follows. */
+export function meterNeedle(link) {
+  const mark = h("i", { class: "vf-needle-mark" });
+  const words = h("span", { class: "vf-needle-words" });
+  const element = h("div", { class: "vf-needle", role: "img", "data-name": "needle", hidden: true }, h("span", { class: "vf-needle-scale" }, mark), words);
+  link.on("state", ({ needle }) => {
+    element.hidden = needle === null || needle === undefined;
+    if (element.hidden) return;
+    const within = Math.min(NEEDLE_EV, Math.max(-NEEDLE_EV, needle));
+    mark.style.left = `${50 + (50 * within) / NEEDLE_EV}%`;
+    words.textContent = `${signed(needle)} EV`;
+    element.classList.toggle("vf-warn", within !== needle);
+    element.setAttribute("aria-label", `Exposure meter: ${words.textContent} off its target`);
+  });
+  return element;
+}
+
 export function exposurePanel(link, overlays) {
   const level = range("Zebra from", {
     min: 0.5, max: 1, step: 0.01, value: 0.95, name: "zebra_level", text: (value) => percent(value, 3),
