@@ -10,7 +10,7 @@ from rptcam_cl import InputError, render
 from rptcam_cl.cameras import camera_model, design_to_focus, film_for_infinity, lens_setting
 from rptcam_cl.focusing.lens_drive import GroupDrive
 from rptcam_cl.optics import Heat, load_lens
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene import Scene, change_scene, load_scene, set_keys
 from tests.cameras.beams import PRECISIONS, doubtful, film_beam, on_device
 
 SPEC = """\
@@ -34,7 +34,9 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def scene(folder: Path, lens: Any, focus: dict[str, Any] | None = None, *sets: str, **camera: Any) -> Scene:
+def scene(
+    folder: Path, lens: Any, focus: dict[str, Any] | None = None, *sets: str, film_mm: float = 30.0, **camera: Any
+) -> Scene:
     keys = {"kind": "realistic", "eye": [0, 0, 1], "target": [0, 0, 0], "lens": lens}
     keys |= {"focus": focus or {"distance_m": 1.0}} | camera
     board = {"shape": "rectangle", "corner": [-0.5, -0.4, 0], "edge_u": [1, 0, 0], "edge_v": [0, 0.8, 0]}
@@ -42,7 +44,7 @@ def scene(folder: Path, lens: Any, focus: dict[str, Any] | None = None, *sets: s
         "kind": "matte",
         "reflectance": {"kind": "checker", "even": 0.1, "odd": 0.9, "scale": [40, 32]},
     }
-    data = {"film": {"resolution": [24, 16], "width_mm": 30}, "camera": keys, "objects": [board]}
+    data = {"film": {"resolution": [24, 16], "width_mm": film_mm}, "camera": keys, "objects": [board]}
     return load_scene(data | {"environment": {"kind": "constant", "radiance": 1}}, sets, base_dir=folder)
 
 
@@ -247,3 +249,31 @@ def test_glass_of_which_nothing_is_known_is_refused_with_its_key(folder: Path) -
         InputError, match=r"camera.lens.temperature_c: Double Gauss .*surfaces\[0\]: nothing says how glass"
     ):
         camera_model(hot)
+
+
+def test_keys_of_a_lens_may_be_set_later(folder: Path) -> None:
+    plain = scene(folder, "cooke-triplet-50mm")
+    hot = set_keys(plain, {"camera.lens.temperature_c": 60})
+    assert hot.camera.heat == Heat(60.0)  # type: ignore[union-attr]
+    both = set_keys(hot, {"camera.lens.as_built": {"percentile": "50%", "spec": "shop.yaml"}})
+    assert (both.camera.heat, both.camera.as_built.percent) == (Heat(60.0), 50)  # type: ignore[union-attr]
+    assert set_keys(both, {"camera.lens": "dgauss-50mm"}).camera.heat is None  # type: ignore[union-attr]
+    stopped = change_scene(both, camera={"f_number": 8})
+    assert stopped.camera.lens == both.camera.lens  # type: ignore[union-attr]
+
+
+@pytest.mark.slow
+def test_pictures_of_zero_tolerances_and_of_20_degrees_are_those_of_the_design(folder: Path) -> None:
+    design = render(scene(folder, "cooke-triplet-50mm"), spp=16)
+    for lens in (built("90%", "zero.yaml"), {"design": "cooke-triplet-50mm", "temperature_c": 20, "barrel": "invar"}):
+        assert np.array_equal(render(scene(folder, lens), spp=16).pixels, design.pixels)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["dgauss-50mm", "retrofocus-28mm", "phone-5.6mm"])
+def test_most_rays_pass_through_poor_copies(folder: Path, name: str) -> None:
+    outcomes = render(
+        scene(folder, built("90%", "precision", name), film_mm=(4.0 if "phone" in name else 30.0)), spp=64
+    )
+    lens = outcomes.stats["lens"]
+    assert lens["passed"] >= 0.9 * sum(lens.values())
