@@ -27,6 +27,7 @@ from rptcam_cl.cameras.setting import (
     design_to_focus,
     film_for_infinity,
     film_point,
+    focused,
     lens_setting,
     lens_to_focus,
 )
@@ -91,6 +92,7 @@ __all__ = [
     "filter_table",
     "fit_nodes",
     "fitted_map",
+    "focused",
     "ghost_setting",
     "ghosts_have_colours",
     "half_film_mm",

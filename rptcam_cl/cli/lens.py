@@ -5,6 +5,7 @@ import math
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.cli import (
+    lens_breathing,
     lens_convert,
     lens_design,
     lens_draw,
@@ -56,6 +57,7 @@ def add_to(commands: Commands) -> None:
         lens_wavefront,
         lens_field,
         lens_losses,
+        lens_breathing,
         lens_tolerance,
         lens_ghosts,
         lens_trace,

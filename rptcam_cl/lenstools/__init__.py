@@ -3,6 +3,7 @@
 A drawing writes its own SVG; all charts, also those of other rooms, are drawn by matplotlib in one style.
 """
 
+from rptcam_cl.lenstools.breathing import breathing_chart, breathing_csv, breathing_table
 from rptcam_cl.lenstools.bundles import View
 from rptcam_cl.lenstools.charts import (
     DRAWN,
@@ -64,6 +65,9 @@ __all__ = [
     "add_key",
     "at_best_focus",
     "blades",
+    "breathing_chart",
+    "breathing_csv",
+    "breathing_table",
     "chart_svg",
     "check_suffix",
     "codev_text",
