@@ -35,7 +35,7 @@ LEAST_SHARE = 1e-3  # of all ghosts, below which a way is left out
 PER_PIXEL = 16.0  # rays of a way in each pixel that it lights
 LEAST_RAYS, MOST_RAYS = 1 << 15, 1 << 22  # of a way and wavelength
 SMOOTH = 200.0  # rays that the light of a pixel is spread over neighbours for
-WIDEST = 6.0  # half width of that spread [pixels]
+WIDTHS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)  # half widths of that spread [pixels]
 ROOM = 0.05  # beside the box that scouts have found, in its sides
 ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
 GROUP = 4
@@ -95,7 +95,7 @@ def _says(found: dict[str, Any]) -> str:
     if found["dropped_share"] > 0:
         text += f"; fainter ones with {found['dropped_share']:.1g} of the light are left out"
     if "left_out" in found:
-        text += f"; lamps that make none here: {', '.join(found['left_out'])}"
+        text += f"; what makes none here: {', '.join(found['left_out'])}"
     return text
 
 
@@ -160,8 +160,12 @@ class _Film:
         fluxes = {way: float(found.flux.sum()) for way, found in scouted.items()}
         total = sum(fluxes.values())
         kept = [way for way, flux in fluxes.items() if flux > LEAST_SHARE * total]
+        by_width: dict[float, Array] = {}
         for way in kept:
-            film += self._splatted(way, scouted[way], np.sqrt(fluxes[way] / max(fluxes.values())))
+            width, light = self._splatted(way, scouted[way], np.sqrt(fluxes[way] / max(fluxes.values())))
+            by_width[width] = by_width[width] + light if width in by_width else light
+        for width, light in by_width.items():
+            film += _spread(light, width)
         dropped = 1.0 - sum(fluxes[way] for way in kept) / total if total else 0.0
         dropped = 1.0 - (1.0 - dropped) * (1.0 - self.sources.dropped_share)
         return film, metadata | {"ways": len(kept), "dropped_share": dropped}
@@ -214,8 +218,8 @@ class _Film:
         flux = (np.where(inside, share, 0.0).sum(axis=1) * area)[:, None] * self.sources.irradiance
         return _Scouted(boxes, flux, max(float(lit), 1.0), float(share[inside].max(initial=0.0)))
 
-    def _splatted(self, way: Way, found: _Scouted, strength: float) -> Array:
-        """Return the light of a way on the film."""
+    def _splatted(self, way: Way, found: _Scouted, strength: float) -> tuple[float, Array]:
+        """Return the light of a way on the film, and over how many pixels it is to be spread."""
         reaches = found.boxes[:, 2] > 0
         boxes, places = found.boxes[reaches], self.sources.places[reaches]
         reached = boxes[:, 2] * boxes[:, 3]
@@ -231,7 +235,8 @@ class _Film:
         units = self.session.read(words, "<u8", 3 * self.rows * self.columns).astype(np.float64)
         film = units.reshape(self.rows, self.columns, 3) * (largest / ONE_LIGHT * self.value)
         per_pixel = rays * count * len(self.records) / found.pixels
-        return _spread(film, float(np.clip(np.sqrt(SMOOTH / per_pixel) / 1.5, 1.0, WIDEST)))
+        wanted = float(np.sqrt(SMOOTH / per_pixel)) / 1.5
+        return min((width for width in WIDTHS if width >= wanted), default=WIDTHS[-1]), film
 
 
 def _pairs(lens: Lens) -> Iterator[Way]:
@@ -254,8 +259,7 @@ def _spread(film: Array, width: float) -> Array:
         widths[axis] = (reach, reach)
         padded = np.pad(film, widths, mode="symmetric")
         size = film.shape[axis]
-        total = np.zeros_like(film)
+        film = np.zeros_like(film)
         for i, weight in enumerate(tent):
-            total += weight * np.take(padded, np.arange(i, i + size), axis=axis)
-        film = total
+            film += weight * (padded[i : i + size] if axis == 0 else padded[:, i : i + size])
     return film
