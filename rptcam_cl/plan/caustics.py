@@ -22,7 +22,7 @@ from rptcam_cl.scene import Dielectric, Material, Matte, Mirror, Mix, Plastic, P
 
 PHOTONS = "on: photons (biased: what they bring is blurred, less with more samples)"
 SURFACE, RECEIVER = 1, 2  # roles of primitives
-SMALL_LAMP_SR = 0.2  # a lamp that glass or a mirror sees so large is found by paths
+SMALL_LAMP_SR = 0.05  # a lamp that glass or a mirror sees so large is found by paths
 # Least GGX alpha of a principled receiver: the highlight of a smoother one shows what it mirrors, which photons blur.
 LEAST_ALPHA = 0.04
 WITHOUT_SIZE = (EmitterKind.POINT, EmitterKind.SPOT, EmitterKind.PROFILE, EmitterKind.DIRECTIONAL, EmitterKind.SUN)

@@ -39,7 +39,7 @@ class PhotonPass:
     def photons(self, pixels: int) -> int:
         """Return how many photons it has for a film of so many pixels, a power of two."""
         wanted = self.samples * pixels * PHOTONS_PER_SAMPLE
-        return min(max(1 << round(wanted).bit_length() - 1, LEAST_PHOTONS), MOST_PHOTONS)
+        return min(max(1 << max(round(wanted), 1).bit_length() - 1, LEAST_PHOTONS), MOST_PHOTONS)
 
     @property
     def shrinkage(self) -> float:
