@@ -4,6 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.core.errors import InputError
 
@@ -28,12 +29,16 @@ def add_to(commands: Commands) -> None:
         "--set", action="append", default=[], metavar="picture.key=value", dest="overrides",
         help="replace a setting that the film was rendered with, as picture.tone=agx; may be repeated",
     )  # fmt: skip
+    parser.add_argument(
+        "--desqueeze", type=values.positive, metavar="FACTOR",
+        help="make the picture of an anamorphic lens as much wider, as 1.36",
+    )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    from rptcam_cl.imaging import DEVELOPED_SUFFIXES, check_output, check_raw_output, develop
+    from rptcam_cl.imaging import DEVELOPED_SUFFIXES, check_output, check_raw_output, desqueezed, develop
 
     for output in arguments.outputs:
         if output.suffix.lower() not in DEVELOPED_SUFFIXES:
@@ -46,6 +51,10 @@ def _run(arguments: argparse.Namespace) -> int:
     if len({path.resolve() for path in written}) < len(written):
         raise InputError("-o, --raw: the same file twice")
     image = develop(arguments.film, arguments.overrides)
+    if arguments.desqueeze is not None:
+        if arguments.raws:
+            raise InputError("--raw: is what the sensor counts, as it is squeezed (allowed: without --desqueeze)")
+        image = desqueezed(image, arguments.desqueeze)
     raws = [(image.raw(), path) for path in arguments.raws]
     for output in arguments.outputs:
         image.save(output)

@@ -1,6 +1,7 @@
 """Pictures: the linear film as an array, what is developed from it, and the files both are kept in."""
 
 from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
+from rptcam_cl.imaging.desqueeze import desqueezed
 from rptcam_cl.imaging.development import Development, developed_values, quantised
 from rptcam_cl.imaging.film_files import read_film
 from rptcam_cl.imaging.image import Image
@@ -32,6 +33,7 @@ __all__ = [
     "check_raw_output",
     "check_sensor",
     "check_video",
+    "desqueezed",
     "develop",
     "developed_values",
     "holds_layers",
