@@ -66,7 +66,7 @@ static F3 from_frame(F3 s, F3 t, F3 n, F3 v)
 static F3 to_frame(F3 s, F3 t, F3 n, F3 v) { return f3(dot3(s, v), dot3(t, v), dot3(n, v)); }
 
 // An affine map held as three rows: points take the translation, vectors do not.
-static F  row_point(float4 r, F3 p)   { return r.x * p.x + r.w + r.y * p.y + r.z * p.z; }
+static F  row_point(float4 r, F3 p)   { return r.x * p.x + r.y * p.y + r.z * p.z + r.w; }
 static F  row_vector(float4 r, F3 d)  { return r.x * d.x + r.y * d.y + r.z * d.z; }
 
 #endif

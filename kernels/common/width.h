@@ -136,7 +136,10 @@ typedef uint16  U;
 
 #if VW > 1
 #define NOT(m)    (~(m))
-#ifndef MASK_BITS
+#ifdef MASK_BITS
+#define ANY(m)    (MASK_BITS(m) != 0u)
+#else
+#define ANY(m)    any(m)
 #define MASK_BITS(m) mask_bits(m)
 static uint mask_bits(I m)
 {
@@ -147,7 +150,6 @@ static uint mask_bits(I m)
     return bits;
 }
 #endif
-#define ANY(m)    (MASK_BITS(m) != 0u)
 #define COUNT(m)  ((uint)popcount(MASK_BITS(m)))
 
 // The value of the first true lane.

@@ -60,12 +60,12 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
 #define IF_ELLIPSOID
 #endif
 #if HAS_RECTANGLE
-#define IF_RECTANGLE  if (OF_KIND(KIND_RECTANGLE)) { RECTANGLE_T } else
+#define IF_RECTANGLE  if (OF_KIND(KIND_RECTANGLE)) { PlaneHit plane = no_plane(); RECTANGLE_T } else
 #else
 #define IF_RECTANGLE
 #endif
 #if HAS_DISK
-#define IF_DISK       if (OF_KIND(KIND_DISK)) { DISK_T } else
+#define IF_DISK       if (OF_KIND(KIND_DISK)) { PlaneHit plane = no_plane(); DISK_T } else
 #else
 #define IF_DISK
 #endif

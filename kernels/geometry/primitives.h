@@ -79,13 +79,37 @@ static F hit_plane(const __global Primitive *p, Ray ray)
 #if HAS_RECTANGLE || HAS_DISK
 #define BITS_OF_ONE  0x3f800000u    // taken as unsigned, those of all from +0 to 1 are no greater
 
-static F hit_flat(const __global Primitive *p, Ray ray, F *u, F *v)
+// The plane that a ray met last and where: flat primitives of one plane, as a lamp and the ceiling round it, share it.
+typedef struct {
+    float4 row;
+    F      t;
+    F3     there;
+} PlaneHit;
+
+static PlaneHit no_plane(void)
 {
-    F t = hit_plane(p, ray);
-    F3 there = along(ray.o, ray.d, t);
-    *u = row_point(p->row_x, there);
-    *v = row_point(p->row_y, there);
-    return t;
+    PlaneHit plane;
+    plane.row = (float4)(0.0f);
+    plane.t = ZERO;
+    plane.there = f3(ZERO, ZERO, ZERO);
+    return plane;
+}
+
+static F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, F *u, F *v)
+{
+    float4 row = p->row_z;
+    int known = row.x == plane->row.x && row.y == plane->row.y && row.z == plane->row.z && row.w == plane->row.w;
+#if HAS_MOTION
+    known = 0;      // the ray is another for what moves
+#endif
+    if (!known) {
+        plane->row = row;
+        plane->t = hit_plane(p, ray);
+        plane->there = along(ray.o, ray.d, plane->t);
+    }
+    *u = row_point(p->row_x, plane->there);
+    *v = row_point(p->row_y, plane->there);
+    return plane->t;
 }
 #endif
 
@@ -165,9 +189,9 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 // or NaN where there is no hit. Flat kinds hit where `met` only, so that masks need not go through t.
 #define SPHERE_T     t = hit_sphere(p, here, origin);
 #define ELLIPSOID_T  t = hit_ellipsoid(p, here, origin);
-#define RECTANGLE_T  F u; F v; t = hit_flat(p, here, &u, &v);                                      \
+#define RECTANGLE_T  F u; F v; t = hit_flat(p, here, &plane, &u, &v);                             \
                      met = NOT(origin) & (MAX(AS_U(u), AS_U(v)) <= BITS_OF_ONE);
-#define DISK_T       F u; F v; t = hit_flat(p, here, &u, &v);                                      \
+#define DISK_T       F u; F v; t = hit_flat(p, here, &plane, &u, &v);                             \
                      met = NOT(origin) & (u * u + v * v <= 1.0f);
 #define PLANE_T      t = hit_plane(p, here);                                                       \
                      met = NOT(origin);
@@ -198,12 +222,12 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #define EACH_ELLIPSOID(ray, VISIT)
 #endif
 #if HAS_RECTANGLE
-#define EACH_RECTANGLE(ray, VISIT) FOR_EACH_OF_KIND(KIND_RECTANGLE, ray, VISIT, RECTANGLE_T)
+#define EACH_RECTANGLE(ray, VISIT) { PlaneHit plane = no_plane(); FOR_EACH_OF_KIND(KIND_RECTANGLE, ray, VISIT, RECTANGLE_T) }
 #else
 #define EACH_RECTANGLE(ray, VISIT)
 #endif
 #if HAS_DISK
-#define EACH_DISK(ray, VISIT) FOR_EACH_OF_KIND(KIND_DISK, ray, VISIT, DISK_T)
+#define EACH_DISK(ray, VISIT) { PlaneHit plane = no_plane(); FOR_EACH_OF_KIND(KIND_DISK, ray, VISIT, DISK_T) }
 #else
 #define EACH_DISK(ray, VISIT)
 #endif

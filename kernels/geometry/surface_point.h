@@ -119,13 +119,13 @@ static Face face_of(BoxRows rows, F3 p)
     return face;
 }
 
-// Outward unit normal: the row of the coordinate that the face lies across.
+// Outward unit normal: the row of the coordinate that the face lies across. Without -0, as the sign of z turns frames.
 static F3 normal_of_face(BoxRows rows, Face face)
 {
     F3 row = select3(face.on_x, rows.x, select3(face.on_y, rows.y, rows.z));
     F across = face.on_x ? face.o.x : (face.on_y ? face.o.y : face.o.z);
     F reach = face.on_x ? rows.reach.x : (face.on_y ? rows.reach.y : rows.reach.z);
-    return scale(row, with_sign(reach, across));
+    return add(scale(row, with_sign(reach, across)), f3(ZERO, ZERO, ZERO));
 }
 
 static SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)

@@ -74,7 +74,7 @@ static void take_place(Vertex *vertex, I index, I flat, I box, F3 p, const FlatT
 {
     F3 up = THREE_OF_FLAT(FLAT_UP);
     F shift = OF_FLAT(FLAT_UP_W);
-    F height = up.x * p.x + shift + up.y * p.y + up.z * p.z;
+    F height = dot3(up, p) + shift;
     vertex->p = select3(flat, along(p, up, height * OF_FLAT(FLAT_STEP)), vertex->p);
     vertex->n = select3(flat, THREE_OF_FLAT(FLAT_N), vertex->n);
 #if HAS_BOX

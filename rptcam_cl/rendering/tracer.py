@@ -27,7 +27,7 @@ from rptcam_cl.rendering.passes import (
     makes_rays,
 )
 from rptcam_cl.rendering.photons import PhotonMap
-from rptcam_cl.rendering.waves import WAVE_SLOTS, Wave, Waves
+from rptcam_cl.rendering.waves import Wave, Waves, wave_slots
 from rptcam_cl.scene import RenderSettings
 
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
@@ -86,7 +86,7 @@ class Wavefront:
         self.seed = settings.seed
         self.organisation = organisation or ORGANISATION[session.kind]
         self.tiles = layout.whole_list()
-        slots, stream = wave_size or WAVE_SLOTS[session.kind], self.organisation == "stream"
+        slots, stream = wave_size or wave_slots(session.kind, session.info.compute_units), self.organisation == "stream"
         self._waves = Waves(layout, slots, stream=stream, loop_limit=session.loop_limit, photons=plan.caustics.active)
         self._launches = Launches(session)
         self._held = self._allocate(plan, buffers)

@@ -11,13 +11,21 @@ from rptcam_cl.core.records import WAVE
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.photon_passes import within_passes
 
-# Paths of a wave. On two CPU cores 256k render meshes 1.3 times as fast as 64k, whose ends leave a core idle.
+# Paths of a wave, at least. On two CPU cores 256k render meshes 1.3 times as fast as 64k, whose ends leave a core idle.
 WAVE_SLOTS = {"cpu": 1 << 18, "gpu": 1 << 20}
+# And of each CPU core: three spheres keep it for a millisecond, where 64 cores that share 256k paths would be done with
+# them in the time that it takes to wake them.
+SLOTS_OF_CORE = 1 << 15
 STREAM_SAMPLES = 16  # samples per pixel of a wave: what a lane may run through before it idles
 STEPS_OF_SAMPLE = 4096  # that all loops of a kernel take for one sample, at most: those of trees and lenses
 
 Wave = tuple[int, int, int, int]
 """First pixel (in the list of tiles), pixels, first sample, samples per pixel."""
+
+
+def wave_slots(kind: str, compute_units: int) -> int:
+    """Return how many paths a wave of a device has, "cpu" or "gpu"; the film does not depend on it."""
+    return max(WAVE_SLOTS[kind], SLOTS_OF_CORE * compute_units if kind == "cpu" else 0)
 
 
 class Waves:
