@@ -50,18 +50,21 @@ class Order:
 
 
 def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes | None:
-    """Return what `Compiler.compile` takes; None where photons look at a scene that is too large to be sent."""
+    """Return what `Compiler.compile` takes; None where it cannot be sent, or is too large."""
     most = MOST_WITH_PHOTONS if plan.caustics.active else MOST_BYTES
     if plan.caustics.active and buffers.most_bytes > most:
         return None
     light = replace(
         plan,
-        camera=replace(plan.camera, view=CameraView()),  # holds functions
+        camera=replace(plan.camera, view=CameraView(), reach=None),  # which hold functions
         meshes=None,
         textures=replace(plan.textures, texels=plan.textures.texels[:1]),
         surroundings=replace(plan.surroundings, distribution=plan.surroundings.distribution[:1]),
     )
-    return pickle.dumps(Order(session.info.id, light, buffers.on_host(light, most), settings))
+    try:
+        return pickle.dumps(Order(session.info.id, light, buffers.on_host(light, most), settings))
+    except (pickle.PicklingError, AttributeError, TypeError):  # something in it holds a function
+        return None
 
 
 class Compiler:
