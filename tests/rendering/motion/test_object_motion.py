@@ -123,13 +123,14 @@ def test_object_that_holds_while_the_shutter_is_open_changes_no_bit(session, fra
 
 def test_camera_that_moves_is_the_world_that_moves_back(session):
     """Each path has the same time, so that pictures agree pixel by pixel."""
-    objects = [FLOOR | {"material": CHECKS}, SHAPES["box"], CUBE]
+    beside = moved(CUBE, [{"translate": [1.2, 0.1, 0.3]}])  # no face of it lies in one of the box, where rounding decides
+    objects = [FLOOR | {"material": CHECKS}, SHAPES["box"], beside]
     there = {"eye": [0.4, 1.2, 4.5], "target": [0.4, 1.2, -0.5]}
     camera = PINHOLE | {"motion": [{"time_s": 0}, {"time_s": 1, **there}]}
     back = [{"time_s": 0}, {"time_s": 1, "translate": [-0.4, -0.2, 0.5]}]
     by_camera = film(scene_with(objects, camera, {"time_s": 1}), session)
     by_objects = film(scene_with([item | {"motion": back} for item in objects], shutter={"time_s": 1}), session)
-    assert np.isclose(by_camera, by_objects, rtol=1e-4, atol=1e-5).mean() > 0.95
+    assert np.isclose(by_camera, by_objects, rtol=1e-4, atol=1e-5).mean() > 0.99
     begin = film(scene_with(objects, camera, {"time_s": 1e-6}), session)
     assert not np.isclose(by_camera, begin, rtol=1e-2).mean() > 0.8
 
