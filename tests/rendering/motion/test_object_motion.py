@@ -123,7 +123,7 @@ def test_object_that_holds_while_the_shutter_is_open_changes_no_bit(session, fra
 
 def test_camera_that_moves_is_the_world_that_moves_back(session):
     """Each path has the same time, so that pictures agree pixel by pixel."""
-    beside = moved(CUBE, [{"translate": [1.2, 0.1, 0.3]}])  # no face of it lies in one of the box, where rounding decides
+    beside = moved(CUBE, [{"translate": [1.2, 0.1, 0.3]}])  # where two faces lie in one plane, rounding decides
     objects = [FLOOR | {"material": CHECKS}, SHAPES["box"], beside]
     there = {"eye": [0.4, 1.2, 4.5], "target": [0.4, 1.2, -0.5]}
     camera = PINHOLE | {"motion": [{"time_s": 0}, {"time_s": 1, **there}]}
