@@ -3,6 +3,10 @@
 // that source's box on the plane of the first vertex. Light is added as whole numbers of 64 bits, in two words with a
 // carry: such sums do not depend on their order. With GHOST_SCOUT nothing is added, and each ray's place on the film and
 // the share of its light that gets there are stored.
+#undef LENS_FRESNEL
+#undef LENS_POLARISED
+#define LENS_FRESNEL   1        // surfaces that reflect nothing make no ghosts
+#define LENS_POLARISED 1
 #include "lens/trace.h"
 
 #define GOLDEN      2654435769u         // 2^32 over the golden ratio
