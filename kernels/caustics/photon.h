@@ -38,7 +38,8 @@ static F3 from_octahedral(I packed)
 // What a primitive is to caustics, of the lanes `on`.
 static I caustic_role(I on, I primitive, Scene scene)
 {
-    return on ? GATHER(I, scene.caustic_roles, on & (primitive >= 0) ? primitive : FALSE, ) : FALSE;
+    I known = (on & (primitive >= 0)) ? primitive : FALSE;
+    return on ? GATHER(I, scene.caustic_roles, known, ) : FALSE;
 }
 
 #endif

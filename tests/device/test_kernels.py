@@ -63,6 +63,7 @@ EVERY_MATERIAL = {
 GLOW = {"kind": "emissive", "radiance": GRID}
 LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
 GLASS = {"LENS_SPLITS": 1}
+PHOTONS = {"CAUSTICS": 1}
 READ = {"RAYS_FILE": "integrator/read_rays.h"}  # by the stream, or made there
 MADE = {"RAYS_FILE": "integrator/made_rays.h", "CAMERA_FILE": "camera/thin_lens.h", "APERTURE_PARTS": 9, "FILTER": 1024}
 TREES = {"BVH_WIDTH": 16, "LEAF_WIDTH": 16, "BVH_STACK": 64, "HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": 16}
@@ -126,9 +127,9 @@ def test_warning_is_an_error(session, tmp_path):
 
 
 def test_scene_with_everything_turns_every_fact_on():
-    # one emitter is not many, few primitives are not either, and what there is of the world is one kind
+    # one emitter is not many, few primitives are not either, the world is of one kind, and photons do not move
     off = {name for name, value in all_facts().items() if not value}
-    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES"}
+    assert off == {"ONE_EMITTER", "LENS_SPLITS", "FEW_PRIMITIVES", *PHOTONS}
 
 
 LENS_PASSES = ("pass/generate.cl", "pass/trace_rays.cl", "pass/aim_rays.cl", "pass/trace_lens.cl")
@@ -143,7 +144,7 @@ def test_meshes_compile_for_trees_of_four(session, file):
 @pytest.mark.parametrize("lanes", [1, 8])
 @pytest.mark.parametrize("file", SCENE_PASSES)
 def test_pass_with_everything_compiles_alone_without_a_warning(session, file, lanes):
-    facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | GLASS | MADE | {"VW": lanes}
+    facts = all_facts() | TREES | layer_facts(LAYER_NAMES) | GLASS | MADE | PHOTONS | {"VW": lanes}
     without_warnings(session, [file], facts)
 
 
@@ -160,9 +161,20 @@ def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
 
 
 @pytest.mark.parametrize("lanes", [1, 8])
-@pytest.mark.parametrize("file", SCENE_PASSES)
+@pytest.mark.parametrize("file", [name for name in SCENE_PASSES if name != "pass/photons.cl"])
 def test_pass_with_the_least_compiles_alone_without_a_warning(session, file, lanes):
     without_warnings(session, [file], least_facts() | layer_facts(["coverage"]) | READ | {"VW": lanes})
+
+
+@pytest.mark.parametrize("lanes", [1, 8])
+@pytest.mark.parametrize("file", ["pass/photons.cl", "pass/shade.cl", "pass/stream.cl"])
+def test_least_that_has_photons_compiles_alone_without_a_warning(session, file, lanes):
+    shine = {"shape": "sphere", "center": [0, 0, 1], "radius": 0.5}
+    scene = still_life() | {"lights": LIGHTS[:1], "environment": None, "materials": {"glass": {"kind": "dielectric"}}}
+    scene |= {"objects": [PLANE | {"material": RARE[1]["material"]}, shine | {"material": "glass"}]}
+    facts = facts_of(scene | {"render": {"caustics": "on"}})
+    assert facts["CAUSTICS"] == 1
+    without_warnings(session, [file], facts | layer_facts(["coverage"]) | READ | {"VW": lanes})
 
 
 @pytest.mark.parametrize("camera", ["pinhole", "environment", "thick_lens"])
