@@ -18,6 +18,7 @@ from rptcam_cl.rendering import tracer
 from rptcam_cl.rendering.trees import builder, primitive_tree
 from rptcam_cl.scene.render_settings import LAYER_NAMES
 from tests.device.test_kernels import EVERY_MATERIAL
+from tests.rendering.test_bokeh import CASES
 from tests.rendering.test_determinism import LENS
 from tests.rendering.test_world import PLANE, still_life
 from tests.rendering.trees.meshes import soup
@@ -87,6 +88,15 @@ def everything() -> None:
     )
 
 
+def light_of_lamps() -> None:
+    """Photons through glass, rays aimed at a lamp out of focus, and ghosts between the surfaces of a lens."""
+    bokeh = CASES["far"]
+    ghosts = {"ghosts": "on", "transmission": {"coating": "bare"}}
+    rptcam_cl.render(bokeh | {"camera": bokeh["camera"] | ghosts}, size=(48, 32), spp=1, wave_size=256)
+    caustics = {"max_depth": 3, "roulette_depth": 2, "caustics": "on"}
+    rptcam_cl.render(still_life() | {"render": caustics}, size=SIZE, spp=2, wave_size=256)
+
+
 RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "passes": (passes, WAVE),
     "stream": (stream, {"stream"}),
@@ -94,6 +104,7 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "meshes": (meshes, WAVE | TREES | {"layers"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
     "everything": (everything, WAVE),
+    "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "lamp_sights", "occluded"}),
 }
 
 
