@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.lamp_fits import LampFit, SeenLamp, lamp_fit
+from rptcam_cl.cameras.lamp_fits import LampFit, SeenLamp, lamp_fit, parts_of_pupil
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 
@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 
 LAMP = 18  # floats of a lamp in a block
 LARGEST_PART = 0.15  # of the pupil: a lamp that fills more is found by other rays
+FAR_TOO_LARGE = 2.5  # times that part, by a few rays: such a lamp is not examined closer
 LARGEST_AIM = 0.4  # of the pupil that rays at a lamp are spread over
 WIDER = 1.05  # than a lamp's part of the pupil is found to be
 MOST_SHARE = 0.7  # of the rays of a film point
@@ -185,6 +186,8 @@ def aimed_at_lamps(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows)
     resolution = int(record["width"]), int(record["height"])
     flip = 1.0 if record["per_width"] > 0 else -1.0
     colours_nm = SEEN_NM if camera.bends_colours else None
+    filled = parts_of_pupil(lamps, reach) if lamps else ()
+    lamps = [lamp for lamp, part in zip(lamps, filled, strict=True) if part < FAR_TOO_LARGE * LARGEST_PART]
     fits = [(lamp, fit) for lamp in lamps if (fit := lamp_fit(lamp, reach, colours_nm)) is not None]
     blocks = _fine_enough(_Blocks(0, resolution, np.array(reach.film_scale), flip), [fit for _, fit in fits])
     found = [(lamp, entries) for lamp, fit in fits if len((entries := _entries(lamp, fit, blocks)).blocks)]

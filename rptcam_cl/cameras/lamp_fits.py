@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from rptcam_cl.cameras.lamp_reach import LampReach
 
 Array = NDArray[np.float64]
 
+SCANT_ACROSS = 4  # rays across the pupil for whether a lamp is worth more
 ACROSS, FEW_ACROSS = 16, 12  # rays across the pupil for the middle of a lamp, and for its edges and other colours
 DEGREE = 5  # of the polynomials
 CELLS = 12  # across the pupil, each with a ray or more where it is open
@@ -113,6 +115,23 @@ class LampFit:
         around: NDArray[np.bool_] = np.lib.stride_tricks.sliding_window_view(np.pad(lit, 1), (3, 3))
         some, everywhere = (np.asarray(each(axis=(2, 3))) for each in (around.any, around.all))
         return some[cells(places)], everywhere[cells(places)]
+
+
+def parts_of_pupil(lamps: Sequence[SeenLamp], reach: LampReach) -> Array:
+    """Return about which part of the pupil each lamp fills (n,), by a few rays; 0 where none come through.
+
+    A lamp's image and its disk of defocus share the film, so that the part is the ratio of their areas.
+    """
+    points = np.array([[lamp.centre, *(lamp.centre + lamp.axes)] for lamp in lamps])
+    found = reach.rays(points.reshape(-1, 3), SCANT_ACROSS, None)
+    film, passed = found.film.reshape(*points.shape[:2], -1, 2), found.passed.reshape(*points.shape[:2], -1)
+    count = np.maximum(passed.sum(axis=-1), 1)[..., None]
+    middle = np.where(passed[..., None], film, 0.0).sum(axis=2) / count
+    square = np.sum(np.where(passed, np.sum((film - middle[:, :, None]) ** 2, axis=-1), 0.0), axis=-1) / count[..., 0]
+    axes = middle[:, 1:] - middle[:, :1]
+    with np.errstate(all="ignore"):
+        part = np.abs(np.linalg.det(axes)) / square[:, 0]
+    return np.where(passed.any(axis=-1).all(axis=-1) & np.isfinite(part), part, 0.0)
 
 
 def lamp_fit(lamp: SeenLamp, reach: LampReach, colours_nm: tuple[float, float] | None) -> LampFit | None:
