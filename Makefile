@@ -1,4 +1,4 @@
-# Two commands for a fresh machine: `make demo` renders the first picture, `make test` runs the tests.
+# For a fresh machine: `make demo` renders the first picture, `make test` runs the tests, `make docs` builds the pages.
 
 PYTHON ?= python3
 VENV ?= .venv
@@ -11,6 +11,10 @@ demo: $(VENV)/.demo
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -q
+
+docs: $(VENV)/.docs
+	$(BIN)/python -m mkdocs build --quiet
+	@echo "The documentation is $(CURDIR)/out/docs/index.html"
 
 lint: $(VENV)/.lint
 	$(BIN)/ruff check .
@@ -28,6 +32,10 @@ $(VENV)/.test: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pocl,test]'
 	@touch $@ $(VENV)/.demo
 
+$(VENV)/.docs: pyproject.toml | $(BIN)/python
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	@touch $@
+
 $(VENV)/.lint: pyproject.toml | $(BIN)/python
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[pocl,dev]'
 	@touch $@ $(VENV)/.demo $(VENV)/.test
@@ -35,4 +43,4 @@ $(VENV)/.lint: pyproject.toml | $(BIN)/python
 clean:
 	rm -rf $(VENV) out
 
-.PHONY: demo test lint clean
+.PHONY: demo test docs lint clean

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
         tolerance,
     )
     from rptcam_cl.cluster import render_on_cluster
+    from rptcam_cl.datasets import dataset
 
 __all__ = [
     "Change",
@@ -48,6 +49,7 @@ __all__ = [
     "__version__",
     "autofocus",
     "choose_device",
+    "dataset",
     "develop",
     "devices",
     "focused_scene",
@@ -69,6 +71,10 @@ def __getattr__(name: str) -> Any:
         from rptcam_cl import cluster
 
         return cluster.render_on_cluster
+    if name == "dataset":
+        from rptcam_cl import datasets
+
+        return datasets.dataset
     if name in __all__:
         from rptcam_cl import api
 

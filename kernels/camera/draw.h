@@ -2,6 +2,7 @@
 // Facts: FILTER, SPECTRUM.
 #ifndef DRAW_H
 #define DRAW_H
+#include "camera/film_point.h"
 #include "camera/filter.h"
 #include "common/wavelength.h"
 

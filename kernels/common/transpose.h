@@ -62,6 +62,54 @@ static void store_eight(__global float *p, uint first, Eight e)
     for (int k = 0; k < 8; ++k)
         vstore8(r[k], first + k, p);
 }
+#elif defined CLANG_AVX512
+// Rows k and k + 8 side by side in one register, and three shuffles of whole registers for each, which the compiler takes as
+// they are. The general form below it takes apart: a camera ray through a lens then has 1.7 times the instructions.
+#define ROW_PAIR(a, b, ...)  __builtin_shufflevector(a, b, __VA_ARGS__)
+#define LO_FLOATS(a, b)  ROW_PAIR(a, b, 0, 16, 1, 17, 4, 20, 5, 21, 8, 24, 9, 25, 12, 28, 13, 29)
+#define HI_FLOATS(a, b)  ROW_PAIR(a, b, 2, 18, 3, 19, 6, 22, 7, 23, 10, 26, 11, 27, 14, 30, 15, 31)
+#define LO_PAIRS(a, b)   ROW_PAIR(a, b, 0, 1, 16, 17, 4, 5, 20, 21, 8, 9, 24, 25, 12, 13, 28, 29)
+#define HI_PAIRS(a, b)   ROW_PAIR(a, b, 2, 3, 18, 19, 6, 7, 22, 23, 10, 11, 26, 27, 14, 15, 30, 31)
+#define LO_FOURS(a, b)   ROW_PAIR(a, b, 0, 1, 2, 3, 16, 17, 18, 19, 8, 9, 10, 11, 24, 25, 26, 27)
+#define HI_FOURS(a, b)   ROW_PAIR(a, b, 4, 5, 6, 7, 20, 21, 22, 23, 12, 13, 14, 15, 28, 29, 30, 31)
+
+typedef float8 __attribute__((aligned(4))) EightInMemory;
+
+// Both 8 x 8 squares of eight registers turned at once.
+static Eight turned_squares(float16 r0, float16 r1, float16 r2, float16 r3, float16 r4, float16 r5, float16 r6, float16 r7)
+{
+    float16 a = LO_FLOATS(r0, r1), b = HI_FLOATS(r0, r1), c = LO_FLOATS(r2, r3), d = HI_FLOATS(r2, r3);
+    float16 e = LO_FLOATS(r4, r5), f = HI_FLOATS(r4, r5), g = LO_FLOATS(r6, r7), h = HI_FLOATS(r6, r7);
+    float16 p = LO_PAIRS(a, c), q = HI_PAIRS(a, c), s = LO_PAIRS(b, d), t = HI_PAIRS(b, d);
+    float16 u = LO_PAIRS(e, g), v = HI_PAIRS(e, g), w = LO_PAIRS(f, h), x = HI_PAIRS(f, h);
+    Eight out;
+    out.f[0] = LO_FOURS(p, u); out.f[1] = LO_FOURS(q, v); out.f[2] = LO_FOURS(s, w); out.f[3] = LO_FOURS(t, x);
+    out.f[4] = HI_FOURS(p, u); out.f[5] = HI_FOURS(q, v); out.f[6] = HI_FOURS(s, w); out.f[7] = HI_FOURS(t, x);
+    return out;
+}
+
+static float16 row_pair(const __global float *p, int a, int b)
+{
+    float8 low = *(const __global EightInMemory *)(p + a), high = *(const __global EightInMemory *)(p + b);
+    return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+}
+
+static Eight load_eight(const __global float *p, I i)
+{
+    return turned_squares(row_pair(p, i.s0, i.s8), row_pair(p, i.s1, i.s9), row_pair(p, i.s2, i.sa),
+                          row_pair(p, i.s3, i.sb), row_pair(p, i.s4, i.sc), row_pair(p, i.s5, i.sd),
+                          row_pair(p, i.s6, i.se), row_pair(p, i.s7, i.sf));
+}
+
+static void store_eight(__global float *p, uint first, Eight e)
+{
+    Eight rows = turned_squares(e.f[0], e.f[1], e.f[2], e.f[3], e.f[4], e.f[5], e.f[6], e.f[7]);
+    __global EightInMemory *to = (__global EightInMemory *)(p + (size_t)first * 8);
+    to[0] = rows.f[0].lo; to[1] = rows.f[1].lo; to[2] = rows.f[2].lo; to[3] = rows.f[3].lo;
+    to[4] = rows.f[4].lo; to[5] = rows.f[5].lo; to[6] = rows.f[6].lo; to[7] = rows.f[7].lo;
+    to[8] = rows.f[0].hi; to[9] = rows.f[1].hi; to[10] = rows.f[2].hi; to[11] = rows.f[3].hi;
+    to[12] = rows.f[4].hi; to[13] = rows.f[5].hi; to[14] = rows.f[6].hi; to[15] = rows.f[7].hi;
+}
 #elif VW == 16
 static Eight load_eight(const __global float *p, I offset)
 {

@@ -7,7 +7,7 @@
 // 2(1) 2013: edge functions of shared edges agree to the last bit, which fused multiply-add would spoil.
 #ifndef BVH_H
 #define BVH_H
-#include "common/width.h"
+#include "common/math.h"
 
 // Vectors of a node and of a block, and which of their comparisons hold, as bits.
 #define JOINED(a, b)      a##b
@@ -95,6 +95,34 @@ static BoxRay box_ray(float ox, float oy, float oz, float dx, float dy, float dz
     r.sz = 1.0f / (z_leads ? dz : (x_leads ? dx : dy));
     r.sx = (z_leads ? dx : (x_leads ? dy : dz)) * r.sz;
     r.sy = (z_leads ? dy : (x_leads ? dz : dx)) * r.sz;
+    return r;
+}
+
+static F inverse_of_lanes(F d) { return (d < 0.0f ? (F)(-1.0f) : ONE) / absolute(d); }
+
+// The rays of all lanes made ready together, as box_ray makes one.
+typedef struct {
+    F ix, iy, iz, px, py, pz, sx, sy, sz;
+    I row_x, row_y, row_z;
+} BoxRays;
+
+static BoxRays box_rays(F3 o, F3 d)
+{
+    BoxRays r;
+    r.ix = inverse_of_lanes(d.x); r.iy = inverse_of_lanes(d.y); r.iz = inverse_of_lanes(d.z);
+    F ax = absolute(d.x), ay = absolute(d.y), az = absolute(d.z);
+    I z_leads = (az >= ax) & (az >= ay);
+    I x_leads = NOT(z_leads) & (ax >= ay);
+    I first = FALSE, second = (I)(LEAF_WIDTH), third = (I)(2 * LEAF_WIDTH);
+    r.row_z = z_leads ? third : (x_leads ? first : second);
+    r.row_x = z_leads ? first : (x_leads ? second : third);
+    r.row_y = z_leads ? second : (x_leads ? third : first);
+    r.pz = z_leads ? o.z : (x_leads ? o.x : o.y);
+    r.px = z_leads ? o.x : (x_leads ? o.y : o.z);
+    r.py = z_leads ? o.y : (x_leads ? o.z : o.x);
+    r.sz = ONE / (z_leads ? d.z : (x_leads ? d.x : d.y));
+    r.sx = (z_leads ? d.x : (x_leads ? d.y : d.z)) * r.sz;
+    r.sy = (z_leads ? d.y : (x_leads ? d.z : d.x)) * r.sz;
     return r;
 }
 

@@ -110,6 +110,27 @@ IN_PLACE static int block_blocks(int index, BoxRay r, int origin, int target, fl
 
 static BoxRay in_world(OneRay r) { return box_ray(r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z); }
 
+#if VW > 1
+static BoxRay box_ray_of(const BoxRays *all, OneRay ray, uint k)
+{
+    BoxRay r;
+    r.ox = ray.o.x; r.oy = ray.o.y; r.oz = ray.o.z;
+    r.ix = LANE_OF(float, all->ix, k); r.iy = LANE_OF(float, all->iy, k); r.iz = LANE_OF(float, all->iz, k);
+    r.near_x = (r.ix < 0.0f ? 3u : 0u) * BVH_WIDTH; r.far_x = 3u * BVH_WIDTH - r.near_x;
+    r.near_y = (r.iy < 0.0f ? 4u : 1u) * BVH_WIDTH; r.far_y = 5u * BVH_WIDTH - r.near_y;
+    r.near_z = (r.iz < 0.0f ? 5u : 2u) * BVH_WIDTH; r.far_z = 7u * BVH_WIDTH - r.near_z;
+    r.row_x = LANE_OF(uint, all->row_x, k); r.row_y = LANE_OF(uint, all->row_y, k); r.row_z = LANE_OF(uint, all->row_z, k);
+    r.px = LANE_OF(float, all->px, k); r.py = LANE_OF(float, all->py, k); r.pz = LANE_OF(float, all->pz, k);
+    r.sx = LANE_OF(float, all->sx, k); r.sy = LANE_OF(float, all->sy, k); r.sz = LANE_OF(float, all->sz, k);
+    return r;
+}
+#define BOX_RAYS(o, d)          BoxRays box = box_rays(o, d)
+#define BOX_RAY_OF(ray, k)      box_ray_of(&box, ray, k)
+#else
+#define BOX_RAYS(o, d)
+#define BOX_RAY_OF(ray, k)      in_world(ray)
+#endif
+
 #if HAS_MOTION
 static OneRay one_at_rest(OneRay r, int primitive, Scene scene)
 {
@@ -146,15 +167,14 @@ static int origin_within(const __global Instance *instance, int origin, int tria
 }
 #endif
 
-// The nearest triangle before hit->t; its instance is returned.
-static int nearest_triangle(OneRay ray, Scene scene, TriangleHit *hit)
+// The nearest triangle before hit->t; its instance is returned. `r` is the ray made ready.
+static int nearest_triangle(OneRay ray, BoxRay r, Scene scene, TriangleHit *hit)
 {
     int   todo[BVH_STACK];
     float enter[BVH_STACK];
     int depth = 0;
     int node = scene.mesh_root;
     int found = 0;
-    BoxRay r = in_world(ray);
     int origin = ray.triangle;
 #if HAS_INSTANCES
     BoxRay outside = r;
@@ -230,12 +250,11 @@ static int nearest_triangle(OneRay ray, Scene scene, TriangleHit *hit)
 }
 
 // Whether a ray meets a triangle before `reach`. `target_triangle` of the primitive `target` does not count either.
-static int meets_triangle(OneRay ray, float reach, int target, int target_triangle, Scene scene)
+static int meets_triangle(OneRay ray, BoxRay r, float reach, int target, int target_triangle, Scene scene)
 {
     int todo[BVH_STACK];
     int depth = 0;
     int node = scene.mesh_root;
-    BoxRay r = in_world(ray);
     int origin = ray.triangle;
     int other = target_triangle;
 #if HAS_INSTANCES
@@ -283,8 +302,6 @@ static int meets_triangle(OneRay ray, float reach, int target, int target_triang
     }
 }
 
-static F inverse_of_lanes(F d) { return (d < 0.0f ? (F)(-1.0f) : ONE) / absolute(d); }
-
 // Lanes of `on` whose ray meets the box round all meshes before `reach`, as hit_boxes tests it.
 static I meets_bounds(Ray ray, F reach, I on, Scene scene)
 {
@@ -311,6 +328,8 @@ static I meets_bounds(Ray ray, F reach, I on, Scene scene)
 static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
 {
     on = meets_bounds(ray, hit->t, on, scene);
+    I lowered = FALSE;
+    BOX_RAYS(ray.o, ray.d);
     for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
         uint k = LOWEST_BIT(rest);
         TriangleHit best;
@@ -318,16 +337,20 @@ static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
         best.triangle = NO_TRIANGLE;
         best.b1 = 0.0f;
         best.b2 = 0.0f;
-        int instance = nearest_triangle(one_ray(ray, k), scene, &best);
+        OneRay one = one_ray(ray, k);
+        int instance = nearest_triangle(one, BOX_RAY_OF(one, k), scene, &best);
         if (best.triangle >= 0) {
             SET_LANE(float, hit->t, k, best.t);
-            SET_LANE(int, hit->primitive, k,
-                     scene.instances[instance].first_primitive + scene.triangles[best.triangle].w);
+            SET_LANE(int, hit->primitive, k, scene.instances[instance].first_primitive);
             SET_LANE(int, hit->triangle, k, best.triangle);
             SET_LANE(float, hit->b1, k, best.b1);
             SET_LANE(float, hit->b2, k, best.b2);
+            SET_LANE(int, lowered, k, -1);
         }
     }
+    // Which primitive of its instance a triangle is of: far apart in memory, so all lanes wait for theirs together.
+    if (ANY(lowered))
+        hit->primitive += lowered ? GATHER(I, scene.triangles, lowered ? hit->triangle : FALSE, .w) : FALSE;
 }
 
 // Lanes of `on` whose ray meets a triangle before `reach`.
@@ -335,9 +358,11 @@ static I blocked_by_meshes(Ray ray, F reach, I target, I target_triangle, I on, 
 {
     I blocked = FALSE;
     on = meets_bounds(ray, reach, on, scene);
+    BOX_RAYS(ray.o, ray.d);
     for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
         uint k = LOWEST_BIT(rest);
-        if (meets_triangle(one_ray(ray, k), LANE_OF(float, reach, k), LANE_OF(int, target, k),
+        OneRay one = one_ray(ray, k);
+        if (meets_triangle(one, BOX_RAY_OF(one, k), LANE_OF(float, reach, k), LANE_OF(int, target, k),
                            LANE_OF(int, target_triangle, k), scene))
             SET_LANE(int, blocked, k, -1);
     }

@@ -19,7 +19,7 @@ static F root_beyond(Ray ray, int i, Scene scene)
     const __global int *kind_end = scene.kind_end;
 #if HAS_SPHERE
     if (i < kind_end[KIND_SPHERE])
-        return hit_sphere(p, ray, TRUE);
+        return hit_sphere(near_sphere(p, ray, TRUE));
 #endif
 #if HAS_ELLIPSOID
     if (i < kind_end[KIND_ELLIPSOID])
@@ -28,8 +28,11 @@ static F root_beyond(Ray ray, int i, Scene scene)
     if (i < kind_end[KIND_PLANE])
         return (F)(-1.0f);
 #if HAS_BOX
-    if (i < kind_end[KIND_BOX])
-        return hit_box(p, ray, TRUE);
+    if (i < kind_end[KIND_BOX]) {
+        I met;
+        F t = hit_box(p, ray, TRUE, &met);
+        return met ? t : (F)(-1.0f);
+    }
 #endif
 #if HAS_CYLINDER
     if (i < kind_end[KIND_CYLINDER])
@@ -90,7 +93,7 @@ static Hit nearest_hit(Ray ray, Scene scene)
         best = closer ? t : best;
         index = closer ? (I)(i) : index;)
 #else
-    EACH_PRIMITIVE(ray,
+    EACH_PRIMITIVE(ray, ALL_FLATS,
         t = PAST_HOLES(met & (t > 0.0f) & (t < best));
         I closer = met & (t > 0.0f) & (t < best);
         best = closer ? t : best;
@@ -108,8 +111,8 @@ static Hit nearest_hit(Ray ray, Scene scene)
     return hit;
 }
 
-// Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_triangle` alone). Lanes of
-// reach 0 do not matter.
+// Lanes whose ray meets anything before `reach`, but not `target` (of a mesh its triangle `target_triangle` alone) nor what
+// lies in its plane. Lanes of reach 0 do not matter.
 static I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
 {
     const __global Primitive *primitives = scene.primitives;
@@ -125,7 +128,7 @@ static I any_hit(Ray ray, F reach, I target, I target_triangle, Scene scene)
         blocked |= met & (t > 0.0f) & (t < reach) & (target != i);
         open &= NOT(blocked);)
 #else
-    EACH_PRIMITIVE(ray,
+    EACH_PRIMITIVE(ray, FLATS_BETWEEN(reach, target),
         t = PAST_HOLES(met & (t > 0.0f) & (t < reach) & (target != i));
         blocked |= met & (t > 0.0f) & (t < reach) & (target != i);)
 #endif

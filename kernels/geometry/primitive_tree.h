@@ -49,6 +49,7 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
 }
 
 #define OF_KIND(KIND)  (i < kind_end[KIND])
+#define ONE_PLANE      PlaneHit plane; near_plane(p, here, &plane);
 #if HAS_SPHERE
 #define IF_SPHERE     if (OF_KIND(KIND_SPHERE)) { SPHERE_T } else
 #else
@@ -60,12 +61,12 @@ IN_PLACE static I meets_box(PackRay r, float4 middle, float4 size, F limit)
 #define IF_ELLIPSOID
 #endif
 #if HAS_RECTANGLE
-#define IF_RECTANGLE  if (OF_KIND(KIND_RECTANGLE)) { PlaneHit plane = no_plane(); RECTANGLE_T } else
+#define IF_RECTANGLE  if (OF_KIND(KIND_RECTANGLE)) { ONE_PLANE RECTANGLE_T } else
 #else
 #define IF_RECTANGLE
 #endif
 #if HAS_DISK
-#define IF_DISK       if (OF_KIND(KIND_DISK)) { PlaneHit plane = no_plane(); DISK_T } else
+#define IF_DISK       if (OF_KIND(KIND_DISK)) { ONE_PLANE DISK_T } else
 #else
 #define IF_DISK
 #endif

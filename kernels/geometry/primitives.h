@@ -35,19 +35,32 @@ static F3 object_vector(const __global Primitive *p, F3 d)
 }
 
 #if HAS_SPHERE
+// A ray and a sphere: half the way to the far side of it, and of the roots their product and the discriminant.
+typedef struct { F b, c, discriminant; } SphereRay;
+
 // row_x holds centre and radius; the direction has unit length. The discriminant is r^2 minus the squared distance of the
 // centre from the ray, which survives a far origin; b^2 - c would not.
-static F hit_sphere(const __global Primitive *p, Ray ray, I origin)
+static SphereRay near_sphere(const __global Primitive *p, Ray ray, I origin)
 {
     F3 oc = sub(ray.o, f3_of(p->row_x));
     F b = -dot3(oc, ray.d);
     F3 l = along(oc, ray.d, b);
     F r = (F)(p->row_x.w);
     F c = origin ? ZERO : dot3(oc, oc) - r * r;
-    F discriminant = origin ? b * b : r * r - dot3(l, l);
-    F far;
-    F near = quadratic(ONE, b, c, discriminant, &far);
-    return near > 0.0f ? near : far;
+    SphereRay s;
+    s.b = b;
+    s.c = c;
+    s.discriminant = origin ? b * b : r * r - dot3(l, l);
+    return s;
+}
+
+// The nearest root above zero, or one below, where the discriminant is not negative.
+static F hit_sphere(SphereRay s)
+{
+    F q = s.b + with_sign(root(s.discriminant), s.b);
+    F other = s.c / q;
+    F near = MIN(other, q);
+    return near > 0.0f ? near : MAX(other, q);
 }
 #endif
 
@@ -68,44 +81,59 @@ static F hit_ellipsoid(const __global Primitive *p, Ray ray, I origin)
 #endif
 
 #if HAS_RECTANGLE || HAS_DISK || HAS_PLANE
-static F hit_plane(const __global Primitive *p, Ray ray)
+// How far a point lies above a plane, the other way round, and how fast a ray nears it: their ratio is the distance.
+static F fall_to(const __global Primitive *p, F3 o)
 {
     float4 r = p->row_z;
-    F fall = -r.x * ray.o.x - r.w - r.y * ray.o.y - r.z * ray.o.z;
-    return fall / row_vector(r, ray.d);
+    return -r.x * o.x - r.w - r.y * o.y - r.z * o.z;
 }
+
+static F hit_plane(const __global Primitive *p, Ray ray) { return fall_to(p, ray.o) / row_vector(p->row_z, ray.d); }
 #endif
 
 #if HAS_RECTANGLE || HAS_DISK
 #define BITS_OF_ONE  0x3f800000u    // taken as unsigned, those of all from +0 to 1 are no greater
+#define LITTLE_MORE  1.0001f        // than any rounding of a product and a ratio
 
 // The plane that a ray met last and where: flat primitives of one plane, as a lamp and the ceiling round it, share it.
+// `instance` of the first of them is their number, of the others 0.
 typedef struct {
-    float4 row;
-    F      t;
-    F3     there;
+    F   fall, slope;
+    int found;       // whether t and there are those of the plane
+    F   t;
+    F3  there;
 } PlaneHit;
 
-static PlaneHit no_plane(void)
+static void near_plane(const __global Primitive *p, Ray ray, PlaneHit *plane)
 {
-    PlaneHit plane;
-    plane.row = (float4)(0.0f);
-    plane.t = ZERO;
-    plane.there = f3(ZERO, ZERO, ZERO);
-    return plane;
+    plane->fall = fall_to(p, ray.o);
+    plane->slope = row_vector(p->row_z, ray.d);
+    plane->found = 0;
 }
+
+// Lanes that meet the plane before `reach`, and perhaps a few more, but none whose `target` lies in it: it is of the `count`
+// primitives from i on.
+static I stands_between(const PlaneHit *plane, F reach, I target, int i, int count)
+{
+    I before = absolute(plane->fall) < reach * LITTLE_MORE * absolute(plane->slope);
+    return (plane->fall * plane->slope > 0.0f) & before & (AS_U(target - i) >= (uint)count);
+}
+
+// What FOR_EACH_FLAT leaves out: nothing, or what no lane can meet on its way to a target.
+#define ALL_FLATS
+#define FLATS_BETWEEN(reach, target)                                               \
+    if (p->instance > 0)                                                           \
+        between = stands_between(&plane, reach, target, i, p->instance);           \
+    origin = NOT(between & NOT(origin));                                           \
+    if (!ANY(NOT(origin)))                                                         \
+        continue;
 
 static F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, F *u, F *v)
 {
-    float4 row = p->row_z;
-    int known = row.x == plane->row.x && row.y == plane->row.y && row.z == plane->row.z && row.w == plane->row.w;
-#if HAS_MOTION
-    known = 0;      // the ray is another for what moves
-#endif
-    if (!known) {
-        plane->row = row;
-        plane->t = hit_plane(p, ray);
+    if (!plane->found) {
+        plane->t = plane->fall / plane->slope;
         plane->there = along(ray.o, ray.d, plane->t);
+        plane->found = 1;
     }
     *u = row_point(p->row_x, plane->there);
     *v = row_point(p->row_y, plane->there);
@@ -115,8 +143,8 @@ static F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, F *u, F
 
 #if HAS_BOX
 // The cube [-1, 1]^3. On its surface the farther root (by size) is the true one: the way out when the ray goes inwards,
-// behind the start when it goes outwards.
-static F hit_box(const __global Primitive *p, Ray ray, I origin)
+// behind the start when it goes outwards. Beside the cube `met` is false.
+static F hit_box(const __global Primitive *p, Ray ray, I origin, I *met)
 {
     F3 o = object_point(p, ray.o);
     F3 d = object_vector(p, ray.d);
@@ -132,7 +160,8 @@ static F hit_box(const __global Primitive *p, Ray ray, I origin)
     near = MAX(near, m.z - k.z); far = MIN(far, m.z + k.z);
     F outside = near > 0.0f ? near : far;
     F other = absolute(near) > absolute(far) ? near : far;
-    return near <= far ? (origin ? other : outside) : (F)(-1.0f);
+    *met = near <= far;
+    return origin ? other : outside;
 }
 #endif
 
@@ -187,7 +216,14 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 
 // How each kind finds `t` of the primitive p from the ray `here`, which is taken to where p is at rest: negative, infinite
 // or NaN where there is no hit. Flat kinds hit where `met` only, so that masks need not go through t.
-#define SPHERE_T     t = hit_sphere(p, here, origin);
+// In the loop over all spheres, those that no lane meets ahead are left out; in leaves of a tree that is dearer.
+#define SPHERE_T     SphereRay s = near_sphere(p, here, origin); met = s.discriminant >= 0.0f; t = hit_sphere(s);
+#define AHEAD_SPHERE_T                                                                             \
+                     SphereRay s = near_sphere(p, here, origin);                                   \
+                     met = (s.discriminant >= 0.0f) & (MAX(s.b, -s.c) >= 0.0f);                    \
+                     if (!ANY(met))                                                                \
+                         continue;                                                                 \
+                     t = hit_sphere(s);
 #define ELLIPSOID_T  t = hit_ellipsoid(p, here, origin);
 #define RECTANGLE_T  F u; F v; t = hit_flat(p, here, &plane, &u, &v);                             \
                      met = NOT(origin) & (MAX(AS_U(u), AS_U(v)) <= BITS_OF_ONE);
@@ -195,7 +231,7 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
                      met = NOT(origin) & (u * u + v * v <= 1.0f);
 #define PLANE_T      t = hit_plane(p, here);                                                       \
                      met = NOT(origin);
-#define BOX_T        t = hit_box(p, here, origin);
+#define BOX_T        t = hit_box(p, here, origin, &met);
 #define CYLINDER_T   t = hit_cylinder(p, here, origin);
 #define CONE_T       t = hit_cone(p, here, origin);
 
@@ -211,8 +247,27 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
         VISIT                                                                      \
     }
 
+// The same of flat kinds, of which WHICH leaves out some.
+#define FOR_EACH_FLAT(KIND, ray, WHICH, VISIT, HIT)                                \
+    {                                                                              \
+        PlaneHit plane;                                                            \
+        I between = FALSE;                                                         \
+        for (int i = kind_end[KIND - 1]; i < kind_end[KIND]; ++i) {                 \
+            const __global Primitive *p = primitives + i;                          \
+            Ray here = RAY_AT_REST(ray, i);                                        \
+            I origin = (ray).origin == i;                                              \
+            if (p->instance > 0)                                                   \
+                near_plane(p, here, &plane);                                       \
+            WHICH                                                                  \
+            F t;                                                                   \
+            I met = TRUE;                                                          \
+            HIT                                                                    \
+            VISIT                                                                  \
+        }                                                                          \
+    }
+
 #if HAS_SPHERE
-#define EACH_SPHERE(ray, VISIT) FOR_EACH_OF_KIND(KIND_SPHERE, ray, VISIT, SPHERE_T)
+#define EACH_SPHERE(ray, VISIT) FOR_EACH_OF_KIND(KIND_SPHERE, ray, VISIT, AHEAD_SPHERE_T)
 #else
 #define EACH_SPHERE(ray, VISIT)
 #endif
@@ -222,14 +277,14 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #define EACH_ELLIPSOID(ray, VISIT)
 #endif
 #if HAS_RECTANGLE
-#define EACH_RECTANGLE(ray, VISIT) { PlaneHit plane = no_plane(); FOR_EACH_OF_KIND(KIND_RECTANGLE, ray, VISIT, RECTANGLE_T) }
+#define EACH_RECTANGLE(ray, WHICH, VISIT) FOR_EACH_FLAT(KIND_RECTANGLE, ray, WHICH, VISIT, RECTANGLE_T)
 #else
-#define EACH_RECTANGLE(ray, VISIT)
+#define EACH_RECTANGLE(ray, WHICH, VISIT)
 #endif
 #if HAS_DISK
-#define EACH_DISK(ray, VISIT) { PlaneHit plane = no_plane(); FOR_EACH_OF_KIND(KIND_DISK, ray, VISIT, DISK_T) }
+#define EACH_DISK(ray, WHICH, VISIT) FOR_EACH_FLAT(KIND_DISK, ray, WHICH, VISIT, DISK_T)
 #else
-#define EACH_DISK(ray, VISIT)
+#define EACH_DISK(ray, WHICH, VISIT)
 #endif
 #if HAS_PLANE
 #define EACH_PLANE(ray, VISIT) FOR_EACH_OF_KIND(KIND_PLANE, ray, VISIT, PLANE_T)
@@ -251,9 +306,9 @@ static F hit_cone(const __global Primitive *p, Ray ray, I origin)
 #else
 #define EACH_CONE(ray, VISIT)
 #endif
-#define EACH_PRIMITIVE(ray, VISIT)                                                          \
-    EACH_SPHERE(ray, VISIT) EACH_ELLIPSOID(ray, VISIT) EACH_RECTANGLE(ray, VISIT)           \
-    EACH_DISK(ray, VISIT) EACH_PLANE(ray, VISIT) EACH_BOX(ray, VISIT)                       \
+#define EACH_PRIMITIVE(ray, WHICH, VISIT)                                                   \
+    EACH_SPHERE(ray, VISIT) EACH_ELLIPSOID(ray, VISIT) EACH_RECTANGLE(ray, WHICH, VISIT)    \
+    EACH_DISK(ray, WHICH, VISIT) EACH_PLANE(ray, VISIT) EACH_BOX(ray, VISIT)                       \
     EACH_CYLINDER(ray, VISIT) EACH_CONE(ray, VISIT)
 
 #endif

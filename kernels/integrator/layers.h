@@ -1,7 +1,8 @@
 // Auxiliary layers: what the camera rays meet first, per pixel. Means are Kahan sums of ray weight times value over the rays
 // that hit something, beside the sums of the weights; what cannot be averaged is taken from the pixel's first ray that
 // passes the camera. Planes of the buffer, `pixels` long each: the sums, their compensations, the firsts.
-// Facts: LAYER_<name>, the place of a layer among the sums or the firsts, or -1; LAYER_SUMS, how many sums there are.
+// Facts: LAYER_<name>, the place of a layer among the sums or the firsts, or -1; LAYER_SUMS, how many sums there are;
+// OWNER_SLOTS, how many objects or materials a pixel keeps apart.
 #ifndef LAYERS_H
 #define LAYERS_H
 #include "camera/film_point.h"
@@ -67,12 +68,35 @@ static void write_first(__global float *planes, int k, uint pixel, uint pixels, 
     STORE_F(plane, pixel, fresh ? value : LOAD_F(plane, pixel));
 }
 
-#if LAYER_OBJECT_ID >= 0 || LAYER_MATERIAL_ID >= 0
+#if LAYER_OBJECT_ID >= 0 || LAYER_MATERIAL_ID >= 0 || LAYER_CRYPTO_OBJECT >= 0 || LAYER_CRYPTO_MATERIAL >= 0
 // Object (which = 0) or material (which = 1) of what was hit; -1 for nothing.
 static F owner_of(Hit hit, I on, const __global int *owners, int which)
 {
     I index = on ? hit.primitive * 2 + which : FALSE;
     return AS_F(on ? GATHER(I, owners, index, ) : (I)(-1));
+}
+#endif
+
+#if LAYER_CRYPTO_OBJECT >= 0 || LAYER_CRYPTO_MATERIAL >= 0
+// Adds weights to those of their owners: each of a pixel's owners has a slot of three planes, for its identifier, its weight
+// and that sum's compensation; a slot without weight is free, and what finds none is left out.
+static void add_to_owner(__global float *planes, int k, uint pixel, uint pixels, F weight, F owner)
+{
+    I waiting = weight > 0.0f;
+    for (int slot = 0; slot < OWNER_SLOTS && ANY(waiting); ++slot) {
+        __global float *names = planes + (size_t)(2 * LAYER_SUMS + k + 3 * slot) * pixels;
+        __global float *sums = names + pixels, *rests = sums + pixels;
+        F name = LOAD_F(names, pixel);
+        F sum = LOAD_F(sums, pixel);
+        F rest = LOAD_F(rests, pixel);
+        I mine = waiting & ((sum == 0.0f) | (AS_I(name) == AS_I(owner)));
+        F y = weight - rest;
+        F t = sum + y;
+        STORE_F(names, pixel, mine ? owner : name);
+        STORE_F(sums, pixel, mine ? t : sum);
+        STORE_F(rests, pixel, mine ? (t - sum) - y : rest);
+        waiting = waiting & NOT(mine);
+    }
 }
 #endif
 

@@ -14,6 +14,8 @@
 #include "caustics/gather.h"
 #endif
 
+#define MOST_UNLIT  4.0f    // chance of a path without light to go on, over its throughput
+
 // What limits and seeds the paths of a wave.
 typedef struct {
     uint2 seed;
@@ -168,6 +170,15 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 }
 #endif
 
+// Chance of a path to go on after Russian roulette: its throughput, where it has gathered light before this vertex. What has
+// not is all that its sample may get, and ends less often: with what the vertex absorbs, and not above a throughput of 1 / 4.
+static F chance_to_go_on(Path path, F before)
+{
+    F now = max3(path.beta);
+    F unlit = MAX(now / MAX(before, (F)(1e-20f)), MOST_UNLIT * now);
+    return MIN(max3(path.radiance) > 0.0f ? now : unlit, ONE);
+}
+
 // One vertex of every living path: gathers emission and environment, makes a light sample, and continues the path or ends
 // it. `hit` says what its ray met.
 static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
@@ -252,12 +263,13 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     // Sample the BSDF for the next direction.
     F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);
     Scattered next = scatter_sample(vertex, path->ray.d, u.a, u.b, u.c);
+    F before = max3(path->beta);
     path->beta = mul(path->beta, next.weight);
     on = on & (max3(path->beta) > 0.0f);
     // Play Russian roulette.
     if (rules.roulette_depth > 0u) {
         I plays = path->depth >= rules.roulette_depth;
-        F survive = plays ? MIN(max3(path->beta), ONE) : ONE;
+        F survive = plays ? chance_to_go_on(*path, before) : ONE;
         on = on & (u.d < survive);
         path->beta = scale(path->beta, ONE / MAX(survive, (F)(1e-20f)));
     }

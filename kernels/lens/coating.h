@@ -1,6 +1,6 @@
 // Light that surfaces and glass of a lens leave to a ray, the mean of both polarisations: the closed forms of
-// rptcam_cl/optics/coating.py. Facts: LENS_FRESNEL (surfaces reflect), LENS_LAYERS (some through a quarter-wave layer),
-// LENS_ABSORPTION (glass absorbs), LENS_TINTED (what they do depends on the wavelengths of the lanes: tables of one number
+// rptcam_cl/optics/coating.py. Facts: LENS_FRESNEL (surfaces reflect), LENS_LAYERS (some through layers), LENS_STACKS (through
+// several), LENS_ABSORPTION (glass absorbs), LENS_TINTED (what they do depends on the wavelengths of the lanes: tables of one number
 // per nm from LOSS_TABLE_NM on, LOSS_TABLE_LENGTH long).
 #ifndef LENS_COATING_H
 #define LENS_COATING_H
@@ -51,9 +51,61 @@ static F layer_share(F n, F m, real f, F turns, F c, F d)
 }
 #endif
 
+#if LENS_STACKS
+#define LEAST_COSINE 1e-4f      // in a layer, along which light does not quite travel
+
+// The tangential fields before layers whose fields behind are 1 and `behind`, an admittance: complex numbers.
+typedef struct {
+    F one_re, one_im, other_re, other_im;
+} Fields;
+
+// Fields of s or of p polarised light that meets layers at cosine c in index n; `per` turns thicknesses into turns.
+static Fields through_layers(const __global Surface *s, F n, F c, F per, F behind, int p)
+{
+    Fields a;
+    a.one_re = ONE;
+    a.one_im = ZERO;
+    a.other_re = behind;
+    a.other_im = ZERO;
+    for (int k = 0; k < s->stacked; ++k) {
+        real f = s->stack[2 * k];
+        F part = n / f;
+        F inside = MAX(root(1.0f - part * part * (1.0f - c * c)), (F)(LEAST_COSINE));
+        F turn = s->stack[2 * k + 1] * per * inside, sine, cosine;
+        sincos_turns(turn - floor(turn), &sine, &cosine);
+        F admittance = p ? inside / f : f * inside;
+        F under = sine / admittance, over = sine * admittance;
+        Fields b = a;
+        a.one_re = cosine * b.one_re + under * b.other_im;
+        a.one_im = cosine * b.one_im - under * b.other_re;
+        a.other_re = cosine * b.other_re + over * b.one_im;
+        a.other_im = cosine * b.other_im - over * b.one_re;
+    }
+    return a;
+}
+
+static F fields_share(Fields a, F front, F behind)
+{
+    F re = front * a.one_re + a.other_re, im = front * a.one_im + a.other_im;
+    return 4.0f * front * behind / (re * re + im * im);
+}
+#endif
+
 // What a surface lets through; `eta` is the index before over that after, c and d the cosines of the ray before and after.
 static F surface_share(const __global Surface *s, const __global real *tables, F wavelength, F eta, F c, F d)
 {
+#if LENS_STACKS
+    if (s->stacked > 0) {
+        F n = over_wavelength(s->index, s->index_table, tables, wavelength), m = n / eta;
+#if LENS_TINTED
+        F per = ONE / wavelength;
+#else
+        F per = ONE;
+#endif
+        Fields across = through_layers(s, n, c, per, m * d, 0), other = through_layers(s, n, c, per, d / m, 1);
+        return 0.5f * (fields_share(across, n * c, m * d) + fields_share(other, c / n, d / m));
+    }
+#endif
 #if LENS_LAYERS
     if (s->layer > 0.0f) {
         F n = over_wavelength(s->index, s->index_table, tables, wavelength);

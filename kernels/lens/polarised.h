@@ -1,7 +1,7 @@
 // Polarisation that is carried through a lens, as rptcam_cl/optics/polarised_beam.py does: of two orthogonal polarisations
 // of the source the amplitudes across a ray, along a vector and along direction x vector. Complex with LENS_LAYERS, whose
 // coatings turn the phase; that of total reflection is left out. A surface that reflects a ghost is a mirror whose `eta`
-// says what lies behind it. Facts: LENS_LAYERS.
+// says what lies behind it. Facts: LENS_LAYERS, LENS_STACKS.
 #ifndef POLARISED_H
 #define POLARISED_H
 #include "lens/coating.h"
@@ -79,6 +79,23 @@ static Amplitude layer_amplitude(F r, F t, F sine, F cosine, int reflects)
 }
 #endif
 
+#if LENS_STACKS
+// What several layers make of light, from the fields before them (rptcam_cl/optics/layer_stack.py).
+static Amplitude stack_amplitude(Fields a, F front, F behind, int reflects)
+{
+    Amplitude whole, above;
+    whole.re = front * a.one_re + a.other_re;
+    whole.im = -(front * a.one_im + a.other_im);            // conjugated
+    above.re = reflects ? front * a.one_re - a.other_re : 2.0f * root(front * behind);
+    above.im = reflects ? front * a.one_im - a.other_im : ZERO;
+    F inverse = 1.0f / (whole.re * whole.re + whole.im * whole.im);
+    Amplitude amplitude = times(above, whole);
+    amplitude.re *= inverse;
+    amplitude.im *= inverse;
+    return amplitude;
+}
+#endif
+
 // Amplitudes of both components at a surface that light meets at cosine c. Totally reflected light keeps all of it.
 static void surface_amplitudes(const __global Surface *s, F c, int reflects, Amplitude *across, Amplitude *other)
 {
@@ -87,6 +104,15 @@ static void surface_amplitudes(const __global Surface *s, F c, int reflects, Amp
     F d = root(behind2);
     F rs = (eta * c - d) / (eta * c + d), rp = (c - eta * d) / (c + eta * d);
     I total = behind2 <= 0.0f;
+#if LENS_STACKS
+    if (s->stacked > 0) {
+        real n = s->index, m = n / eta;
+        F front = n * c, behind = m * d;
+        *across = stack_amplitude(through_layers(s, (F)(n), c, ONE, behind, 0), front, behind, reflects);
+        front = c / n, behind = d / m;
+        *other = stack_amplitude(through_layers(s, (F)(n), c, ONE, behind, 1), front, behind, reflects);
+    } else
+#endif
 #if LENS_LAYERS
     if (s->layer > 0.0f) {
         real n = s->index, m = n / eta, f = s->layer;

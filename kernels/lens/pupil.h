@@ -78,7 +78,7 @@ static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera
 // in the next direction, and both again at the next node along x.
 typedef struct { F u, v, a, b, r; } Outline;
 
-static F blend(F p, F q, F t) { return p + t * (q - p); }
+static F midway(F p, F q, F t) { return p + t * (q - p); }
 
 // Between a node and the next one along x.
 static Outline outline_at(const __global float *tables, int nodes, I node, F share, I direction, F between)
@@ -86,11 +86,11 @@ static Outline outline_at(const __global float *tables, int nodes, I node, F sha
     Eight frames = load_eight(tables, node * 4);
     Eight radii = load_eight(tables + 4 * (nodes + 1), (node * PUPIL_DIRECTIONS + direction) * 4);
     Outline o;
-    o.u = blend(frames.f[0], frames.f[4], share);
-    o.v = blend(frames.f[1], frames.f[5], share);
-    o.a = blend(frames.f[2], frames.f[6], share);
-    o.b = blend(frames.f[3], frames.f[7], share);
-    o.r = blend(blend(radii.f[0], radii.f[1], between), blend(radii.f[2], radii.f[3], between), share);
+    o.u = midway(frames.f[0], frames.f[4], share);
+    o.v = midway(frames.f[1], frames.f[5], share);
+    o.a = midway(frames.f[2], frames.f[6], share);
+    o.b = midway(frames.f[3], frames.f[7], share);
+    o.r = midway(midway(radii.f[0], radii.f[1], between), midway(radii.f[2], radii.f[3], between), share);
     return o;
 }
 
@@ -149,11 +149,11 @@ static Outline outline_near(const __global float *tables, OutlinePlace at, const
     int all = ((int)own->pupil.lines.lines + 1) * nodes;
     Outline o = outline_at(tables, all, at.node, at.sx, direction, between);
     Outline p = outline_at(tables, all, at.node + nodes, at.sx, direction, between);
-    o.u = blend(o.u, p.u, at.sy);
-    o.v = blend(o.v, p.v, at.sy);
-    o.a = blend(o.a, p.a, at.sy);
-    o.b = blend(o.b, p.b, at.sy);
-    o.r = blend(o.r, p.r, at.sy);
+    o.u = midway(o.u, p.u, at.sy);
+    o.v = midway(o.v, p.v, at.sy);
+    o.a = midway(o.a, p.a, at.sy);
+    o.b = midway(o.b, p.b, at.sy);
+    o.r = midway(o.r, p.r, at.sy);
     return o;
 #endif
 }

@@ -162,7 +162,7 @@ static F first_guess(const __global Surface *surface, F x, F y, F3 d)
     F a = c * (wx * d.x * d.x + wy * d.y * d.y + q * d.z * d.z);
     F discriminant = g * g - a * f;
     F t = f / (g + root(discriminant));
-    return (discriminant >= 0.0f) & (1.0f - c * q * (t * d.z - z) > 0.0f) ? t : ZERO;
+    return ((discriminant >= 0.0f) & (1.0f - c * q * (t * d.z - z) > 0.0f)) ? t : ZERO;
 }
 
 // Newton's step for a ray at a point, and on which side of the surface that lies, by its sign. With w = z - polynomial an

@@ -27,7 +27,7 @@ typedef struct {
 } LensRay;
 
 #if LENS_POSE
-static F3 turned(const __global real *m, F3 v)
+static F3 turned_to(const __global real *m, F3 v)
 {
     return f3(m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
               m[6] * v.x + m[7] * v.y + m[8] * v.z);
@@ -205,7 +205,7 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
         polarise(&path->light, s, v, hit.n, hit.cosine);
 #if LENS_POSE
     if (s->posed)
-        path->light.across = turned(s->rotation, path->light.across);
+        path->light.across = turned_to(s->rotation, path->light.across);
 #endif
 #if LENS_MIRROR
     if (mirrors)
@@ -230,8 +230,8 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
     path->d = bent;
 #if LENS_POSE
     if (s->posed) {
-        path->p = add(turned(s->rotation, hit.p), offset_of(s));
-        path->d = turned(s->rotation, bent);
+        path->p = add(turned_to(s->rotation, hit.p), offset_of(s));
+        path->d = turned_to(s->rotation, bent);
     }
 #endif
 #if LENS_MIRROR

@@ -3,9 +3,10 @@
 // WAVELENGTH_SAMPLE, and clears L, PDF and REACH.
 // Facts: CAMERA_FILE, CAMERA_HAS_LENS, CAMERA_PACKETS (packets of lanes per work item), LENS_FLOAT64 (whether the passes
 // aim_rays and trace_lens have taken the rays through the lens), STREAM, HAS_EMITTERS, FILTER, MOVES, SPECTRUM.
-#include CAMERA_FILE
 #include "camera/into_world.h"
-#include "common/transpose.h"
+#include "camera/packets.h"
+#include "camera/stopped.h"
+#include "integrator/ray_records.h"
 #include "integrator/state.h"
 #if LENS_FLOAT64
 #include "lens/float64.h"
@@ -20,26 +21,13 @@
 static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __global Camera *camera,
                        __global uint *counters, __global float *state, uint capacity TRAJECTORY_PARAMETER)
 {
-    // Count the rays that the lens stops.
 #if CAMERA_HAS_LENS
-    Lane lane = draw.lane;
-    if (ANY(ray.status != RAY_OK))                              // those that passed are the rest
-        for (int status = RAY_OK + 1; status < RAY_STATUS_COUNT; ++status) {
-            uint n = COUNT(lane.inside & (ray.status == status));
-            if (n != 0u)
-                atomic_add(counters + status, n);
-        }
+    count_stopped(draw.lane, ray, counters);
 #endif
     // Place the ray in the world, and write the record of the stream or the state of the path.
     WorldRay world = into_world(draw, ray, wave.seed, camera TRAJECTORY);
 #if STREAM
-    Eight record;
-    record.f[0] = world.o.x; record.f[1] = world.o.y; record.f[2] = world.o.z; record.f[3] = world.weight;
-    record.f[4] = world.d.x; record.f[5] = world.d.y; record.f[6] = world.d.z; record.f[7] = ZERO;
-#if MOVES
-    record.f[7] = world.time;
-#endif
-    store_eight(state, record_of(slot, wave), record);
+    write_record(world, record_of(slot, wave), state);
 #else
     WRITE_F3(O, slot, world.o);
     WRITE_F3(D, slot, world.d);
@@ -75,33 +63,18 @@ __kernel void generate(const __global Camera  *camera,
                        TRAJECTORY_PARAMETER TRACED_PARAMETER)
 {
     uint slot = get_global_id(0) * (VW * CAMERA_PACKETS);
-#if CAMERA_PACKETS > 1
-    // A surface is a long chain of roots and divisions that leaves room for others.
     Draw draws[CAMERA_PACKETS];
-    Underway rays[CAMERA_PACKETS];
+    CameraRay rays[CAMERA_PACKETS];
 #pragma unroll
-    for (uint i = 0; i < CAMERA_PACKETS; ++i) {
+    for (uint i = 0; i < CAMERA_PACKETS; ++i)
         draws[i] = draw_of(lane_of(slot + i * VW, wave, tiles), wave.seed, camera, filter, colours);
-        rays[i] = enter_camera(draws[i].lane, draws[i].u, draws[i].wavelength, camera, tables);
-    }
-    for (int k = 0; k < camera->own.realistic.surfaces; ++k)
-#pragma unroll
-        for (uint i = 0; i < CAMERA_PACKETS; ++i)
-            cross_surface(&rays[i].path, surfaces + k, stop);
-#pragma unroll
-    for (uint i = 0; i < CAMERA_PACKETS; ++i) {
-        CameraRay ray = leave_camera(rays[i], leave_lens(&rays[i].path), camera);
-        start_path(draws[i], ray, slot + i * VW, wave, camera, counters, state, capacity TRAJECTORY);
-    }
-#else
-    Draw draw = draw_of(lane_of(slot, wave, tiles), wave.seed, camera, filter, colours);
 #if LENS_FLOAT64
-    Underway entering = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
-    CameraRay ray = leave_camera(entering, traced_ray(traced, capacity, slot), camera);
-    start_path(draw, ray, slot, wave, camera, counters, state, capacity TRAJECTORY);
+    Underway entering = enter_camera(draws[0].lane, draws[0].u, draws[0].wavelength, camera, tables);
+    rays[0] = leave_camera(entering, traced_ray(traced, capacity, slot), camera);
 #else
-    CameraRay ray = camera_ray(draw.lane, draw.u, draw.wavelength, camera, tables, surfaces, stop);
-    start_path(draw, ray, slot, wave, camera, counters, state, capacity TRAJECTORY);
+    camera_rays(draws, camera, tables, surfaces, stop, rays);
 #endif
-#endif
+#pragma unroll
+    for (uint i = 0; i < CAMERA_PACKETS; ++i)
+        start_path(draws[i], rays[i], slot + i * VW, wave, camera, counters, state, capacity TRAJECTORY);
 }

@@ -35,13 +35,15 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
     return landed;
 }
 
-// A source is x, y, z towards it or where it is [mm], w: 1 for a place; then its box: corner and sides; then its weights.
+// A source is x, y, z towards it or where it is [mm], w: 1 for a place; then its box: corner and sides; then its weights; then
+// where its lattice begins.
 static void enter_front(const __global float4 *source, uint number, uint rays, F3 *p, F3 *d, F *weight)
 {
     float4 at = source[0], box = source[1];
     U n = AS_U((I)((int)number) + LANES);
-    F u = (TO_F(AS_I(n)) + 0.5f) / (float)rays;
-    F v = TO_F(AS_I((n * GOLDEN) >> 8)) * 5.9604645e-8f;
+    float4 first = source[3];
+    F u = (TO_F(AS_I(n)) + first.x) / (float)rays;
+    F v = TO_F(AS_I((n * GOLDEN + (uint)(first.y * 16777216.0f) * 256u) >> 8)) * 5.9604645e-8f;
     *p = f3(box.x + u * box.z, box.y + v * box.w, ZERO);
     F3 away = at.w > 0.0f ? sub(*p, f3((F)(at.x), (F)(at.y), (F)(at.z))) : f3((F)(at.x), (F)(at.y), (F)(at.z));
     F length2 = dot3(away, away);
@@ -63,7 +65,7 @@ static void add_light(__global uint *sum, float light)
 __kernel void ghosts(const __global Surface *surfaces,       // in order of travel
                      int                     count,          // surfaces
                      const __global real    *stop,           // shape of the stop
-                     const __global float4  *sources,        // [sources][3]
+                     const __global float4  *sources,        // [sources][4]
                      uint                    source_count,
                      uint                    rays,           // of each source
                      float                   film_distance,  // behind the last vertex [mm]
@@ -76,7 +78,7 @@ __kernel void ghosts(const __global Surface *surfaces,       // in order of trav
     uint source = first / rays;
     if (source >= source_count)
         return;
-    const __global float4 *lamp = sources + 3 * source;
+    const __global float4 *lamp = sources + 4 * source;
     F3 p, d;
     F weight;
     enter_front(lamp, first - source * rays, rays, &p, &d, &weight);

@@ -116,6 +116,12 @@ __kernel void layers(SCENE_PARAMETERS
         F vergence = on ? ONE / MAX(away, (F)(SMALLEST_DISTANCE)) : ZERO;
         add_weighted(&sums, LAYER_COC, passed ? weight : ZERO, circle_of_confusion(here, vergence, view));
 #endif
+#if LAYER_CRYPTO_OBJECT >= 0
+        add_to_owner(planes, LAYER_CRYPTO_OBJECT, pixel, pixels, met, owner_of(hit, on, owners, 0));
+#endif
+#if LAYER_CRYPTO_MATERIAL >= 0
+        add_to_owner(planes, LAYER_CRYPTO_MATERIAL, pixel, pixels, met, owner_of(hit, on, owners, 1));
+#endif
         // Keep what has none of the first ray.
         if (!ANY(fresh))
             continue;

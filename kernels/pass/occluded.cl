@@ -1,4 +1,5 @@
-// Whether something of the scene stands on given ways: from the front of a lens to what lights it. Nothing moves.
+// Which ways something of the scene stands on. A surface that lets light through does as well: light that it bends goes
+// elsewhere. Nothing moves.
 #include "geometry/nearest.h"
 
 __kernel void occluded(SCENE_PARAMETERS

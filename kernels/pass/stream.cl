@@ -1,8 +1,8 @@
 // Carries VW pixels through all their samples of a wave: every lane takes its path from vertex to vertex and, when it ends,
 // adds it to the film and starts the next camera ray of its pixel, so that lanes are hardly ever idle. The same steps as
 // intersect, shade, shadow and film, without state in memory between them.
-// RAYS_FILE says where camera rays come from: integrator/made_rays.h makes them, integrator/read_rays.h reads those that
-// generate wrote.
+// RAYS_FILE says where camera rays come from: integrator/made_rays.h makes them one by one, integrator/kept_rays.h those of
+// the wave before the first is taken, integrator/read_rays.h reads those that generate wrote.
 #include "integrator/film.h"
 #include "integrator/path.h"
 #include "geometry/nearest.h"

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from rptcam_cl.api.resolving import Settlement, settle
     from rptcam_cl.api.session import RenderSession
     from rptcam_cl.api.sweeping import SweepEntry, sweep
+    from rptcam_cl.api.tracking import FrameTracker, needs_tracking
     from rptcam_cl.focusing import FocusReport, autofocus, focused_scene
     from rptcam_cl.tolerances import tolerance
     from rptcam_cl.tradeoff import measure_tradeoff
@@ -30,6 +31,7 @@ __all__ = [
     "FocusReport",
     "Found",
     "Frame",
+    "FrameTracker",
     "Image",
     "PartRenderer",
     "Prepared",
@@ -49,6 +51,7 @@ __all__ = [
     "load_scene",
     "measure_tradeoff",
     "merge",
+    "needs_tracking",
     "picture_so_far",
     "prepare",
     "render",
@@ -70,6 +73,8 @@ _LATER = {
     "Settlement": "api.resolving",
     "SweepEntry": "api.sweeping",
     "autofocus": "focusing",
+    "FrameTracker": "api.tracking",
+    "needs_tracking": "api.tracking",
     "focused_scene": "focusing",
     "measure_tradeoff": "tradeoff",
     "merge": "api.merging",

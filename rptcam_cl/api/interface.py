@@ -63,6 +63,7 @@ def render(
     strict: bool = False,
     part: str | None = None,
     samples: tuple[int, int] | None = None,
+    neighbours: tuple[Scene | None, Scene | None] | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Image:
@@ -107,6 +108,9 @@ def render(
         ``"3/8"``: render the third of eight parts of the tiles, and keep its checkpoint for `merge`; see docs/parts.md.
     samples
         ``(64, 128)``: render these samples of each pixel alone, those from 64 on and before 128, likewise.
+    neighbours
+        Scenes of the frames before and after, None where there is none, that the layers ``flow_backward`` and
+        ``flow_forward`` lead to; without them they lead to the opening and the closing of the shutter.
     on_progress
         Called with a `Progress` several times a second.
     should_stop
@@ -141,6 +145,7 @@ def render(
         strict=strict,
         part=part,
         samples=samples,
+        neighbours=neighbours,
         on_progress=on_progress,
         should_stop=should_stop,
     )

@@ -4,11 +4,26 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.api.stages import with_ghosts
 from rptcam_cl.core.atomic import check_writable
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging import Image, develop
-from rptcam_cl.rendering import Checkpoint, FilmSpread, layout_of, merged_state, picture_of, spread_of, write_checkpoint
+from rptcam_cl.rendering import (
+    Checkpoint,
+    FilmSpread,
+    layout_of,
+    merged_state,
+    picture_of,
+    saved_ghosts,
+    spread_of,
+    write_checkpoint,
+)
 
 
 def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathLike[str] | None = None) -> Image:
@@ -39,15 +54,20 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
     state = merged_state(parts)
     layout = layout_of(state.facts)
     found = picture_of(state, layout)
-    pixels = found.pixels if (spread := _spread(state)) is None else spread.over(found.pixels, layout)
+    spread, ghosts = _beside(state)
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
-    return develop(Image(pixels, found.metadata, found.stats, layers=found.layers))
+    image = Image(found.pixels, found.metadata, found.stats, layers=found.layers)
+    if ghosts is not None:
+        image = with_ghosts(image, *ghosts)
+    if spread is not None:
+        image = replace(image, pixels=spread.over(image.pixels, layout))
+    return develop(image)
 
 
-def _spread(state: Checkpoint) -> FilmSpread | None:
-    """Return what diffraction does to the film of a saved render."""
+def _beside(state: Checkpoint) -> tuple[FilmSpread | None, tuple[NDArray[np.float32], dict[str, Any]] | None]:
+    """Return what diffraction does to the film of a saved render, and the light of its ghosts."""
     try:
-        return spread_of(state.arrays, tuple(state.facts["resolution"]))
+        return spread_of(state.arrays, tuple(state.facts["resolution"])), saved_ghosts(state.arrays)
     except (ValueError, KeyError) as problem:
         raise StateError(f"this saved render is damaged: {problem} (render it again)") from None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,7 +14,7 @@ from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report
 from rptcam_cl.imaging import Image
 from rptcam_cl.plan import Plan, make_plan, with_film, with_lens, with_pose
-from rptcam_cl.rendering import FilmRun, SceneBuffers, ghosting_of, reading_cd_m2, rendering_of
+from rptcam_cl.rendering import SMALL, FilmRun, SceneBuffers, ghosting_of, reading_cd_m2, rendering_of, signature
 from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene, set_keys
 
 ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
@@ -43,6 +43,11 @@ class SceneState:
     plan: Plan
     buffers: SceneBuffers
     is_final: bool
+
+    @property
+    def programs(self) -> Hashable:
+        """What its kernels follow from."""
+        return signature(self.plan, self.buffers, SMALL, self.scene.render)
 
 
 def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:
@@ -96,7 +101,10 @@ def plan_beside(before: SceneState, scene: Scene, resolved: Scene) -> Plan:
 def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:
     """Return whether nothing but the place of a camera is another, which focuses by no point of the scene."""
     earlier, camera = before.found.scene, resolved.camera
-    if camera.motion or before.plan.facts["MOVES"] or getattr(getattr(scene.camera, "focus", None), "point", None):
+    focus = getattr(scene.camera, "focus", None)
+    if getattr(focus, "point", None) or getattr(focus, "object", None):
+        return False
+    if camera.motion or scene.shutter.keys or before.plan.facts["MOVES"]:
         return False
     place = {"eye": camera.eye, "target": camera.target, "up": camera.up}
     alike = earlier.film == resolved.film and earlier.exposure == resolved.exposure

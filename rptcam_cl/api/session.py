@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -13,8 +13,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.api.ahead import Ahead
 from rptcam_cl.api.frames import Change, Frame, NoiseAtHand, Pace
+from rptcam_cl.api.preparation import Preparation, of_glance
 from rptcam_cl.api.scene_state import (
     OF_DEVELOPMENT,
     SceneState,
@@ -23,17 +23,15 @@ from rptcam_cl.api.scene_state import (
     focuses_anew,
     image_of,
     kind_of,
-    plan_beside,
     reading_of,
     scaled,
 )
 from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.api.stages import Resolved, resolve
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.device import Session, open_sessions
 from rptcam_cl.imaging import Image, check_sensor
-from rptcam_cl.plan import Plan, make_plan
-from rptcam_cl.rendering import FilmLayout, FilmRun, WavefrontPool, aimed_plan, window
+from rptcam_cl.plan import Plan
+from rptcam_cl.rendering import FilmLayout, FilmRun, SceneBuffers, window
 from rptcam_cl.scene import Scene, load_scene, set_keys
 
 
@@ -58,6 +56,9 @@ class RenderSession:
         As for `render`, but one device.
     size, seed
         Replace the scene's resolution [pixels] and seed.
+    wait
+        Whether to wait for kernels. Otherwise glances come from ones that compile soonest until others have been
+        compiled in the background; they may differ by rounding. The film never comes from them.
 
     Raises
     ------
@@ -72,6 +73,7 @@ class RenderSession:
         device: str | Session | None = None,
         size: tuple[int, int] | None = None,
         seed: int | None = None,
+        wait: bool = True,
     ) -> None:
         self._begun = time.perf_counter()
         self._settings = RenderSettings(size=size, seed=seed)
@@ -80,17 +82,19 @@ class RenderSession:
         if len(sessions) > 1:
             raise InputError("device: a session renders on one device (name one of them)")
         self._device = sessions[0]
-        self._pool, self._ahead = WavefrontPool(self._device), Ahead(self._device)
+        self._preparation = Preparation(self._device, waits=wait)
+        self._ahead = self._preparation.ahead
         self._cancelled = threading.Event()
         self._pace = Pace(self._cancelled)
         self._generation = 0
         self._run: FilmRun | None = None
+        self._of_film: tuple[Plan, SceneBuffers] | None = None
         self._noise = NoiseAtHand()
         self._waiting: SceneState | None = None
         self._seconds, self._added_s, self._complete = 0.0, 0.0, True  # spent on the film; by the last samples
-        self._shown = self._state(given, None)
+        self._shown = self._preparation.first(given)
         self._reading = self._shown.found.metered_cd_m2  # of the exposure meter, for glances
-        self._compile(self._shown)
+        self._preparation.compile_soonest(self._shown)
         self._hash: str | None = given.content_hash()
 
     @property
@@ -139,6 +143,14 @@ class RenderSession:
         """Whether nothing is compiled in the background."""
         return self._ahead.ready
 
+    def is_film_ready(self) -> bool:
+        """Return whether samples can be taken at once; otherwise what they need is compiled in the background.
+
+        So are the full kernels of glances, after those of the film. A session that waits is always ready.
+        """
+        self._arrive()
+        return self._preparation.is_film_ready(self._shown, self._film_plan)
+
     def change(self, changes: Mapping[str, Any], *, wait: bool = True) -> Change:
         """Set keys of the scene, as `rptcam_cl.scene.set_keys` does; the film is empty then, unless it stays the same.
 
@@ -185,8 +197,12 @@ class RenderSession:
             As `change` would.
         """
         self._check_open()
-        state = self._state(focused_as(self._newest, self._changed(changes)), self._newest)
-        self._ahead.begin(state.plan, state.buffers, state.scene.render)
+        state = self._preparation.beside(self._newest, focused_as(self._newest, self._changed(changes)), self._reading)
+        self._preparation.begin(state)
+
+    def is_carried_out(self, kind: Hashable, order: Callable[[], bytes]) -> bool:
+        """Return whether another process has carried out an order about this scene; see `Ahead.is_carried_out`."""
+        return self._ahead.is_carried_out((kind, self._newest.programs), order)
 
     def take(self, samples: int = 1) -> Frame:
         """Add samples to the film and return it; a sample that was left is the first of them.
@@ -231,11 +247,10 @@ class RenderSession:
         begun = time.perf_counter()
         self._arrive()
         state = self._shown
-        settings = state.scene.render.model_copy(update={"layers": (), "noise": None})
         plan, film = scaled(state, scale, self._reading)
-        layout = FilmLayout.of(film)
-        buffers = self._pool.upload(plan)
-        run = FilmRun(self._pool.wavefront(plan, buffers, layout, settings, "glance"))
+        buffers = self._preparation.pool.upload(plan)
+        pool = self._preparation.pool_of_glances(state)
+        run = FilmRun(pool.wavefront(plan, buffers, FilmLayout.of(film), of_glance(state.scene), "glance"))
         complete = self._add(run, 1)
         pixels = run.pixels()
         if complete and state.found.metered_cd_m2 is not None:
@@ -264,13 +279,12 @@ class RenderSession:
         if run.done == 0:
             raise InputError("the session has no samples yet (call take() first)")
         settings = replace(self._settings, device=self._device)
-        return image_of(self._shown, self._film_plan, run, settings, seconds=self._seconds, begun=self._begun)
+        return image_of(self._shown, self._film_plan()[0], run, settings, seconds=self._seconds, begun=self._begun)
 
     def close(self) -> None:
         """Let go of the device; the session is of no use then."""
         self._run, self._waiting = None, None
-        self._ahead.close()
-        self._pool.close()
+        self._preparation.close()
         self._closed = True
 
     def __enter__(self) -> Self:
@@ -309,44 +323,22 @@ class RenderSession:
         if set(keys) <= OF_DEVELOPMENT and not anyway:
             self._replace_scene(scene)
             return Change("picture", keys, self._waiting is None)
-        state = self._state(scene if focus_anew else focused_as(before, scene), None if focus_anew else before)
+        if focus_anew:
+            state = self._preparation.first(scene)
+        else:
+            state = self._preparation.beside(before, focused_as(before, scene), self._reading)
         self._hash = None
-        compiled = self._ahead.knows(state.plan, state.buffers, scene.render)
+        compiled = self._preparation.knows(state)
         if not compiled and not wait:
             self._waiting = state
-            self._ahead.begin(state.plan, state.buffers, scene.render)
+            self._preparation.begin(state)
             return Change("program", keys, ready=False)
-        self._compile(state)
+        self._preparation.compile(state)
         self._show(state)
         return Change(kind_of(before.plan, state.plan, compiled, keys), keys)
 
-    def _state(self, scene: Scene, before: SceneState | None) -> SceneState:
-        """Return a scene ready to be rendered; by the last reading of the meter and coarse tables, for glances."""
-        if before is None:
-            found = resolve(scene, self._device)
-            return self._planned(scene, found, make_plan(found.scene), is_final=True)
-        found = resolve(scene, self._device, metered_cd_m2=self._reading)
-        plan = plan_beside(before, scene, found.scene)
-        if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
-            plan = make_plan(found.scene)
-        return self._planned(scene, found, plan, is_final=False)
-
-    def _planned(self, scene: Scene, found: Resolved, plan: Plan, *, is_final: bool) -> SceneState:
-        return SceneState(scene, found, plan, self._pool.upload(plan), is_final)
-
-    def _final(self, state: SceneState) -> SceneState:
-        """Return a state as `render` has it."""
-        found = resolve(state.scene, self._device, state.found.focus)
-        final = self._planned(state.scene, found, make_plan(found.scene), is_final=True)
-        self._compile(final)
-        self._reading = found.metered_cd_m2
-        return final
-
-    def _compile(self, state: SceneState) -> None:
-        self._ahead.compile(state.plan, state.buffers, state.scene.render)
-
     def _show(self, state: SceneState) -> None:
-        self._shown, self._waiting, self._run = state, None, None
+        self._shown, self._waiting, self._run, self._of_film = state, None, None, None
         self._noise, self._seconds = NoiseAtHand(), 0.0
         self._reading = self._reading or state.found.metered_cd_m2
         self._generation += 1
@@ -364,22 +356,27 @@ class RenderSession:
         self._check_open()
         waiting = self._waiting
         if waiting is not None and self._ahead.ready:
-            self._compile(waiting)
+            self._preparation.compile(waiting)
             self._show(waiting)
 
     def _film(self) -> FilmRun:
         """Return the film of the scene that is shown, metered."""
         self._arrive()
-        state = self._shown
         if self._run is None:
-            if not state.is_final:
-                state = self._shown = self._final(state)
-            settings = state.scene.render
-            self._film_plan, buffers = aimed_plan(state.plan, self._device, settings.layers, state.buffers)
-            layout = FilmLayout.of(state.scene.film)
-            wavefront = self._pool.wavefront(self._film_plan, buffers or state.buffers, layout, settings, "film")
-            self._run = FilmRun(wavefront, settings.noise)
+            plan, buffers = self._film_plan()
+            scene = self._shown.scene
+            wavefront = self._preparation.pool.wavefront(plan, buffers, FilmLayout.of(scene.film), scene.render, "film")
+            self._run = FilmRun(wavefront, scene.render.noise)
         return self._run
+
+    def _film_plan(self) -> tuple[Plan, SceneBuffers]:
+        """Return the plan of the film of what is shown, and its arrays."""
+        if self._of_film is None:
+            if not self._shown.is_final:
+                self._shown = self._preparation.final(self._shown)
+                self._reading = self._shown.found.metered_cd_m2
+            self._of_film = self._preparation.of_film(self._shown)
+        return self._of_film
 
     def _add(self, run: FilmRun, samples: int) -> bool:
         """Add samples to a film unless that is cancelled; return whether all are there."""

@@ -42,6 +42,7 @@ class RenderSettings:
     strict: bool = False
     part: str | None = None
     samples: tuple[int, int] | None = None
+    neighbours: tuple[Scene | None, Scene | None] | None = None
     on_progress: Callable[[Progress], Any] | None = None
     should_stop: Callable[[], bool] | None = None
 
@@ -81,11 +82,9 @@ class RenderSettings:
         """Return the scene with the keys that the settings replace."""
         render = {"spp": self.spp, "seed": self.seed, "layers": self.layers, "noise": self.noise}
         film = {"resolution": self.size, "crop": self.crop}
-        return change_scene(
-            scene,
-            render={key: value for key, value in render.items() if value is not None},
-            film={key: value for key, value in film.items() if value is not None},
-        )
+        keys: dict[str, dict[str, Any]] = {"render": render, "film": film}
+        given = {part: {key: value for key, value in of.items() if value is not None} for part, of in keys.items()}
+        return change_scene(scene, **given) if any(given.values()) else scene
 
     def most_spp(self, scene: Scene) -> int | None:
         """Return the sample to end before: of ``samples`` or ``spp``, else none for ``seconds``, else the scene's."""

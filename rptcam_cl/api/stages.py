@@ -6,15 +6,25 @@ import json
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from rptcam_cl.api.image_layers import named_layers, truth_of
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device import Session, means_all, open_sessions
-from rptcam_cl.imaging import GUIDES, Image, check_denoiser, check_sensor, sensor_of, with_picture_settings
+from rptcam_cl.imaging import (
+    GUIDES,
+    Image,
+    check_denoiser,
+    check_sensor,
+    sensor_of,
+    with_picture_settings,
+)
 from rptcam_cl.plan import Plan, make_plan
 from rptcam_cl.rendering import (
     GEOMETRY,
@@ -23,6 +33,7 @@ from rptcam_cl.rendering import (
     Diffraction,
     FilmLayout,
     Ghosting,
+    GroundTruth,
     Part,
     Progress,
     Rendering,
@@ -49,7 +60,7 @@ from rptcam_cl.rendering import (
     statistics,
     window,
 )
-from rptcam_cl.scene import RealisticCamera, Scene, change_scene, load_scene
+from rptcam_cl.scene import WHOLE_LAYERS, RealisticCamera, Scene, at_rest, change_scene, exposure_steps, load_scene
 
 
 @dataclass(frozen=True)
@@ -90,11 +101,12 @@ def resolve(
     focus, metered_cd_m2
         What was found before, to be kept.
     """
-    sharp = scene
-    if scene.requested_autofocus is not None:
+    sharp, still = scene, at_rest(scene)
+    if still.requested_autofocus is not None:
         from rptcam_cl.focusing import in_focus  # few scenes have it, and its room takes long to import
 
-        sharp, focus = in_focus(scene, session, focus)
+        focus = in_focus(still, session, focus)[1]
+        sharp = in_focus(scene, session, focus)[0]
     diffraction, in_focus_with_lens = diffraction_of(sharp), sharp
     described_choice: dict[str, Any] = {}
     if isinstance(sharp.camera, RealisticCamera) and sharp.camera.accuracy is not None:
@@ -138,6 +150,8 @@ class Prepared:
         What is done to the film after its samples.
     ghosting : Ghosting or None
         What is added to it before.
+    truth : GroundTruth or None
+        The sharp layers.
     """
 
     settings: RenderSettings
@@ -153,6 +167,7 @@ class Prepared:
     seconds: dict[str, float]
     diffraction: Diffraction | None = None
     ghosting: Ghosting | None = None
+    truth: GroundTruth | None = None
 
 
 def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSettings) -> Prepared:
@@ -168,6 +183,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     scene = settings.applied_to(scene if isinstance(scene, Scene) else load_scene(scene))
     check_sensor(scene, *window(scene)[2:])
     _check_part(scene, settings)
+    exposure_steps(scene)
     layers = scene.render.layers
     if settings.denoise:
         check_denoiser()
@@ -186,8 +202,6 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     plan, buffers = aimed_plan(make_plan(found.scene), sessions[0], scene.render.layers)
     if saver is not None:
         saver.of_picture = of_picture(scene, found, plan, settings)
-        if found.diffraction is not None:
-            saver.beside = found.diffraction.arrays
     started = time.perf_counter()
     if settings.on_progress is not None:
         settings.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
@@ -197,11 +211,21 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     if saver is not None:
         first = settings.film_part.first if saved is None else saved.done
         saver.parts_since = lambda done: devices_of(wavefront, first, done)
+    ghosting = ghosting_of(found.ghosts, plan, wavefront.session)
+    if saver is not None:
+        of_part = None if settings.film_part == WHOLE else ghosting
+        saver.beside = partial(arrays_beside, found.diffraction, of_part)
     seconds = {"start": started - begun, "compile": time.perf_counter() - started}
     return Prepared(
         settings, scene, layers, found.scene, found.metadata, plan, wavefront, saver, saved, begun, seconds,
-        found.diffraction, ghosting_of(found.ghosts, plan, wavefront.session),
+        found.diffraction, ghosting, truth_of(found.scene, plan, wavefront, layers, settings),
     )  # fmt: skip
+
+
+def arrays_beside(diffraction: Diffraction | None, ghosting: Ghosting | None) -> dict[str, Any]:
+    """Return what `merge` needs beside the samples of a part."""
+    found = {} if diffraction is None else diffraction.arrays()
+    return found | ({} if ghosting is None else ghosting.arrays())
 
 
 def run(prepared: Prepared) -> Rendering:
@@ -268,23 +292,23 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
         metadata["device"] = saver.devices
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
-    image = with_picture_settings(
-        Image(rendering.pixels, metadata, stats, layers=rendering.layers), prepared.scene.picture
-    )
+    layers = named_layers(prepared.scene.render.layers, rendering.layers, prepared.truth, metadata)
+    image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), prepared.scene.picture)
     if settings.denoise:
         image = replace(image.denoised(), layers={name: image[name] for name in prepared.layers})
     if prepared.ghosting is not None:
-        image = _with_ghosts(image, prepared.ghosting)
+        image = with_ghosts(image, *prepared.ghosting.found)
     image = replace(image, pixels=diffracted(prepared.diffraction, image.pixels))
     if settings.strict and (faults := anomalies(stats["numerics"]) + _failed_focus(metadata)):
         raise NumericError(f"strict: {'; '.join(faults)}", image)
     return image
 
 
-def _with_ghosts(image: Image, ghosting: Ghosting) -> Image:
-    """Return the image with the light of ghosts."""
-    light, said = ghosting.found
+def with_ghosts(image: Image, light: NDArray[Any], said: dict[str, Any]) -> Image:
+    """Return the image with the light of ghosts, and what is known of them."""
     light = light.astype(np.float32)
+    if "barrel_share" in said:
+        light = light + np.float32(said["barrel_share"] * image.pixels.mean(axis=(0, 1), dtype=np.float64))
     layers = dict(image.layers) | ({"ghosts": light} if "ghosts" in image.layers else {})
     metadata = dict(image.metadata) | {"ghosts": said}
     return replace(image, pixels=np.add(image.pixels, light, dtype=np.float32), layers=layers, metadata=metadata)
@@ -302,10 +326,10 @@ def check_divisible(scene: Scene) -> None:
     """Refuse a scene that cannot be rendered in parts."""
     if scene.render.noise is not None:
         raise InputError("part: a noise target needs the whole film (allowed: without render.noise)")
-    if has_ghosts(scene):
-        raise InputError("part: ghosts need the whole film (allowed: with camera.ghosts: off)")
-    if "variance" in scene.render.layers:
-        raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
+    for name in scene.render.layers:
+        if name == "variance" or name in WHOLE_LAYERS:
+            allowed = "a render of its own for it" if name in WHOLE_LAYERS else "the other layers"
+            raise InputError(f"part: the layer {name} needs the whole film (allowed: {allowed})")
 
 
 def of_picture(scene: Scene, found: Resolved, plan: Plan, settings: RenderSettings) -> dict[str, Any]:

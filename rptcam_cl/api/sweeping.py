@@ -9,7 +9,7 @@ import itertools
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -67,6 +67,10 @@ class SweepEntry:
         return [f"{key.rpartition('.')[2]} {shown(value)}" for key, value in self.values.items()]
 
 
+Pictures = Callable[[Mapping[int, Scene]], Iterable[tuple[int, Image]]]
+"""Renders scenes by number, in any order."""
+
+
 @dataclass(frozen=True)
 class _Planned:
     values: dict[str, Any]
@@ -85,6 +89,7 @@ def sweep(
     seed: int | None = None,
     mtf_at: tuple[float, float] | None = None,
     device: Wanted = None,
+    pictures: Pictures | None = None,
 ) -> Iterator[SweepEntry]:
     """Return an iterator over the pictures of all combinations of values, the last key's changing first.
 
@@ -101,6 +106,9 @@ def sweep(
         Where to keep the films; made if it is missing.
     spp, size, seed, device
         As for `render`.
+    pictures
+        Renders those that are missing, in place of this process: takes scenes by number, and returns an iterator over
+        numbers and images in any order, as `rptcam_cl.cluster.render_scenes_on_cluster` does.
     mtf_at
         Where an edge is to be measured, in fractions of the picture from the left and the top.
 
@@ -115,7 +123,7 @@ def sweep(
     given = scene if isinstance(scene, Scene) else load_scene(scene)
     planned = _plan(settings.applied_to(given), over, mtf_at)
     place = None if folder is None else _folder(Path(folder))
-    return _entries(planned, place, mtf_at, device)
+    return _entries(planned, place, mtf_at, device, pictures)
 
 
 def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, float] | None) -> list[_Planned]:
@@ -167,13 +175,18 @@ def _folder(folder: Path) -> Path:
 
 
 def _entries(
-    planned: Sequence[_Planned], folder: Path | None, mtf_at: tuple[float, float] | None, device: Wanted
+    planned: Sequence[_Planned],
+    folder: Path | None,
+    mtf_at: tuple[float, float] | None,
+    device: Wanted,
+    pictures: Pictures | None,
 ) -> Iterator[SweepEntry]:
     """Render what is not there yet; write table and sheet at the end."""
     sessions: list[Any] = []
     rows, thumbnails = [], []
-    for plan in planned:
-        entry = _kept(plan, folder)
+    made = {} if pictures is None else _made_elsewhere(planned, folder, mtf_at, pictures)
+    for number, plan in enumerate(planned):
+        entry = made.pop(number, None) or _kept(plan, folder)
         if entry is None:
             sessions = sessions or open_sessions(device)[0]
             image = render(plan.scene, device=sessions[0] if len(sessions) == 1 else device)
@@ -189,15 +202,23 @@ def _entries(
             contact_sheet(thumbnails, columns).save(temporary, format="png")
 
 
+def _made_elsewhere(
+    planned: Sequence[_Planned], folder: Path | None, mtf_at: tuple[float, float] | None, pictures: Pictures
+) -> dict[int, SweepEntry]:
+    """Return the entries of what is not there yet, by number, each kept as it comes."""
+    missing = {number: plan.scene for number, plan in enumerate(planned) if _kept(plan, folder) is None}
+    return {number: _made(planned[number], folder, image, mtf_at) for number, image in pictures(missing)}
+
+
 def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float, float] | None) -> SweepEntry:
     """Return the entry of a picture, and keep it: the film first, so that measures without a film cannot be."""
-    achieved = image.stats["numerics"]["noise"]
+    achieved = image.stats.get("numerics", {}).get("noise")  # a worker's picture comes without
     luminance = image.luminance
     measures = {
         "mean": float(luminance.mean(dtype=np.float64)),
         "noise": None if achieved is None else achieved["picture"],
         "spp": image.stats["spp"],
-        "seconds": image.stats["seconds"]["render"],
+        "seconds": _seconds(image),
     } | ({} if mtf_at is None else {"mtf50": mtf50_at(luminance, *mtf_at)})
     file = None
     if folder is not None:
@@ -206,6 +227,13 @@ def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float
         with replacing(file.with_suffix(".json")) as temporary:
             temporary.write_text(json.dumps({"key": plan.key, "measures": measures}), encoding="utf-8")
     return SweepEntry(plan.values, measures, image, False, file)
+
+
+def _seconds(image: Image) -> float:
+    """Return how long an image took to render, here or by a worker [s]."""
+    if "cluster" in image.stats:
+        return float(sum(row["seconds"] for row in image.stats["cluster"]["workers"].values()))
+    return float(image.stats["seconds"]["render"])
 
 
 def _kept(plan: _Planned, folder: Path | None) -> SweepEntry | None:

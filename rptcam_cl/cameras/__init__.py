@@ -6,9 +6,11 @@ from collections.abc import Callable
 
 from rptcam_cl.cameras import environment, pinhole, realistic, thick_lens, thin_lens
 from rptcam_cl.cameras.aperture import stop_shape
+from rptcam_cl.cameras.chief_rays import CameraRays, chief_rays
 from rptcam_cl.cameras.dispersion import EXTREMES_NM, colour_error_px, disperses, fewest_terms, fit_nodes, usable_nm
+from rptcam_cl.cameras.entrance_pupil import EntrancePupil, entrance_pupil, pupil_in_world
 from rptcam_cl.cameras.exposure import exposed, on_axis_irradiance, values_per_irradiance
-from rptcam_cl.cameras.film_pupil import FilmPupil, film_pupils
+from rptcam_cl.cameras.film_pupil import FilmPupil, FilmPupils, film_pupils
 from rptcam_cl.cameras.filter import FilterTable, filter_table
 from rptcam_cl.cameras.geometry import camera_geometry
 from rptcam_cl.cameras.ghost_records import WayRecords, ghost_setting, ghosts_have_colours
@@ -22,6 +24,7 @@ from rptcam_cl.cameras.ray_map import RayMap
 from rptcam_cl.cameras.rays import allowed_px, fitted_map
 from rptcam_cl.cameras.realistic import lens_tint, shows_losses
 from rptcam_cl.cameras.records import lens_records
+from rptcam_cl.cameras.seen_places import seen_places
 from rptcam_cl.cameras.setting import (
     LensSetting,
     design_to_focus,
@@ -31,8 +34,9 @@ from rptcam_cl.cameras.setting import (
     lens_setting,
     lens_to_focus,
 )
+from rptcam_cl.cameras.stop_dirt import dirt_edges, edges_of
 from rptcam_cl.cameras.thick_lens import ThickLens, thick_lens_of
-from rptcam_cl.cameras.trajectory import camera_trajectory
+from rptcam_cl.cameras.trajectory import camera_trajectory, exposure_timing
 from rptcam_cl.scene import LensColour, RealisticCamera, Scene, at_opening
 
 _MODELS: dict[str, Callable[[Scene], CameraModel]] = {
@@ -62,8 +66,11 @@ def camera_model(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool 
 __all__ = [
     "EXTREMES_NM",
     "CameraModel",
+    "CameraRays",
     "CameraView",
+    "EntrancePupil",
     "FilmPupil",
+    "FilmPupils",
     "FilterTable",
     "LensSetting",
     "PupilLine",
@@ -80,10 +87,15 @@ __all__ = [
     "camera_geometry",
     "camera_model",
     "camera_trajectory",
+    "chief_rays",
     "colour_error_px",
     "design_to_focus",
+    "dirt_edges",
     "disperses",
+    "edges_of",
+    "entrance_pupil",
     "exposed",
+    "exposure_timing",
     "fewest_terms",
     "film_for_infinity",
     "film_frame",
@@ -103,7 +115,9 @@ __all__ = [
     "lens_tint",
     "lens_to_focus",
     "on_axis_irradiance",
+    "pupil_in_world",
     "pupil_line",
+    "seen_places",
     "shows_losses",
     "stop_shape",
     "thick_lens_of",

@@ -20,6 +20,9 @@ from rptcam_cl.scene import Scene
 Array = NDArray[np.float64]
 
 NODES = 11  # across and down the film
+# Of a tilted film, whose blur vanishes along a line: squares of it lie between nodes linearly, so that its least value
+# is what the tilt makes of half a step.
+FINE_NODES = 129
 FAR_FOCAL_LENGTHS = 25.0  # distance that the table is fitted at when the focus lies at infinity
 
 
@@ -54,7 +57,7 @@ def film_depths(scene: Scene) -> Array:
     frame = film_frame(scene.camera)
     if frame.is_flat:
         return np.zeros((1, 1))
-    return frame.depth(frame.grid(half_film_mm(scene), NODES))
+    return frame.depth(frame.grid(half_film_mm(scene), FINE_NODES))
 
 
 def perfect_blur(gains: Array, focuses: Array, *, shift: float = 0.0, origin_z: float = 0.0) -> Blur:
@@ -101,8 +104,22 @@ def traced_blur(
     square = _filled(square, lit)
     away = vergences - focus
     coefficients = square @ np.linalg.inv(np.vander(away, 3, increasing=True)).T * np.array([1.0, 1e-3, 1e-6])
-    table = np.concatenate([coefficients, np.zeros((NODES, NODES, 1))], axis=-1).astype(np.float32)
+    if not frame.is_flat and lit.all():
+        coefficients = _finer(coefficients)
+    table = np.concatenate([coefficients, np.zeros((*coefficients.shape[:2], 1))], axis=-1).astype(np.float32)
     return Blur(table, focus * 1e3, scale, shift * 1e-3, -length * 1e-3, by_depth=False)
+
+
+def _finer(values: Array) -> Array:
+    """Return values (NODES, NODES, n) at more nodes, by the cubics through the nearest four along each axis."""
+    places = np.linspace(0, NODES - 1, FINE_NODES)
+    first = np.clip(np.floor(places).astype(np.intp) - 1, 0, NODES - 4)
+    weights = np.zeros((FINE_NODES, NODES))
+    for node in range(4):
+        others = [other for other in range(4) if other != node]
+        factors = [(places - first - other) / (node - other) for other in others]
+        weights[np.arange(FINE_NODES), first + node] = np.prod(factors, axis=0)
+    return np.asarray(np.einsum("ri,ijn,cj->rcn", weights, values, weights))
 
 
 def _variances(

@@ -26,6 +26,9 @@ Mask = NDArray[np.bool_]
 ACROSS = 144  # cells across the opening
 FIRST_ACROSS = 48  # of the search for it
 FINER = 4  # points across a cell that the edge runs through
+CORNERS = 1024  # of an outline
+HALVINGS = 24  # that find each
+SAME_AREA = 0.02  # within which an outline and the cells inside it are one opening
 OpenTo = Callable[[Array], Mask]  # which directions (n, 2), as cosines, are open
 
 
@@ -59,13 +62,63 @@ class FilmPupil:
         return float(np.sqrt(self.coverage.sum() / np.pi)) * self.step
 
 
-def film_pupils(scene: Scene) -> Callable[[Array], FilmPupil]:
-    """Return what gives the opening that a point of the film (x, y) sees [mm], in the frame of the lens.
+@dataclass(frozen=True)
+class FilmPupils:
+    """What gives the opening that a point of the film (x, y) sees [mm], in the frame of the lens.
+
+    Attributes
+    ----------
+    directions : callable
+        Gives which directions are open to a point, and the middle and half width of a square of cosines about them.
+    index : float
+        Of the medium in front of the film.
+    radius_mm : float
+        Of the stop: of the circle that its shape touches.
+    """
+
+    directions: Callable[[Array], tuple[OpenTo, Array]]
+    index: float
+    radius_mm: float
+
+    def __call__(self, point: Array) -> FilmPupil:
+        """Return the opening as a grid.
+
+        Raises
+        ------
+        InputError
+            Where no light reaches the film.
+        """
+        return _pupil(*self.directions(point), self.index)
+
+    def outline(self, point: Array) -> Array | None:
+        """Return corners (n, 2) of the outline in direction cosines, anticlockwise about its middle, within 1e-6.
+
+        None where a line from the middle crosses the outline twice, as in a mask of several holes.
+        """
+        opens, box = self.directions(point)
+        grid = _pupil(opens, box, self.index)
+        share = grid.coverage / grid.coverage.sum()
+        middle = np.array([share.sum(axis=0) @ grid.cosines_x, share.sum(axis=1) @ grid.cosines_y])
+        angles = 2 * np.pi * (np.arange(CORNERS) + 0.5) / CORNERS
+        towards = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+        near, far = np.zeros(CORNERS), np.full(CORNERS, grid.step * ACROSS * np.sqrt(2))
+        for _ in range(HALVINGS):
+            half = (near + far) / 2
+            inside = opens(middle + half[:, None] * towards)
+            near, far = np.where(inside, half, near), np.where(inside, far, half)
+        area = 0.5 * np.sin(2 * np.pi / CORNERS) * float(near @ np.roll(near, -1))
+        if abs(area / (grid.coverage.sum() * grid.step**2) - 1) > SAME_AREA:
+            return None
+        return np.asarray(middle + near[:, None] * towards)
+
+
+def film_pupils(scene: Scene) -> FilmPupils:
+    """Return what gives the opening that points of the film see.
 
     Raises
     ------
     InputError
-        For a camera without an opening. What is returned raises it where no light reaches the film.
+        For a camera without an opening.
     """
     scene = at_opening(scene)
     camera = scene.camera
@@ -75,13 +128,13 @@ def film_pupils(scene: Scene) -> Callable[[Array], FilmPupil]:
         setting = lens_setting(scene)
         thick = thick_lens_of(setting.lens, setting.film_distance_mm, camera.wavelength_nm)
         index = float(setting.lens.indices(camera.wavelength_nm)[-1])
-        return _flat(thick.film_slope, None, index, -1.0)
+        return FilmPupils(_flat(thick.film_slope, None, -1.0), index, _stop_radius(setting.lens))
     if isinstance(camera, ThinLensCamera):
         across, _, focal_length = optics_of(camera, scene.film)
         radius, distance = radius_of(camera, focal_length), scene.film.size_m()[0] / 2 / across
         if radius > 0:
             slopes = (-1e-3 / distance, radius / distance)
-            return _flat(slopes, stop_shape(scene, camera.aperture), 1.0, 1.0)
+            return FilmPupils(_flat(slopes, stop_shape(scene, camera.aperture), 1.0), 1.0, 1e3 * radius)
     raise InputError(
         "camera.diffraction: the camera has no opening that diffracts"
         " (allowed: off, or a camera with an f-number: thin_lens, thick_lens, realistic)"
@@ -93,14 +146,20 @@ def _shaped(scene: Scene, camera: RealisticCamera, setting: LensSetting) -> Lens
     return setting if shape is None else replace(setting, lens=setting.lens.with_stop_shape(shape))
 
 
-def _traced(setting: LensSetting) -> Callable[[Array], FilmPupil]:
+def _stop_radius(lens: Lens) -> float:
+    stop = lens.stop or lens.surfaces[0]
+    return float(stop.semi_diameter)
+
+
+def _traced(setting: LensSetting) -> FilmPupils:
     """Return the openings by rays traced from the film."""
     lens, wavelength = setting.lens, setting.camera.wavelength_nm
+    if not any(np.isfinite(lens.first_order(wavelength, section).focal_length_mm) for section in "xy"):
+        raise InputError(f"camera.diffraction: {lens.name}: is afocal, so it forms no image (allowed: off)")
     film_z = lens.film_z(setting.film_distance_mm)
     rear = lens.surfaces[-1].semi_diameter
-    index = float(lens.indices(wavelength)[-1])
 
-    def seen(point: Array) -> FilmPupil:
+    def seen(point: Array) -> tuple[OpenTo, Array]:
         origin = np.array([point[0], point[1], film_z])
 
         def opens(cosines: Array) -> Mask:
@@ -112,9 +171,9 @@ def _traced(setting: LensSetting) -> Callable[[Array], FilmPupil]:
             passed = passing(lens, np.ascontiguousarray(origins), directions, wavelength)
             return np.asarray(inside & passed)
 
-        return _pupil(opens, _rear_box(lens, origin, rear), index)
+        return opens, _rear_box(lens, origin, rear)
 
-    return seen
+    return FilmPupils(seen, float(lens.indices(wavelength)[-1]), _stop_radius(lens))
 
 
 def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
@@ -129,8 +188,8 @@ def _rear_box(lens: Lens, origin: Array, rear: float) -> Array:
 
 
 def _flat(
-    slopes: tuple[float, float], shape: StopShape | StopMask | None, index: float, sense: float
-) -> Callable[[Array], FilmPupil]:
+    slopes: tuple[float, float], shape: StopShape | StopMask | None, sense: float
+) -> Callable[[Array], tuple[OpenTo, Array]]:
     """Return the openings of an ideal lens: its pupil is a disk across the axis.
 
     Parameters
@@ -141,7 +200,7 @@ def _flat(
         1 where the slopes are those towards the pupil, and light has the opposite ones.
     """
 
-    def seen(point: Array) -> FilmPupil:
+    def seen(point: Array) -> tuple[OpenTo, Array]:
         middle = slopes[0] * np.asarray(point, dtype=np.float64)
 
         def opens(cosines: Array) -> Mask:
@@ -155,7 +214,7 @@ def _flat(
         edge = middle + abs(slopes[1]) * np.stack([np.cos(turns), np.sin(turns)], axis=1)
         cosines = -sense * edge / np.sqrt(1 + np.sum(edge * edge, axis=1))[:, None]
         low, high = cosines.min(axis=0), cosines.max(axis=0)
-        return _pupil(opens, np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)]), index)
+        return opens, np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2 * 1.02)])
 
     return seen
 

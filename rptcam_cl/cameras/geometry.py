@@ -68,12 +68,13 @@ def camera_geometry(scene: Scene) -> dict[str, Any]:
     camera, (opens, closes) = scene.camera, scene.shutter.span_s
     last = {"world_from_camera_at_close": _matrix(scene, closes)} if camera.motion else {}
     moves = camera.motion or any(item.motion for item in scene.objects)
+    sliced = None if scene.shutter.keys else {"keys", "steps"}
     width, height = scene.film.size_m()
     near_m = getattr(scene.camera, "near_m", None)
     return {
         "world_from_camera": _matrix(scene, opens),
         **last,
-        **({"shutter": scene.shutter.model_dump(exclude_none=True)} if moves else {}),
+        **({"shutter": scene.shutter.model_dump(exclude_none=True, exclude=sliced)} if moves else {}),
         "resolution": list(scene.film.resolution),
         "film_size_mm": [width * 1e3, height * 1e3],
         **({"near_m": near_m} if near_m else {}),

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.lamp_fits import LampFit, SeenLamp, lamp_fit, parts_of_pupil
+from rptcam_cl.cameras.lamp_fits import LampFit, Polynomial, SeenLamp, lamp_fits, parts_of_pupil
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 
@@ -90,15 +90,19 @@ class _Blocks:
         pixels = np.clip(self.pixels(fit.film), 0.0, self.resolution)
         return float(np.prod(np.ptp(pixels, axis=0) + 4.0))
 
-    def touched(self, fit: LampFit) -> tuple[NDArray[np.int64], Array]:
-        """Return the numbers of the blocks that a lamp's disk may touch, and their middles on the film."""
+    def touched(self, fit: LampFit) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return the columns and the rows of the blocks that a lamp's disk may touch."""
         size, pixels = 1 << self.shift, self.pixels(fit.film)
         low, high = pixels.min(axis=0), pixels.max(axis=0)
         beyond = 0.05 * (high - low) + 2.0
         first = np.maximum(np.floor((low - beyond) / size), 0).astype(int)
         last = np.minimum(np.floor((high + beyond) / size), np.array(self.counts) - 1).astype(int)
-        x, y = (part.ravel() for part in np.meshgrid(*(np.arange(a, b + 1) for a, b in zip(first, last, strict=True))))
-        return y * self.counts[0] + x, self.film((np.stack([x, y], axis=1) + 0.5) * size)
+        return np.arange(first[0], last[0] + 1), np.arange(first[1], last[1] + 1)
+
+    def places(self, columns: NDArray[np.int64], rows: NDArray[np.int64]) -> tuple[Array, Array]:
+        """Return x and y on the film of the edges and middles of blocks side by side: 2 n + 1 of each."""
+        x, y = (2 ** (self.shift - 1) * np.arange(2 * k[0], 2 * k[-1] + 3.0) for k in (columns, rows))
+        return self.film(np.stack([x, x], axis=1))[:, 0], self.film(np.stack([y, y], axis=1))[:, 1]
 
 
 def _fine_enough(blocks: _Blocks, fits: Sequence[LampFit]) -> _Blocks:
@@ -123,33 +127,66 @@ class _Entries:
         return _Entries(self.blocks[keep], self.floats[keep], self.part[keep], self.entry[keep])
 
 
+def _nine(grid: Array, flips: tuple[bool, bool]) -> Array:
+    """Return the values of each block at the points of `GRID` (n, 9, k), from those at edges and middles (y, x, k)."""
+    down, across = (
+        (part[:-2:2], part[1:-1:2], part[2::2]) for part in (np.arange(len(grid)), np.arange(grid.shape[1]))
+    )
+    rows = down[::-1] if flips[1] else down
+    columns = across[::-1] if flips[0] else across
+    found = np.stack([grid[np.ix_(row, column)] for row in rows for column in columns], axis=2)
+    return found.reshape(-1, 9, grid.shape[-1])
+
+
+def _polar(m: Array) -> tuple[Array, Array]:
+    """Return the orthogonal factors (n, 2, 2) of matrices, and their largest singular values (n,), in closed form."""
+    (a, b), (c, d) = np.moveaxis(m, 0, -1)
+    turn, mirror = np.hypot(a + d, b - c), np.hypot(a - d, b + c)
+    turns = turn >= mirror
+    cosine, sine = np.where(turns, a + d, a - d), np.where(turns, c - b, b + c)
+    length = np.where(turns, turn, mirror)
+    cosine = np.where(length > 0, cosine, 1.0) / np.where(length > 0, length, 1.0)
+    sine = sine / np.where(length > 0, length, 1.0)
+    sign = np.where(turns, -1.0, 1.0)
+    factors = np.stack([cosine, sign * sine, sine, -sign * cosine], axis=-1).reshape(-1, 2, 2)
+    return factors, (turn + mirror) / 2
+
+
 def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
-    numbers, middle = blocks.touched(fit)
-    if not len(numbers):
-        return _Entries(numbers, np.zeros((0, LAMP)), np.zeros(0), np.zeros((0, 9, 2)))
+    columns, rows = blocks.touched(fit)
+    if not (len(columns) and len(rows)):
+        return _Entries(np.zeros(0, np.int64), np.zeros((0, LAMP)), np.zeros(0), np.zeros((0, 9, 2)))
+    numbers = (rows[:, None] * blocks.counts[0] + columns).ravel()
+    x, y = blocks.places(columns, rows)
+    middle = np.stack(np.meshgrid(x[1::2], y[1::2]), axis=-1).reshape(-1, 2)
+
+    def at_middles(polynomial: Polynomial) -> Array:
+        return polynomial.on_grid(x[1::2], y[1::2]).reshape(len(numbers), -1)
+
     # The place in the pupil as an affine map of the film point, and what it leaves out at the corners.
-    about = fit.middle(middle[:, None] + GRID * blocks.half)
+    about = _nine(fit.middle.on_grid(x, y), (x[0] > x[-1], y[0] > y[-1]))
     places, entry = about[..., :2], about[..., 2:]
     slope = np.stack([places[:, 5] - places[:, 3], places[:, 7] - places[:, 1]], axis=-1) / (2 * blocks.half)
     at = places[:, 4]
-    left_out = places - at[:, None] - np.einsum("nij,kj->nki", slope, GRID * blocks.half)
+    corners = GRID * blocks.half
+    left_out = places - at[:, None] - (slope[:, None, :, 0] * corners[:, :1] + slope[:, None, :, 1] * corners[:, 1:])
     some, everywhere = fit.near(places)
-    margin = np.where(some, np.linalg.norm(left_out, axis=-1), 0.0).max(axis=1) + 2 * fit.middle.error
-    ends = np.array([[end(middle) for end in pair] for pair in fit.edges])
+    margin = np.where(some, np.hypot(left_out[..., 0], left_out[..., 1]), 0.0).max(axis=1) + 2 * fit.middle.error
+    ends = np.array([[at_middles(end) for end in pair] for pair in fit.edges])
     parts = np.moveaxis((ends[:, 0] - ends[:, 1]) / 2, 0, -1)
     margin = margin + np.linalg.norm((ends[:, 0] + ends[:, 1]) / 2 - at, axis=-1).max(axis=0)
     shift = np.zeros_like(at)
     if fit.colours is not None:
-        first, second = (each(middle) for each in fit.colours)
+        first, second = (at_middles(each) for each in fit.colours)
         shift = (second - first) / (COLOURS[1] - COLOURS[0])
         margin = margin + np.linalg.norm(at - (first + second) / 2, axis=1) / 2
         at = (first + second) / 2 - shift * sum(COLOURS) / 2
     # The lamp's part of the pupil, wide enough for that.
-    u, sizes, v = np.linalg.svd(parts)
-    widened = (u * (sizes * WIDER + margin[:, None])[:, None, :]) @ v
+    factors, largest = _polar(parts)
+    widened = parts * WIDER + margin[:, None, None] * factors
     full = np.pi if lamp.is_round else 4.0
-    part, taken = (full * np.abs(np.linalg.det(matrix)) / fit.pupil_area for matrix in (parts, widened))
-    beyond = sizes[:, 0] + margin
+    part, taken = (full * np.abs(_determinants(matrix)) / fit.pupil_area for matrix in (parts, widened))
+    beyond = largest + margin
     radius = fit.pupil_radius * 1.03 + beyond
     constant = at - (slope @ middle[..., None])[..., 0]
     n = len(numbers)
@@ -160,6 +197,10 @@ def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
     ])  # fmt: skip
     keep = np.flatnonzero(some.any(axis=1) * (part < LARGEST_PART) * (taken < LARGEST_AIM))
     return _Entries(numbers, floats, part, entry).kept(keep)
+
+
+def _determinants(m: Array) -> Array:
+    return np.asarray(m[:, 0, 0] * m[:, 1, 1] - m[:, 0, 1] * m[:, 1, 0])
 
 
 def _that_show(entries: _Entries, lamp: SeenLamp, entry_z_m: float, shows: Shows) -> _Entries:
@@ -188,7 +229,7 @@ def aimed_at_lamps(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows)
     colours_nm = SEEN_NM if camera.bends_colours else None
     filled = parts_of_pupil(lamps, reach) if lamps else ()
     lamps = [lamp for lamp, part in zip(lamps, filled, strict=True) if part < FAR_TOO_LARGE * LARGEST_PART]
-    fits = [(lamp, fit) for lamp in lamps if (fit := lamp_fit(lamp, reach, colours_nm)) is not None]
+    fits = lamp_fits(lamps, reach, colours_nm)
     blocks = _fine_enough(_Blocks(0, resolution, np.array(reach.film_scale), flip), [fit for _, fit in fits])
     found = [(lamp, entries) for lamp, fit in fits if len((entries := _entries(lamp, fit, blocks)).blocks)]
     found = [(lamp, _that_show(entries, lamp, reach.entry_z_m, shows)) for lamp, entries in found]

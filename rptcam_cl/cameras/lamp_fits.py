@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.lamp_reach import LampReach
+from rptcam_cl.cameras.lamp_reach import LampReach, Reached
 
 Array = NDArray[np.float64]
 
@@ -16,6 +16,7 @@ SCANT_ACROSS = 4  # rays across the pupil for whether a lamp is worth more
 ACROSS, FEW_ACROSS = 16, 12  # rays across the pupil for the middle of a lamp, and for its edges and other colours
 DEGREE = 5  # of the polynomials
 CELLS = 12  # across the pupil, each with a ray or more where it is open
+AT_ONCE = 32  # lamps whose rays are traced together
 FEWEST = 40  # rays that a lamp needs
 LARGEST_ERROR = (
     0.15  # of a polynomial, in radii of the pupil: beyond it, a film point sees a lamp through several places
@@ -48,21 +49,28 @@ class Polynomial:
     """The polynomial in a point (n, 2) that is fitted to values (n, k)."""
 
     def __init__(self, points: Array, values: Array, degree: int = DEGREE) -> None:
-        self._powers = [(i, k - i) for k in range(degree + 1) for i in range(k + 1)]
+        self._degree = degree
         self._middle = points.mean(axis=0)
         self._scale = np.maximum(np.abs(points - self._middle).max(axis=0), np.finfo(np.float64).tiny)
-        terms = self._terms(points)
-        self._coefficients = np.linalg.lstsq(terms, values, rcond=1e-10)[0]
-        off = terms @ self._coefficients - values
+        x, y = self._powers(0, points[:, 0]), self._powers(1, points[:, 1])
+        i, j = np.array([(i, k - i) for k in range(degree + 1) for i in range(k + 1)]).T
+        terms = x[:, i] * y[:, j]
+        coefficients = np.linalg.lstsq(terms, values, rcond=1e-10)[0]
+        self._coefficients = np.zeros((degree + 1, degree + 1, values.shape[1]))
+        self._coefficients[i, j] = coefficients
+        off = terms @ coefficients - values
         self.error = float(np.sqrt(np.mean(np.sum(off[:, :2] ** 2, axis=1))))
 
-    def _terms(self, points: Array) -> Array:
-        x, y = np.moveaxis((points - self._middle) / self._scale, -1, 0)
-        return np.stack([x**i * y**j for i, j in self._powers], axis=-1)
+    def _powers(self, axis: int, places: Array) -> Array:
+        """Return the powers (n, degree + 1) of places along an axis."""
+        found = np.ones((len(places), self._degree + 1))
+        found[:, 1:] = ((places - self._middle[axis]) / self._scale[axis])[:, None]
+        return np.asarray(np.multiply.accumulate(found, axis=1))
 
-    def __call__(self, points: Array) -> Array:
-        """Return its values (..., k) at points (..., 2)."""
-        return np.asarray(self._terms(points) @ self._coefficients)
+    def on_grid(self, x: Array, y: Array) -> Array:
+        """Return its values (y, x, k) at all points of a grid."""
+        along = np.tensordot(self._powers(0, x), self._coefficients, 1)
+        return np.asarray(np.tensordot(self._powers(1, y), along, ([1], [1])))
 
 
 @dataclass(frozen=True)
@@ -107,7 +115,7 @@ class LampFit:
         low, high = self.pupil.min(axis=0), self.pupil.max(axis=0)
 
         def cells(points: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-            cell = np.clip(np.floor((points - low) / (high - low) * CELLS) + 2, 0, CELLS + 3).astype(np.intp)
+            cell = np.clip((points - low) * (CELLS / (high - low)) + 2, 0, CELLS + 3).astype(np.intp)
             return cell[..., 0], cell[..., 1]
 
         lit = np.zeros((CELLS + 4, CELLS + 4), dtype=bool)
@@ -134,20 +142,40 @@ def parts_of_pupil(lamps: Sequence[SeenLamp], reach: LampReach) -> Array:
     return np.where(passed.any(axis=-1).all(axis=-1) & np.isfinite(part), part, 0.0)
 
 
-def lamp_fit(lamp: SeenLamp, reach: LampReach, colours_nm: tuple[float, float] | None) -> LampFit | None:
-    """Return how a lamp is seen; None where too little of its light comes through, or a film point sees it twice."""
-    found = reach.rays(lamp.centre[None], ACROSS, None)
-    passed = found.passed[0]
-    if passed.sum() < FEWEST:
+def lamp_fits(
+    lamps: Sequence[SeenLamp], reach: LampReach, colours_nm: tuple[float, float] | None
+) -> list[tuple[SeenLamp, LampFit]]:
+    """Return how lamps are seen, but those of which too little light comes through, or that a film point sees twice."""
+    fits = []
+    for low in range(0, len(lamps), AT_ONCE):
+        some = list(lamps[low : low + AT_ONCE])
+        middles = reach.rays(np.array([lamp.centre for lamp in some]), ACROSS, None)
+        enough = np.flatnonzero(middles.passed.sum(axis=1) >= FEWEST)
+        if not len(enough):
+            continue
+        some, middles = [some[k] for k in enough], middles.of(enough)
+        ends = reach.rays(np.concatenate([_ends(lamp) for lamp in some]), FEW_ACROSS, None)
+        centres = np.array([lamp.centre for lamp in some])
+        colours = [] if colours_nm is None else [reach.rays(centres, FEW_ACROSS, nm) for nm in colours_nm]
+        for k, lamp in enumerate(some):
+            fit = _fit(middles.of([k]), ends.of(range(4 * k, 4 * k + 4)), [each.of([k]) for each in colours])
+            if fit is not None:
+                fits.append((lamp, fit))
+    return fits
+
+
+def _ends(lamp: SeenLamp) -> Array:
+    return np.asarray(lamp.centre + np.concatenate([lamp.axes, -lamp.axes]))
+
+
+def _fit(rays: Reached, ends: Reached, colours: Sequence[Reached]) -> LampFit | None:
+    if min(each.passed.sum(axis=1).min() for each in (ends, *colours)) < FEWEST:
         return None
-    film, pupil = found.film[0][passed], found.pupil[0][passed]
-    middle = Polynomial(film, np.concatenate([pupil, found.entry[0][passed]], axis=1))
-    ends = reach.rays(lamp.centre + np.concatenate([lamp.axes, -lamp.axes]), FEW_ACROSS, None)
-    colours = None if colours_nm is None else [reach.rays(lamp.centre[None], FEW_ACROSS, nm) for nm in colours_nm]
-    if min(rays.passed.sum(axis=1).min() for rays in (ends, *(colours or ()))) < FEWEST:
-        return None
-    edges = [_fitted(*rays) for rays in zip(ends.film, ends.pupil, ends.passed, strict=True)]
-    by_colour = None if colours is None else tuple(_fitted(r.film[0], r.pupil[0], r.passed[0]) for r in colours)
+    passed = rays.passed[0]
+    film, pupil = rays.film[0][passed], rays.pupil[0][passed]
+    middle = Polynomial(film, np.concatenate([pupil, rays.entry[0][passed]], axis=1))
+    edges = [_fitted(*each) for each in zip(ends.film, ends.pupil, ends.passed, strict=True)]
+    by_colour = tuple(_fitted(r.film[0], r.pupil[0], r.passed[0]) for r in colours) or None
     fit = LampFit(middle, ((edges[0], edges[2]), (edges[1], edges[3])), by_colour, film, pupil)  # type: ignore[arg-type]
     return None if middle.error > LARGEST_ERROR * fit.pupil_radius else fit
 

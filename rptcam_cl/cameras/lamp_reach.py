@@ -6,7 +6,7 @@ millimetres or tangents.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +38,11 @@ class Reached:
     pupil: Array
     entry: Array
     passed: NDArray[np.bool_]
+
+    def of(self, points: Sequence[int] | NDArray[np.intp]) -> Reached:
+        """Return those of some of the points."""
+        rows = np.asarray(points)
+        return Reached(self.film[rows], self.pupil[rows], self.entry[rows], self.passed[rows])
 
 
 @dataclass(frozen=True)

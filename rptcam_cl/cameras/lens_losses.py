@@ -9,6 +9,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
 from rptcam_cl.optics import (
@@ -16,6 +17,8 @@ from rptcam_cl.optics import (
     WORDS,
     Coating,
     Interface,
+    Layer,
+    LayerStack,
     Lens,
     LensTransmission,
     Medium,
@@ -24,9 +27,10 @@ from rptcam_cl.optics import (
     constant_reflectance,
     has_coatings,
     known_nm,
+    layered,
     with_coating,
 )
-from rptcam_cl.scene import LensCamera
+from rptcam_cl.scene import CoatingLayers, LensCamera
 
 
 def transmission_of(camera: LensCamera) -> LensTransmission:
@@ -61,7 +65,7 @@ def as_coated(lens: Lens, camera: LensCamera) -> Lens:
 def _coated(lens: Lens, camera: LensCamera) -> Lens:
     coating = camera.transmission.coating
     if coating is not None:
-        return with_coating(lens, WORDS[coating] if isinstance(coating, str) else constant_reflectance(coating))
+        return with_coating(lens, _named(coating))
     if camera.transmission.coatings and not has_coatings(lens):
         raise InputError(
             f"camera.transmission: {lens.name} does not say how it is coated"
@@ -70,11 +74,17 @@ def _coated(lens: Lens, camera: LensCamera) -> Lens:
     return lens
 
 
+def _named(coating: str | float | CoatingLayers) -> Coating:
+    if isinstance(coating, CoatingLayers):
+        return layered(tuple(Layer(layer.index, layer.thickness_nm) for layer in coating.layers))
+    return WORDS[coating] if isinstance(coating, str) else constant_reflectance(coating)
+
+
 Array = NDArray[np.float64]
 Values = Callable[[Array], Array]  # of wavelengths [nm]
 
 TABLE_NM = LOSS_TABLE_NM + np.arange(float(LOSS_TABLE_LENGTH))  # catalogues measure at whole nanometres
-NO_LOSSES = {"LENS_FRESNEL": 0, "LENS_LAYERS": 0, "LENS_ABSORPTION": 0, "LENS_TINTED": 0}
+NO_LOSSES = {"LENS_FRESNEL": 0, "LENS_LAYERS": 0, "LENS_STACKS": 0, "LENS_ABSORPTION": 0, "LENS_TINTED": 0}
 
 
 @dataclass
@@ -137,10 +147,12 @@ class LossFiller:
                 self._fill_surface(record, before, after, self.transmission.coating_of(lens.surfaces[k]))
             if self.transmission.absorption and number > 0 and before.absorption is not None:
                 self._put(record, "attenuation", partial(attenuation, before))
-        layers = bool(np.any(records["layer"] > 0))
+        stacks = bool(np.any(records["stacked"] > 0))
+        layers = stacks or bool(np.any(records["layer"] > 0))
         return {
             "LENS_FRESNEL": int(self.transmission.fresnel),
             "LENS_LAYERS": int(layers),
+            "LENS_STACKS": int(stacks),
             "LENS_ABSORPTION": int(bool(np.any((records["attenuation"] > 0) | (records["attenuation_table"] >= 0)))),
             "LENS_TINTED": int(self.tables is not None and (layers or bool(self.tables.rows))),
         }
@@ -150,6 +162,12 @@ class LossFiller:
         if isinstance(coating, QuarterWave):
             record["layer"] = coating.index
             record["layer_turns"] = 0.5 * coating.wavelength_nm / (self.wavelength_nm if self.tables is None else 1.0)
+            self._put(record, "index", before.index)
+        elif isinstance(coating, LayerStack):
+            layers = coating.from_behind(before.index(LINE_D_NM), after.index(LINE_D_NM))
+            per = self.wavelength_nm if self.tables is None else 1.0
+            record["stack"][: 2 * len(layers)] = [x for f in layers for x in (f.index, f.index * f.thickness_nm / per)]
+            record["stacked"] = len(layers)
             self._put(record, "index", before.index)
         elif coating != BARE:
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from rptcam_cl.cameras.entrance_pupil import EntrancePupil
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, half_tangents
 from rptcam_cl.cameras.movements import movements_metadata, place_film
@@ -19,4 +20,5 @@ def build(scene: Scene) -> CameraModel:
     moved = place_film(record, scene, scene.film.size_m()[0] * 500.0 / across)
     projection = intrinsics(scene, (0.5 / across, 0.5 / down))
     metadata = movements_metadata(camera) | {"camera": "pinhole", "intrinsics": projection}
+    metadata["entrance_pupil"] = EntrancePupil().described()
     return CameraModel("camera/pinhole.h", record, moved, metadata=metadata, view=CameraView(starts_ahead=True))

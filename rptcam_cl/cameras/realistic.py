@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.blur import traced_blur
 from rptcam_cl.cameras.dispersion import colour_error_px, disperses, usable_nm
+from rptcam_cl.cameras.entrance_pupil import entrance_pupil
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lamp_reach import lens_reach
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
@@ -103,7 +104,8 @@ def model_of(
         | pupil.metadata
         | movements_metadata(camera)
         | colour.metadata
-        | _projection(scene, camera, setting),
+        | _projection(scene, camera, setting)
+        | ({} if windows else {"entrance_pupil": entrance_pupil(scene, setting, drifts=not coarse).described()}),
         view=_view(scene, setting),
         on_axis_irradiance=on_axis,
         passed=on_axis / clear,

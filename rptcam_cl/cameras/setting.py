@@ -25,7 +25,7 @@ from rptcam_cl.optics import (
     object_distance,
     zoomed,
 )
-from rptcam_cl.scene import NOT_FOUND_YET, LensCamera, Pose, Scene
+from rptcam_cl.scene import NOT_FOUND_YET, LensCamera, Pose, Scene, at_opening
 
 Method = Literal["thick", "spot"]
 Side = Literal["film", "front"]
@@ -197,6 +197,8 @@ def lens_setting(scene: Scene) -> LensSetting:
     InputError
         When it cannot be zoomed, stopped down or focused as requested.
     """
+    if isinstance(scene.camera, LensCamera) and scene.camera.focus.object is not None:
+        scene = at_opening(scene)
     camera = scene.camera
     assert isinstance(camera, LensCamera)
     lens, focus, real = design_to_focus(scene, camera), camera.focus, real_state(scene)

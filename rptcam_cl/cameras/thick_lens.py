@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rptcam_cl.cameras.blur import Blur, film_depths, perfect_blur
+from rptcam_cl.cameras.entrance_pupil import entrance_pupil
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lamp_reach import thick_lens_reach
 from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
@@ -141,7 +142,7 @@ def model_of(scene: Scene, setting: LensSetting) -> CameraModel:
     moved = place_film(record, scene)
     projection = intrinsics(scene, thick.film_per_tangent(width_m, height_m), lever=thick.lever)
     metadata = {"camera": "thick_lens", **setting.metadata, "on_axis_irradiance": on_axis, "intrinsics": projection}
-    metadata |= movements_metadata(camera)
+    metadata |= movements_metadata(camera) | {"entrance_pupil": entrance_pupil(scene, setting).described()}
     metadata |= {"transmittance": passed} if setting.transmission else {}
     view = entrance_pupil_view(
         setting.lens.first_order(camera.wavelength_nm), first_vertex_m, lambda: _blur(thick, scene, first_vertex_m)

@@ -6,6 +6,7 @@ import math
 
 from rptcam_cl.cameras.aperture import aperture_tables, stop_shape
 from rptcam_cl.cameras.blur import Blur, film_depths, perfect_blur
+from rptcam_cl.cameras.entrance_pupil import EntrancePupil
 from rptcam_cl.cameras.exposure import opening_irradiance
 from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lamp_reach import thin_lens_reach
@@ -70,6 +71,7 @@ def model_of(scene: Scene, camera: ThinLensCamera) -> CameraModel:
         "focus_distance_m": camera.plane_m,
         "on_axis_irradiance": on_axis,
         "intrinsics": intrinsics(scene, (0.5 / across, 0.5 / down)),
+        "entrance_pupil": EntrancePupil(diameter_mm=2e3 * radius).described(),
     }
     pixels_per_tangent = math.sqrt(scene.film.resolution[0] / across * scene.film.resolution[1] / down) / 2
     view = CameraView(

@@ -24,12 +24,12 @@ def camera_trajectory(scene: Scene) -> tuple[Array, int]:
     """
     segments = _segments(scene)
     header = np.zeros((2, 4))
-    header[0] = _timing(scene.shutter, scene.film.resolution)
+    header[0] = exposure_timing(scene.shutter, scene.film.resolution)
     header[1, 0] = len(segments)
     return np.concatenate([header, *segments]).astype(np.float32), len(segments)
 
 
-def _timing(shutter: Shutter, resolution: tuple[int, int]) -> tuple[float, float, float, float]:
+def exposure_timing(shutter: Shutter, resolution: tuple[int, int]) -> tuple[float, float, float, float]:
     """Return time open, start of pixel (0, 0), and how much later each column and row start [s]."""
     if shutter.readout_s is None:
         return shutter.time_s, 0.0, 0.0, 0.0

@@ -26,8 +26,8 @@ FAULT = 1  # exit code of an unexpected error
 
 # In the order of the help; each is a module that adds itself to the parser.
 COMMANDS = (
-    "demo", "render", "merge", "settle", "sweep", "view", "focus", "tradeoff", "develop", "convert", "lens", "devices",
-    "doctor", "schema",
+    "demo", "examples", "new", "render", "merge", "settle", "sweep", "dataset", "view", "focus", "tradeoff", "develop",
+    "convert", "lens", "camera", "devices", "doctor", "schema",
 )  # fmt: skip
 
 

@@ -1,20 +1,26 @@
 """Renders on a cluster: the options of ``rptcam render`` for one, and what goes with them."""
 
 import argparse
+import functools
 import re
-from collections.abc import Callable
+import sys
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rptcam_cl.cli.frames import Frame
+from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
     from rptcam_cl.api import Image, Progress
+    from rptcam_cl.api.sweeping import Pictures
+    from rptcam_cl.cluster import TLS
     from rptcam_cl.scene import Scene
 
 # Options that need the whole film while it is rendered, or a device of this process.
 ALONE = {"part": "--part", "samples": "--samples", "time": "--time", "noise": "--noise", "denoise": "--denoise"}
-ALONE |= {"watch": "--watch", "preview": "--preview", "plan": "--plan", "frames": "--frames", "split": "--split"}
+ALONE |= {"watch": "--watch", "preview": "--preview", "plan": "--plan", "split": "--split"}
 ALONE |= {"stats": "--stats", "strict": "--strict"}
 FOLDER = ".parts"  # in place of the suffix of the first output
 
@@ -72,20 +78,82 @@ def render(
     InterruptedError
         As `rptcam_cl.render_on_cluster` does.
     """
-    from rptcam_cl.cluster import TLS, render_on_cluster
+    from rptcam_cl.cluster import render_on_cluster
 
-    tls = None
-    if arguments.tls is not None:
-        names = re.split(r"\s*,\s*", arguments.tls.strip())
-        if len(names) != 3:
-            raise InputError(f"--tls: three files (got {arguments.tls}; allowed: as ca.pem,cert.pem,key.pem)")
-        tls = TLS(*names)
     return render_on_cluster(
-        scene, arguments.cluster, workers=arguments.workers, tls=tls,
-        device=None if arguments.devices is None else arguments.devices[0],
+        scene, arguments.cluster, workers=arguments.workers, tls=_tls(arguments), device=_device(arguments),
         folder=folder_of(arguments), resume=arguments.resume, spp=arguments.spp, seed=arguments.seed,
         size=arguments.size, crop=arguments.crop, layers=layers, on_progress=show, should_stop=should_stop,
     )  # fmt: skip
+
+
+def render_frames(
+    arguments: argparse.Namespace,
+    missing: Iterable[Frame],
+    layers: list[str] | None,
+    save: "Callable[[Image, argparse.Namespace], None]",
+) -> int:
+    """Render frames on a cluster, each by one worker; save them as they come, and return the exit code."""
+    from rptcam_cl.cluster import render_scenes_on_cluster
+
+    todo = {frame.number: frame for frame in missing}
+    if any(frame.arguments.neighbours is not None for frame in todo.values()):
+        raise InputError("--cluster: flow leads from frame to frame, which workers do not have (allowed: other layers)")
+    words = {name: getattr(arguments, name) for name in ("spp", "seed", "size", "crop")} | {"layers": layers}
+    with stop_on_interrupt() as stop:
+        images = render_scenes_on_cluster(
+            {number: frame.scene for number, frame in todo.items()}, arguments.cluster, workers=arguments.workers,
+            tls=_tls(arguments), device=_device(arguments), settings=words, should_stop=stop.is_set,
+        )  # fmt: skip
+        try:
+            for number, image in images:
+                frame = todo[number]
+                image.metadata.update(frame.metadata)
+                save(image, frame.arguments)
+                if not arguments.quiet:
+                    names = ", ".join(map(str, [*frame.arguments.outputs, *frame.arguments.raws]))
+                    print(f"wrote {names}: {account(image)}", file=sys.stderr)
+        except InterruptedError as ended:
+            print(f"interrupted: {ended}; --resume goes on with the rest", file=sys.stderr)
+            return INTERRUPTED
+    return 0
+
+
+def pictures_of(arguments: argparse.Namespace, should_stop: Callable[[], bool]) -> "Pictures | None":
+    """What renders the pictures of a sweep on a cluster; None without one.
+
+    Raises
+    ------
+    InputError
+        For options that go with none.
+    """
+    if arguments.cluster is None and arguments.workers is None:
+        if arguments.tls is not None:
+            raise InputError("--tls: is for a cluster (allowed: with --cluster tls://…)")
+        return None
+    from rptcam_cl.cluster import render_scenes_on_cluster
+
+    return functools.partial(
+        render_scenes_on_cluster, cluster=arguments.cluster, workers=arguments.workers, tls=_tls(arguments),
+        device=arguments.device, should_stop=should_stop,
+    )  # fmt: skip
+
+
+def _tls(arguments: argparse.Namespace) -> "TLS | None":
+    """The certificates, where some are given."""
+    from rptcam_cl.cluster import TLS
+
+    if arguments.tls is None:
+        return None
+    names = re.split(r"\s*,\s*", arguments.tls.strip())
+    if len(names) != 3:
+        raise InputError(f"--tls: three files (got {arguments.tls}; allowed: as ca.pem,cert.pem,key.pem)")
+    return TLS(*names)
+
+
+def _device(arguments: argparse.Namespace) -> str | None:
+    """The device of each worker."""
+    return None if arguments.devices is None else str(arguments.devices[0])
 
 
 def remove(folder: Path) -> None:

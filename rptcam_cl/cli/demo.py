@@ -1,4 +1,4 @@
-"""``rptcam demo``: the pictures of the README, from scenes that come with the package."""
+"""``rptcam demo``: a first picture, from scenes that come with the package."""
 
 import argparse
 import sys
@@ -6,14 +6,17 @@ from pathlib import Path
 
 from rptcam_cl.cli import render
 from rptcam_cl.cli.parser import Commands, Parser, add_device
-from rptcam_cl.core.resources import EXAMPLES, example_scenes
+from rptcam_cl.core.resources import SCENES, example_scenes
 
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
     text = "render the first picture, from a scene that comes with the package"
     parser = commands.add_parser("demo", help=text, description=text.capitalize() + "; it needs no other file.")
-    parser.add_argument("scene", nargs="?", choices=EXAMPLES, default=EXAMPLES[0], help="another of its scenes")
+    parser.add_argument(
+        "scene", nargs="?", choices=tuple(SCENES), default=next(iter(SCENES)), metavar="SCENE",
+        help="another of its scenes (rptcam examples lists them)",
+    )  # fmt: skip
     parser.add_argument(
         "-o", "--output", metavar="OUT", help="picture to write (default: SCENE.png in the current folder)"
     )
@@ -33,5 +36,5 @@ def _run(arguments: argparse.Namespace) -> int:
     parsed = parser.parse_args(words)
     code: int = parsed.run(parsed)
     if code == 0:
-        print(f"the scene is {scene}", file=sys.stderr)
+        print(f"the scene is {scene}; for a copy to change: rptcam examples {arguments.scene} -o .", file=sys.stderr)
     return code

@@ -5,9 +5,10 @@ import copy
 import json
 import re
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from rptcam_cl.core.errors import InputError, RptcamError
 
@@ -47,16 +48,42 @@ def frame_range(text: str) -> range:
 
 def frame_scenes(arguments: argparse.Namespace, scene: "Scene") -> list[tuple[int, "Scene"]]:
     """The scene of each frame, checked before any is rendered."""
-    from rptcam_cl.scene import FrameSequence, set_keys
+    from rptcam_cl.scene import FrameSequence, at_rest, set_keys
 
     sequence = scene.sequence or FrameSequence()
     found = []
     for frame in arguments.frames:
         try:
-            found.append((frame, set_keys(scene, sequence.changes(scene.shutter.open_s, frame))))
+            still = set_keys(scene, sequence.changes(scene.shutter.open_s, frame))
+            at_rest(still)  # keys of the shutter as well
+            found.append((frame, still))
         except RptcamError as problem:
             raise type(problem)(f"frame {frame}: {problem}") from None
     return found
+
+
+def tracked(arguments: argparse.Namespace, scene: "Scene") -> Callable[[int], tuple["Scene", dict[str, Any]]] | None:
+    """What returns a frame with focus and exposure that follow from those before; None where each stands for itself."""
+    from rptcam_cl.api import FrameTracker, RenderSettings, needs_tracking
+
+    if not needs_tracking(scene):
+        return None
+    from rptcam_cl.device import open_sessions
+
+    given = arguments.devices
+    wanted = given[0] if given is not None and len(given) == 1 else given
+    settings = RenderSettings(seed=arguments.seed, size=arguments.size, crop=arguments.crop)
+    return FrameTracker(settings.applied_to(scene), lambda: open_sessions(wanted)[0][0]).frame
+
+
+def neighbours_of(
+    arguments: argparse.Namespace, scene: "Scene", frame: int, frame_of: Callable[[int], "Scene"]
+) -> "tuple[Scene | None, Scene] | None":
+    """The scenes of the frames before and after, where layers lead there; there is none before frame 1."""
+    layers = scene.render.layers if arguments.layers is None else arguments.layers
+    if not {"flow_forward", "flow_backward"} & set(layers):
+        return None
+    return frame_of(frame - 1) if frame > 1 else None, frame_of(frame + 1)
 
 
 def check_options(arguments: argparse.Namespace) -> None:
@@ -146,11 +173,50 @@ def _metadata(path: Path) -> dict[str, Any] | None:
     return None
 
 
+class Frame(NamedTuple):
+    """A frame to render: its number, the arguments with its names of files, its scene, and metadata for its files."""
+
+    number: int
+    arguments: argparse.Namespace
+    scene: "Scene"
+    metadata: dict[str, Any]
+
+
+def _missing(
+    arguments: argparse.Namespace,
+    scene: "Scene",
+    hash_of: Callable[[argparse.Namespace, "Scene"], tuple[str, int | None]],
+) -> Iterator[Frame]:
+    """Yield the frames that are not there yet; all are checked before the first."""
+    from rptcam_cl.scene import FrameSequence, set_keys
+
+    sequence = scene.sequence or FrameSequence()
+
+    def alone_at(number: int) -> tuple["Scene", dict[str, Any]]:
+        return set_keys(scene, sequence.changes(scene.shutter.open_s, number)), {}
+
+    found = tracked(arguments, scene)
+    at = lru_cache(maxsize=3)(found or alone_at)  # frames that follow one another are not found again
+    for number, alone in frame_scenes(arguments, scene):
+        own = of_frame(arguments, number)
+        still, described = (alone, {}) if found is None else at(number)
+        own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
+        if not (arguments.resume and is_there(own, *hash_of(own, still))):
+            yield Frame(number, own, still, metadata_of(scene, number) | described)
+        elif not arguments.quiet:
+            print(f"kept {', '.join(map(str, own.outputs))}", file=sys.stderr)
+
+
+def one_by_one(frames: Iterable[Frame], render_one: Callable[[Frame], int]) -> int:
+    """Render frame after frame, and return the first exit code that is not 0."""
+    return next(filter(None, map(render_one, frames)), 0)
+
+
 def render_frames(
     arguments: argparse.Namespace,
     scene: "Scene",
     hash_of: Callable[[argparse.Namespace, "Scene"], tuple[str, int | None]],
-    render_one: Callable[[argparse.Namespace, "Scene", dict[str, Any]], int],
+    render_many: Callable[["Iterator[Frame]"], int],
 ) -> int:
     """Render every frame that is not there yet, and return the exit code.
 
@@ -158,18 +224,12 @@ def render_frames(
     ----------
     hash_of
         Returns what the files of a finished frame say: the hash of its scene, and its samples where they are known.
-    render_one
-        Renders a frame and writes its files with these metadata.
+    render_many
+        Renders the frames that are missing and writes their files; returns the exit code.
     """
-    for frame, still in frame_scenes(arguments, scene):
-        own = of_frame(arguments, frame)
-        if arguments.resume and is_there(own, *hash_of(own, still)):
-            if not arguments.quiet:
-                print(f"kept {', '.join(map(str, own.outputs))}", file=sys.stderr)
-            continue
-        code = render_one(own, still, metadata_of(scene, frame))
-        if code:
-            return code
+    code = render_many(_missing(arguments, scene, hash_of))
+    if code:
+        return code
     if arguments.video is not None:
         _write_video(arguments, scene)
     return 0

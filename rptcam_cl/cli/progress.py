@@ -12,6 +12,9 @@ if TYPE_CHECKING:
 Show = Callable[["Progress"], None]
 
 _LINE_INTERVAL = 10.0  # [s]
+_LAST = 0.02  # share of the tiles of a render with a noise target, whose time is reported at its end
+_WORTH = 0.1  # share of the time from which on it is
+_LONG = 10.0  # [s], of the whole render
 
 
 def as_duration(seconds: float) -> str:
@@ -37,7 +40,9 @@ def fraction_done(progress: "Progress", time_limit: float | None) -> float | Non
         When it is to end, however many samples are done [s].
     """
     shares = []
-    if progress.tiles_done is not None:
+    if progress.tiles_left is not None:
+        shares.append(progress.seconds / (progress.seconds + progress.tiles_left.seconds))
+    elif progress.tiles_done is not None:
         shares.append(progress.tiles_done)
     elif progress.spp_target and progress.spp_target > progress.samples_at_start:
         here = progress.samples_done - progress.samples_at_start
@@ -60,11 +65,47 @@ def describe(progress: "Progress", time_limit: float | None = None) -> str:
     if progress.tiles_done is not None:
         parts.append(f"{100 * progress.tiles_done:.0f} % of the tiles done")
     done = fraction_done(progress, time_limit)
-    if done and progress.tiles_done is None:  # the last tiles may take long
-        parts.append(f"{as_duration(progress.seconds * (1 - done) / done)} left")
+    tiles = progress.tiles_left
+    if tiles is not None and tiles.few:
+        noise, wanted = 100 * tiles.worst, 100 * tiles.target
+        parts.append(f"the last {tiles.count} have up to {noise:.2g} % noise for {wanted:.2g} %")
+    if done and (progress.tiles_done is None or tiles is not None):
+        about = "" if tiles is None else "about "
+        parts.append(f"{about}{as_duration(progress.seconds * (1 - done) / done)} left")
     if progress.blocked_share is not None:
         parts.append(f"lens blocks {100 * progress.blocked_share:.0f} %")
     return ", ".join(parts)
+
+
+class LastTiles:
+    """How long the last 2 % of the tiles of a render with a noise target take, and why."""
+
+    def __init__(self) -> None:
+        self._began = 0.0  # [s], when no more than these were left
+        self._left: tuple[int, float, float] | None = None  # how many they were, their worst noise, and the target
+        self._seconds = 0.0
+
+    def note(self, progress: "Progress") -> None:
+        """Take a report."""
+        if progress.tiles_done is None:
+            return
+        self._seconds = progress.seconds
+        left = progress.tiles_left
+        if self._left is None and left is not None and progress.tiles_done >= 1 - _LAST:
+            self._began, self._left = progress.seconds, (left.count, left.worst, left.target)
+
+    def said(self) -> str | None:
+        """What to say at the end; None where it is not worth it."""
+        if self._left is None or self._seconds < _LONG:
+            return None
+        share = 1 - self._began / self._seconds
+        if share < _WORTH:
+            return None
+        count, worst, target = self._left
+        return (
+            f"the last {count} tiles took {100 * share:.0f} % of the time: they had up to {100 * worst:.2g} % noise"
+            f" when all others met {100 * target:.2g} % (--spp limits the samples of a pixel)"
+        )
 
 
 @contextlib.contextmanager
@@ -102,15 +143,21 @@ def _lines(stream: TextIO, time_limit: float | None, clock: Callable[[], float] 
 def progress_on_stderr(time_limit: float | None = None) -> Iterator[Show]:
     """A function that shows each report it is given.
 
-    On a terminal it moves a bar, which goes away at the end; elsewhere it prints a line every ten seconds.
+    On a terminal it moves a bar, which goes away at the end; elsewhere it prints a line every ten seconds. At the end
+    it says why the last tiles of a noise target took long, if they did.
 
     Parameters
     ----------
     time_limit
         When the render is to end [s], if by time.
     """
-    if sys.stderr.isatty():
-        with _bar(time_limit) as show:
-            yield show
-    else:
-        yield _lines(sys.stderr, time_limit)
+    last = LastTiles()
+    with _bar(time_limit) if sys.stderr.isatty() else contextlib.nullcontext(_lines(sys.stderr, time_limit)) as show:
+
+        def note(progress: "Progress") -> None:
+            last.note(progress)
+            show(progress)
+
+        yield note
+    if text := last.said():
+        print(text, file=sys.stderr)

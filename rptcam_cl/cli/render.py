@@ -3,17 +3,17 @@
 import argparse
 import contextlib
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import cluster, frames, parts, plan
+from rptcam_cl.cli import cluster, frames, parts, plan, summary, truth
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import as_json, print_warnings
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.cli.previews import previewing
-from rptcam_cl.cli.progress import as_duration, progress_on_stderr
+from rptcam_cl.cli.progress import progress_on_stderr
 from rptcam_cl.cli.watch import render_again
 from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateError
 
@@ -43,6 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     values.add_missing(parser)
     parts.add_options(parser)
     plan.add_option(parser)
+    truth.add_option(parser)
     frames.add_option(parser)
     cluster.add_options(parser)
     parser.add_argument("--stats", type=Path, metavar="FILE.json", help="write statistics of the render")
@@ -133,6 +134,7 @@ def _check_outputs(arguments: argparse.Namespace, scene: "Scene") -> None:
             raise InputError(f"{arguments.stats}: statistics are JSON (allowed: a name that ends in .json)")
         check_writable(arguments.stats, taken)
     check_writable(_checkpoint(arguments), taken)
+    truth.check(arguments, scene)
     if arguments.layers and not any(map(holds_layers, arguments.outputs)):
         raise InputError("--layers: no output can hold them (allowed: -o with a name that ends in .exr or .npz)")
     written = [*arguments.outputs, *arguments.raws]
@@ -184,54 +186,13 @@ def _save(image: "Image", arguments: argparse.Namespace) -> None:
         raise failures[0]
 
 
-def _metered(metadata: dict[str, Any]) -> str:
-    """What exposure ``auto`` has chosen: the light, and time and ISO where there are any."""
-    chosen = f"metered {metadata['metered_cd_m2']:.4g} cd/m²"
-    if "exposure_time_s" in metadata:
-        time_s = metadata["exposure_time_s"]
-        chosen += f", {f'1/{1 / time_s:.0f}' if time_s < 0.1 else f'{time_s:.3g}'} s at ISO {metadata['iso']:.4g}"
-    return chosen
-
-
-def _summary(image: "Image", outputs: list[Path]) -> str:
-    stats: dict[str, Any] = image.stats
-    seconds = stats["seconds"]
-    parts = [
-        f"{image.width} x {image.height}",
-        f"{stats['spp']} spp",
-        f"{as_duration(seconds['total'])} ({as_duration(seconds['render'])} rendering)",
-        f"{stats['msamples_per_second']:.3g} Msamples/s",
-    ]
-    outcomes = stats.get("lens")
-    if outcomes and sum(outcomes.values()):
-        parts.append(f"the lens blocked {100 * (1 - outcomes['passed'] / sum(outcomes.values())):.0f} % of the rays")
-    if "metered_cd_m2" in image.metadata:
-        parts.append(_metered(image.metadata))
-    return f"wrote {', '.join(map(str, outputs))}: {', '.join(parts)}"
-
-
 def _devices(arguments: argparse.Namespace) -> str | list[str] | None:
     """The devices as `rptcam_cl.render` takes them."""
     given: list[str] | None = arguments.devices
     return given[0] if given is not None and len(given) == 1 else given
 
 
-def _shared(stats: dict[str, Any]) -> str | None:
-    """What each of several devices has done, and how to have the same again; nothing for a device alone."""
-    if len(stats.get("devices", ())) < 2:
-        return None
-    done = [
-        f"{device['id']} {device['name']} "
-        + ("was dropped" if "dropped" in device else f"took {device['share']:.1%}")
-        + f" at {device['msamples_per_second']:.3g} Msamples/s"
-        for device in stats["devices"]
-    ]
-    again = {part["split"] for part in stats["work"]}
-    repeat = f"; --split {again.pop()} repeats it" if len(again) == 1 else ""
-    return f"devices: {', '.join(done)}{repeat}"
-
-
-def _options(arguments: argparse.Namespace) -> dict[str, Any]:
+def _options(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
     """The keyword arguments of `rptcam_cl.render`."""
     return {
         "spp": arguments.spp,
@@ -239,7 +200,7 @@ def _options(arguments: argparse.Namespace) -> dict[str, Any]:
         "seed": arguments.seed,
         "size": arguments.size,
         "crop": arguments.crop,
-        "layers": _layers(arguments),
+        "layers": truth.with_layers(arguments, _layers(arguments), scene),
         "denoise": arguments.denoise,
         "noise": arguments.noise,
         "checkpoint": None if arguments.watch else _checkpoint(arguments),
@@ -250,6 +211,7 @@ def _options(arguments: argparse.Namespace) -> dict[str, Any]:
         "strict": arguments.strict,
         "part": arguments.part,
         "samples": arguments.samples,
+        "neighbours": getattr(arguments, "neighbours", None),  # of a frame of a sequence
     }
 
 
@@ -266,7 +228,7 @@ def _render(
         if arguments.preview is not None:
             show = previewing(arguments.preview, arguments.outputs, show)
         try:
-            image = render(scene, **_options(arguments), on_progress=show, should_stop=should_stop)
+            image = render(scene, **_options(arguments, scene), on_progress=show, should_stop=should_stop)
         except NumericError as failure:
             assert isinstance(failure.image, Image)
             return failure.image, failure
@@ -297,21 +259,21 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
     spread = cluster.requested(arguments)
     _check_outputs(arguments, scene)
     print_warnings(scene.warnings)
-    if spread:
+    if spread and arguments.frames is None:
         return _on_cluster(arguments, scene)
     if arguments.plan:
         from rptcam_cl.api import RenderSettings
 
-        return plan.print_plan(scene, RenderSettings(**_options(arguments)))
+        return plan.print_plan(scene, RenderSettings(**_options(arguments, scene)))
     if arguments.frames is not None:
-        return frames.render_frames(arguments, scene, _wanted, _frame)
+        return frames.render_frames(arguments, scene, _wanted, lambda todo: _frames(arguments, todo, spread))
     return _one(arguments, scene, should_stop)
 
 
 def _on_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
     """Render a picture on a cluster, write it, and return the exit code."""
     folder = cluster.folder_of(arguments)
-    if folder.exists() and not arguments.resume and not arguments.quiet:
+    if folder.is_dir() and not arguments.resume and not arguments.quiet:
         print(f"note: {folder} holds parts of an earlier render; --resume would go on from it", file=sys.stderr)
     with contextlib.ExitStack() as stack:
         stop = stack.enter_context(stop_on_interrupt())
@@ -334,17 +296,25 @@ def _wanted(arguments: argparse.Namespace, scene: "Scene") -> tuple[str, int | N
     """What the files of a finished picture say: the hash of its scene, and its samples if they are known."""
     from rptcam_cl.api import RenderSettings
 
-    settings = RenderSettings(**_options(arguments))
+    settings = RenderSettings(**_options(arguments, scene))
     applied = settings.applied_to(scene)
     open_end = settings.seconds is not None or applied.render.noise is not None
     return applied.content_hash(), None if open_end else settings.most_spp(applied)
 
 
-def _frame(arguments: argparse.Namespace, scene: "Scene", metadata: dict[str, Any]) -> int:
+def _frames(arguments: argparse.Namespace, todo: Iterable[frames.Frame], spread: bool) -> int:
+    """Render frames, here or on a cluster, and return the exit code."""
+    if spread:
+        return cluster.render_frames(arguments, todo, _layers(arguments), _save)
+    return frames.one_by_one(todo, _frame)
+
+
+def _frame(frame: frames.Frame) -> int:
     """Render one frame of a sequence; its state goes with its end."""
+    arguments = frame.arguments
     checkpoint = _checkpoint(arguments)
     arguments.resume = arguments.resume and checkpoint.exists()
-    code = _one(arguments, scene, None, metadata)
+    code = _one(arguments, frame.scene, None, frame.metadata)
     if code == 0 and arguments.resume:
         checkpoint.unlink(missing_ok=True)
     return code
@@ -365,7 +335,8 @@ def _one(
     if arguments.watch and image.stats["interrupted"]:
         return INTERRUPTED
     if not parts.requested(arguments):
-        _save(image, arguments)
+        _save(truth.without_layers(arguments, image, _layers(arguments), scene), arguments)
+        truth.save(arguments, image)
     elif image.stats.get("checkpoint") is None:
         raise StateError(f"{checkpoint}: could not be written")
     print_warnings(f"autofocus: {line}" for line in image.metadata.get("autofocus", {}).get("warnings", ()))
@@ -378,9 +349,9 @@ def _one(
             print(f"bokeh: camera rays aim at {lamps} lamp{'s' * (lamps > 1)} out of focus", file=sys.stderr)
         for line in image.metadata.get("accuracy", {}).get("says", ()):
             print(f"accuracy: {line}", file=sys.stderr)
-        if shared := _shared(image.stats):
+        if shared := summary.shared(image.stats):
             print(shared, file=sys.stderr)
-        print(_summary(image, [*arguments.outputs, *arguments.raws]), file=sys.stderr)
+        print(summary.summary(image, [*arguments.outputs, *arguments.raws]), file=sys.stderr)
     if image.stats.get("interrupted"):
         more = "; --resume goes on from it" if image.stats.get("checkpoint") else ""
         what = "the part" if parts.requested(arguments) else "the picture"

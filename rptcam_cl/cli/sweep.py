@@ -5,6 +5,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rptcam_cl.cli import cluster
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import print_table, print_warnings
@@ -36,6 +37,7 @@ def add_to(commands: Commands) -> None:
         help="measure MTF50 of the edge at this point, in fractions of the picture from the left and the top",
     )  # fmt: skip
     values.add_device(parser)
+    cluster.add_options(parser)
     values.add_overrides(parser)
     parser.add_argument("--quiet", action="store_true", help="print only warnings and errors")
     parser.set_defaults(run=_run, parser=parser)
@@ -63,18 +65,21 @@ def _run(arguments: argparse.Namespace) -> int:
     over = _over(arguments.keys)
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
-    entries = sweep(
-        scene, over, arguments.output, spp=arguments.spp, size=arguments.size, seed=arguments.seed,
-        mtf_at=arguments.mtf, device=arguments.device,
-    )  # fmt: skip
     rows = []
     with stop_on_interrupt() as stop:
-        for entry in entries:
-            rows.append([*entry.values.values(), *entry.measures.values()])
-            if not arguments.quiet:
-                print(f"{entry.label}: {'kept' if entry.kept else 'rendered'}", file=sys.stderr)
-            if stop.is_set():
-                print("interrupted: the same command goes on with the rest", file=sys.stderr)
-                return INTERRUPTED
+        entries = sweep(
+            scene, over, arguments.output, spp=arguments.spp, size=arguments.size, seed=arguments.seed,
+            mtf_at=arguments.mtf, device=arguments.device, pictures=cluster.pictures_of(arguments, stop.is_set),
+        )  # fmt: skip
+        try:
+            for entry in entries:
+                rows.append([*entry.values.values(), *entry.measures.values()])
+                if not arguments.quiet:
+                    print(f"{entry.label}: {'kept' if entry.kept else 'rendered'}", file=sys.stderr)
+                if stop.is_set():
+                    raise InterruptedError
+        except InterruptedError:
+            print("interrupted: the same command goes on with the rest", file=sys.stderr)
+            return INTERRUPTED
     print_table([*over, *entry.measures], rows)
     return 0

@@ -56,6 +56,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument(
         "--plot", type=Path, metavar="FILE", help="draw errors over time, field and picture, .svg, .png or .pdf"
     )
+    parser.add_argument("--details", action="store_true", help="print all tables and how they were found, too")
     values.add_device(parser)
     values.add_overrides(parser)
     parser.add_argument("--quiet", action="store_true", help="print only the result, warnings and errors")
@@ -82,7 +83,7 @@ def _run(arguments: argparse.Namespace) -> int:
     if arguments.json == PRINTED:
         print(as_json(report.as_dict()))
     else:
-        _print(report)
+        _print(report, details=arguments.details)
     return 0
 
 
@@ -100,9 +101,13 @@ def _check_outputs(arguments: argparse.Namespace) -> None:
         check_picture(arguments.plot, str(arguments.scene))
 
 
-def _print(report: "TradeoffReport") -> None:
-    """Print advice, tables and how they were found."""
-    from rptcam_cl.tradeoff import caveats, recommendation, tables
+def _print(report: "TradeoffReport", *, details: bool) -> None:
+    """Print the advice, and the tables and how they were found if that is wanted."""
+    from rptcam_cl.tradeoff import caveats, recommendation, summary, tables
+
+    if not details:
+        print("\n".join(summary(report)))
+        return
 
     print("\n".join(recommendation(report)), end="\n\n")
     for table in tables(report):

@@ -16,7 +16,15 @@ from rptcam_cl.cluster.tasks import survey
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 
 WAIT_S = 10.0  # for a scheduler, and for its first worker
+SURVEYS = 3  # of workers, while all are lost before they say anything
 MOST_WORKERS = 256  # of this machine
+# By default an engine looks 100 times a second at what its worker does, and 50 times whether its loop turns: 9 % of a
+# core that renders, in each worker.
+LEAN = {
+    "distributed.worker.profile.enabled": False,
+    "distributed.admin.tick.interval": "500ms",
+    "distributed.admin.system-monitor.interval": "5s",
+}
 
 
 @dataclass(frozen=True)
@@ -89,7 +97,7 @@ def connected(cluster: str | None, workers: int | None, tls: TLS | None, device:
     with contextlib.ExitStack() as stack:
         address: Any = cluster
         if workers is not None:
-            address = stack.enter_context(_workers_here(workers))
+            address = stack.enter_context(workers_here(workers, max((os.cpu_count() or 1) // workers, 1)))
         security = None
         if tls is not None:
             security = distributed.Security(
@@ -105,16 +113,17 @@ def connected(cluster: str | None, workers: int | None, tls: TLS | None, device:
         yield client
 
 
-def _workers_here(workers: int) -> Any:
-    """Return a scheduler with workers of this machine, which share its processors."""
+def workers_here(workers: int, threads: int) -> Any:
+    """Return a scheduler with workers of this machine, each of which renders by so many threads."""
+    import dask
     from distributed import LocalCluster
 
-    threads = str(max((os.cpu_count() or 1) // workers, 1))
-    return LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address="127.0.0.1:0",
-        memory_limit=0, silence_logs=logging.CRITICAL,
-        env={"POCL_MAX_PTHREAD_COUNT": threads, "POCL_CPU_MAX_CU_COUNT": threads},
-    )  # fmt: skip
+    with dask.config.set(LEAN):  # the workers inherit it
+        return LocalCluster(
+            n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address="127.0.0.1:0",
+            memory_limit=0, silence_logs=logging.CRITICAL, scheduler_kwargs={"dashboard": False},
+            env={"POCL_MAX_PTHREAD_COUNT": str(threads), "POCL_CPU_MAX_CU_COUNT": str(threads)},
+        )  # fmt: skip
 
 
 def _check_workers(client: Any, cluster: str | None, device: str | None) -> None:
@@ -123,8 +132,7 @@ def _check_workers(client: Any, cluster: str | None, device: str | None) -> None
 
     name = cluster or "this machine"
     try:
-        client.wait_for_workers(1, timeout=WAIT_S)
-        seen: dict[str, dict[str, str]] = client.run(survey, device)
+        seen = _surveys(client, device)
     except TooLate:
         raise DeviceError(f"cluster: {name} has no worker (start one: dask worker {name} --nthreads 1)") from None
     except ModuleNotFoundError as missing:
@@ -139,6 +147,21 @@ def _check_workers(client: Any, cluster: str | None, device: str | None) -> None
             )
         if "problem" in found:
             raise DeviceError(f"cluster: the worker {worker} cannot render: {found['problem']}")
+
+
+def _surveys(client: Any, device: str | None) -> dict[str, dict[str, str]]:
+    """Return what each worker says of itself, once there is one; those that are lost meanwhile say nothing."""
+    found: dict[str, Any] = {}
+    for _ in range(SURVEYS):
+        client.wait_for_workers(1, timeout=WAIT_S)
+        seen = client.run(survey, device, on_error="return")
+        found = {worker: said for worker, said in seen.items() if not isinstance(said, OSError)}
+        for problem in found.values():
+            if isinstance(problem, BaseException):
+                raise problem
+        if found:
+            break
+    return found
 
 
 def _reason(problem: Exception) -> str:

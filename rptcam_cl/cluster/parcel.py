@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -59,8 +60,10 @@ class Parcel:
         return scene
 
 
-def packed(scene: Scene) -> Parcel:
-    """Return a scene with all the files that it names, directly or by a file of its own.
+def packed(scene: Scene, *others: Scene) -> Parcel:
+    """Return a scene with all the files that it names, directly or by a file of its own, and those of other scenes.
+
+    These are in the same folder. Where they name the files that the scene names, these are not read again.
 
     Raises
     ------
@@ -71,12 +74,15 @@ def packed(scene: Scene) -> Parcel:
     """
     if scene.stand_ins:
         raise InputError("the scene lacks files, and a cluster renders whole scenes (allowed: without --missing grey)")
-    data = {name: _data(value) for name, value in scene.made_of.items()}
+    data = plain_data(scene)
     base = scene.base_dir.resolve()
     with named_files() as named:
         again = load_scene(data, base_dir=base)
         again.solids()
         digest = again.content_hash()
+        for other in _with_other_words(data, others):
+            other.solids()
+            other.content_hash()
     files = {}
     for path in sorted(named):
         if not path.is_relative_to(base):
@@ -88,9 +94,33 @@ def packed(scene: Scene) -> Parcel:
     return parcel
 
 
+def plain_data(scene: Scene) -> dict[str, Any]:
+    """Return the data of a scene, as a file has them."""
+    return {name: _data(value) for name, value in scene.made_of.items()}
+
+
 def _data(value: Any) -> Any:
     """Return a part of a scene as the data that a file has."""
     return value.model_dump(mode="json", exclude_unset=True) if hasattr(value, "model_dump") else plain(value)
+
+
+def _with_other_words(data: Any, others: Iterable[Scene]) -> Iterator[Scene]:
+    """Yield scenes, loaded anew, that have other words than the data and than those before: names of files, perhaps."""
+    known = {_words(data)}
+    for other in others:
+        own = plain_data(other)
+        if (words := _words(own)) not in known:
+            known.add(words)
+            yield load_scene(own, base_dir=other.base_dir)
+
+
+def _words(data: Any) -> tuple[str, ...]:
+    """Return all texts among data."""
+    if isinstance(data, Mapping):
+        return tuple(word for value in data.values() for word in _words(value))
+    if isinstance(data, list | tuple):
+        return tuple(word for value in data for word in _words(value))
+    return (data,) if isinstance(data, str) else ()
 
 
 _FOLDERS: dict[str, tuple[Any, Scene]] = {}  # of parcels that are unpacked in this process

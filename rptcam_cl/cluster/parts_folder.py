@@ -52,8 +52,16 @@ class PartsFolder:
         self.path = path
 
     def clear(self) -> None:
-        """Remove what an earlier render left, and the folder if nothing else is in it."""
+        """Remove what an earlier render left, and the folder if nothing else is in it.
+
+        Raises
+        ------
+        StateError
+            It is no folder.
+        """
         if not self.path.is_dir():
+            if self.path.exists():
+                raise StateError(f"{self.path}: is no folder, and parts are kept there (move it, or rename the output)")
             return
         remove_strays(self.path)
         for file in [*self.path.glob(f"*{SUFFIX}"), self.path / PLAN]:

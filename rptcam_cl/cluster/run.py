@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +24,8 @@ from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering import FilmLayout
 from rptcam_cl.scene import Scene
 
-TASK_S = 3.0  # of rendering in one part, at least [s]
+PART_S = 0.03  # that a part costs beside its rendering [s]
+LONGEST_S = 10.0  # of a part, where the client keeps up: so much is lost with a worker [s]
 CLIENT_S = 0.04  # that a part costs the client at most, so that it keeps up with many workers [s]
 PARTS_A_WORKER = 4  # at least, so that all end at about the same time
 AHEAD = 2  # parts with each worker: the one that it renders, and the next
@@ -89,26 +93,26 @@ def render_on_cluster(
     settings = RenderSettings(**words)
     applied = settings.applied_to(given)
     check_divisible(applied)
+    samples = settings.most_spp(applied)
+    assert samples is not None, "without a time it ends by samples"
     parcel, job = packed(given), Job(words, device)
     with tempfile.TemporaryDirectory(prefix="rptcam-parts-") as scratch:
         kept = PartsFolder(Path(scratch) / "parts" if folder is None else Path(folder))
-        samples = settings.most_spp(applied)
-        assert samples is not None, "without a time it ends by samples"
-        run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop)
         if not resume:
             kept.clear()
-        plan = run.earlier_plan()
-        if plan is None or kept.missing(plan):
-            with connected(cluster, workers, tls, device) as client:
-                plan = run.complete(client, plan)
-        image = merge([kept.file(number) for number in range(1, plan.count + 1)])
-    image.stats["cluster"] = {"parts": plan.count, "workers": run.account}
-    return image
+        run = _Run(kept, parcel, job, applied, samples, on_progress, should_stop)
+        return run.image(partial(connected, cluster, workers, tls, device))
 
 
 def parts_of(seconds: float, workers: int) -> int:
-    """Return how many parts a render of so many seconds of one worker has."""
-    return max(int(seconds / max(TASK_S, CLIENT_S * workers)) + 1, PARTS_A_WORKER * workers)
+    """Return how many parts a render of so many seconds of one worker has: as many for each, for equal ones.
+
+    At the end workers wait half a part on average, and each part costs `PART_S`: both together are least for parts of
+    the square root of twice that times what each worker renders.
+    """
+    best = min(math.sqrt(2 * PART_S * seconds / workers), LONGEST_S)
+    least = max(int(seconds / max(best, CLIENT_S * workers)) + 1, PARTS_A_WORKER * workers)
+    return -(-least // workers) * workers
 
 
 @dataclass
@@ -123,6 +127,25 @@ class _Run:
     on_progress: Callable[[Progress], Any] | None
     should_stop: Callable[[], bool] | None
     account: dict[str, dict[str, Any]] = field(default_factory=dict)
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def image(self, connect: Callable[[], AbstractContextManager[Any]]) -> Image:
+        """Render the parts that the folder lacks, by a client if there are any; return the whole of all."""
+        plan = self.earlier_plan()
+        if plan is None or self.kept.missing(plan):
+            begun = time.perf_counter()
+            with connect() as client:
+                self.took("connect", begun)
+                plan = self.complete(client, plan)
+        begun = time.perf_counter()
+        image = merge([self.kept.file(number) for number in range(1, plan.count + 1)])
+        self.took("merge", begun)
+        image.stats["cluster"] = {"parts": plan.count, "workers": self.account, "seconds": self.seconds}
+        return image
+
+    def took(self, what: str, begun: float) -> None:
+        """Note how long something took that began at a time of `time.perf_counter`."""
+        self.seconds[what] = round(time.perf_counter() - begun, 3)
 
     def earlier_plan(self) -> PartsPlan | None:
         """Return the plan that the folder holds, if it is of this render."""
@@ -140,14 +163,17 @@ class _Run:
 
     def complete(self, client: Any, plan: PartsPlan | None) -> PartsPlan:
         """Render all parts that are missing, and return the plan."""
-        sent = TasksOut(client, self.parcel)
+        sent, begun = TasksOut(client, self.parcel), time.perf_counter()
         if plan is None:
-            opened: Opened = self._wait_for(sent, lambda: sent.submit(open_render, self.job))
+            opened: Opened = self._wait_for(sent, lambda: sent.submit_to_all(open_render, self.job))
             count = min(parts_of(opened.seconds, len(client.nthreads())), FilmLayout.of(self.scene.film).tiles)
             plan = PartsPlan(__version__, self.scene.content_hash(), self.spp, count, opened.found)
             self.kept.begin(plan)
         self.job = replace(self.job, found=plan.found, count=plan.count)
+        self.took("open", begun)
+        begun = time.perf_counter()
         self._render(sent, plan)
+        self.took("render", begun)
         return plan
 
     def _wait_for(self, sent: TasksOut, begin: Callable[[], None]) -> Any:
@@ -166,6 +192,8 @@ class _Run:
                 self._check(sent)
                 continue
             worker, part = came
+            if isinstance(part, Opened):  # of a worker that opened the render beside the first one
+                continue
             self._take(worker, part)
             left -= 1
             self._tell(1 - left / plan.count, time.perf_counter() - begun)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import tempfile
 import threading
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 from typing import Any
 
 from rptcam_cl._version import __version__
@@ -13,7 +11,8 @@ from rptcam_cl.api import Found, PartRenderer, RenderSettings
 from rptcam_cl.cluster.parcel import Parcel, scene_of
 from rptcam_cl.core.errors import RptcamError, StateError
 from rptcam_cl.device import choose_device
-from rptcam_cl.rendering import SUFFIX, FilmPart
+from rptcam_cl.rendering import FilmPart
+from rptcam_cl.scene import load_scene
 
 
 @dataclass(frozen=True)
@@ -80,19 +79,35 @@ def open_render(parcel: Parcel, job: Job) -> Opened:
 
 def render_part(parcel: Parcel, job: Job, number: int) -> RenderedPart:
     """Render one part."""
-    with _ONE, tempfile.TemporaryDirectory(prefix="rptcam-part-") as folder:
+    with _ONE:
         renderer = _renderer(parcel, job)
-        path = Path(folder) / f"{number}{SUFFIX}"
-        seconds = renderer.render(FilmPart(number, job.count), path)
-        return RenderedPart(number, path.read_bytes(), renderer.device, seconds)
+        content, seconds = renderer.render(FilmPart(number, job.count))
+        return RenderedPart(number, content, renderer.device, seconds)
+
+
+def render_scene(parcel: Parcel, job: Job, number: int, data: dict[str, Any], digest: str) -> RenderedPart:
+    """Render a whole picture of a scene whose files are in the parcel; ``digest`` is its content hash."""
+    with _ONE:
+        _check_version(job)
+        scene = load_scene(data, base_dir=scene_of(parcel).base_dir)
+        if scene.content_hash() != digest:
+            raise StateError("the scene is not the one that was sent: a file has changed, or a link leads elsewhere")
+        renderer = PartRenderer(scene, RenderSettings(**job.settings), job.device)
+        content, seconds = renderer.render(FilmPart())
+        return RenderedPart(number, content, renderer.device, seconds)
+
+
+def _check_version(job: Job) -> None:
+    if job.version != __version__:
+        raise StateError(f"a worker runs version {__version__}, and the client {job.version} (allowed: the same)")
 
 
 def _renderer(parcel: Parcel, job: Job) -> PartRenderer:
-    if job.version != __version__:
-        raise StateError(f"a worker runs version {__version__}, and the client {job.version} (allowed: the same)")
+    """Return what renders the parts of a job: prepared once, unless another worker has found other focus or light."""
+    _check_version(job)
     key = (parcel.digest, repr(replace(job, found=None, count=1)))
     renderer = _OPEN.get(key)
-    if renderer is None or (job.found is not None and renderer.found != job.found):
+    if renderer is None or (job.found is not None and not job.found.is_same(renderer.found)):
         _OPEN.clear()
         _OPEN[key] = renderer = PartRenderer(scene_of(parcel), RenderSettings(**job.settings), job.device, job.found)
     return renderer

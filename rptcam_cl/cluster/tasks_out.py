@@ -12,6 +12,7 @@ from rptcam_cl.cluster.tasks import Job
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 
 COUNT_WORKERS_S = 2.0  # how often
+SEND_AGAIN_S = 0.5  # after which the scene is sent again
 SILENCE_S = 15.0  # after which a scheduler that does not answer is given up
 MOST_LOSSES = 3  # times that a part may exhaust the patience of the scheduler, which is four workers each
 
@@ -47,13 +48,38 @@ class TasksOut:
             self._heard = time.monotonic()
         return self._client.status == "closed" or time.monotonic() - self._heard > SILENCE_S
 
+    def submit_to_all(self, function: Callable[..., Any], job: Job) -> None:
+        """Send the same task to each worker; the worker's loss ends it."""
+        for worker in list(self._client.nthreads()) or [None]:
+            self._submit(function, job, (), None if worker is None else [worker])
+
     def submit(self, function: Callable[..., Any], job: Job, *words: Any) -> None:
         """Send a task out."""
+        self._submit(function, job, words, None)
+
+    def _submit(
+        self, function: Callable[..., Any], job: Job, words: tuple[Any, ...], workers: list[str] | None
+    ) -> None:
         if self._scene is None or self._scene.status != "finished":
-            self._scene = self._client.scatter(self._parcel, broadcast=True)
-        task = self._client.submit(function, self._scene, job, *words, pure=False)
+            self._scene = self._send_scene()
+        task = self._client.submit(
+            function, self._scene, job, *words, pure=False, workers=workers, allow_other_workers=workers is not None
+        )
         self._tasks[task] = function, (job, *words)
         task.add_done_callback(self._done.put)
+
+    def _send_scene(self) -> Any:
+        """Send the scene to all workers, again where one is lost on the way, which ends the sending with an OSError."""
+        end = time.monotonic() + SILENCE_S
+        while True:
+            try:
+                return self._client.scatter(self._parcel, broadcast=True)
+            except OSError as problem:  # of the connection, or no worker is there in time
+                if time.monotonic() > end:
+                    raise DeviceError(
+                        f"cluster: no worker takes the scene ({problem}); what is done is kept (--resume goes on)"
+                    ) from None
+                time.sleep(SEND_AGAIN_S)
 
     def next(self) -> tuple[str, Any] | None:
         """Return what has come back, with the worker that made it; None where nothing has for a while."""

@@ -12,6 +12,7 @@ DISPERSION_SHIFT = (DISPERSION_NM[1] + DISPERSION_NM[0]) / (DISPERSION_NM[1] - D
 EVEN_TERMS = 12
 ODD_TERMS = 12
 LOSS_TABLE_NM, LOSS_TABLE_LENGTH = 380, 401  # one number per nm
+MOST_LAYERS = 12  # of a stack on a surface
 
 SURFACE = Record(
     "Surface",
@@ -38,6 +39,7 @@ SURFACE = Record(
         ("real", f"dispersion[{DISPERSION_TERMS}]"),  # eta over the inverse wavelength, constant first
         ("real", "layer"),  # index of a quarter-wave layer, 0 without one; these are for kernels/lens/coating.h
         ("real", "layer_turns"),  # turns of its phase at a right angle; with tables times the wavelength [nm]
+        ("real", f"stack[{2 * MOST_LAYERS}]"),  # of layers from behind: index, turns of the phase as above, halved
         ("real", "index"),  # before the surface
         ("real", "gain"),  # of the transmittance over that of the bare surface
         ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one
@@ -54,7 +56,7 @@ SURFACE = Record(
         ("int", "index_table"),  # where tables over the wavelength stand behind the shape of the stop, -1 without one
         ("int", "gain_table"),
         ("int", "attenuation_table"),
-        ("int", "reserved_3"),
+        ("int", "stacked"),  # layers of the stack
     ),
 )
 

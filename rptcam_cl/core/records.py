@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 from rptcam_cl.core.camera_records import CAMERA as CAMERA
 from rptcam_cl.core.camera_records import DISPERSION_NM as DISPERSION_NM
 from rptcam_cl.core.camera_records import DISPERSION_SCALE as DISPERSION_SCALE
@@ -45,7 +47,7 @@ PRIMITIVE = Record(
         ("float4", "row_z"),
         ("int", "material"),
         ("int", "emitter"),  # index of the sampled emitter (of a mesh: of its first triangle's), or -1
-        ("int", "instance"),  # of a mesh
+        ("int", "instance"),  # of a mesh; of rectangles and disks how many share its plane, plan/primitives.py
         ("int", "first_triangle"),
     ),
 )
@@ -326,6 +328,7 @@ def floats_per_slot(
     return floats
 
 
+@cache
 def device_declarations() -> str:
     """OpenCL C text with every record, kind and path field, for the head of a program."""
     lines = ["#if DOUBLE", "#pragma OPENCL EXTENSION cl_khr_fp64 : enable", "typedef double real;", "#else"]

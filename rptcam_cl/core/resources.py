@@ -8,6 +8,18 @@ from rptcam_cl.core.errors import StateError
 
 CACHE_VARIABLE = "RPTCAM_CACHE_DIR"
 EXAMPLES = ("first_light", "colour_chart", "sunny_sixteen")  # those that the README renders; each is one file
+# Scenes that come with the package: the files of each below the folder of examples, the scene file first.
+_SINGLE = (
+    "portrait", "materials", "daylight", "reading_room", "propeller", "panning", "prism", "lamps", "lamps_f16",
+    "mirror_telephoto", "night_street", "sharpness", "sun_ghosts",
+)  # fmt: skip
+_TEA_TABLE = (
+    "tea_table.yaml", "bouquet.glb", "cloth.ply", "flask.ply", "knot.ply", "linen.jpg", "room.hdr", "stone.ply",
+    "tea_set.glb", "vase.ply", "wood.jpg",
+)  # fmt: skip
+SCENES = {name: (f"{name}.yaml",) for name in (*EXAMPLES, *_SINGLE)} | {
+    "tea_table": tuple(f"studio/{name}" for name in _TEA_TABLE)
+}
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
@@ -38,7 +50,13 @@ def lenses_dir() -> Path:
 def example_scenes() -> dict[str, Path]:
     """Return the scene files that come with the package, by name; the first is the one of the first picture."""
     folder = _folder("examples")
-    return {name: folder / f"{name}.yaml" for name in EXAMPLES}
+    return {name: folder / files[0] for name, files in SCENES.items()}
+
+
+def example_files(name: str) -> tuple[Path, ...]:
+    """Return the files of a scene that comes with the package, the scene file first; they lie in one folder."""
+    folder = _folder("examples")
+    return tuple(folder / file for file in SCENES[name])
 
 
 def spectra_dir() -> Path:

@@ -5,12 +5,13 @@ from rptcam_cl.device.choose import choose_device, default_device, fitting_devic
 from rptcam_cl.device.devices import DeviceInfo, device_details, list_devices, opencl_version, problem_of
 from rptcam_cl.device.pocl_cache import pocl_cache_folder
 from rptcam_cl.device.program import Program
-from rptcam_cl.device.session import Launch, Session, open_session
+from rptcam_cl.device.session import Launch, NotKeptError, Session, open_session
 from rptcam_cl.device.several import Split, Wanted, means_all, open_sessions
 
 __all__ = [
     "DeviceInfo",
     "Launch",
+    "NotKeptError",
     "Program",
     "Session",
     "Split",

@@ -12,6 +12,10 @@ from rptcam_cl.device.opencl import instead
 
 KINDS = ("cpu", "gpu")
 ALL = "all"
+_REMEDY = {
+    "gpu": "install the OpenCL driver of your GPU, or leave the option out to render on what there is",
+    "cpu": 'pip install "rptcam_cl[pocl]" brings one for the processor',
+}
 _INDEX = re.compile(r"\d+(:\d+)?")
 
 
@@ -98,6 +102,11 @@ def _match(devices: list[DeviceInfo], spec: str, source: str) -> list[DeviceInfo
         fitting = [device for device in devices if wanted in device.name.lower() or wanted in device.platform.lower()]
     if fitting:
         return fitting
+    if wanted in KINDS:
+        raise DeviceError(
+            f"{source} {spec!r}: this machine has no {wanted.upper()} that OpenCL finds; "
+            f"there are: {_listing(devices)}; {_REMEDY[wanted]}"
+        )
     near = difflib.get_close_matches(spec, [*(device.name for device in devices), *KINDS, "auto"], 1)
     hint = f" (did you mean {near[0]!r}?)" if near and near[0] != wanted else ""
     raise DeviceError(f"{source} {spec!r} fits no OpenCL device{hint}; there are: {_listing(devices)}")

@@ -4,6 +4,9 @@ PoCL offers no device at all where it cannot make the folder, and brings the pro
 full disk or a crash has cut short. Thousands of programs take most of a second to look through. So that is done
 only where something may have been cut short: after a process that did not end well (`rptcam_cl.device.at_work`), a new
 start of the system, or a day.
+
+Nobody but PoCL can find a program's code in its cache. So a note is put into a folder there for each program whose code
+was generated: who deletes the cache deletes the notes.
 """
 
 from __future__ import annotations
@@ -29,6 +32,7 @@ ROOM = 8 << 20  # bytes: the kernels of a scene with everything
 WRITING = 1.0  # seconds that pass, at most, while a process writes a file
 SOUND_FOR = 86400.0  # seconds after which all files are looked through again
 _SOUND = "sound"  # name of the file that says when they were, and since which start of the system
+_NOTES = "rptcam_cl"  # name of the folder of notes
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
 _ELF, _BITCODE = b"\x7fELF\x02\x01", b"BC\xc0\xde"
 
@@ -64,10 +68,24 @@ def make_pocl_cache_usable() -> None:
     warnings.warn(f"{folder}: {barred}; compiled kernels are not kept", stacklevel=1)
 
 
+def is_code_noted(name: str) -> bool:
+    """Return whether PoCL has the code of a program in its cache, by what `note_code` has put down."""
+    return (pocl_cache_folder() / _NOTES / name).exists()
+
+
+def note_code(name: str) -> None:
+    """Put down that PoCL has generated the code of a program."""
+    with contextlib.suppress(OSError):  # without a note it is only taken for missing
+        note = pocl_cache_folder() / _NOTES / name
+        note.parent.mkdir(exist_ok=True)
+        note.touch()
+
+
 def _mend(folder: Path) -> None:
-    """Remove damaged files."""
+    """Remove damaged files, and the notes of what there is."""
     damaged = sum(map(_removed, _damaged(folder)))
     if damaged:
+        shutil.rmtree(folder / _NOTES, ignore_errors=True)
         warnings.warn(f"{folder}: damaged kernels ({damaged}) are compiled anew", stacklevel=1)
 
 

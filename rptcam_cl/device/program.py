@@ -13,7 +13,7 @@ import hashlib
 import os
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -90,6 +90,11 @@ def source_key(files: list[str], facts: Mapping[str, int | str], declarations: s
 class Program:
     """A built program.
 
+    Attributes
+    ----------
+    name : str
+        See `program_name`.
+
     Raises
     ------
     DeviceError
@@ -100,11 +105,21 @@ class Program:
         import pyopencl as cl
 
         self.identity = hashlib.sha256(source.encode()).hexdigest()
+        self.name = program_name(device, source)
+        self.is_noted = False  # that its code was generated
         self._source = source
+        self._idle: dict[str, list[Any]] = {}
         try:
             self.handle = build_program(context, device, source, list(BUILD_OPTIONS))
         except cl.Error as error:
             raise DeviceError(_build_failure(source, str(error), self.identity)) from error
+
+    def idle_kernels(self, name: str) -> list[Any]:
+        """Return the kernels of a name that no launch uses; they are taken from the list and put back.
+
+        PoCL 3.0 keeps 2 KB of each kernel that has had an argument, for good.
+        """
+        return self._idle.setdefault(name, [])
 
     @cached_property
     def parameters(self) -> dict[str, tuple[str, ...]]:
@@ -119,7 +134,7 @@ def build_program(context: Any, device: Any, source: str, options: list[str]) ->
 
     if has_src_build_cache(device):
         return cl.Program(context, source).build(options=options, devices=[device])
-    name = _kept_name(device, source, options)
+    name = program_name(device, source, options)
     kept = kept_bytes("programs", name) or b""
     if kept and hashlib.sha256(kept[_HASH_BYTES:]).digest() == kept[:_HASH_BYTES]:
         try:
@@ -132,7 +147,8 @@ def build_program(context: Any, device: Any, source: str, options: list[str]) ->
     return program
 
 
-def _kept_name(device: Any, source: str, options: list[str]) -> str:
+def program_name(device: Any, source: str, options: Iterable[str] = BUILD_OPTIONS) -> str:
+    """Return a name for a program and all that what a driver makes of it depends on."""
     platform = device.platform
     facts = [platform.name, platform.version, device.name, device.version, device.driver_version, *options, source]
     return hashlib.sha256("\0".join(facts).encode()).hexdigest()

@@ -18,7 +18,8 @@ from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.choose import choose_device
 from rptcam_cl.device.devices import DeviceInfo, problem_of
 from rptcam_cl.device.opencl import instead, load_opencl
-from rptcam_cl.device.program import Program, assemble, source_key
+from rptcam_cl.device.pocl_cache import is_code_noted, note_code
+from rptcam_cl.device.program import Program, assemble, program_name, source_key
 from rptcam_cl.device.trial import AVX512_ARCH, is_pocl, try_device
 
 # llvmpipe is the processor as Mesa's rusticl offers it. Its compiler takes eight work items together, and counts the
@@ -28,6 +29,10 @@ from rptcam_cl.device.trial import AVX512_ARCH, is_pocl, try_device
 # small enough.
 LLVMPIPE_LOOP_LIMIT = 65535
 MOST_PROGRAMS = 48  # that a session keeps; those used longest ago are let go
+
+
+class NotKeptError(Exception):
+    """The driver has to generate the code of a program; raised by sessions that `Session.kept_only` returns."""
 
 
 def is_llvmpipe(handle: Any) -> bool:
@@ -69,10 +74,14 @@ class Launch:
         import pyopencl as cl
 
         self.name = name
-        self._session = session
+        self._session, self._program = session, program
         self._enqueue = cl.enqueue_nd_range_kernel
         try:
-            self._kernel = cl.Kernel(program.handle, name)
+            self._idle = program.idle_kernels(name)
+            try:
+                self._kernel = self._idle.pop()
+            except IndexError:
+                self._kernel = cl.Kernel(program.handle, name)
         except cl.Error as error:
             raise DeviceError(f"device {session.info.id} has no kernel {name} in what it built: {error}") from error
         self._index = {parameter: index for index, parameter in enumerate(program.parameters[name])}
@@ -81,6 +90,10 @@ class Launch:
         if missing := [parameter for parameter in self._index if parameter not in arguments]:
             raise TypeError(f"kernel {name}: no argument for {', '.join(missing)}")
         self.set(**arguments)
+
+    def __del__(self) -> None:
+        if hasattr(self, "_kernel"):
+            self._idle.append(self._kernel)
 
     def set(self, **arguments: Any) -> None:
         """Replace arguments, given by the names of the kernel's parameters.
@@ -103,9 +116,12 @@ class Launch:
         import pyopencl as cl
 
         try:
-            return self._enqueue(self._session.queue, self._kernel, (items,), (group,))
+            event = self._enqueue(self._session.queue, self._kernel, (items,), (group,))
         except cl.Error as error:
             raise DeviceError(f"kernel {self.name} failed on device {self._session.info.id}: {error}") from error
+        if not self._program.is_noted:
+            self._session.launched(self._program)
+        return event
 
 
 class Session:
@@ -127,6 +143,8 @@ class Session:
         self._library_arch = try_device(info.handle).library_arch
         self._programs: OrderedDict[tuple[Any, ...], Program] = OrderedDict()
         self._finding, self._building = threading.Lock(), threading.Lock()
+        self._launched: list[Program] = []  # whose code is not noted
+        self._is_narrow = self._takes_kept_only = False
 
     @property
     def kind(self) -> str:
@@ -154,7 +172,7 @@ class Session:
 
         Measured with AVX-512: 16 render three spheres 1.2 times as fast as 8, a Cornell box and meshes as fast.
         """
-        if self.kind != "cpu":
+        if self.kind != "cpu" or self._is_narrow:
             return 1
         if self._library_arch is None:
             return 16 if self.info.handle.native_vector_width_float >= 16 else 8
@@ -172,11 +190,21 @@ class Session:
         return 1 if is_pocl(self.info.handle) else 4
 
     def program(self, files: list[str], facts: Mapping[str, int | str], declarations: str) -> Program:
-        """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use."""
+        """Return the program made of ``files`` under ``kernels/``, specialised by ``facts``; built at first use.
+
+        Raises
+        ------
+        DeviceError
+            When it does not compile.
+        NotKeptError
+            See `kept_only`.
+        """
         key = source_key(files, facts, declarations)
         if (known := self._known_program(key)) is not None:
             return known
         source = assemble(files, facts, declarations, library_arch=self._library_arch)
+        if self._takes_kept_only and not is_code_noted(program_name(self.info.handle, source)):
+            raise NotKeptError
         with self._building, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyopencl reports any text in a build log
             program = self._known_program(key) or Program(self.context, self.info.handle, source)
@@ -198,7 +226,37 @@ class Session:
 
         other = copy.copy(self)
         other.queue = cl.CommandQueue(self.context, self.info.handle)
+        other._launched = []
         return other
+
+    def narrow(self) -> Session:
+        """Return this session with one lane per work item, whose kernels compile soonest and run slowest.
+
+        What they compute may differ by rounding.
+        """
+        other = copy.copy(self)
+        other._is_narrow = True
+        return other
+
+    def kept_only(self) -> Session:
+        """Return this session, but with no programs save those whose code the driver need not generate.
+
+        These are built here or noted in PoCL's cache. Of others it raises a NotKeptError.
+        """
+        other = copy.copy(self)
+        other._takes_kept_only = self.generates_late
+        return other
+
+    def launched(self, program: Program) -> None:
+        """Note, once it has run, that the driver has the code of a program."""
+        program.is_noted = True
+        if self.generates_late:
+            self._launched.append(program)
+
+    def _note_code(self) -> None:
+        """Note the code of what was launched and has run."""
+        while self._launched:
+            note_code(self._launched.pop().name)
 
     def upload(self, array: NDArray[Any], *, in_place: bool = False) -> Any:
         """Return a read-only buffer that holds ``array``.
@@ -254,6 +312,7 @@ class Session:
         out = np.empty(count, dtype)
         with self._named_failures():
             cl.enqueue_copy(self.queue, out, buffer)
+        self._note_code()
         return out
 
     def bind(self, program: Program, kernel: str, /, **arguments: Any) -> Launch:
@@ -264,6 +323,7 @@ class Session:
         """Wait until everything enqueued has run."""
         with self._named_failures():
             self.queue.finish()
+        self._note_code()
 
     @contextmanager
     def _named_failures(self) -> Iterator[None]:

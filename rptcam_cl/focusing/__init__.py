@@ -1,5 +1,6 @@
 """Autofocus: finding the focus state of a camera by probing zones of its picture, with the renderer that takes it."""
 
+from rptcam_cl.focusing.continuous import Following, after
 from rptcam_cl.focusing.controller import (
     METHODS,
     autofocus,
@@ -19,6 +20,7 @@ __all__ = [
     "METHODS",
     "Drive",
     "FocusReport",
+    "Following",
     "NoContrast",
     "OutOfReach",
     "Policy",
@@ -26,6 +28,7 @@ __all__ = [
     "ProbeRenderer",
     "Zone",
     "ZoneImage",
+    "after",
     "autofocus",
     "circle_of_confusion",
     "find_focus",

@@ -42,6 +42,8 @@ class Development:
         the grey of its luminance.
     bits : int, optional
         Bits per channel in PNG and TIFF files; by default 8 in PNG and 16 in TIFF.
+    jpeg_quality : int
+        1 to 100.
     """
 
     ev: float = 0.0
@@ -51,6 +53,7 @@ class Development:
     tone_white: float = 4.0
     gamut: Gamut = "clip"
     bits: Literal[8, 16] | None = None
+    jpeg_quality: int = 95
 
 
 PLAIN = Development()

@@ -7,6 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import DTypeLike, NDArray
 
 from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.imaging import writers
+from rptcam_cl.imaging import truth_files, writers
 from rptcam_cl.imaging.denoise import GUIDES, denoised
 from rptcam_cl.imaging.development import PLAIN, Development, developed_values
 from rptcam_cl.imaging.layers import Layer, check_layers
@@ -74,7 +75,12 @@ class Image:
     @cached_property
     def seen(self) -> NDArray[np.float32]:
         """What pictures show, (height, width, 3), linear: what the scene's sensor makes of the film, or the film."""
-        return self.raw().linear() if SENSOR in self.metadata else self.pixels
+        return self.raw().linear() if self.has_sensor else self.pixels
+
+    @property
+    def has_sensor(self) -> bool:
+        """Whether a sensor is behind the film."""
+        return SENSOR in self.metadata
 
     def raw(self) -> RawImage:
         """Return the numbers that the scene's sensor puts out for this film; the same ones each time.
@@ -84,8 +90,12 @@ class Image:
         InputError
             The scene has no sensor.
         """
-        if SENSOR not in self.metadata:
+        if not self.has_sensor:
             raise InputError("the image has no raw numbers (allowed: with a sensor in the scene, as `sensor: {}`)")
+        return self._raw
+
+    @cached_property
+    def _raw(self) -> RawImage:
         return RawImage(exposed(self.pixels, SensorModel.from_description(self.metadata[SENSOR])), self.metadata)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -125,6 +135,28 @@ class Image:
         pixels, how = denoised(self.pixels, self["albedo"], self["normal"])
         stated = {"denoised": how}
         return replace(self, pixels=pixels, metadata=self.metadata | stated, stats=self.stats | stated)
+
+    def coco(self, file_name: str = "picture.png") -> dict[str, Any]:
+        """Return COCO annotations by the layers ``sharp_object_id`` and ``sharp_class_id``; see docs/ground-truth.md.
+
+        Raises
+        ------
+        InputError
+            A layer is missing.
+        """
+        return truth_files.coco(self.layers, self.metadata, file_name)
+
+    def save_truth(self, folder: str | os.PathLike[str], file_name: str = "picture.png") -> list[Path]:
+        """Write COCO annotations, masks and the rays of pixels into a folder, and return the files.
+
+        Raises
+        ------
+        InputError
+            A layer is missing.
+        StateError
+            A file cannot be written.
+        """
+        return truth_files.save_truth(Path(folder), self.layers, self.metadata, file_name)
 
     def __getitem__(self, name: str) -> Layer:
         try:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.imaging.cryptomatte import rank_channels
 
 Layer = NDArray[Any]
 
@@ -30,6 +31,20 @@ CHANNELS: dict[str, tuple[str, ...]] = {
     "variance": ("variance.Y",),
     "direct": ("direct.R", "direct.G", "direct.B"),
     "ghosts": ("ghosts.R", "ghosts.G", "ghosts.B"),
+    "crypto_object": rank_channels("crypto_object"),
+    "crypto_material": rank_channels("crypto_material"),
+    "sharp_depth": ("sharp.Z",),
+    "sharp_position": ("sharp_position.X", "sharp_position.Y", "sharp_position.Z"),
+    "sharp_normal": ("sharp_N.X", "sharp_N.Y", "sharp_N.Z"),
+    "sharp_object_id": ("sharp_object_id.X",),
+    "sharp_material_id": ("sharp_material_id.X",),
+    "sharp_class_id": ("sharp_class_id.X",),
+    "occlusion": ("occlusion.X",),
+    "flow_forward": ("forward.u", "forward.v"),
+    "flow_backward": ("backward.u", "backward.v"),
+    "motion": ("motion.u", "motion.v"),
+    "ray_origin": ("ray_origin.X", "ray_origin.Y", "ray_origin.Z"),
+    "ray_direction": ("ray_direction.X", "ray_direction.Y", "ray_direction.Z"),
 }
 
 

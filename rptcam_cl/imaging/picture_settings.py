@@ -65,6 +65,7 @@ def development_of(picture: PictureSettings, metadata: Mapping[str, Any]) -> Dev
         tone_white=picture.tone.shown_white,
         gamut=picture.gamut,
         bits=picture.bits,
+        jpeg_quality=picture.jpeg_quality,
     )
 
 

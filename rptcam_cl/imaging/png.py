@@ -23,6 +23,7 @@ _TRUE_COLOUR = 2
 _PERCEPTUAL_INTENT = b"\0"
 _PAETH = 4
 _ROWS = 64  # per data chunk
+_LEVEL = 3  # of zlib: 0.35 of the time of 6, and files of 0.97 (with noise) to 1.17 (small and smooth) of the size
 
 
 def write_png_to(
@@ -54,7 +55,8 @@ def write_png_to(
     if codes.dtype == np.uint8:
         import PIL.Image
 
-        PIL.Image.fromarray(codes).save(stream, format="PNG", pnginfo=information, exif=exif, icc_profile=icc)
+        picture = PIL.Image.fromarray(codes)
+        picture.save(stream, format="PNG", pnginfo=information, exif=exif, icc_profile=icc, compress_level=_LEVEL)
     else:
         _write_16(stream, codes, information, exif, icc)
 

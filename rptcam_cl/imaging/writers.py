@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rptcam_cl.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.atomic import check_writable, replacing
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.imaging.cryptomatte import header_of
 from rptcam_cl.imaging.development import Development, developed_codes
 from rptcam_cl.imaging.icc import profile
 from rptcam_cl.imaging.layers import Layer, exr_channels
@@ -38,7 +39,9 @@ _TIMECODE_FLAGS = 14  # drop frame, colour frame, phase, three group flags and e
 _COLOUR_SPACE = "lin_rec709_scene"
 MOST_MARKS = 1000
 PNG_BITS, TIFF_BITS = 8, 16  # unless the picture says otherwise
-JPEG_BITS, JPEG_QUALITY = 8, 95  # whatever the picture says: the format has no other bits
+JPEG_BITS = 8  # whatever the picture says: the format has no other
+JPEG_FULL_COLOUR = 90  # quality from which on colour has the full resolution
+JPEG_COMMENT = 65_533  # bytes that a comment holds at most
 
 
 def _text(value: Any) -> str:
@@ -120,14 +123,25 @@ def _write_png(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
 
 
 def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
-    """Write the developed picture with its EXIF data; the format has no place for the rest of the metadata."""
+    """Write the developed picture with its EXIF data, and all metadata as JSON in comments of the file."""
     import PIL.Image
 
     encoded = development.tone != "linear"
     picture = PIL.Image.fromarray(_marked_codes(pixels, metadata, development, JPEG_BITS))
-    options = {"quality": JPEG_QUALITY, "subsampling": 0, "icc_profile": profile(encoded=encoded)}
+    quality = development.jpeg_quality
+    options = {
+        "quality": quality, "subsampling": 0 if quality >= JPEG_FULL_COLOUR else 2,
+        "icc_profile": profile(encoded=encoded), "extra": _jpeg_comments({**metadata, "ev": development.ev}),
+    }  # fmt: skip
     with path.open("xb") as stream:
         picture.save(stream, "JPEG", exif=b"Exif\0\0" + exif_bytes(metadata, encoded=encoded), **options)
+
+
+def _jpeg_comments(metadata: Metadata) -> bytes:
+    """Return metadata as JSON text in as many comment segments as it takes (ISO/IEC 10918-1, B.2.4.5)."""
+    text = json.dumps(dict(metadata), default=_text).encode()  # ASCII, so that any cut is between characters
+    parts = [text[start : start + JPEG_COMMENT] for start in range(0, len(text), JPEG_COMMENT)]
+    return b"".join(b"\xff\xfe" + (len(part) + 2).to_bytes(2, "big") + part for part in parts)
 
 
 def _write_tiff(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
@@ -175,6 +189,7 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
         **attributes,
         **exr_attributes(metadata),
         **_exr_timecode(metadata),
+        **header_of(layers, metadata),
         ALL_METADATA: _text(dict(metadata)),
         "compression": OpenEXR.ZIP_COMPRESSION,
         "type": OpenEXR.scanlineimage,

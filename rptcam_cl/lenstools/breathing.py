@@ -8,7 +8,6 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rptcam_cl.cameras import focused, thick_lens_of
 from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
 from rptcam_cl.optics import IDEAL, Lens, LensTransmission, on_axis_irradiance
 
@@ -36,6 +35,8 @@ def breathing_table(
     InputError
         When the lens does not reach a distance, or has no one focal length.
     """
+    from rptcam_cl.cameras import focused, thick_lens_of  # takes long to import, and other commands need none of it
+
     rows: list[Row] = []
     for name, lens in lenses:
         first: float | None = None

@@ -9,11 +9,11 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.cameras import disperses, lens_records, usable_nm
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session, open_session
+from rptcam_cl.lenstools.lens_views import Measurable
 from rptcam_cl.optics import IDEAL, Lens, LensTransmission, Rays
 
 Precision = Literal["single", "double"]
@@ -28,7 +28,7 @@ FAR = 10.0  # lens sizes from which a ray is first moved to the vertex plane in 
 DOUBLE_LANES = 8
 
 
-class TraceableLens(Lens):
+class TraceableLens(Measurable):
     """A `Lens` that can also be traced on an OpenCL device, by the code that renders."""
 
     def trace(
@@ -148,6 +148,8 @@ def trace_on_device(
 
 def _has_polynomials(lens: Lens, wavelengths_nm: Array) -> bool:
     """Return whether renderers know a lens by polynomials over wavelengths, and those given are among them."""
+    from rptcam_cl.cameras import disperses, usable_nm  # takes long to import, and most lenses stay on the host
+
     low, high = usable_nm(lens)
     return bool(low <= wavelengths_nm.min() and wavelengths_nm.max() <= high) and disperses(lens)
 
@@ -178,6 +180,8 @@ class LensTracer:
         *,
         dispersive: bool = False,
     ) -> None:
+        from rptcam_cl.cameras import lens_records
+
         double = precision == "double"
         self.session, self.surfaces_of = session, lens
         self.real = np.float64 if double else np.float32

@@ -21,6 +21,7 @@ from rptcam_cl.optics import (
     Coating,
     ConstantIndex,
     Law,
+    LayerStack,
     Lens,
     MeasuredReflectance,
     Medium,
@@ -150,6 +151,8 @@ def _coating(coating: Coating, where: str) -> Any:
         return "mgf2"
     if isinstance(coating, QuarterWave):
         return {"quarter_wave": {"index": coating.index, "wavelength_nm": coating.wavelength_nm}}
+    if isinstance(coating, LayerStack):
+        return {"layers": [{"index": layer.index, "thickness_nm": layer.thickness_nm} for layer in coating.layers]}
     if not isinstance(coating, MeasuredReflectance):
         raise InputError(f"{where}: has a coating that a lens file cannot say ({type(coating).__name__})")
     if len(coating.values) == 1:

@@ -8,11 +8,12 @@ import numpy as np
 
 from rptcam_cl.lenstools.charts import new_figure, series, styled
 from rptcam_cl.lenstools.colours import FAINT, INK
-from rptcam_cl.tolerances import ToleranceRun, yield_curve
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+    from rptcam_cl.tolerances import ToleranceRun
 
 SIZE = (8.0, 7.6)  # inches
 OFFENDERS = 10
@@ -31,6 +32,8 @@ def tolerance_chart(run: ToleranceRun) -> Figure:
 
 
 def _draw_yield(axes: Axes, run: ToleranceRun) -> None:
+    from rptcam_cl.tolerances import yield_curve  # of this chart alone
+
     scale, unit = _scale(run)
     curve = yield_curve(run, LIMITS)
     limits = scale * np.array([limit for limit, _ in curve])

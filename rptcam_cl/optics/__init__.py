@@ -7,6 +7,7 @@ towards the film; surfaces are listed scene side first.
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.blur import blur_variances
+from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays
 from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,
@@ -19,7 +20,7 @@ from rptcam_cl.optics.coating import (
 from rptcam_cl.optics.copies import PAIRS, Copies, Deviation
 from rptcam_cl.optics.copies_trace import check_copies, film_points
 from rptcam_cl.optics.design import GlassChoice, doublet, doublet_radii, image_distances, singlet
-from rptcam_cl.optics.files.coatings import WORDS
+from rptcam_cl.optics.files.coatings import WORDS, layered
 from rptcam_cl.optics.files.fields import FieldError
 from rptcam_cl.optics.files.glass_names import glass_named, named_glass
 from rptcam_cl.optics.files.glasses import read_glass
@@ -34,6 +35,7 @@ from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.ghost_path import GhostImage, ghost_image, ghost_magnification, steps, unfolded, with_film
 from rptcam_cl.optics.ghost_tree import Account, Lit
 from rptcam_cl.optics.ghosts import FilmLight, Ghosts, find_ghosts
+from rptcam_cl.optics.glare import Glare, veiling_glare
 from rptcam_cl.optics.glass import (
     AIR,
     AbbeCauchy,
@@ -52,6 +54,7 @@ from rptcam_cl.optics.glass import (
 )
 from rptcam_cl.optics.heat import BARRELS, Heat, thermal_of
 from rptcam_cl.optics.irradiance import axial_irradiance, film_irradiance, on_axis_irradiance
+from rptcam_cl.optics.layer_stack import Layer, LayerStack
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
 from rptcam_cl.optics.placement import SurfacePose
@@ -121,6 +124,7 @@ __all__ = [
     "Account",
     "Beam",
     "Biconic",
+    "ChiefRays",
     "Coating",
     "ConstantIndex",
     "Copies",
@@ -134,10 +138,13 @@ __all__ = [
     "Form",
     "GhostImage",
     "Ghosts",
+    "Glare",
     "GlassChoice",
     "Heat",
     "Interface",
     "Law",
+    "Layer",
+    "LayerStack",
     "Lens",
     "LensTransmission",
     "Lit",
@@ -164,6 +171,7 @@ __all__ = [
     "Toroid",
     "Wavelengths",
     "abbe_number",
+    "aimed_rays",
     "air_index",
     "attenuation",
     "axial_irradiance",
@@ -186,6 +194,7 @@ __all__ = [
     "doublet_radii",
     "encircled",
     "film_behind",
+    "film_chief_rays",
     "film_distance",
     "film_irradiance",
     "film_points",
@@ -207,6 +216,7 @@ __all__ = [
     "is_tinted",
     "known_nm",
     "known_range",
+    "layered",
     "lens_info",
     "lens_json_schema_text",
     "limiting_surface",
@@ -245,6 +255,7 @@ __all__ = [
     "trace",
     "transfer",
     "unfolded",
+    "veiling_glare",
     "with_coating",
     "with_film",
     "zoomed",

@@ -106,4 +106,5 @@ class Entry:
             return np.broadcast_to(directions.T, at.shape), np.ones(at.shape[1])
         way = at - origins.T
         square = np.sum(way * way, axis=0)
-        return way / np.sqrt(square), 1.0 / square
+        directions = way / np.sqrt(square)
+        return directions, (directions[2] if self.source.is_diffuse else 1.0) / square

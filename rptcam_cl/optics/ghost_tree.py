@@ -118,15 +118,18 @@ class Tree:
     account : Account
     landed : dict
         The rays of each way.
+    blocked : dict
+        Light of the image that each rim stops.
     """
 
-    def __init__(self, lit: Lit, order: int) -> None:
+    def __init__(self, lit: Lit, order: int, rays: int | None = None) -> None:
         self.lit, self.order, self.film = lit, order, len(lit.lens.surfaces)
         self.lens = lit.at_wavelength
         self.account = Account()
         self.landed: dict[Way, Landed] = {}
+        self.blocked: dict[int, float] = {}
         entry = Entry(lit.lens, lit.source)
-        front = entry.rays(*entry.everywhere(RAYS[order]))
+        front = entry.rays(*entry.everywhere(rays or RAYS[order]))
         self.points = front.beam.points[:2].T
         self.account.entered = float(front.beam.flux.sum())
         if not self.account.entered > 0:
@@ -142,6 +145,8 @@ class Tree:
             arrival = meet(self.lens, beam, k, forward, counted=True)
             self.account.missed += arrival.missed
             self.account.blocked += arrival.blocked
+            if not way:
+                self.blocked[k] = arrival.blocked
             self.account.absorbed += arrival.absorbed
             if k == self.film:
                 self._land(arrival, way)

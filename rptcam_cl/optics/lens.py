@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +24,14 @@ class Lens(Prescription):
 
     def first_order(self, wavelength_nm: float = LINE_D_NM, section: str = "y") -> FirstOrder:
         """Return focal length, cardinal points and pupils at a wavelength [nm], in the "y" or "x" section."""
-        return first_order(self, wavelength_nm, section)
+        known = self._first_orders.get((wavelength_nm, section))
+        if known is None:
+            known = self._first_orders[wavelength_nm, section] = first_order(self, wavelength_nm, section)
+        return known
+
+    @cached_property
+    def _first_orders(self) -> dict[tuple[float, str], FirstOrder]:
+        return {}
 
     def trace(
         self,

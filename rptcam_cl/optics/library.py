@@ -53,7 +53,7 @@ def named_lens(name: str) -> Lens:
         When none has that name.
     """
     path = lenses_dir() / f"{name}.yaml"
-    if name not in list_lenses():
+    if path.name not in {file.name for file in lenses_dir().iterdir()}:
         raise _unknown(name)
     return _kept(path, path.stat().st_mtime_ns)
 

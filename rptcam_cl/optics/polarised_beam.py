@@ -224,7 +224,7 @@ class Crossing:
 
     def _onward(self, directions: Array, s: Amplitude, p: Amplitude) -> PolarisedBeam:
         across, jones = self._components
-        jones = np.stack([jones[0] * s, jones[1] * p])
+        jones = jones * np.array([s, p])[:, None]
         return replace(self.arrival.beam, directions=directions, across=across, jones=jones)
 
     @property
@@ -266,7 +266,10 @@ def _dot(a: Array, b: Array) -> Array:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    return np.stack([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+    product = np.empty(np.broadcast_shapes(a.shape, b.shape))
+    for k, (i, j) in enumerate(((1, 2), (2, 0), (0, 1))):
+        np.subtract(a[i] * b[j], a[j] * b[i], out=product[k])
+    return product
 
 
 def _power(jones: Amplitude) -> Array:

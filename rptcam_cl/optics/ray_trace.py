@@ -143,14 +143,15 @@ def _crossed(
     points, d = pose.inward(p - shift, d) if pose else (p - shift, d)
     hits = surface.meet(points, d)
     good = hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0) & surface.clears(hits.points[0], hits.points[1])
-    beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
-    good &= apart
+    if surface.region is not None or previous is not None:
+        beside, apart = sides(surface.region, previous, hits.points[0], hits.points[1], beside)
+        good &= apart
     if surface.is_mirror:
         d = reflect(d, hits.normals, hits.cosines)
     elif ratio != 1.0:
         bent, through = refract(d, hits.normals, hits.cosines, ratio)
         d = np.where(beside, d, bent) if surface.region else bent
-        good &= through | beside
+        good &= through | beside if surface.region else through
     at, d = pose.outward(hits.points, d) if pose else (hits.points, d)
     return at + shift, d, beside, good
 
@@ -251,14 +252,19 @@ class _Beam:
             met = met[~lost]
         at, length, normal, cosine, directions = self.drop(~met, Status.missed, number, *kept)
         before, after = (number, number + 1) if forward else (number + 1, number)
-        self.path = self.path + np.where(self.beside, self.outside_index, self.indices[before]) * length
+        halved = surface.region is not None or previous is not None  # otherwise no ray is beside a half lens
+        index = np.where(self.beside, self.outside_index, self.indices[before]) if halved else self.indices[before]
+        self.path = self.path + index * length
         if self.losses and self.entered:
             self.losses.through(before, length, self.beside)
         self.entered = True
         self.p = (pose.outward(at, at)[0] if surface.pose else at) + shift
         opens = surface.region is not None and surface.region != previous
-        self.beside, apart = sides(surface.region, previous, at[0], at[1], self.beside)
-        clipped = ~(surface.clears(at[0], at[1]) & apart)
+        clear = surface.clears(at[0], at[1])
+        if halved:
+            self.beside, apart = sides(surface.region, previous, at[0], at[1], self.beside)
+            clear = clear & apart
+        clipped = ~clear
         normal, cosine, directions = self.drop(clipped, Status.clipped, number, normal, cosine, directions)
         if opens:
             self.outside_index = self.indices[before]
@@ -271,10 +277,9 @@ class _Beam:
         if np.array_equal(self.indices[before], self.indices[after]):
             return
         bent, through = refract(directions, normal, cosine, self.indices[before] / self.indices[after])
-        bent = np.where(self.beside, directions, bent)
-        bent, normal, cosine = self.drop(
-            ~(through | self.beside), Status.total_internal_reflection, number, bent, normal, cosine
-        )
+        if halved:
+            bent, through = np.where(self.beside, directions, bent), through | self.beside
+        bent, normal, cosine = self.drop(~through, Status.total_internal_reflection, number, bent, normal, cosine)
         if self.losses:
             cosines = np.abs(cosine), np.abs(np.sum(bent * normal, axis=0))
             self.losses.across(surface, Interface(self.indices[before], self.indices[after], *cosines), self.beside)

@@ -36,11 +36,14 @@ class Beam:
         From the object plane to the first vertex; infinite for a parallel beam.
     azimuth_degrees : float
         Direction from the axis towards which the light of a positive angle travels, from +x towards +y.
+    is_diffuse : bool
+        Whether a lamp shines as a diffuse plane across the axis does: by the cosine.
     """
 
     field_degrees: float = 0.0
     object_distance_mm: float = np.inf
     azimuth_degrees: float = 90.0
+    is_diffuse: bool = False
 
     def rays(self, points: Array) -> tuple[Array, Array]:
         """Return origins and directions (n, 3) of the rays through points (n, 2) of the plane of the first vertex."""

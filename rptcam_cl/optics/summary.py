@@ -87,10 +87,22 @@ def t_number(
     return float(np.sqrt(np.pi / (4.0 * on_axis_irradiance(lens, film_distance_mm, wavelength_nm, transmission))))
 
 
-def image_circle(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
+def image_circle(
+    lens: Lens,
+    film_distance_mm: float,
+    wavelength_nm: float = LINE_D_NM,
+    *,
+    between_mm: tuple[float, float] | None = None,
+) -> float:
     """Return the film radius [mm] beyond which no ray arrives along +x, within 0.05 %.
 
     It is searched up to eight focal lengths from the axis; a lens that lights more has that radius.
+
+    Parameters
+    ----------
+    between_mm
+        A radius that is known to have light, and one beyond which the circle does not matter: if that has light, the
+        result is just beyond it.
     """
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
     length = abs(lens.first_order(wavelength_nm).focal_length_mm)
@@ -103,6 +115,11 @@ def image_circle(lens: Lens, film_distance_mm: float, wavelength_nm: float = LIN
 
     radii = np.concatenate([[0.0], limit * np.geomspace(0.02, 1.0, 24)])
     low, high = 0.0, 0.0
+    if between_mm is not None:
+        low, enough = between_mm
+        if lit(enough):
+            return float(np.nextafter(enough, np.inf))
+        radii = np.append(radii[(radii > low) & (radii < enough)], enough)
     for radius in radii:
         if not lit(float(radius)):
             high = float(radius)

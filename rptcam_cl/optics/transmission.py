@@ -15,6 +15,7 @@ from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.optics.coating import BARE, Coating, Interface, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.first_order import first_order
 from rptcam_cl.optics.glass import Medium, attenuation
+from rptcam_cl.optics.layer_stack import LayerStack
 from rptcam_cl.optics.prescription import Prescription
 from rptcam_cl.optics.surface import Surface
 
@@ -174,7 +175,7 @@ def is_tinted(lens: Prescription, transmission: LensTransmission) -> bool:
     if not low < high:
         return False
     coatings = {transmission.coating_of(surface) for surface in lens.surfaces if transmission.fresnel}
-    layers = any(isinstance(coating, QuarterWave) for coating in coatings)
+    layers = any(isinstance(coating, QuarterWave | LayerStack) for coating in coatings)
     measured = any(isinstance(coating, MeasuredReflectance) and np.ptp(coating.values) > 0 for coating in coatings)
     inside = [surface.glass.absorption for surface in lens.surfaces[:-1]] if transmission.absorption else []
     return layers or measured or any(absorption is not None and np.ptp(absorption.per_mm) > 0 for absorption in inside)

@@ -1,9 +1,11 @@
 """From a scene to what a device needs: records, and the facts that say which code the scene requires."""
 
 from rptcam_cl.plan.albedo import LargestAlbedo
+from rptcam_cl.plan.bright_parts import bright_parts
 from rptcam_cl.plan.motion import Movements, Places
 from rptcam_cl.plan.packed_meshes import PackedMeshes, TriangleGroup, shifted
 from rptcam_cl.plan.plan import Plan, aimed, make_plan, with_film, with_lens, with_pose
+from rptcam_cl.plan.primitives import object_frame
 
 __all__ = [
     "LargestAlbedo",
@@ -13,7 +15,9 @@ __all__ = [
     "Plan",
     "TriangleGroup",
     "aimed",
+    "bright_parts",
     "make_plan",
+    "object_frame",
     "shifted",
     "with_film",
     "with_lens",

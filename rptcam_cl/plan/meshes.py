@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rptcam_cl.assets.meshes import Mesh
 from rptcam_cl.core.records import INSTANCE
 from rptcam_cl.plan.packed_meshes import VERTEX_FLOATS, PackedMeshes, TriangleGroup
-from rptcam_cl.scene import Material, MeshObject, Scene
+from rptcam_cl.scene import Board, Material, MeshObject, Scene
 
 __all__ = ["Mesh", "MeshPart", "mesh_parts"]
 
@@ -46,7 +46,7 @@ class MeshPart:
     name: str | None
 
 
-def mesh_parts(scene: Scene, item: MeshObject) -> tuple[MeshPart, ...]:
+def mesh_parts(scene: Scene, item: MeshObject | Board) -> tuple[MeshPart, ...]:
     """Return the parts of one of a scene's mesh objects, in the order of the file.
 
     Raises

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -148,9 +149,16 @@ class PictureTable:
     def _picture(self, reference: FileReference, content: str) -> Picture:
         if content not in self._pictures:
             try:
-                self._pictures[content] = read_picture(self._scene.content_of(reference))
+                self._pictures[content] = found = read_picture(self._scene.content_of(reference))
             except InputError as problem:
                 raise InputError(f"{reference.place}{problem}") from None
+            if found.negative.count:
+                warnings.warn(
+                    f"{reference.place}{found.negative.count} of {found.width * found.height} texels are negative and"
+                    f" count as black (least value {found.negative.least:.4g})",
+                    UserWarning,
+                    stacklevel=2,
+                )
         return self._pictures[content]
 
     def place(self, colours: Colours) -> int:

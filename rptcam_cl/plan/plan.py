@@ -33,7 +33,7 @@ from rptcam_cl.plan.packed_meshes import PackedMeshes
 from rptcam_cl.plan.primitives import Owners, Primitive, owners_of, pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.spectrum import Spectrum, seen_by
 from rptcam_cl.plan.textures import Textures, TextureTable
-from rptcam_cl.scene import Film, Scene, at_opening
+from rptcam_cl.scene import Film, Scene, at_opening, exposure_steps
 
 
 @dataclass(frozen=True)
@@ -60,6 +60,7 @@ class Plan:
     albedo: LargestAlbedo
     colours: tuple[KnownSpectra, Materials]  # of the scene, for a camera in place of this one
     lamps: tuple[SeenLamp, ...]  # that the eye sees
+    steps: tuple[Plan, ...] = ()  # of an exposure in which keys move, in place of this plan for its rays
 
 
 FEW = 16  # primitives, as many as lanes that a processor permutes at once
@@ -83,8 +84,25 @@ def _facts_of_shapes(
 
 
 def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool = False) -> Plan:
-    """Return the plan of a scene, with its own camera unless another one is given; ``coarse`` as for `camera_model`."""
-    scene = at_opening(scene)
+    """Return the plan of a scene, with its own camera unless another one is given; ``coarse`` as for `camera_model`.
+
+    Where keys move while the shutter is open, it has a plan for each step of the exposure, unless a camera is given.
+    """
+    plan = _still_plan(at_opening(scene), camera, coarse)
+    return plan if camera is not None else replace(plan, steps=_steps(plan, scene, coarse))
+
+
+def _steps(plan: Plan, scene: Scene, coarse: bool) -> tuple[Plan, ...]:
+    """Return the plans of the steps of an exposure; those of the camera alone share all else."""
+    of_camera = all(name.partition(".")[0] == "camera" for name in scene.shutter.keys)
+    return tuple(
+        with_lens(plan, step, coarse=coarse) if of_camera else _still_plan(at_opening(step), None, coarse)
+        for step in exposure_steps(scene)
+    )
+
+
+def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool) -> Plan:
+    """Return the plan of a scene whose keys hold still."""
     trajectory, segments = camera_trajectory(scene)
     primitives, meshes = with_meshes(scene_primitives(scene), scene)
     materials = [primitive.material for primitive in primitives]
@@ -136,6 +154,8 @@ def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool =
 
 def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:
     """Return the plan of a scene with a film of the same size in other pixels."""
+    if plan.steps:
+        return make_plan(scene.model_copy(update={"film": film}), coarse=True)
     (before, rows), (columns, lines) = scene.film.resolution, film.resolution
     record = plan.camera.record.copy()
     record["width"], record["height"] = columns, lines
@@ -160,7 +180,7 @@ def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
     of another kind, `make_plan` makes it.
     """
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
-    if plan.facts["MOVES"] or scene.camera.motion or not np.array_equal(eye_m, plan.eye_m):
+    if plan.facts["MOVES"] or scene.camera.motion or scene.shutter.keys or not np.array_equal(eye_m, plan.eye_m):
         return make_plan(scene, coarse=coarse)
     camera, spectrum = seen_by(scene, None, *plan.colours, coarse=coarse)
     if spectrum.facts.keys() != plan.spectrum.facts.keys():
@@ -182,7 +202,7 @@ def aimed(plan: Plan, shows: Shows, layers: Iterable[str] = ()) -> Plan:
     layers
         That the picture is to have: those of a pixel's first ray need one that aims at nothing.
     """
-    if not plan.lamps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers):
+    if plan.steps or not plan.lamps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers):
         return plan
     record = plan.camera.record[0]
     turn = np.stack([record[name][:3] for name in ("right", "up", "back")]).astype(np.float64)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.records import PRIMITIVE, Kind
 from rptcam_cl.plan.meshes import Mesh, MeshPlan, PlacedMesh, mesh_parts, pack_meshes
-from rptcam_cl.scene import Material, MeshObject, PlacedObject, Scene, Trajectory
+from rptcam_cl.scene import Board, Material, MeshObject, PlacedObject, Scene, Trajectory
 from rptcam_cl.scene import shape as shapes
 
 Matrix = NDArray[np.float64]
@@ -113,7 +113,7 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
     world = world_from_scene(scene)
     found = []
     for index, item in enumerate(scene.objects):
-        if isinstance(item, MeshObject):
+        if isinstance(item, MeshObject | Board):
             found += _mesh_primitives(scene, item, index)
             continue
         for kind, canonical in _canonical(item):
@@ -124,7 +124,16 @@ def scene_primitives(scene: Scene) -> list[Primitive]:
     return sorted(found, key=lambda primitive: primitive.kind)
 
 
-def _mesh_primitives(scene: Scene, item: MeshObject, index: int) -> list[Primitive]:
+def object_frame(item: shapes.Object, time_s: float) -> Matrix:
+    """Return the 4x4 matrix that takes the canonical shape of an object to the scene [scene units] at a moment.
+
+    The points of a surface keep their coordinates in it while the object moves, and while the keys of its shape change.
+    """
+    placed = item.placed_at(time_s)
+    return placed if isinstance(item, MeshObject | Board) else np.asarray(placed @ next(_canonical(item))[1])
+
+
+def _mesh_primitives(scene: Scene, item: MeshObject | Board, index: int) -> list[Primitive]:
     scale = affine(scene.metres_per_unit * np.eye(3), np.zeros(3))
     parts = mesh_parts(scene, item)
     trajectory = _trajectory(scene, item)
@@ -187,6 +196,7 @@ def pack_primitives(
                 records[index][name] = row.astype(np.float32) + 0.0  # no -0: kernels test bits of coordinates
         records[index]["material"] = materials[id(primitive.material)]
         records[index]["emitter"] = emitters.get(index, -1)
+    _count_shared_planes(primitives, records)
     if meshes is not None:
         records["instance"][-len(meshes.order) :] = meshes.instances
         records["first_triangle"][-len(meshes.order) :] = meshes.first_triangles
@@ -227,3 +237,17 @@ def owners_of(scene: Scene, primitives: Sequence[Primitive]) -> Owners:
     for row, primitive in zip(rows, primitives, strict=False):
         row[:] = primitive.object, identifiers[id(primitive.material)]
     return Owners(rows, objects, tuple(names))
+
+
+def _count_shared_planes(primitives: list[Primitive], records: NDArray[np.void]) -> None:
+    """Write, into the first of rectangles or disks that follow one another in a plane and stay there, their number."""
+    first = 0
+    for index, primitive in enumerate(primitives):
+        if primitive.kind not in (Kind.RECTANGLE, Kind.DISK):
+            continue
+        before = primitives[index - 1]
+        still = primitive.trajectory is None and before.trajectory is None
+        same = (records["row_z"][index] == records["row_z"][index - 1]).all()
+        if index == 0 or primitive.kind is not before.kind or not (still and same):
+            first = index
+        records["instance"][first] += 1

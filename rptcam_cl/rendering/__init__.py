@@ -21,14 +21,15 @@ from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
 from rptcam_cl.rendering.forecast import Forecast, forecast
-from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts
+from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts, saved_ghosts
+from rptcam_cl.rendering.ground_truth import GroundTruth, ground_truth_of
 from rptcam_cl.rendering.lamp_sights import aimed_plan
 from rptcam_cl.rendering.memory import amount
 from rptcam_cl.rendering.merge import layout_of, merged_state, read_part
 from rptcam_cl.rendering.metering import SPOT_AREA, metered_cd_m2, reading_cd_m2, resolve_exposure
 from rptcam_cl.rendering.metering import weights as metering_weights
 from rptcam_cl.rendering.precise_lens import check_precision
-from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, rendering_of
+from rptcam_cl.rendering.progressive import Progress, Rendering, render_plan, render_state, rendering_of
 from rptcam_cl.rendering.saved_picture import picture_of
 from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
 from rptcam_cl.rendering.shares import Part, joined, split_of, split_text
@@ -55,6 +56,7 @@ __all__ = [
     "FilmSpread",
     "Forecast",
     "Ghosting",
+    "GroundTruth",
     "LensMargin",
     "Part",
     "Progress",
@@ -78,6 +80,7 @@ __all__ = [
     "film_rays",
     "forecast",
     "ghosting_of",
+    "ground_truth_of",
     "has_ghosts",
     "joined",
     "layout_of",
@@ -90,8 +93,10 @@ __all__ = [
     "read_part",
     "reading_cd_m2",
     "render_plan",
+    "render_state",
     "rendering_of",
     "resolve_exposure",
+    "saved_ghosts",
     "scene_trees",
     "self_knowledge",
     "signature",

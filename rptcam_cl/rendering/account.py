@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl._version import __version__
-from rptcam_cl.cameras import camera_geometry
+from rptcam_cl.cameras import camera_geometry, pupil_in_world
 from rptcam_cl.plan import LargestAlbedo, Plan
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.float32_margin import LensMargin
@@ -17,7 +17,7 @@ from rptcam_cl.rendering.precise_lens import traces_in_float64
 from rptcam_cl.rendering.progressive import Rendering
 from rptcam_cl.rendering.several import AnyWavefront, SharedWavefront
 from rptcam_cl.rendering.shares import is_shared
-from rptcam_cl.scene import Scene
+from rptcam_cl.scene import Board, Scene
 
 OTHER_FATES = 0.01  # share of the rays that float32 may send elsewhere; near a rim a few do
 LARGEST_ERROR_PX = 0.1  # that float32 may make in a lens
@@ -99,11 +99,27 @@ GEOMETRY = (
     "world_from_camera_at_close",
     "shutter",
     "intrinsics",
+    "entrance_pupil",
     "resolution",
     "window",
     "film_size_mm",
     "near_m",
 )
+
+
+def boards_of(scene: Scene) -> dict[str, Any]:
+    """Return what metadata say of the boards of a scene when the shutter opens; nothing without any."""
+    found = [
+        item.described(index, scene.shutter.open_s, scene.metres_per_unit)
+        for index, item in enumerate(scene.objects)
+        if isinstance(item, Board)
+    ]
+    return {"boards": found} if found else {}
+
+
+# Layers whose identifiers are read by the names of objects, and of materials.
+NAMING_OBJECTS = {"object_id", "crypto_object", "sharp_object_id", "sharp_class_id", "occlusion"}
+NAMING_MATERIALS = {"material_id", "crypto_material", "sharp_material_id"}
 
 
 def window(scene: Scene) -> list[int]:
@@ -187,11 +203,14 @@ def described(
         **camera_geometry(scene),
         "window": window(scene),
         **({"missing": list(scene.stand_ins)} if scene.stand_ins else {}),
-        **({"object_names": plan.owners.objects} if "object_id" in layers else {}),
-        **({"material_names": plan.owners.materials} if "material_id" in layers else {}),
+        **({"object_names": plan.owners.objects} if NAMING_OBJECTS & set(layers) else {}),
+        **({"material_names": plan.owners.materials} if NAMING_MATERIALS & set(layers) else {}),
+        **boards_of(scene),
         **found_before,
         "numerics": summary(stats["numerics"]),
     }
+    if "entrance_pupil" in found:
+        found["entrance_pupil"] = pupil_in_world(scene, found["entrance_pupil"])
     if "clamp" in stats:
         found["clamp"] = clamp_text(**stats["clamp"])
     return found

@@ -14,7 +14,7 @@ import os
 import struct
 import time
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -58,19 +58,20 @@ def write_checkpoint(
     StateError
         The file cannot be written; one that was there before is as it was.
     """
+    with replacing(path) as temporary, temporary.open("xb") as stream:
+        stream.writelines(_pieces(facts, arrays))
+
+
+def _pieces(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> Iterator[bytes]:
+    """Yield the bytes of a checkpoint, piece by piece."""
     little = {name: np.ascontiguousarray(array, array.dtype.newbyteorder("<")) for name, array in arrays.items()}
     listed = [{"name": name, "type": array.dtype.str, "shape": array.shape} for name, array in little.items()]
     header = json.dumps({"facts": dict(facts), "arrays": listed}).encode()
     digest = hashlib.sha256()
-    with replacing(path) as temporary, temporary.open("xb") as stream:
-        for piece in (
-            _START.pack(MAGIC, VERSION, len(header)),
-            header,
-            *(array.tobytes() for array in little.values()),
-        ):
-            stream.write(piece)
-            digest.update(piece)
-        stream.write(digest.digest())
+    for piece in (_START.pack(MAGIC, VERSION, len(header)), header, *(array.tobytes() for array in little.values())):
+        digest.update(piece)
+        yield piece
+    yield digest.digest()
 
 
 def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
@@ -229,13 +230,21 @@ class Saver:
 
     def save(self, state: SavedState) -> None:
         """Save a state in place of the last one."""
+        write_checkpoint(self.path, *self._contents(state, self.part))
+        self._written = True
+
+    def content(self, state: SavedState, part: FilmPart) -> bytes:
+        """Return what the file of a part would hold in this state; none is written."""
+        return b"".join(_pieces(*self._contents(state, part)))
+
+    def _contents(self, state: SavedState, part: FilmPart) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Return the facts and the arrays of a state."""
         resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
         work = joined(self.parts, self.parts_since(state.done))
         facts = {**self._facts, **resolved, "done": state.done, "devices": self._devices, "work": work}
-        facts["picture"] = self.of_picture
-        arrays = self.part.packed(state.arrays, self._layout.tiles)
-        write_checkpoint(self.path, facts, {**arrays, **self.beside()})
-        self._written = True
+        facts |= {"picture": self.of_picture, "part": part.facts()}
+        arrays = part.packed(state.arrays, self._layout.tiles)
+        return facts, {**arrays, **self.beside()}
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
         self._saved = time.monotonic()

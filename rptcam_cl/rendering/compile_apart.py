@@ -48,6 +48,12 @@ class Order:
     buffers: SceneBuffers
     settings: RenderSettings
 
+    def carry_out(self) -> None:
+        """Compile it, in this process."""
+        session = open_session(self.device)
+        buffers = self.buffers.uploaded_to(session)
+        Wavefront(session, self.plan, SMALL, self.settings, buffers=buffers).generate_code()
+
 
 def order(session: Session, plan: Plan, buffers: SceneBuffers, settings: RenderSettings) -> bytes | None:
     """Return what `Compiler.compile` takes; None where it cannot be sent, or is too large."""
@@ -81,7 +87,10 @@ class Compiler:
         return self._closed
 
     def compile(self, wanted: bytes) -> bool:
-        """Compile what an order says; return whether that was done, by a process that may fail, crash or be closed."""
+        """Carry out a pickled `Order`, or another one that can; return whether that was done.
+
+        The process may fail, crash or be closed.
+        """
         try:
             process = self._running()
             if process is None or process.stdin is None or process.stdout is None:
@@ -136,7 +145,7 @@ def serve(orders: BinaryIO, answers: BinaryIO) -> None:
     while len(head := orders.read(8)) == 8:
         content = orders.read(struct.unpack("<Q", head)[0])
         try:
-            generate(pickle.loads(content))
+            pickle.loads(content).carry_out()
         except Exception:  # the parent compiles it itself then, and reports what is wrong
             answers.write(b"\n" + _FAILED)
         else:
@@ -144,10 +153,3 @@ def serve(orders: BinaryIO, answers: BinaryIO) -> None:
         answers.flush()
     end_work()
     os._exit(0)  # nothing to tidy up, and a driver may take its time for it
-
-
-def generate(wanted: Order) -> None:
-    """Compile what an order says, in this process."""
-    session = open_session(wanted.device)
-    buffers = wanted.buffers.uploaded_to(session)
-    Wavefront(session, wanted.plan, SMALL, wanted.settings, buffers=buffers).generate_code()

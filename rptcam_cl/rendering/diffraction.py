@@ -7,19 +7,20 @@ why, and how far that is from the full wave image.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import FilmPupil, film_frame, film_pupils
+from rptcam_cl.cameras import FilmPupil, FilmPupils, dirt_edges, edges_of, film_frame, film_pupils
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.diffraction_kernel import kernel, reach_px, unit_px
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.patch_blur import blurred
+from rptcam_cl.rendering.starburst import FarLight, lamps_of, strewn
 from rptcam_cl.scene import Scene
 
 Array = NDArray[np.float64]
@@ -42,23 +43,43 @@ class FilmSpread:
         Width and height of a pixel.
     pupils : tuple of FilmPupil
         The opening that each node sees, by rows of nodes.
+    edges : (n, 4) array or None
+        Of the opening that the film's middle sees, with its dirt, as `FarLight` has them; None where they are unknown.
     """
 
     resolution: tuple[int, int]
     pixel_mm: tuple[float, float]
     pupils: tuple[FilmPupil, ...]
+    edges: Array | None = None
+
+    @cached_property
+    def reach(self) -> int:
+        """Of the kernels [pixels]."""
+        return reach_px(max(unit_px(pupil, self.pixel_mm) for pupil in self.pupils), max(self.resolution))
 
     @cached_property
     def kernels(self) -> tuple[tuple[Array, Array], list[Array]]:
         """Columns and rows of the nodes on the whole film, and the kernel of each."""
-        reach = reach_px(max(unit_px(pupil, self.pixel_mm) for pupil in self.pupils), max(self.resolution))
-        found = [kernel(pupil, self.pixel_mm, reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
+        found = [kernel(pupil, self.pixel_mm, self.reach)[:, :, ::-1] for pupil in self.pupils]  # x runs to the left
         return _nodes(self.resolution), found
+
+    @cached_property
+    def far(self) -> tuple[Array, Array]:
+        """Share of the far light of red, green and blue, and its kernel over twice the whole film."""
+        assert self.edges is not None
+        light = FarLight(self.edges, self.pupils[len(self.pupils) // 2].index, self.pixel_mm, self.reach)
+        return light.shares, light.kernel(*self.resolution)[:, :, ::-1]
 
     def over(self, pixels: NDArray[np.float32], layout: FilmLayout) -> NDArray[np.float32]:
         """Return a film (height, width, 3) of linear RGB with its light spread."""
         planes = np.moveaxis(pixels.astype(np.float64), -1, 0)
-        spread = blurred(planes, (layout.x, layout.y), *self.kernels)
+        lamps = lamps_of(planes)
+        if self.edges is None or not lamps.any():
+            spread = blurred(planes, (layout.x, layout.y), *self.kernels)
+        else:
+            shares, light = self.far
+            spread = blurred(planes - lamps * shares[:, None, None], (layout.x, layout.y), *self.kernels)
+            spread += strewn(lamps, light)
         return np.ascontiguousarray(np.moveaxis(spread, 0, -1), dtype=np.float32)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
@@ -68,6 +89,7 @@ class FilmSpread:
             "diffraction_coverage": np.array([pupil.coverage for pupil in self.pupils], np.float32),
             "diffraction_cosines": np.array([[pupil.cosines_x, pupil.cosines_y] for pupil in self.pupils]),
             "diffraction_index": np.array([pupil.index for pupil in self.pupils]),
+            "diffraction_edges": np.zeros((0, 4)) if self.edges is None else self.edges,
         }
 
 
@@ -91,7 +113,10 @@ def spread_of(arrays: Mapping[str, NDArray[Any]], resolution: tuple[int, int]) -
         FilmPupil(cover.astype(np.float64), x, y, float(index))
         for cover, (x, y), index in zip(coverage, cosines, arrays["diffraction_index"], strict=True)
     )
-    return FilmSpread(resolution, (width, height), pupils)
+    edges = arrays["diffraction_edges"]
+    if edges.ndim != 2 or edges.shape[1] != 4 or not np.isfinite(edges).all():
+        raise ValueError("diffraction")
+    return FilmSpread(resolution, (width, height), pupils, edges if len(edges) else None)
 
 
 @dataclass(frozen=True)
@@ -112,7 +137,7 @@ class Diffraction:
     scene: Scene
     is_on: bool
     airy_radius_px: float | None
-    pupils: Callable[[Array], FilmPupil] | None
+    pupils: FilmPupils | None
 
     @cached_property
     def spread(self) -> FilmSpread:
@@ -123,7 +148,18 @@ class Diffraction:
         film = self.scene.film
         columns, rows = _nodes(film.resolution)
         seen = tuple(self._seen(_film_point(self.scene, column, row)) for row in rows for column in columns)
-        return FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
+        near = FilmSpread(film.resolution, _pixel_mm(self.scene), seen)
+        return near if near.reach >= max(film.resolution) else replace(near, edges=self._edges)
+
+    @cached_property
+    def _edges(self) -> Array | None:
+        """Edges of the opening that the middle of the film sees, and of the dirt in it."""
+        assert self.pupils is not None
+        outline, dirt = self.pupils.outline(np.zeros(2)), self.scene.camera.stop.dirt
+        if outline is None:
+            return None
+        own = edges_of(outline)
+        return own if dirt is None else np.concatenate([own, dirt_edges(dirt, outline, self.pupils.radius_mm)])
 
     def _seen(self, point: Array) -> FilmPupil:
         assert self.pupils is not None
@@ -141,7 +177,7 @@ class Diffraction:
         """What the picture's metadata should say."""
         radius = self.airy_radius_px
         if radius is None:
-            says = "off: no light reaches the middle of the film through an opening"
+            says = "off: no opening forms an image in the middle of the film"
         elif self.is_on:
             says = f"on: the Airy radius is {radius:.2g} px"
         else:

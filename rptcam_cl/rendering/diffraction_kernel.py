@@ -52,6 +52,12 @@ def reach_px(unit: float, largest: int) -> int:
     return int(min(max(np.ceil(REACH * unit), LEAST_REACH), MOST_REACH, largest))
 
 
+def fade(radius_px: Array, reach: int) -> Array:
+    """Return the share of the light at radii that a kernel keeps; the rest of it is far light."""
+    radius = radius_px / (reach + 1)
+    return np.asarray(np.cos(np.pi / 2 * np.clip((radius - TAPER) / (1 - TAPER), 0.0, 1.0)) ** 2)
+
+
 def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array:
     """Return the kernels of red, green and blue, shape (3, 2 reach + 1, 2 reach + 1), rows by y and columns by x.
 
@@ -66,10 +72,8 @@ def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array
     total = np.zeros((3, 2 * reach + 1, 2 * reach + 1))
     for nm, shares in zip(WAVES_NM, white_shares(), strict=True):
         total += shares[:, None, None] * of_wavelength(pupil, pixel_mm, reach, nm)
-    away = np.arange(-reach, reach + 1) / (reach + 1)
-    radius = np.hypot(away[:, None], away[None, :])
-    fade = np.cos(np.pi / 2 * np.clip((radius - TAPER) / (1 - TAPER), 0.0, 1.0)) ** 2
-    total *= fade
+    away = np.arange(-reach, reach + 1)
+    total *= fade(np.hypot(away[:, None], away[None, :]), reach)
     return np.asarray(total / total.sum(axis=(1, 2), keepdims=True))
 
 

@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import luminance
 from rptcam_cl.core.kinds import EmitterKind
-from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session
 from rptcam_cl.optics import Lens
-from rptcam_cl.plan import Plan
+from rptcam_cl.plan import Plan, bright_parts
 from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.rendering.occlusion import occluded
 from rptcam_cl.scene import Scene, at_opening
 
 Array = NDArray[np.float64]
@@ -78,7 +77,11 @@ def ghost_sources(
     points, left_out = [], set()
     for record in plan.emitters.records[: plan.emitters.count]:
         found = _points(record, turn @ [0.0, 0.0, -film_z * 1e-3])
-        if found is None:
+        if int(record["kind"]) == EmitterKind.ENVIRONMENT:
+            towards, irradiance = bright_parts(scene)
+            points += [_found(towards, 0.0, irradiance, record)] if len(towards) else []
+            left_out.add("dim parts of the surroundings" if len(towards) else "surroundings")
+        elif found is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
         else:
             points.append(found)
@@ -205,19 +208,7 @@ def _visible(
     places, lamps = np.repeat(at[:, :3], FRONT_POINTS, axis=0), np.repeat(at[:, 3], FRONT_POINTS) > 0
     way = np.where(lamps[:, None], places - origins, places)
     length = np.linalg.norm(way, axis=1)
-    lanes = session.lanes
-    count = -(-len(way) // lanes) * lanes
-    rays = np.zeros((9, count), np.float32)
-    rays[5], rays[7:] = 1.0, -1.0
-    rays[:3, : len(way)], rays[3:6, : len(way)] = origins.T, (way / length[:, None]).T
-    rays[6, : len(way)] = np.where(lamps, SHORT * length, np.finfo(np.float32).max / 4)
-    rays[7:, : len(way)] = np.repeat(target, FRONT_POINTS, axis=0).T
-    facts: dict[str, Any] = plan.facts | buffers.tree_facts | {"VW": lanes}
-    program = session.program(["pass/occluded.cl"], facts, device_declarations())
-    blocked = session.allocate(4 * count)
-    launch = session.bind(
-        program, "occluded", **buffers.scene, rays=session.upload(rays), blocked=blocked, count=np.uint32(count)
-    )
-    launch.enqueue(count // lanes, 1)
-    dark = session.read(blocked, np.int32, count)[: len(way)]
+    reach = np.where(lamps, SHORT * length, np.finfo(np.float32).max / 4)
+    targets = np.repeat(target, FRONT_POINTS, axis=0)
+    dark = occluded(session, plan, buffers, origins, way / length[:, None], reach, targets)
     return np.asarray(1.0 - dark.reshape(len(at), FRONT_POINTS).mean(axis=1))

@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import Sights
-from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan, aimed
 from rptcam_cl.rendering.buffers import SceneBuffers
-
-GROUP = 4  # work items
+from rptcam_cl.rendering.occlusion import occluded
 
 
 def aimed_plan(
@@ -42,20 +40,7 @@ def aimed_plan(
 
 
 def _open(sights: Sights, session: Session, plan: Plan, buffers: SceneBuffers) -> NDArray[np.bool_]:
-    count, group = len(sights.origins), GROUP * session.lanes
-    capacity = -(-count // group) * group
     away = sights.targets - sights.origins
     distance = np.linalg.norm(away, axis=1)
-    lines = np.zeros((7, capacity), np.float32)
-    lines[5] = 1.0
-    lines[:3, :count], lines[3:6, :count] = sights.origins.T, (away / distance[:, None]).T
-    lines[6, :count] = np.maximum(distance - sights.short, 0.0)
-    facts = plan.facts | buffers.tree_facts | {"VW": session.lanes}
-    program = session.program(["pass/lamp_sights.cl"], facts, device_declarations())
-    out = session.allocate(4 * capacity)
-    launch = session.bind(
-        program, "lamp_sights", **buffers.scene, lines=session.upload(lines), shows=out, capacity=np.uint32(capacity)
-    )
-    launch.enqueue(capacity // session.lanes, GROUP)
-    session.finish()
-    return session.read(out, np.float32, capacity)[:count] > 0.5
+    reach = np.maximum(distance - sights.short, 0.0)
+    return ~occluded(session, plan, buffers, sights.origins, away / distance[:, None], reach)

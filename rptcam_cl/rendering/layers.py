@@ -13,13 +13,16 @@ from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.film import FilmLayout
-from rptcam_cl.scene import FILM_LAYERS, LAYER_NAMES, LayerName
+from rptcam_cl.scene import FILM_LAYERS, LAYER_NAMES, SHARP_LAYERS, LayerName
 
 # Planes of each layer: means over the rays, and values of the first ray.
 MEANS: dict[LayerName, int] = {
     "depth": 1, "distance": 1, "position": 3, "normal": 3, "geometric_normal": 3, "albedo": 3, "coc": 1,
 }  # fmt: skip
 FIRSTS: dict[LayerName, int] = {"object_id": 1, "material_id": 1, "uv": 2, "pupil": 2}
+OWNERS: tuple[LayerName, ...] = ("crypto_object", "crypto_material")  # weights of each object or material apart
+OWNER_SLOTS = 8  # of them in a pixel
+SLOT_PLANES = 3  # identifier, weight and compensation
 WEIGHTS = 2  # sums of the weights of rays that pass, and of those that hit something
 
 
@@ -35,7 +38,7 @@ class LayerPlanes:
     """
 
     def __init__(self, names: Sequence[LayerName]) -> None:
-        self.names = tuple(name for name in names if name not in FILM_LAYERS)
+        self.names = tuple(name for name in names if name not in (*FILM_LAYERS, *SHARP_LAYERS))
         self.places: dict[LayerName, int] = {}
         self.sums, self.firsts = WEIGHTS, 0
         for name in self.names:
@@ -45,6 +48,9 @@ class LayerPlanes:
             elif name in FIRSTS:
                 self.places[name] = self.firsts
                 self.firsts += FIRSTS[name]
+            elif name in OWNERS:
+                self.places[name] = self.firsts
+                self.firsts += OWNER_SLOTS * SLOT_PLANES
 
     @property
     def count(self) -> int:
@@ -59,7 +65,9 @@ class LayerPlanes:
     @property
     def facts(self) -> dict[str, int]:
         """Facts for ``kernels/integrator/layers.h``."""
-        return {f"LAYER_{name.upper()}": self.places.get(name, -1) for name in LAYER_NAMES} | {"LAYER_SUMS": self.sums}
+        known = (name for name in LAYER_NAMES if name not in SHARP_LAYERS)
+        places = {f"LAYER_{name.upper()}": self.places.get(name, -1) for name in known}
+        return places | {"LAYER_SUMS": self.sums, "OWNER_SLOTS": OWNER_SLOTS}
 
 
 class LayerPass:
@@ -77,6 +85,8 @@ class LayerPass:
         Buffer that the pass ``generate`` writes, list of tiles, and slots.
     stream : bool
         Whether it writes records for a stream.
+    beside : LayerPass or None
+        Another one that adds to the same layers.
     """
 
     def __init__(
@@ -92,6 +102,7 @@ class LayerPass:
         tiles: Any,
         capacity: int,
         stream: bool,
+        beside: LayerPass | None = None,
     ) -> None:
         self._session, self._layout, self._planes = session, layout, planes
         self._eye_m = plan.eye_m
@@ -101,7 +112,7 @@ class LayerPass:
             facts["HAS_TEXTURE"] = 1  # compiles the coordinates of round shapes
         program = session.program(["pass/layers.cl"], facts, device_declarations())
         self._nbytes = planes.bytes_per_pixel * layout.pixels
-        self._buffer = session.allocate(self._nbytes, zeroed=True)
+        self._buffer: Any = session.allocate(self._nbytes, zeroed=True) if beside is None else beside._buffer
         view, blur = plan.camera.view.packed(with_blur="coc" in planes.names)
         self.launch = session.bind(
             program,
@@ -183,12 +194,25 @@ class LayerArrays:
                 return self._mean(name, self._hits, 0.0).astype(np.float32)
             case "object_id" | "material_id":
                 return np.where(self._passed > 0, self._first(name)[..., 0].view(np.int32), -1)
+            case "crypto_object" | "crypto_material":
+                return self._owners(name)
             case "uv":
                 return np.where((self._passed > 0)[..., None], self._first(name), np.nan)
             case "pupil":
                 return np.where((self._passed > 0)[..., None], self._first(name), np.nan)
             case _:
                 raise AssertionError(f"{name} has no planes")
+
+    def _owners(self, name: LayerName) -> NDArray[Any]:
+        """Return identifier and coverage of each owner, (height, width, slots, 2); no coverage where there is none."""
+        place = self._planes.places[name]
+        slots = self._firsts[place : place + OWNER_SLOTS * SLOT_PLANES].reshape(
+            OWNER_SLOTS, SLOT_PLANES, *self._passed.shape
+        )
+        weights = np.maximum(slots[:, 1].astype(np.float64) - slots[:, 2], 0.0)
+        identifiers = np.ascontiguousarray(slots[:, 0]).view(np.int32)
+        pairs = np.stack([identifiers, weights / self._divisor(self._passed)], axis=-1)
+        return np.ascontiguousarray(np.moveaxis(pairs, 0, 2))
 
     @staticmethod
     def _divisor(weight: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -20,11 +20,11 @@ from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpo
 from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout
 from rptcam_cl.rendering.film_part import FilmPart, part_of_facts, pixels_of
 from rptcam_cl.rendering.layers import LayerPlanes
-from rptcam_cl.scene import Film
+from rptcam_cl.scene import WHOLE_LAYERS, Film
 
 Arrays = dict[str, NDArray[Any]]
 Planes = NDArray[np.float32]
-DIFFRACTION = "diffraction_"  # begins the names of what the openings do to the film, the same in all parts
+BESIDE = ("diffraction_", "ghosts_")  # begin the names of what comes to the film of the samples, the same in all parts
 PASSED = 0  # plane of the layers with the weight of the rays that pass
 
 # What all parts of one render have in common, and how it is said where they have not.
@@ -79,16 +79,21 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
     saved = read_checkpoint(path)
     facts = saved.facts
     check_facts(path, facts)
-    if facts.get("noise") is not None or "variance" in (facts.get("layers") or ()):
+    layers = facts.get("layers") or ()
+    if facts.get("noise") is not None or "variance" in layers:
         raise StateError(f"{path}: a render with a noise target or the layer variance cannot be merged")
+    if whole := [name for name in layers if name in WHOLE_LAYERS]:
+        raise StateError(f"{path}: a render with the layer {whole[0]} cannot be merged")
     picture = facts.get("picture") or {}
     if not isinstance(picture.get("metadata"), dict):
         raise StateError(f"{path}: was saved by a version that could not merge (render it again)")
-    wanted = (picture["metadata"].get("diffraction") or {}).get("on", False)
-    if wanted and not any(name.startswith(DIFFRACTION) for name in saved.arrays):
-        raise StateError(f"{path}: was saved by a version that could not merge diffraction (render it again)")
-    if picture["metadata"].get("ghosts") is not None:
-        raise StateError(f"{path}: a render with ghosts cannot be merged (allowed: with camera.ghosts: off)")
+    for prefix in BESIDE:
+        what = prefix.rstrip("_")
+        wanted = (picture["metadata"].get(what) or {}).get("on", False)
+        if wanted and not any(name.startswith(prefix) for name in saved.arrays):
+            raise StateError(
+                f"{path}: was saved whole, or by a version that could not merge {what} (render parts again)"
+            )
     part, done = part_of_facts(facts.get("part")), facts["done"]
     end = part.end or (done if part.count == 1 else picture.get("spp") or done)
     return SavedPart(path, saved, part, done, max(end, done))
@@ -209,7 +214,7 @@ def merged_arrays(parts: Sequence[SavedPart], layout: FilmLayout) -> Arrays:
             _take_first(found["layers"], arrays["layers"], pixels, 2 * layers.sums)
             _add(found["layers"], arrays["layers"], pixels, layers.sums)
         counts += arrays["counts"]
-    beside = {name: array for name, array in parts[0].saved.arrays.items() if name.startswith(DIFFRACTION)}
+    beside = {name: array for name, array in parts[0].saved.arrays.items() if name.startswith(BESIDE)}
     return found | {"counts": counts} | beside
 
 

@@ -30,6 +30,7 @@ from rptcam_cl.scene import (
     FilmFilter,
     RenderSettings,
     Scene,
+    at_rest,
 )
 
 LONGEST_SIDE = 96  # pixels
@@ -92,7 +93,7 @@ def metered_cd_m2(scene: Scene, session: Session) -> float:
         When it is black.
     """
     small = _relative(scene, small=True)
-    plan = make_plan(small)
+    plan = make_plan(at_rest(small))
     wavefront = Wavefront(session, plan, FilmLayout.of(small.film), small.render)
     rendering = render_plan(wavefront, spp=small.render.spp, seconds=None, has_lens=plan.camera.has_lens)
     reading = reading_cd_m2(rendering.pixels, scene.exposure, small.film)

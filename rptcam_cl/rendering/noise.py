@@ -82,6 +82,7 @@ class NoiseEstimate:
         self.samples = np.zeros(layout.pixels // TILE_PIXELS, np.uint32)  # of each tile that is not
         self.variance = np.full(layout.pixels, np.nan, np.float32)
         self.error = np.full(layout.tiles, np.nan, np.float32)
+        self.measured_at = 0  # samples per pixel at which `error` was found, 0 before
         self._runs: list[NDArray[np.float32]] = []  # sums of luminance, by pixel
         self._before = np.zeros(layout.pixels)  # sum up to the last end of a run
 
@@ -126,6 +127,7 @@ class NoiseEstimate:
         tile_pixels = pixels[self.tiles]
         mean = np.maximum(means[self.tiles] / tile_pixels, floor)
         with np.errstate(divide="ignore", invalid="ignore"):
+            self.measured_at = done
             self.error[self.tiles] = np.where(variance > 0, np.sqrt(variance / tile_pixels) / mean, 0)
 
     def _decide(self, done: int) -> bool:

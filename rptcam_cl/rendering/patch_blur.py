@@ -61,14 +61,14 @@ def _hats(nodes: Array, places: Array) -> Array:
 
 def _convolved(plane: Array, kernel: Array) -> Array:
     """Return the full convolution; where nothing is negative before, nothing is after."""
-    shape = tuple(_quick(a + b - 1) for a, b in zip(plane.shape, kernel.shape, strict=True))
+    shape = tuple(quick(a + b - 1) for a, b in zip(plane.shape, kernel.shape, strict=True))
     product = np.fft.rfft2(plane, shape) * np.fft.rfft2(kernel, shape)
     height, width = (a + b - 1 for a, b in zip(plane.shape, kernel.shape, strict=True))
     spread = np.fft.irfft2(product, shape)[:height, :width]
     return np.maximum(spread, 0.0) if plane.min() >= 0 else spread
 
 
-def _quick(length: int) -> int:
+def quick(length: int) -> int:
     """Return the next length whose only prime factors are 2, 3 and 5, which transforms are fast for."""
     while True:
         rest = length

@@ -15,6 +15,8 @@ from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.noise import AchievedNoise, NoiseReport
 from rptcam_cl.rendering.several import AnyWavefront
+from rptcam_cl.rendering.time_left import TilesLeft, TimeLeft
+from rptcam_cl.scene import SHARP_LAYERS
 
 REPORT_INTERVAL = 0.2  # seconds of work that may be enqueued before a report and a chance to stop
 
@@ -40,6 +42,8 @@ class Progress:
         Samples per pixel that a resumed render had already.
     tiles_done : float or None
         Share of the tiles that meet the noise target; None without one.
+    tiles_left : TilesLeft or None
+        The others, and how long they take; None without a target and before their noise is known.
     film : FilmRun or None
         The film under way; None before there is one.
     image : callable or None
@@ -54,6 +58,7 @@ class Progress:
     blocked_share: float | None
     samples_at_start: int = 0
     tiles_done: float | None = None
+    tiles_left: TilesLeft | None = None
     film: FilmRun | None = field(default=None, repr=False, compare=False)
     image: Callable[[], Any] | None = field(default=None, repr=False, compare=False)
 
@@ -164,6 +169,26 @@ def render_plan(
     return rendering_of(run, start=start, seconds=clock.elapsed, new_samples=clock.samples, interrupted=stopped)
 
 
+def render_state(wavefront: AnyWavefront, spp: int, part: FilmPart = WHOLE) -> SavedState:
+    """Return the state of a part's film with all its samples; no picture is made of it, which takes the whole film.
+
+    Parameters
+    ----------
+    wavefront
+        Compiled, with an empty film and all tiles.
+    spp
+        The sample of each pixel to end before.
+    part
+        Which tiles and samples are rendered.
+    """
+    run = FilmRun(wavefront, part=part)
+    clock, most = _Clock(run, spp, False, None), wavefront.samples_per_wave
+    while run.done < spp:
+        count = min(most, spp - run.done)
+        run.add(count, clock.count, last=run.done + count == spp)
+    return run.state()
+
+
 def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, interrupted: bool) -> Rendering:
     """Return what a film has come to, of so many samples per pixel at the start and so many of all pixels since."""
     wavefront, watch, done = run.wavefront, run.watch, run.done
@@ -184,7 +209,7 @@ def rendering_of(run: FilmRun, *, start: int, seconds: float, new_samples: int, 
         achieved=watch.achieved(done, sums),
         seconds=seconds,
         interrupted=interrupted,
-        layers={name: found[name] for name in wavefront.settings.layers},
+        layers={name: found[name] for name in wavefront.settings.layers if name not in SHARP_LAYERS},
         resumed_from=start,
         new_samples=new_samples,
         state=run.state,
@@ -207,6 +232,7 @@ class _Clock:
         self._last = self._start
         self._pending = 0
         self._batch = 1  # slots to enqueue before waiting
+        self._time_left = TimeLeft()
 
     @property
     def elapsed(self) -> float:
@@ -258,6 +284,9 @@ class _Clock:
         estimate = self._run.watch.estimate
         if estimate is not None and estimate.target is not None:
             done_share = 1 - len(estimate.tiles) / self._wavefront.layout.tiles
+        done = self._run.done
+        self._time_left.note(elapsed, self.samples)
+        left = self._time_left.tiles_left(estimate, done, self._spp)
         self._on_progress(
-            Progress("render", self._run.done, self._spp, elapsed, rate, blocked, self._first, done_share, self._run)
+            Progress("render", done, self._spp, elapsed, rate, blocked, self._first, done_share, left, self._run)
         )

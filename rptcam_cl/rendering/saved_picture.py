@@ -58,7 +58,7 @@ def picture_of(saved: Checkpoint, layout: FilmLayout) -> SavedPicture:
     if picture["clamp"] is not None:
         stats["clamp"] = {"limit": picture["clamp"], "removed_share": share_removed(arrays["film"])}
     named["direct"] = pixels = layout.picture(arrays["film"], tiles)
-    named["ghosts"] = np.zeros_like(pixels)  # a render with ghosts is refused before
+    named["ghosts"] = np.zeros_like(pixels)  # they are added by `merge`
     return SavedPicture(
         pixels, {name: named[name] for name in facts["layers"]},
         _metadata(picture["metadata"], stats), stats,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -24,11 +24,22 @@ from rptcam_cl.rendering.passes import (
     WaveBuffers,
     bytes_of_lens_rays,
     bytes_of_state,
+    keeps_rays,
     makes_rays,
 )
 from rptcam_cl.rendering.photons import PhotonMap
-from rptcam_cl.rendering.waves import Wave, Waves, wave_slots
+from rptcam_cl.rendering.waves import Wave, Waves, step_of, wave_slots
 from rptcam_cl.scene import RenderSettings
+
+
+@dataclass(frozen=True)
+class Passes:
+    """What takes a wave from the camera to the film and the layers."""
+
+    camera: CameraPasses | None
+    paths: StreamPass | DepthPasses
+    layers: LayerPass | None
+
 
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 
@@ -87,23 +98,46 @@ class Wavefront:
         self.organisation = organisation or ORGANISATION[session.kind]
         self.tiles = layout.whole_list()
         slots, stream = wave_size or wave_slots(session.kind, session.info.compute_units), self.organisation == "stream"
-        self._waves = Waves(layout, slots, stream=stream, loop_limit=session.loop_limit, photons=plan.caustics.active)
+        self._waves = Waves(
+            layout, slots, stream=stream, loop_limit=session.loop_limit, photons=plan.caustics.active,
+            steps=max(len(plan.steps), 1),
+        )  # fmt: skip
         self._launches = Launches(session)
         self._held = self._allocate(plan, buffers)
         self._film, self._tile_list = self._held.film, self._held.tiles
         self._bind(plan)
 
     def _bind(self, plan: Plan) -> None:
-        session, held, stream = self.session, self._held, self.organisation == "stream"
-        made = makes_rays(plan, self.settings, stream=stream)
-        self._camera = None if made else CameraPasses(session, plan, held, stream=stream)
-        self._paths: StreamPass | DepthPasses
-        if stream:
-            self._paths = StreamPass(session, plan, self.settings, held, makes_rays=made)
-        else:
-            self._paths = DepthPasses(session, plan, self.settings, held)
-        self._layers = self._layer_pass(plan, held, stream)
+        """Bind the passes of a plan, or of each step of its exposure."""
         self._photons = self._photon_map(plan)
+        if not plan.steps:
+            self._bound = [self._passes(plan, self._held, None)]
+        else:
+            self._bound = []
+            scene = self._held.scene
+            for step in plan.steps:
+                scene = SceneBuffers(self.session, step, scene)
+                first = self._bound[0].layers if self._bound else None
+                self._bound.append(self._passes(step, replace(self._held, scene=scene), first))
+        self._use_step(0)
+
+    def _use_step(self, sample: int) -> None:
+        """Have the passes in place of the step of the exposure that a sample is of."""
+        steps = len(self._bound)
+        bound = self._bound[0 if steps == 1 else step_of(sample, steps)]
+        self._camera, self._paths, self._layers = bound.camera, bound.paths, bound.layers
+
+    def _passes(self, plan: Plan, held: WaveBuffers, beside: LayerPass | None) -> Passes:
+        session, stream = self.session, self.organisation == "stream"
+        made = makes_rays(plan, self.settings, stream=stream)
+        kept = keeps_rays(plan, self.settings, stream=stream)
+        camera = None if made else CameraPasses(session, plan, held, stream=stream)
+        paths: StreamPass | DepthPasses
+        if stream:
+            paths = StreamPass(session, plan, self.settings, held, makes_rays=made, keeps_rays=kept)
+        else:
+            paths = DepthPasses(session, plan, self.settings, held)
+        return Passes(camera, paths, self._layer_pass(plan, held, stream, beside))
 
     def _photon_map(self, plan: Plan) -> PhotonMap | None:
         scene, pixels = self._held.scene, self.layout.full_width * self.layout.full_height
@@ -117,8 +151,10 @@ class Wavefront:
         session, layout, capacity = self.session, self.layout, self.capacity
         clamped = self.settings.clamp is not None
         stream = self.organisation == "stream"
-        made = makes_rays(plan, self.settings, stream=stream)
-        state = 0 if made else bytes_of_state(plan, capacity, stream=stream)
+        state = max(
+            bytes_of_state(each, capacity, stream=stream) if keeps_rays(each, self.settings, stream=stream) else 0
+            for each in plan.steps or (plan,)
+        )
         film = (4 * planes_of(clamped) + LayerPlanes(self.settings.layers).bytes_per_pixel) * layout.pixels
         self.needs = memory_needs(plan, session, film=film, paths=state + bytes_of_lens_rays(plan, capacity))
         check_memory(self.needs, session)
@@ -132,14 +168,19 @@ class Wavefront:
             capacity=capacity,
         )
 
-    def _layer_pass(self, plan: Plan, held: WaveBuffers, stream: bool) -> LayerPass | None:
+    def _layer_pass(self, plan: Plan, held: WaveBuffers, stream: bool, beside: LayerPass | None) -> LayerPass | None:
         planes = LayerPlanes(self.settings.layers)
         if not planes.names:
             return None
         return LayerPass(
             self.session, plan, self.layout, held.scene, planes, lanes=self.session.lanes, state=held.state,
-            tiles=held.tiles, capacity=held.capacity, stream=stream,
+            tiles=held.tiles, capacity=held.capacity, stream=stream, beside=beside,
         )  # fmt: skip
+
+    @property
+    def scene_buffers(self) -> SceneBuffers:
+        """The scene on the device."""
+        return self._held.scene
 
     @property
     def capacity(self) -> int:
@@ -163,7 +204,8 @@ class Wavefront:
 
     def warm_up(self) -> None:
         """Run a smallest wave, because PoCL generates code at the first launch; then clear the film."""
-        self.enqueue(0, min(BLOCK, self._waves.pixels), 0, 1)
+        for sample in range(len(self._bound)):
+            self.enqueue(0, min(BLOCK, self._waves.pixels), sample, 1)
         self.finish()
         self.clear()
 
@@ -222,6 +264,8 @@ class Wavefront:
         self._film.expect(self._waves.rays_of(wave, self.tiles))
         if self._photons is not None:
             self._photons.use(first_sample, self.seed)
+        if len(self._bound) > 1:
+            self._use_step(first_sample)
         self._make_rays(record, slots)
         if self._layers is not None and first_sample < self.settings.layers_spp:
             seen = min(samples, self.settings.layers_spp - first_sample)

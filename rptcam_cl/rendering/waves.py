@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,8 @@ class Waves:
         Steps that all loops of a work item may take together; None where they may take as many as they like.
     photons
         Whether the samples of a wave must see the same pass of photons.
+    steps
+        Of an exposure in which keys move: with several, a wave has one sample of each pixel.
 
     Attributes
     ----------
@@ -51,14 +54,21 @@ class Waves:
     """
 
     def __init__(
-        self, layout: FilmLayout, slots: int, *, stream: bool, loop_limit: int | None, photons: bool = False
+        self,
+        layout: FilmLayout,
+        slots: int,
+        *,
+        stream: bool,
+        loop_limit: int | None,
+        photons: bool = False,
+        steps: int = 1,
     ) -> None:
         self._layout = layout
         self._photons = photons
-        at_least = STREAM_SAMPLES if stream else 1
+        at_least = STREAM_SAMPLES if stream and steps == 1 else 1
         self.pixels = min(max(slots // at_least // BLOCK, 1) * BLOCK, layout.pixels)
         most = (loop_limit or slots * STEPS_OF_SAMPLE) // STEPS_OF_SAMPLE
-        self.samples = min(max(slots // self.pixels, 1), most)
+        self.samples = 1 if steps > 1 else min(max(slots // self.pixels, 1), most)
 
     @property
     def capacity(self) -> int:
@@ -96,6 +106,18 @@ class Waves:
         record["width"], record["height"] = layout.width, layout.height
         record["crop_x"], record["crop_y"] = layout.x, layout.y
         return record.tobytes()
+
+
+@lru_cache(maxsize=4)
+def _shuffled(cycle: int, steps: int) -> NDArray[np.intp]:
+    """Return the numbers below ``steps`` in an order that neighbouring cycles do not share."""
+    return np.argsort([seed_words(cycle * steps + step)[0] for step in range(steps)], kind="stable")
+
+
+def step_of(sample: int, steps: int) -> int:
+    """Return which step of the exposure a sample of every pixel is of: so many samples have each of them once."""
+    cycle, place = divmod(sample, steps)
+    return int(_shuffled(cycle, steps)[place])
 
 
 def seed_words(seed: int) -> tuple[int, int]:

@@ -3,8 +3,9 @@
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.scene.autofocus import METHODS, POLICIES, AutoFocus, OnlyAuto, ZonesFile, read_zones
+from rptcam_cl.scene.autofocus import METHODS, POLICIES, AutoFocus, FoundFocus, ZonesFile, read_zones
 from rptcam_cl.scene.base import FLOAT32_MAX, FLOAT32_MIN_NORMAL, listed, near_name
+from rptcam_cl.scene.board import Board
 from rptcam_cl.scene.camera import (
     NOT_FOUND_YET,
     Camera,
@@ -15,7 +16,7 @@ from rptcam_cl.scene.camera import (
     ThickLensCamera,
     ThinLensCamera,
 )
-from rptcam_cl.scene.change import apply_overrides, at_opening, change_scene, with_camera
+from rptcam_cl.scene.change import apply_overrides, change_scene, with_camera
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure, Shutter
 from rptcam_cl.scene.file_reference import FileReference
@@ -25,6 +26,8 @@ from rptcam_cl.scene.lens_settings import (
     Accuracy,
     Aperture,
     CircularAperture,
+    CoatingLayers,
+    Dirt,
     HeartAperture,
     ImageAperture,
     OutlineAperture,
@@ -50,6 +53,7 @@ from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Pla
 from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, NormalMap, alpha_pair, has_holes
 from rptcam_cl.scene.mesh import LoadedMesh, MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
+from rptcam_cl.scene.moment import at_opening, at_rest, exposure_steps
 from rptcam_cl.scene.motion import CameraKeyframe, ObjectKeyframe, Trajectory, moments, quaternion_of
 from rptcam_cl.scene.movements import NO_MOVEMENTS, Movements
 from rptcam_cl.scene.picture import (
@@ -71,6 +75,8 @@ from rptcam_cl.scene.render_settings import (
     FILM_LAYERS,
     LAYER_NAMES,
     MAX_SPP,
+    SHARP_LAYERS,
+    WHOLE_LAYERS,
     LayerName,
     LensColour,
     RenderSettings,
@@ -80,7 +86,7 @@ from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.scene_object import PlacedObject, SceneObject, Solid
 from rptcam_cl.scene.scene_text import plain, scene_text
 from rptcam_cl.scene.sensor import Sensor
-from rptcam_cl.scene.sequence import FrameSequence, ValueKeyframe
+from rptcam_cl.scene.sequence import ContinuousFocus, FrameSequence, ValueKeyframe
 from rptcam_cl.scene.set_keys import set_keys
 from rptcam_cl.scene.shape import Box, Cone, Cylinder, Disk, Object, Plane, Rectangle, Sphere
 from rptcam_cl.scene.spectrum import SpectralColour
@@ -114,29 +120,35 @@ __all__ = [
     "NO_BALANCE",
     "NO_MOVEMENTS",
     "POLICIES",
+    "SHARP_LAYERS",
     "SHORTEST_S",
     "SIDES_MM",
     "TONES",
+    "WHOLE_LAYERS",
     "AbsorbingMaterial",
     "Accuracy",
     "Aperture",
     "AsBuilt",
     "AutoFocus",
     "Blend",
+    "Board",
     "Box",
     "BumpyMaterial",
     "Camera",
     "CameraKeyframe",
     "Checker",
     "CircularAperture",
+    "CoatingLayers",
     "Colour",
     "Conductor",
     "Cone",
     "ConstantEnvironment",
+    "ContinuousFocus",
     "CoveringMaterial",
     "Cylinder",
     "Dielectric",
     "DirectionalLight",
+    "Dirt",
     "Disk",
     "Distribution",
     "Emissive",
@@ -147,6 +159,7 @@ __all__ = [
     "Film",
     "FilmFilter",
     "Focus",
+    "FoundFocus",
     "FrameSequence",
     "Gradient",
     "GradientEnvironment",
@@ -176,7 +189,6 @@ __all__ = [
     "NormalMap",
     "Object",
     "ObjectKeyframe",
-    "OnlyAuto",
     "OpticalConstants",
     "OutlineAperture",
     "PictureSettings",
@@ -224,7 +236,9 @@ __all__ = [
     "alpha_pair",
     "apply_overrides",
     "at_opening",
+    "at_rest",
     "change_scene",
+    "exposure_steps",
     "grade",
     "has_holes",
     "input_error",

@@ -90,6 +90,7 @@ Method = Literal["contrast", "laplacian", "variance", "depth", "phase", "hybrid"
 METHODS: tuple[Method, ...] = get_args(Method)
 Policy = Literal["closest", "farthest", "centre", "weighted"]
 POLICIES: tuple[Policy, ...] = get_args(Policy)
+ObjectName = Annotated[str, Field(max_length=200)]
 ZONE = "[x0, x1, y0, y1]"
 
 ZoneFractions = tuple[float, float, float, float]
@@ -137,7 +138,7 @@ class AutoFocus(SceneModel):
     point: Annotated[tuple[Fraction, Fraction], BeforeValidator(list_of(2, "[x, y]"))] | None = None
     """A point of the picture to focus on, as fractions from its left and top edges."""
 
-    object: Annotated[str, Field(max_length=200)] | None = None
+    object: ObjectName | None = None
     """Name of the object to focus on, wherever it is seen."""
 
     policy: Policy = "closest"
@@ -173,8 +174,13 @@ AutoFocusOrMethod = Annotated[
 ]
 
 
-class OnlyAuto(SceneModel):
-    """Focus of a thin lens by autofocus."""
+class FoundFocus(SceneModel):
+    """Focus of a thin lens that is found: by autofocus, or on an object. Exactly one of these."""
 
-    auto: AutoFocusOrMethod
-    """How to focus."""
+    alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("auto", "object"), required=True),)
+
+    auto: AutoFocusOrMethod | None = None
+    """Autofocus."""
+
+    object: ObjectName | None = None
+    """Name of an object that the focus follows, as with other lenses."""

@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Heat
-from rptcam_cl.scene.autofocus import OnlyAuto
+from rptcam_cl.scene.autofocus import FoundFocus
 from rptcam_cl.scene.base import AlsoAccepts, Alternatives, refuse
 from rptcam_cl.scene.focus import Focus
 from rptcam_cl.scene.lens_settings import (
@@ -120,8 +120,8 @@ class ThinLensCamera(Pose):
     focus_distance_m: Metres | None = None
     """Distance of the plane of focus from the eye along the axis [m]."""
 
-    focus: OnlyAuto | None = None
-    """Autofocus in its place."""
+    focus: FoundFocus | None = None
+    """Autofocus, or an object to follow, in its place."""
 
     aperture: Aperture = CircularAperture()
     """Outline of the opening."""
@@ -278,11 +278,19 @@ class RealisticCamera(LensCamera):
     ghosts: Literal["off", "on"] = "off"
     """Whether lamps and suns make ghosts: light that two surfaces reflect onto the film. Needs a `transmission`."""
 
+    barrel_reflectance: Annotated[float, Field(ge=0, lt=1), NUMBER] = 0.0
+    """Share that rims behind the stop scatter evenly to the film, with `ghosts`; they count as lit like the film."""
+
     @model_validator(mode="after")
     def _check_ghosts(self) -> Self:
         fault = "" if self.transmission.fresnel else "needs surfaces that reflect, and those of an ideal lens do not"
         if self.movements != NO_MOVEMENTS:
             fault = "are known of a film in its place alone"
+        if self.barrel_reflectance and self.ghosts == "off":
+            allowed = "0, or ghosts: on beside it"
+            raise refuse(
+                "is light of ghosts", got=self.barrel_reflectance, allowed=allowed, path=("barrel_reflectance",)
+            )
         if self.ghosts == "on" and fault:
             allowed = "off, or without movements and with a transmission: bare, coated or {coating: mgf2}"
             raise refuse(fault, got="on", allowed=allowed, path=("ghosts",))

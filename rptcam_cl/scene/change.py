@@ -15,7 +15,6 @@ from rptcam_cl.scene.camera import LensCamera, ThinLensCamera
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.focus import Focus
 from rptcam_cl.scene.picture import WhiteBalance
-from rptcam_cl.scene.pose import Pose
 from rptcam_cl.scene.problems import input_error, shown
 from rptcam_cl.scene.real_lens import with_design
 from rptcam_cl.scene.scene import Scene
@@ -153,27 +152,6 @@ def _rivals(path: KeyPath) -> set[str]:
     """Return the keys that the last key of a path excludes."""
     groups = [group for model in _EXCLUSIVE.get(path[:-1], ()) for group in model.alternatives]
     return {name for group in groups if path[-1] in group.keys for name in group.keys} - {str(path[-1])}
-
-
-def at_opening(scene: Scene) -> Scene:
-    """Return a scene whose camera stands where it is when the shutter opens; itself where the camera has no keyframes.
-
-    The lens is set there and stays as it is.
-    """
-    if not scene.camera.motion:
-        return scene
-    return scene.model_copy(update={"camera": _moved(scene.camera, scene.shutter.open_s)})
-
-
-def _moved(camera: Pose, time_s: float) -> Pose:
-    """Return a camera at the place that it has at a moment, on the same way."""
-    given = {"eye": camera.eye, "target": camera.target, "up": camera.up}
-    frames = tuple(
-        frame.model_copy(update={key: value for key, value in given.items() if getattr(frame, key) is None})
-        for frame in camera.motion
-    )
-    eye, target, up = (tuple(row.tolist()) for row in camera.pose_at(time_s))
-    return camera.model_copy(update={"eye": eye, "target": target, "up": up, "motion": frames})
 
 
 def change_scene(scene: Scene, **parts: Mapping[str, Any]) -> Scene:

@@ -8,9 +8,9 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.scene.base import refuse
-from rptcam_cl.scene.camera import Camera, LensCamera
-from rptcam_cl.scene.exposure import Shutter
+from rptcam_cl.scene.base import listed, near_name, refuse
+from rptcam_cl.scene.camera import Camera, LensCamera, ThinLensCamera
+from rptcam_cl.scene.exposure import Exposure, Shutter
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import (
     ConstantEnvironment,
@@ -28,7 +28,9 @@ from rptcam_cl.scene.light import (
 from rptcam_cl.scene.material import Emissive, Principled
 from rptcam_cl.scene.mesh import LoadedMesh
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
+from rptcam_cl.scene.render_settings import SHARP_LAYERS, RenderSettings
 from rptcam_cl.scene.scene_object import PlacedObject, Solid
+from rptcam_cl.scene.sequence import FrameSequence
 from rptcam_cl.scene.shape import Object, Plane
 
 # Objects of the scene, each with what is known once its files are read.
@@ -79,6 +81,64 @@ def check_focus(camera: Camera, shutter: Shutter) -> None:
             allowed="a point on the side that the camera looks to at shutter.open_s",
             path=("camera", "focus", "point"),
         )
+
+
+def check_followed(camera: Camera, objects: Sequence[Object]) -> None:
+    """Refuse a focus that follows an object that is not there, or has no middle."""
+    if not isinstance(camera, LensCamera | ThinLensCamera) or camera.focus is None or camera.focus.object is None:
+        return
+    followed, path = camera.focus.object, ("camera", "focus", "object")
+    known = [item.name for item in objects if item.name and not isinstance(item, Plane)]
+    if followed not in known:
+        allowed = listed(known) or "a name, once an object has one"
+        raise refuse(f"is no name of an object{near_name(followed, known)}", got=followed, allowed=allowed, path=path)
+
+
+def check_sequence(sequence: FrameSequence | None, shutter: Shutter, exposure: Exposure, autofocus: bool) -> None:
+    """Refuse what is to follow from frame to frame where nothing is found anew in each, and keys that move twice."""
+    if sequence is None:
+        return
+    for name in sequence.keys.keys() & shutter.keys.keys():
+        raise refuse(
+            "moves by shutter.keys already",
+            got=name,
+            allowed="one of the two; those of the shutter move from frame to frame as well",
+            path=("sequence", "keys", name),
+        )
+    if sequence.continuous_focus is not None and not autofocus:
+        raise refuse(
+            "says how autofocus follows, and the focus is given",
+            allowed="camera.focus: {auto: …} beside it",
+            path=("sequence", "continuous_focus"),
+        )
+    if sequence.exposure_time_constant_s is not None and exposure.mode != "auto":
+        raise refuse(
+            "says how auto exposure follows the light",
+            got=exposure.mode,
+            allowed="exposure: auto beside it",
+            path=("sequence", "exposure_time_constant_s"),
+        )
+
+
+def check_keys_of_shutter(shutter: Shutter, camera: Camera, render: RenderSettings) -> None:
+    """Refuse what cannot follow keys that move while the shutter is open."""
+    if not shutter.keys:
+        return
+    faults = {
+        ("camera", "diffraction"): camera.diffraction != "off",
+        ("camera", "ghosts"): getattr(camera, "ghosts", "off") != "off",
+        ("camera", "accuracy"): getattr(camera, "accuracy", None) is not None,
+        ("camera", "precision"): getattr(camera, "precision", "single") != "single",
+        ("render", "caustics"): render.caustics != "off",
+        ("render", "layers"): bool({"position", *SHARP_LAYERS} & set(render.layers)),
+    }
+    for path, wrong in faults.items():
+        if wrong:
+            raise refuse(
+                "does not go with keys that move while the shutter is open",
+                allowed=f"{path[-1]} left out, or a scene without shutter.keys",
+                path=path,
+            )
 
 
 def scene_warnings(

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal, Self, get_args
 
-from pydantic import BeforeValidator, Field, model_validator
+from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from rptcam_cl.scene.base import AlsoAccepts, SceneModel, listed, near_name, refuse
 from rptcam_cl.scene.camera import Camera, FNumber, LensCamera, ThinLensCamera
-from rptcam_cl.scene.quantities import NUMBER, Duration, Fraction, Moment, list_of
+from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, Duration, Fraction, Moment, list_of
+from rptcam_cl.scene.sequence import ValueKeyframes, is_even
+
+MOVES_IN_EXPOSURE = ("camera", "materials", "objects", "lights", "environment")
+MOST_STEPS = 4096
 
 
 class Shutter(SceneModel):
@@ -29,6 +35,32 @@ class Shutter(SceneModel):
     direction: Literal["top_down", "bottom_up", "left_right", "right_left"] = "top_down"
     """With a rolling shutter: which way the rows follow each other in the picture."""
 
+    keys: Mapping[str, ValueKeyframes] = {}
+    """Keys that change while it is open, as `camera.focal_length_mm`: keyframes by key path, of numbers."""
+
+    steps: Annotated[int, Field(ge=2, le=MOST_STEPS), WHOLE_NUMBER] = 32
+    """Into how many equal steps the exposure is cut for `keys`, which hold still within each."""
+
+    @field_validator("keys", mode="after")
+    @classmethod
+    def _check_moving_keys(cls, keys: Mapping[str, ValueKeyframes]) -> Any:
+        for name, frames in keys.items():
+            if re.split(r"[.[]", name)[0] not in MOVES_IN_EXPOSURE:
+                raise refuse(
+                    "is no key that moves while the shutter is open",
+                    got=name,
+                    allowed=f"keys of {listed(MOVES_IN_EXPOSURE)}, as camera.focal_length_mm",
+                    path=(name,),
+                )
+            if not is_even(frames):
+                raise refuse(
+                    "does not go evenly",
+                    got=name,
+                    allowed="numbers, or lists of as many numbers in each keyframe",
+                    path=(name,),
+                )
+        return keys
+
     @model_validator(mode="after")
     def _check_readout(self) -> Self:
         if self.kind == "rolling" and self.readout_s is None:
@@ -38,6 +70,15 @@ class Shutter(SceneModel):
                 allowed="readout_s beside it, for instance 1/30",
                 path=("kind",),
             )
+        if self.kind == "rolling" and self.keys:
+            raise refuse(
+                "exposes each row at its own time, and keys are the same for all",
+                got=self.kind,
+                allowed="kind: global beside keys, or keys in sequence.keys, which hold still within a frame",
+                path=("kind",),
+            )
+        if not self.keys and self.steps != type(self).model_fields["steps"].default:
+            raise refuse("cuts the exposure for keys", got=self.steps, allowed="keys beside it", path=("steps",))
         for key in ("readout_s", "direction"):
             if self.kind == "global" and getattr(self, key) != type(self).model_fields[key].default:
                 raise refuse(

@@ -6,7 +6,7 @@ from typing import Annotated, ClassVar, Literal, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 
-from rptcam_cl.scene.autofocus import AutoFocusOrMethod
+from rptcam_cl.scene.autofocus import AutoFocusOrMethod, ObjectName
 from rptcam_cl.scene.base import Alternatives, SceneModel, refuse
 from rptcam_cl.scene.quantities import NUMBER, Fraction, Metres, Millimetres, Position, list_of
 
@@ -14,14 +14,15 @@ from rptcam_cl.scene.quantities import NUMBER, Fraction, Metres, Millimetres, Po
 class Focus(SceneModel):
     """Focus of a real lens: where the object plane, the film or the group is. Exactly one of these, or `auto`.
 
-    The eye is the centre of the film, so `distance_m` and `point` fix a plane of the scene, at right angles to the
-    axis. `front_distance_m` fixes it relative to the lens: the plane lies farther from the eye by the length of the
-    lens and the film distance, which follow from it.
+    The eye is the centre of the film, so `distance_m`, `point` and `object` fix a plane of the scene, at right angles
+    to the axis. `front_distance_m` fixes it relative to the lens: the plane lies farther from the eye by the length of
+    the lens and the film distance, which follow from it.
     """
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (
         Alternatives(
-            ("distance_m", "front_distance_m", "point", "film_distance_mm", "group_shift_mm", "auto"), required=True
+            ("distance_m", "front_distance_m", "point", "object", "film_distance_mm", "group_shift_mm", "auto"),
+            required=True,
         ),
     )
 
@@ -33,6 +34,10 @@ class Focus(SceneModel):
 
     point: Position | None = None
     """A point of the object plane in focus [scene units]."""
+
+    object: ObjectName | None = None
+    """Name of an object that the focus follows: the object plane goes through the middle of the box round it, where
+    camera and object are when the shutter opens."""
 
     film_distance_mm: Millimetres | None = None
     """Distance from the last vertex of the lens to the film [mm]."""
@@ -57,7 +62,7 @@ class Focus(SceneModel):
             raise refuse(
                 f"seeks the film distance, which {given[0]} gives already",
                 got=self.method,
-                allowed="distance_m, front_distance_m or point beside it",
+                allowed="distance_m, front_distance_m, point or object beside it",
                 path=("method",),
             )
         if self.field is not None and self.method != "spot":

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, WithJsonSchema, model_validator
 
+from rptcam_cl.core.camera_records import MOST_LAYERS
 from rptcam_cl.scene.base import SceneModel, read_number, refuse
 from rptcam_cl.scene.file_reference import FileName, FileReference
 from rptcam_cl.scene.quantities import NUMBER, WHOLE_NUMBER, list_of
@@ -136,6 +137,40 @@ Aperture = Annotated[
     Field(discriminator="shape"),
 ]
 
+Density = Annotated[float, Field(ge=0, le=100), NUMBER]
+
+
+class Dirt(SceneModel):
+    """Dust and scratches in the plane of the stop. A wider stop shows the same ones and more of them."""
+
+    dust_per_mm2: Density = 2.0
+    """Specks of dust in each square millimetre."""
+
+    dust_um: Annotated[float, Field(ge=1, le=1000), NUMBER] = 40.0
+    """Median diameter of a speck [micrometres]."""
+
+    scratches_per_mm2: Density = 0.1
+    """Scratches in each square millimetre."""
+
+    scratch_um: Annotated[float, Field(ge=0.1, le=1000), NUMBER] = 6.0
+    """Width of a scratch [micrometres]."""
+
+    scratch_mm: Annotated[float, Field(gt=0, le=1000), NUMBER] = 2.0
+    """Median length of a scratch [mm]."""
+
+    seed: Annotated[int, Field(ge=0, le=2**32 - 1), WHOLE_NUMBER] = 0
+    """Chooses the places; equal seeds give equal dirt."""
+
+
+class Stop(SceneModel):
+    """What lies in the plane of the stop beside its blades."""
+
+    dirt: Dirt | None = None
+    """Dust and scratches; they scatter light where `diffraction` counts. None by default."""
+
+
+CLEAN = Stop()
+
 COATINGS = ("bare", "mgf2")
 WORDS: dict[str, dict[str, bool]] = {
     "ideal": {"fresnel": False, "absorption": False},
@@ -143,7 +178,25 @@ WORDS: dict[str, dict[str, bool]] = {
     "coated": {"coatings": True},
 }
 
-_ALLOWED = "bare, mgf2, or a reflectance from 0 to below 1"
+IN_WORDS, LAYERED = "a coating", "a coating of layers"  # forms; not keys
+_ALLOWED = "bare, mgf2, a reflectance from 0 to below 1, or {layers: [{index: …, thickness_nm: …}, …]}"
+
+
+class CoatingLayer(SceneModel):
+    """One layer of a coating."""
+
+    index: Annotated[float, Field(ge=1, le=5), NUMBER]
+    """At every wavelength."""
+
+    thickness_nm: Annotated[float, Field(gt=0), NUMBER]
+    """Of the layer [nm]."""
+
+
+class CoatingLayers(SceneModel):
+    """Several layers."""
+
+    layers: Annotated[tuple[CoatingLayer, ...], Field(min_length=1, max_length=MOST_LAYERS)]
+    """From the air to the glass."""
 
 
 def _read_coating(value: Any) -> str | float:
@@ -158,10 +211,14 @@ def _read_coating(value: Any) -> str | float:
     return share
 
 
-Coating = Annotated[
+_PlainCoating = Annotated[
     str | float,
     BeforeValidator(_read_coating),
     WithJsonSchema({"anyOf": [{"enum": list(COATINGS)}, {"type": "number", "minimum": 0, "exclusiveMaximum": 1}]}),
+]
+Coating = Annotated[
+    Annotated[_PlainCoating, Tag(IN_WORDS)] | Annotated[CoatingLayers, Tag(LAYERED)],
+    Discriminator(lambda value: LAYERED if isinstance(value, dict | CoatingLayers) else IN_WORDS),
 ]
 Flag = Annotated[bool, Field(strict=True)]
 
@@ -182,7 +239,7 @@ class Transmission(SceneModel):
 
     coating: Coating | None = None
     """What lies on every surface between glass and air, in place of what the lens says: `bare`, `mgf2` (a quarter wave
-    of index 1.38 at 550 nm), or a reflectance at normal incidence."""
+    of index 1.38 at 550 nm), a reflectance at normal incidence, or several layers."""
 
     @model_validator(mode="before")
     @classmethod

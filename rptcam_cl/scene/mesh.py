@@ -212,9 +212,9 @@ class MeshObject(MeshSource, PlacedObject):
 
 
 class LoadedMesh(NamedTuple):
-    """What was found for a mesh object: its parts, and the material of each."""
+    """What was found for a mesh object or a board: its parts, and the material of each."""
 
-    item: MeshObject
+    item: PlacedObject
     contents: MeshContents
     materials: tuple[Material, ...]
 
@@ -244,7 +244,7 @@ class LoadedMesh(NamedTuple):
             {
                 "mesh": part.mesh.content_hash,
                 "placement": part.placement.tolist(),
-                "material": described(material, folders) if self.item.material is None else None,
+                "material": described(material, folders) if getattr(self.item, "material", None) is None else None,
             }
             for part, material in zip(self.contents.parts, self.materials, strict=True)
         ]

@@ -96,6 +96,7 @@ class _Translation:
             "specular": given.specular,
             "metallic": self._share(given.metallic, given.metallic_texture, "b"),
             "roughness": self._share(given.roughness, given.roughness_texture, "g"),
+            "anisotropy": given.anisotropy,
             "clearcoat": given.clearcoat,
             "clearcoat_roughness": given.clearcoat_roughness,
         }  # fmt: skip

@@ -163,6 +163,9 @@ class PictureSettings(SceneModel):
     bits: Literal[8, 16] | None = None
     """Bits per channel of PNG and TIFF files; by default 8 in PNG and 16 in TIFF."""
 
+    jpeg_quality: Annotated[int, Field(ge=1, le=100, strict=True)] = 95
+    """Quality of JPEG files; colour is in half the resolution below 90."""
+
     def check_crop(self, crop: tuple[float, float, float, float] | None) -> None:
         """Refuse a grey place that is not wholly in the part of the film that is rendered."""
         place = None if self.white_balance is None else self.white_balance.grey

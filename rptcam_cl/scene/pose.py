@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import SceneModel, refuse
+from rptcam_cl.scene.lens_settings import CLEAN, Stop
 from rptcam_cl.scene.motion import CameraMotion, Vector, place_between
 from rptcam_cl.scene.quantities import SMALLEST_LENGTH, Direction, Position
 
@@ -37,6 +38,19 @@ class Pose(SceneModel):
 
     diffraction: Literal["off", "auto", "on"] = "off"
     """Whether the opening diffracts the light; `auto`: where the Airy radius is half a pixel or more."""
+
+    stop: Stop = CLEAN
+    """What lies in the plane of the stop."""
+
+    @model_validator(mode="after")
+    def _check_stop(self) -> Self:
+        if self.stop.dirt is not None and self.diffraction == "off":
+            raise refuse(
+                "scatters light by diffraction, which is off",
+                allowed="with diffraction: on or auto",
+                path=("stop", "dirt"),
+            )
+        return self
 
     @model_validator(mode="after")
     def _check_pose(self) -> Self:

@@ -13,6 +13,7 @@ from pydantic_core import PydanticCustomError
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.strict_yaml import KeyPath, dotted
 from rptcam_cl.scene.base import REFUSED, listed, near_name
+from rptcam_cl.scene.lens_settings import IN_WORDS, LAYERED
 from rptcam_cl.scene.metal import MEASURED, WRITTEN_OUT
 from rptcam_cl.scene.quantities import SPECTRUM
 from rptcam_cl.scene.real_lens import DESIGN, REAL
@@ -21,7 +22,7 @@ from rptcam_cl.scene.texture import CONSTANT
 MAX_REPORTED = 5
 
 # Names of forms that a value without a kind may have; no keys.
-FORMS = (CONSTANT, SPECTRUM, MEASURED, DESIGN, REAL)
+FORMS = (CONSTANT, SPECTRUM, MEASURED, DESIGN, REAL, IN_WORDS, LAYERED)
 
 Where = Callable[[KeyPath, bool], str]
 

@@ -26,10 +26,28 @@ LayerName = Literal[
     "variance",
     "direct",
     "ghosts",
+    "crypto_object",
+    "crypto_material",
+    "sharp_depth",
+    "sharp_position",
+    "sharp_normal",
+    "sharp_object_id",
+    "sharp_material_id",
+    "sharp_class_id",
+    "occlusion",
+    "flow_forward",
+    "flow_backward",
+    "motion",
+    "ray_origin",
+    "ray_direction",
 ]
 LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
 # Of the picture itself, not of what its rays meet.
 FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct", "ghosts")
+# Of the chief rays alone, without the samples of the picture.
+SHARP_LAYERS: tuple[LayerName, ...] = LAYER_NAMES[LAYER_NAMES.index("sharp_depth") :]
+# That a render in parts cannot have.
+WHOLE_LAYERS: tuple[LayerName, ...] = ("crypto_object", "crypto_material", *SHARP_LAYERS)
 
 
 def _as_list(names: object) -> object:

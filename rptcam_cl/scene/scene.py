@@ -17,8 +17,16 @@ from rptcam_cl.core.strict_yaml import MAX_BYTES
 from rptcam_cl.optics import Lens, digests_of_lens, load_lens, named_lens, names_a_file
 from rptcam_cl.scene.autofocus import AutoFocus
 from rptcam_cl.scene.base import SceneModel, listed, near_name, refuse
+from rptcam_cl.scene.board import Board
 from rptcam_cl.scene.camera import Camera, LensCamera, ThinLensCamera
-from rptcam_cl.scene.checks import check_extent, check_focus, scene_warnings
+from rptcam_cl.scene.checks import (
+    check_extent,
+    check_focus,
+    check_followed,
+    check_keys_of_shutter,
+    check_sequence,
+    scene_warnings,
+)
 from rptcam_cl.scene.exposure import Exposure, ExposureOrMode, Shutter, check_exposure
 from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.film import Film
@@ -145,6 +153,9 @@ class Scene(SceneModel):
         check_exposure(self.exposure, self.camera)
         self.picture.check_crop(self.film.crop)
         check_focus(self.camera, self.shutter)
+        check_sequence(self.sequence, self.shutter, self.exposure, self.requested_autofocus is not None)
+        check_followed(self.camera, self.objects)
+        check_keys_of_shutter(self.shutter, self.camera, self.render)
         for index, item in enumerate(self.objects):
             if not isinstance(item, MeshObject):
                 check_extent(item, item, path=("objects", index))
@@ -177,7 +188,7 @@ class Scene(SceneModel):
         scene._stand_ins, scene._made_of = stand_ins, None
         return scene
 
-    def load_mesh(self, item: MeshObject) -> LoadedMesh:
+    def load_mesh(self, item: MeshObject | Board) -> LoadedMesh:
         """Return the parts and materials of one of the scene's mesh objects; they are read once.
 
         Raises
@@ -185,7 +196,7 @@ class Scene(SceneModel):
         InputError
             When the mesh cannot be used, without the place of the object.
         """
-        return self._library.load(item)
+        return item.loaded if isinstance(item, Board) else self._library.load(item)
 
     def solids(self) -> tuple[Solid, ...]:
         """Return the shape and materials of each object, those of meshes from their files."""
@@ -261,13 +272,13 @@ class Scene(SceneModel):
         """Return the SHA-256 of everything that changes the film.
 
         Left out are the number of samples, layers, the sensor without its response, what follows the film (diffraction,
-        ghosts and how the picture is shown), and names. Files count by their content.
+        ghosts and how the picture is shown), names and labels. Files count by their content.
         """
-        left_out = {"name", "file", "mesh", "vertices", "faces", "uvs", "normals"}
+        left_out = {"name", "label", "file", "mesh", "vertices", "faces", "uvs", "normals"}
         content = self.model_dump(
             mode="json",
             exclude={
-                "picture": True, "sequence": True, "sensor": True, "camera": {"diffraction", "ghosts"},
+                "picture": True, "sequence": True, "sensor": True, "camera": {"diffraction", "ghosts", "stop"},
                 "materials": True, "meshes": True,
                 "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
@@ -290,6 +301,9 @@ class Scene(SceneModel):
                 content["camera"]["files of the lens"] = digests
         if isinstance(tolerances := self.tolerances_source(), Path):
             content["camera"]["lens"]["as_built"]["spec"] = digest(tolerances, MAX_BYTES)
+        followed = getattr(getattr(self.camera, "focus", None), "object", None)
+        if followed is not None:  # names of objects are left out
+            content["camera"]["focus"]["object"] = [item.name == followed for item in self.objects].index(True)
         for (key, *rest), reference in file_references(self):
             if key != "materials":
                 part: Any = content[str(key)]

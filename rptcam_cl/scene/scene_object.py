@@ -25,6 +25,9 @@ class PlacedObject(SceneModel):
     name: Annotated[str, Field(max_length=200)] | None = None
     """Name of the object, for the reader."""
 
+    label: Annotated[str, Field(min_length=1, max_length=200)] | None = None
+    """Class of the object, as chair: of semantic masks and annotations."""
+
     transform: Transform = ()
     """One step or a list of steps, applied in their order to the shape as described by its own keys."""
 

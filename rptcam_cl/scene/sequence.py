@@ -27,6 +27,19 @@ ValueKeyframes = Annotated[
 ]
 
 
+class ContinuousFocus(SceneModel):
+    """How autofocus follows from frame to frame, so that it does not pump."""
+
+    hold: Annotated[float, Field(ge=0, le=1e6), NUMBER] = 1.0
+    """How far the focus may be off what is measured before it goes there [depths of focus]."""
+
+    lock_s: Annotated[float, Field(ge=0, le=1e6), NUMBER] = 0.25
+    """How long it waits before, so that what crosses the picture is let pass [s]."""
+
+    speed: Annotated[float, Field(gt=0, le=1e9), NUMBER] = 50.0
+    """How fast it goes at most [depths of focus per second]."""
+
+
 class FrameSequence(SceneModel):
     """Keys that change from frame to frame; within a frame they stay."""
 
@@ -35,6 +48,13 @@ class FrameSequence(SceneModel):
 
     keys: Mapping[str, ValueKeyframes] = {}
     """Keyframes by key path, as `camera.focus.distance_m`; times count as those of moving objects do."""
+
+    continuous_focus: ContinuousFocus | None = None
+    """How `camera.focus: {auto: …}` follows from frame to frame; by default each frame is focused for itself."""
+
+    exposure_time_constant_s: Annotated[float, Field(gt=0, le=1e6), NUMBER] | None = None
+    """How slowly `exposure: auto` follows the light: 63 % of a change are done after this time [s]; by default at once,
+    each frame by itself."""
 
     @field_validator("keys", mode="after")
     @classmethod
@@ -74,6 +94,18 @@ def value_at(frames: Sequence[ValueKeyframe], time_s: float) -> Any:
     index, share = place_between(frames, time_s)
     here = frames[index].value
     return here if share == 0 else _between(here, frames[index + 1].value, share)
+
+
+def is_even(frames: Sequence[ValueKeyframe]) -> bool:
+    """Return whether the values are numbers, or lists of as many numbers, so that they go evenly between keyframes."""
+    shapes = {_shape(frame.value) for frame in frames}
+    return len(shapes) == 1 and None not in shapes
+
+
+def _shape(value: Any) -> int | None:
+    if isinstance(value, list | tuple):
+        return len(value) if all(map(_is_number, value)) else None
+    return 0 if _is_number(value) else None
 
 
 def _between(one: Any, other: Any, share: float) -> Any:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
 from rptcam_cl.scene.base import refuse
+from rptcam_cl.scene.board import Board
 from rptcam_cl.scene.mesh import MeshObject
 from rptcam_cl.scene.quantities import SMALLEST_LENGTH, Direction, Length, Position
 from rptcam_cl.scene.scene_object import Bounds, SceneObject
@@ -215,4 +216,6 @@ def _along_axis(point: NDArray[np.float64], base: NDArray[np.float64], end: NDAr
     return height, float(np.linalg.norm(point - base - height * axis))
 
 
-Object = Annotated[Sphere | Disk | Rectangle | Box | Cylinder | Cone | Plane | MeshObject, Field(discriminator="shape")]
+Object = Annotated[
+    Sphere | Disk | Rectangle | Box | Cylinder | Cone | Plane | MeshObject | Board, Field(discriminator="shape")
+]

@@ -3,7 +3,7 @@
 from rptcam_cl.tradeoff.comparison import Advice
 from rptcam_cl.tradeoff.interface import TradeoffReport, measure_tradeoff
 from rptcam_cl.tradeoff.plot import tradeoff_plot
-from rptcam_cl.tradeoff.table import markdown, tables
+from rptcam_cl.tradeoff.table import markdown, summary, tables
 from rptcam_cl.tradeoff.text import caveats, recommendation
 from rptcam_cl.tradeoff.tiers.decide import choose_camera
 from rptcam_cl.tradeoff.tiers.tiers import equivalent
@@ -17,6 +17,7 @@ __all__ = [
     "markdown",
     "measure_tradeoff",
     "recommendation",
+    "summary",
     "tables",
     "tradeoff_plot",
 ]

@@ -80,6 +80,11 @@ class Comparison:
         Greatest displacement of light of other wavelengths by the lens [pixels].
     diffraction : dict or None
         What `camera.diffraction: auto` decides, with the Airy radius [pixels]; none of the pictures has it.
+    ghosts : float or None
+        Share of a lamp's light on the axis that `camera.ghosts` adds within the frame; none of the pictures has it.
+        None where surfaces reflect nothing.
+    budget : float
+        How long the measurement was to take [s]; 0 where that is not known.
     truncation : dict
         Bound on the light of paths beyond the scene's depth.
     advice : tuple of Advice
@@ -105,6 +110,8 @@ class Comparison:
     advice: tuple[Advice, ...] = ()
     skipped: dict[str, str] = field(default_factory=dict)
     diffraction: dict[str, Any] | None = None
+    ghosts: float | None = None
+    budget: float = 0.0
 
     def named(self, name: str) -> Measurement:
         """Return the measurement of a configuration by its name or by that of another that is the same way."""

@@ -10,10 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from rptcam_cl.cameras import ghost_setting
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, open_session
 from rptcam_cl.focusing import in_focus
 from rptcam_cl.lenstools import chart_svg
+from rptcam_cl.optics import Lit, find_ghosts
 from rptcam_cl.rendering import diffraction_of, resolve_exposure
 from rptcam_cl.scene import Scene, change_scene, load_scene
 from rptcam_cl.tradeoff.advice import for_error, for_time
@@ -40,7 +42,7 @@ class TradeoffReport(Comparison):
     """A comparison that writes itself as text, as Markdown and as a plot."""
 
     def __str__(self) -> str:
-        """Return advice, tables and how they were found, as ``rptcam tradeoff`` prints them."""
+        """Return advice, tables and how they were found, as ``rptcam tradeoff --details`` prints them."""
         return plain_text(self)
 
     def markdown(self, title: str = TITLE) -> str:
@@ -114,6 +116,8 @@ def measure_tradeoff(
         allowed="" if steps.decision is None else steps.decision.tier,
         skipped=steps.skipped | impossible,
         diffraction=_diffraction(fixed),
+        ghosts=_ghosts(fixed),
+        budget=budget,
     )
 
 
@@ -135,6 +139,22 @@ def _diffraction(scene: Scene) -> dict[str, Any] | None:
     """Return what `camera.diffraction: auto` decides; None for a camera that has no opening."""
     found = diffraction_of(change_scene(scene, camera={"diffraction": "auto"}))
     return None if found is None or found.airy_radius_px is None else found.metadata
+
+
+def _ghosts(scene: Scene) -> float | None:
+    """Return the share of a lamp's light on the axis that ghosts bring to the frame; None where there are none."""
+    try:
+        setting = ghost_setting(scene)
+        width, height = scene.film.size_m()
+        frame = (1e3 * width, 1e3 * height)
+        lit = Lit(
+            setting.lens, setting.film_distance_mm, wavelength_nm=setting.camera.wavelength_nm, film_mm=frame,
+            transmission=setting.transmission,
+        )  # fmt: skip
+        found = find_ghosts(lit)
+    except InputError:
+        return None
+    return sum(ghost.flux_in_frame for ghost in found.ghosts) / found.reference
 
 
 def _prepared(steps: Ladder, session: Session, tell: Tell) -> tuple[list[Ready], dict[str, str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -28,7 +28,8 @@ SURE = 4.0  # standard errors above which a difference counts as certain: the bi
 LEAST_NOISE = 1e-6  # of the estimate: what draws of the seeds count in which pictures happen to be the same
 RARE = 2.0  # times the lower end of the noise's interval that the upper is, where few paths make most of it
 SLOW = -0.95  # exponent of the noise over the samples: more would be slower than independent samples
-FIRST_S, LAST_S, STEPS = 1e-4, 1e8, 121  # times at which errors are compared
+STEPS = 121
+TIMES = np.geomspace(1e-4, 1e8, STEPS)  # at which errors are compared [s]
 TARGETS = (0.02, 0.01)  # relative errors (root of relMSE) for which times are reported
 
 
@@ -86,6 +87,9 @@ class Measurement:
         relMSE of the bias in each rendered tile.
     noise_of_tiles : (tiles,) array
         Standard error that noise alone gives it.
+    odds : (times,) array
+        Share of the draws of the seeds by which it errs less than the most accurate configuration, after each of
+        `TIMES`; empty where that was not drawn.
     """
 
     name: str
@@ -110,6 +114,11 @@ class Measurement:
     gain: Interval
     bias_of_tiles: Array
     noise_of_tiles: Array
+    odds: Array = field(default_factory=lambda: np.empty(0))
+
+    def odds_after(self, seconds: float) -> float | None:
+        """Return how probable it is that it errs less than the most accurate configuration after a time [s]."""
+        return float(np.interp(np.log(seconds), np.log(TIMES), self.odds)) if len(self.odds) else None
 
     @property
     def sure_bias_of_tiles(self) -> Array:
@@ -228,6 +237,7 @@ def measurements(
         reached = {target: _time_to(own, target) for target in TARGETS}
         to: dict[float, Interval] = {target: interval(rows[0], rows[1:], seeds) for target, rows in reached.items()}
         tiles: dict[str, Any] = {"bias_of_tiles": error.by_tile, "noise_of_tiles": error.noise_of_tiles}
+        tiles["odds"] = (_gains(own, sources[0])[:, 1:] > 0).mean(axis=1)
         found.append(Measurement(**names, **intervals, **tiles, samples=samples[1:], noise=noise, seconds_to=to))
     return found
 
@@ -284,16 +294,20 @@ def _gain(own: _Replicates, reference: _Replicates) -> Array:
         return np.where(own.rate > 0, reference.rate / own.rate, even)
 
 
+def _gains(own: _Replicates, reference: _Replicates) -> Array:
+    """Return the logarithm of how many times its error (relMSE) the reference has: a row for each of `TIMES`."""
+    bias, times = np.maximum(own.bias, 0.0), TIMES[:, None]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(np.log(reference.even_after(times) / (own.even_after(times) + bias)))
+
+
 def _better_until(own: _Replicates, reference: _Replicates) -> Array:
     """Return the last time at which it errs less than the reference: 0 for never, infinite for always."""
-    bias = np.maximum(own.bias, 0.0)
-    times = np.geomspace(FIRST_S, LAST_S, STEPS)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        gains = np.log(reference.even_after(times[:, None]) / (own.even_after(times[:, None]) + bias))
+    gains, times = _gains(own, reference), TIMES
     better = gains > 0
     last = STEPS - 1 - better[::-1].argmax(axis=0)
     after = np.minimum(last + 1, STEPS - 1)
-    place = np.arange(len(bias))
+    place = np.arange(gains.shape[1])
     here, there = gains[last, place], gains[after, place]
     with np.errstate(divide="ignore", invalid="ignore"):
         crossing = times[last] * (times[1] / times[0]) ** (here / (here - there))

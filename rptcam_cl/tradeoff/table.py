@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from rptcam_cl.tradeoff.comparison import Comparison
+from rptcam_cl.tradeoff.headline import headline
 from rptcam_cl.tradeoff.ladder import REFERENCE
 from rptcam_cl.tradeoff.measurement import TARGETS, Measurement
-from rptcam_cl.tradeoff.text import caveats, recommendation
+from rptcam_cl.tradeoff.text import MEANT, caveats, recommendation, unsure
 from rptcam_cl.tradeoff.tiers.errors import FIELDS
-from rptcam_cl.tradeoff.words import bias, crossing, ends, per_cent, pixels, seconds
+from rptcam_cl.tradeoff.words import bias, crossing, ends, noise, per_cent, pixels, seconds
 
 SHOWN_FIELDS = (0.0, 0.5, 0.7, 1.0)
 ERROR_COLUMNS = ("configuration", "bias", "brightness", f"better than {REFERENCE} until")
@@ -49,7 +50,7 @@ def _costs(found: Measurement) -> list[str]:
     return [
         found.name,
         ends(found.sample_s),
-        per_cent(max(found.rate.value, 0.0) ** 0.5),
+        noise(max(found.rate.value, 0.0) ** 0.5),
         *(ends(found.seconds_to[target]) for target in TARGETS),
         seconds(found.start_s),
     ]
@@ -66,6 +67,11 @@ def _cameras(report: Comparison) -> list[list[str]]:
         for camera in report.cameras
         if camera.tier != "realistic"
     ]
+
+
+def summary(report: Comparison) -> list[str]:
+    """Return the lines that the command prints without its details: the advice, its terms, and doubts."""
+    return [*headline(report), "", MEANT, *unsure(report), "All numbers and how they were found: --details."]
 
 
 def plain_text(report: Comparison) -> str:

@@ -6,23 +6,22 @@ import math
 
 import numpy as np
 
-from rptcam_cl.tradeoff.comparison import Advice, Comparison
-from rptcam_cl.tradeoff.ladder import AS_IT_IS, REFERENCE
+from rptcam_cl.tradeoff.comparison import Comparison
+from rptcam_cl.tradeoff.headline import FULL, called, headline
+from rptcam_cl.tradeoff.ladder import REFERENCE
 from rptcam_cl.tradeoff.measurement import Measurement
 from rptcam_cl.tradeoff.tiers.errors import FIELDS, TierError
-from rptcam_cl.tradeoff.words import between, bias, per_cent, pixels, seconds
+from rptcam_cl.tradeoff.words import bias, per_cent, pixels, seconds
 
-FULL = "full accuracy"
+MEANT = "Errors are relative to each pixel's brightness (root mean square over the picture), noise included."
 SHOWS_LOAD = 1.3  # ratio of wall time to CPU time from which the report mentions it
 PLACES = (("top", "middle", "bottom"), ("left", "centre", "right"))
 
 
 def recommendation(report: Comparison) -> list[str]:
-    """Return sentences: the advice, how to select it, the meaning of its terms, then what else was found."""
-    said = [_advice(report, advice) for advice in report.advice]
+    """Return sentences: the advice, the meaning of its terms, then what else was found."""
     chosen = list(dict.fromkeys(advice.chosen for advice in report.advice if advice.chosen is not None))
-    said += [sentence for name in chosen if (sentence := _sentence_of(report, report.named(name)))]
-    said += _meant(report)
+    said = [*headline(report), *_meant(report)]
     said += [_differs(report, report.named(name)) for name in chosen if name != REFERENCE]
     said += _camera(report)
     said += _depth(report)
@@ -39,7 +38,7 @@ def caveats(report: Comparison) -> list[str]:
         f" {report.resolution[0]} x {report.resolution[1]} pixels, {report.seeds} seeds with {first} and {second}"
         f" samples per pixel, {report.long_tiles} tiles with {most}. Brackets are intervals of 95 %."
     ]
-    said += _unsure(report)
+    said += unsure(report)
     clock = report.measurements[0].wall_sample_s.value / report.measurements[0].sample_s.value
     if report.by_cpu:
         said.append("Times are CPU times divided by the number of cores: those of a render on an idle machine.")
@@ -53,10 +52,10 @@ def caveats(report: Comparison) -> list[str]:
     return said
 
 
-def _unsure(report: Comparison) -> list[str]:
+def unsure(report: Comparison) -> list[str]:
     """Return a warning where the noise of an advised configuration or the reference comes from rare bright paths."""
     names = dict.fromkeys([REFERENCE, *(advice.chosen for advice in report.advice)])
-    rare = [_called(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
+    rare = [called(report, name) for name in names if name is not None and report.named(name).has_rare_paths]
     if not rare:
         return []
     return [
@@ -65,77 +64,29 @@ def _unsure(report: Comparison) -> list[str]:
     ]
 
 
-def _advice(report: Comparison, advice: Advice) -> str:
-    said = _for_time(report, advice) if advice.wish == "time" else _for_error(report, advice)
-    if advice.perhaps is None:
-        return f"{said}."
-    perhaps = _called(report, advice.perhaps)
-    return f"{said}. {perhaps[0].upper()}{perhaps[1:]} may be better; a longer measurement (--budget) would show it."
-
-
-def _for_time(report: Comparison, advice: Advice) -> str:
-    head = f"In {seconds(advice.amount)}"
-    if advice.chosen is None:
-        fastest = min(found.sample_s.value for found in report.measurements)
-        return f"{head}: no picture; one sample per pixel takes at least {seconds(fastest)}"
-    errs = f"{between(advice.least_error, advice.most_error)} after {advice.samples} samples per pixel"
-    take = f"{head}: use {_called(report, advice.chosen)}; its error is then {errs}"
-    if advice.chosen == REFERENCE:
-        return f"{take}. No approximation is certainly better"
-    if math.isinf(advice.full_error):
-        return f"{take}; {FULL} has no picture by then"
-    return f"{take}; {FULL} has {per_cent(advice.full_error)}"
-
-
-def _for_error(report: Comparison, advice: Advice) -> str:
-    head, takes = f"To an error of {per_cent(advice.amount)}", seconds(advice.seconds)
-    if advice.chosen is None:
-        return f"{head}: no configuration reaches it"
-    take = f"{head}: use {_called(report, advice.chosen)} for {takes} ({advice.samples} samples per pixel)"
-    if advice.chosen == REFERENCE:
-        return f"{take}. No approximation is certainly faster"
-    full, times = seconds(advice.full_seconds), advice.full_seconds / advice.seconds
-    return f"{take}; {FULL} takes {full}, {times:.1f} times as long"
-
-
-def _called(report: Comparison, name: str) -> str:
-    """Return the name of a configuration in a sentence."""
-    found = report.named(name)
-    if AS_IT_IS in (name, *found.same_as):
-        return f"the scene as it is{f' ({FULL})' if name == REFERENCE else ''}"
-    if name == REFERENCE:
-        return FULL
-    return f"the {name}" if found.knob == "camera" else f"«{name}»"
-
-
-def _sentence_of(report: Comparison, found: Measurement) -> str:
-    sets = " ".join(f"--set '{text}'" for text in found.settings)
-    return f"Select {_called(report, found.name)} with {sets}." if sets else ""
-
-
 def _meant(report: Comparison) -> list[str]:
     """Return what an error and full accuracy mean."""
     how = ": every ray through every surface of the lens" if report.allowed else ", with its own camera"
     return [
-        "Errors are relative to each pixel's brightness (root mean square over the picture), noise included.",
+        MEANT,
         f"{FULL[0].upper()}{FULL[1:]} ({REFERENCE} in the tables) is the most accurate way to render the scene{how}.",
     ]
 
 
 def _differs(report: Comparison, found: Measurement) -> str:
-    called = _called(report, found.name)
+    name = called(report, found.name)
     if found.unbiased:
-        return f"The only change by {called} is in the noise."
+        return f"The only change by {name} is in the noise."
     sure = found.sure_bias_of_tiles
     where = f", most at the {place(sure, report.grid)}" if sure.any() and found.bias.low > 0 else ""
     camera = report.camera_of(found)
     at = f", {_over_field(camera)}" if camera is not None else ""
     apart = bias(found.bias)
     if apart == "none":
-        return f"No difference between {called} and {FULL} was measured, except in time."
+        return f"No difference between {name} and {FULL} was measured, except in time."
     more = "; a longer measurement would be more precise" if found.bias.low <= 0 else ""
     apart = apart.replace("below", "less than")
-    return f"Without noise, {called} differs from {FULL} by {apart}{where}{at}{more}."
+    return f"Without noise, {name} differs from {FULL} by {apart}{where}{at}{more}."
 
 
 def place(values: np.ndarray, grid: tuple[int, int]) -> str:
@@ -175,6 +126,11 @@ def _camera(report: Comparison) -> list[str]:
         said.append(f"The lens moves light of other wavelengths by up to {pixels(report.lens_colour_px)}.")
     if report.diffraction is not None:
         said.append(f"camera.diffraction: auto is {report.diffraction['says']}. None of the pictures here has it.")
+    if report.ghosts is not None:
+        said.append(
+            f"camera.ghosts: on adds {per_cent(report.ghosts)} of the light of a lamp in the middle of the frame, out"
+            " of focus. None of the pictures here has it."
+        )
     return said
 
 

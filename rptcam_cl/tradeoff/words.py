@@ -8,6 +8,8 @@ from collections.abc import Callable
 from rptcam_cl.tradeoff.statistics import Interval
 
 MINUTE, HOUR, DAY = 60.0, 3600.0, 86400.0
+LONGEST = DAY  # renders of which nobody asks when they cross
+VAGUE = 30.0  # times the lower end of an interval that the upper is, where a crossing is too close to call
 
 
 def seconds(value: float) -> str:
@@ -23,6 +25,21 @@ def seconds(value: float) -> str:
         if value < below:
             return f"{_short(value / scale)} {unit}"
     return f"{_short(value / DAY)} days"
+
+
+def odds(share: float) -> str:
+    """Return a probability as odds, ``odds 9 to 1``."""
+    if share >= 0.99:
+        return "odds of 99 to 1 or more"
+    if share <= 0.01:
+        return "odds of 1 to 99 or less"
+    for_, against = share / min(share, 1 - share), (1 - share) / min(share, 1 - share)
+    return f"odds {_short(for_)} to {_short(against)}"
+
+
+def noise(share: float) -> str:
+    """Return a noise as ``1.8 %``; above the brightness itself all are alike."""
+    return "above 100 %" if share > 1 else per_cent(share)
 
 
 def until(value: float) -> str:
@@ -71,8 +88,15 @@ def ends(found: Interval, say: Callable[[float], str] = seconds) -> str:
 
 
 def crossing(found: Interval) -> str:
-    """Return the time until which something is better, with its interval; ``not known`` if that is all times."""
-    return "not known" if found.low <= 0 and math.isinf(found.high) else ends(found, until)
+    """Return the time until which something is better, with its interval where that says anything."""
+    if found.high <= 0:
+        return "never"
+    if found.low >= LONGEST:
+        return "always"
+    if found.low <= 0 or found.high > VAGUE * found.low:
+        below = found.high < LONGEST and (found.low > 0 or found.value > 0)
+        return f"too close to call (before {until(found.high)})" if below else "too close to call"
+    return ends(found, until)
 
 
 def _short(value: float) -> str:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
+import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from typing import Any
@@ -58,6 +60,33 @@ class Focused:
 
 def _plain(value: float | None) -> float | None:
     return value if value is not None and math.isfinite(value) else None
+
+
+@dataclass(frozen=True)
+class FocusOrder:
+    """A search that another process makes first, so that this one finds its kernels compiled.
+
+    Attributes
+    ----------
+    device : str
+        Its id.
+    place : dict
+        ``point`` or ``zones``, as `autofocus` takes them.
+    """
+
+    device: str
+    scene: Scene
+    method: str | None
+    place: dict[str, Any]
+
+    def carry_out(self) -> None:
+        """Search; what is found does not count."""
+        with contextlib.suppress(InputError):
+            autofocus(self.scene, self.method, device=self.device, **self.place)
+
+    def pickled(self) -> bytes:
+        """Return what `rptcam_cl.rendering.Compiler` takes."""
+        return pickle.dumps(self)
 
 
 def focus_at(

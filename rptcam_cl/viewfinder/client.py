@@ -59,6 +59,7 @@ class Client:
         self.pointer: tuple[float, float] | None = None
         self.magnifier: Magnify | None = None
         self.shown: dict[str, int] = {}  # by slot: number of the picture that was sent last
+        self.counted: dict[str, int] = {}  # and of the one whose histogram was sent last
         self.answers: int | None = None  # the change of this client that is in force
         self.lens_at: tuple[tuple[float, float] | None, int] | None = None  # pointer and generation of the last panel
         self.pointed_at: tuple[tuple[float, float] | None, int | None] | None = None  # and the picture under it
@@ -67,6 +68,7 @@ class Client:
     def forget_pictures(self) -> None:
         """Take whatever comes next for new."""
         self.shown.clear()
+        self.counted.clear()
         self.lens_at = self.pointed_at = None
 
     def done(self, number: int | None, generation: int, **more: Any) -> None:

@@ -14,6 +14,7 @@ from rptcam_cl.scene import (
     Scene,
     ThickLensCamera,
     ThinLensCamera,
+    at_opening,
     with_camera,
 )
 from rptcam_cl.tradeoff import equivalent
@@ -78,7 +79,9 @@ def _pinhole(scene: Scene) -> dict[str, Any]:
         return pose | {"kind": "pinhole", "fov_degrees": camera.fov_degrees, "fov_axis": camera.fov_axis}
     focal_mm = focal_length_mm(scene)
     assert focal_mm is not None
-    image_mm = 1 / (1 / focal_mm - 1 / (camera.plane_m * 1e3))
+    focused = at_opening(scene).camera
+    assert isinstance(focused, ThinLensCamera)
+    image_mm = 1 / (1 / focal_mm - 1 / (focused.plane_m * 1e3))
     width_mm = scene.film.size_m()[0] * 1e3
     return pose | {"kind": "pinhole", "fov_degrees": math.degrees(2 * math.atan(width_mm / 2 / image_mm))}
 

@@ -35,15 +35,16 @@ class Delivery:
         self._made: dict[str, _Made] = {}
         self._last_count = 0.0
 
-    def deliver(self, slot: Slot, clients: Iterable[Client]) -> None:
-        """Put what a slot shows into the outboxes of those clients that have not had it and have room."""
+    def deliver(self, slot: Slot, clients: Iterable[Client]) -> bool:
+        """Put what a slot shows into the outboxes of those clients that have not had it and have room; tell if any."""
         shown = slot.shown
         if shown is None:
-            return
-        for client in clients:
-            if client.shown.get(slot.name, 0) < shown.number and client.outbox.has_room:
-                client.shown[slot.name] = shown.number
-                self._send(slot, shown, client)
+            return False
+        lacking = [each for each in clients if each.shown.get(slot.name, 0) < shown.number and each.outbox.has_room]
+        for client in lacking:
+            client.shown[slot.name] = shown.number
+            self._send(slot, shown, client)
+        return bool(lacking)
 
     def _send(self, slot: Slot, shown: Shown, client: Client) -> None:
         wishes = client.wishes
@@ -60,10 +61,24 @@ class Delivery:
             size, data = _magnified(shown.codes, client.magnifier)
             place = {"x": client.magnifier.x, "y": client.magnifier.y}
             client.outbox.frame((slot.name, "magnifier"), _exact(header, "magnifier", size, data, **place))
-        if "histogram" in wishes.panels and self._may_count(shown):
-            counts = self._once(slot, shown, ("histogram",), lambda: _counts(shown))
-            generation = shown.frame.generation
-            message = {"type": "histogram", "generation": generation, "slot": slot.name, **counts}
+
+    def count(self, slot: Slot, clients: Iterable[Client]) -> None:
+        """Tell clients the histograms of the picture that they have been sent, which pages paint first."""
+        shown = slot.shown
+        if shown is None:
+            return
+        waiting = [
+            client
+            for client in clients
+            if client.counted.get(slot.name, 0) < shown.number == client.shown.get(slot.name)
+            and "histogram" in client.wishes.panels
+        ]
+        if not waiting or not self._may_count(shown):
+            return
+        counts = self._once(slot, shown, ("histogram",), lambda: _counts(slot, shown))
+        message = {"type": "histogram", "generation": shown.frame.generation, "slot": slot.name, **counts}
+        for client in waiting:
+            client.counted[slot.name] = shown.number
             client.outbox.news(("histogram", slot.name), message)
 
     def _may_count(self, shown: Shown) -> bool:
@@ -147,7 +162,7 @@ def _overlay(shown: Shown, name: str, level: float, width: int, height: int) -> 
     if name == "zebra":
         rgba: NDArray[np.uint8] = overlays.zebra_rgba(overlays.zebra(pixels, level))
     elif name == "peaking":
-        rgba = overlays.peaking_rgba(overlays.peaking(pixels, level))
+        rgba = overlays.peaking_rgba(overlays.peaking(pixels, level, shown.frame.noise))
     else:
         rgba = overlays.false_colour_rgba(overlays.false_colour(pixels))
     return _picture(rgba, width, height, "png", 100)
@@ -159,6 +174,10 @@ def _magnified(codes: Codes, wanted: Magnify) -> tuple[tuple[int, int], bytes]:
     return (crop.shape[1], crop.shape[0]), encoded(np.ascontiguousarray(crop), "png", 100)
 
 
-def _counts(shown: Shown) -> dict[str, Any]:
+def _counts(slot: Slot, shown: Shown) -> dict[str, Any]:
+    """Return the histograms of a picture; of the sensor's numbers once they are there, and None where there is none."""
     pixels = shown.frame.pixels
-    return histogram.histogram(shown.codes, pixels).as_dict() | {"stops": histogram.stop_histogram(pixels).as_dict()}
+    counts = histogram.histogram(shown.codes, pixels).as_dict() | {"stops": histogram.stop_histogram(pixels).as_dict()}
+    if shown.raw is not None:
+        return counts | {"raw": histogram.raw_histogram(shown.raw).as_dict()}
+    return counts | ({"raw": None} if slot.scene.sensor is None else {})

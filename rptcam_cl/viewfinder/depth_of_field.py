@@ -15,7 +15,7 @@ from typing import Any
 from rptcam_cl.cameras import camera_model, lens_setting, thick_lens_of
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing import circle_of_confusion, focus_drive
-from rptcam_cl.scene import Focus, LensCamera, Scene, ThinLensCamera, change_scene
+from rptcam_cl.scene import Focus, LensCamera, Scene, ThinLensCamera, at_opening, change_scene
 from rptcam_cl.viewfinder.remembered import by_optics
 
 INFINITY_M = 1e6  # what the focus dial calls infinity
@@ -72,7 +72,7 @@ def perspective(scene: Scene) -> Perspective | None:
     scene
         In focus.
     """
-    camera = scene.camera
+    camera = at_opening(scene).camera
     if isinstance(camera, ThinLensCamera):
         found = camera_model(scene).metadata
         diameter = found["focal_length_mm"] / found["f_number"]

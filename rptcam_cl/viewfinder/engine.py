@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable
 
 from rptcam_cl.core.errors import RptcamError
+from rptcam_cl.core.host_memory import give_back
 from rptcam_cl.viewfinder.client import Client
 from rptcam_cl.viewfinder.delivery import Delivery
 from rptcam_cl.viewfinder.inbox import Inbox, Request
@@ -20,6 +21,7 @@ from rptcam_cl.viewfinder.studio import Studio
 LOG = logging.getLogger("rptcam_cl.viewfinder")
 LINGER_S = 0.4  # after the last client has gone, for a page that is only loaded again
 COURTESY_S = 0.06  # for pages to paint a first picture, before anything else takes the processor
+TIDY_S = 10.0  # between two times that freed memory is given back, which takes some milliseconds
 _POLL_S = 0.02  # between checks whether a compilation has ended
 _CHANGES = (Dial, Set, Move, Compare)
 
@@ -46,6 +48,7 @@ class Engine:
         self._interrupted = False
         self._leaves_alone_until = 0.0
         self._alone_since: float | None = None
+        self._tidied = time.monotonic()
         self._thread = threading.Thread(target=self._run, name="rptcam-viewfinder", daemon=True)
 
     def start(self) -> None:
@@ -111,9 +114,12 @@ class Engine:
             self._reports.greet(client)
         for request in requests:
             self._requests.answer(request)
+        self._requests.answer_waiting()
         if self._studio.is_closed:
             return None
         hurries = any(slot.wants_glance for slot in self._studio.slots)
+        if not hurries and self._deliver(clients):  # what was made before they came
+            self._leaves_alone_until = time.monotonic() + COURTESY_S
         if not hurries and (left := self._leaves_alone(clients)) > 0:
             return left
         if not hurries:
@@ -121,8 +127,9 @@ class Engine:
         timeout = self._render(clients)
         if not clients and timeout is None:
             self._reports.prepare()
+        self._deliver(clients)
         for slot in self._studio.slots:
-            self._delivery.deliver(slot, clients)
+            slot.follow()
         a, b = self._studio.a, self._studio.b
         if a is not None and b is not None and self._studio.compares_difference:
             self._delivery.difference(a, b, clients)
@@ -130,7 +137,20 @@ class Engine:
             self._leaves_alone_until = time.monotonic() + COURTESY_S
         else:
             self._reports.inform(clients)
+            self._tidy()
+        if self._requests.wait:
+            timeout = _POLL_S if timeout is None else min(timeout, _POLL_S)
         return timeout if self._inbox.is_empty else 0.0
+
+    def _deliver(self, clients: list[Client]) -> bool:
+        """Hand over what is shown to clients that have not had it; return whether there was any."""
+        return True in [self._delivery.deliver(slot, clients) for slot in self._studio.slots]
+
+    def _tidy(self) -> None:
+        """Give back freed memory now and then; the heap of a day of changes does not grow by its gaps."""
+        if time.monotonic() >= self._tidied + TIDY_S:
+            give_back()
+            self._tidied = time.monotonic()
 
     def _leaves_alone(self, clients: list[Client]) -> float:
         """Return how long the processor is left to pages that paint a first picture [s]: until they say it is there."""
@@ -156,6 +176,7 @@ class Engine:
         if left > 0:
             return left
         self._studio.close()
+        give_back()
         return 1e6
 
     def _render(self, clients: list[Client]) -> float | None:

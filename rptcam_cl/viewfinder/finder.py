@@ -14,6 +14,7 @@ from rptcam_cl.scene import Scene
 from rptcam_cl.viewfinder import messages
 from rptcam_cl.viewfinder.client import Client
 from rptcam_cl.viewfinder.engine import Engine
+from rptcam_cl.viewfinder.lens_choice import lens_entries
 from rptcam_cl.viewfinder.origin import Origin
 from rptcam_cl.viewfinder.requests import place_of
 from rptcam_cl.viewfinder.state import MOST_CLIENTS
@@ -60,9 +61,11 @@ class Viewfinder:
         self._last_number = 0
         self.origin = Origin(scene, overrides)
         self._studio = Studio(self.origin, device, size, self.clients)
-        self.warnings = self._studio.load().warnings
+        found = self._studio.load()
+        self.warnings = found.warnings
         self._engine = Engine(self._studio, self.clients)
         self._engine.start()
+        lens_entries(found)  # which the first page wants to know; meanwhile the engine opens the device
         self._watch: Watch | None = None
         if self.origin.path is not None:
             self._watch = Watch(lambda: self.origin.files, self._read_again)

@@ -12,13 +12,16 @@ from pathlib import Path
 from typing import Any, Literal
 
 from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.references import Folders, References
+from rptcam_cl.core.resources import lenses_dir
 from rptcam_cl.optics import Lens, list_lenses, load_lens, named_lens
 from rptcam_cl.scene import LensCamera, Scene, listed, near_name
 
 SUFFIXES = (".yaml", ".yml", ".json", ".dat", ".zmx", ".seq", ".txt")
 _MIXED = (".yaml", ".yml", ".json")
 FOLDERS = ("", "lenses")  # of the scene's folder, that are searched
+KEPT = "lens-list"  # folder of the cache on disk
 MOST_FILES = 200
 MOST_BYTES = 1 << 20
 
@@ -59,7 +62,14 @@ def lens_entries(scene: Scene) -> list[LensEntry]:
 
 @cache
 def _library() -> tuple[LensEntry, ...]:
-    return tuple(_entry(name, named_lens(name), "library") for name in list_lenses())
+    """Return the lenses of the library, as kept from an earlier run: reading them all takes longer than a picture."""
+    files = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in sorted(lenses_dir().glob("*.yaml"))]
+    name = name_of(identity_of_code(("optics",)), files)
+    if (kept := kept_arrays(KEPT, name)) is not None:
+        return tuple(LensEntry(**entry) for entry in kept[1]["lenses"])
+    found = tuple(_entry(name, named_lens(name), "library") for name in list_lenses())
+    keep_arrays(KEPT, name, {}, {"lenses": [entry.as_dict() for entry in found]})
+    return found
 
 
 def _entry(name: str, lens: Lens, kind: Literal["library", "file"]) -> LensEntry:

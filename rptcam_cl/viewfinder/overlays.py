@@ -107,26 +107,38 @@ def false_colour_rgba(index: NDArray[np.uint8]) -> Rgba:
     return np.asarray(table[index])
 
 
-NOISE_SIGMAS = 4.0  # so far noise alone seldom reaches
-SIGMA_PER_MEDIAN = 1.4826  # of a normal distribution: sigma over the median of the absolute value
+NOISE_SIGMAS = 3.0  # so far noise alone seldom reaches
+TILE = 16  # pixels, within which noise is taken as even
+SHARE, SHARE_SIGMAS = (
+    0.8,
+    1.2816,
+)  # of a tile's pixels lie below so many sigmas; an edge through it has fewer than the rest
+MOST_OF_NOISE = 0.2  # sigma of the display signal for a relative noise of the whole picture of 1; more is texture
+ALONG = 2  # pixels either way along an edge, whose mean has less noise
+WAYS = ((0, 1), (1, 0), (1, 1), (1, -1))  # rows and columns of a step along it
 LEAST_NEIGHBOURS = 2  # of the eight round an edge's pixel; a speck has fewer
 
 
-def peaking(pixels: Film, level: float = 0.5) -> Mask:
+def peaking(pixels: Film, level: float = 0.5, noise: float | None = None) -> Mask:
     """Return where (h, w) the film is sharp at the scale of its pixels.
 
-    The display-encoded luminance less its 3 x 3 binomial mean is what only focus gives. The noise in it is measured by
-    its median, so that a picture of few samples does not sparkle, and single pixels do not count.
+    The display-encoded luminance less its 3 x 3 binomial mean is what only focus gives. Noise is measured in tiles and
+    has to be exceeded clearly, by a pixel or by the mean of five in a row, so that a picture of few samples does not
+    sparkle and shows its edges early; single pixels do not count.
 
     Parameters
     ----------
     level
         Sensitivity from 0, the strongest edges alone, to 1.
+    noise
+        Relative standard error of the picture, where it is known: what varies more in a tile is texture.
     """
     signal = srgb_from_linear(luminance(pixels, np.float32))
-    contrast = np.abs(signal - _binomial(signal))
-    sigma = SIGMA_PER_MEDIAN * float(np.median(contrast))
-    strong = contrast > max(0.1 * (1.0 - level) + 0.005, NOISE_SIGMAS * sigma)
+    least, most = 0.1 * (1.0 - level) + 0.005, np.inf if noise is None else MOST_OF_NOISE * noise
+    contrast = signal - _binomial(signal)
+    strong = _exceeds(contrast, least, most)
+    for way in WAYS:
+        strong |= _exceeds(_along(contrast, way), least, most / np.sqrt(2 * ALONG + 1))
     padded = np.pad(strong, 1).astype(np.uint8)
     near = sum(
         padded[row : row + strong.shape[0], column : column + strong.shape[1]]
@@ -134,6 +146,34 @@ def peaking(pixels: Film, level: float = 0.5) -> Mask:
         for column in range(3)
     )
     return np.asarray(strong & (near > LEAST_NEIGHBOURS))
+
+
+def _exceeds(contrast: Film, least: float, most_sigma: float) -> Mask:
+    """Return where a contrast is at least so large, and well above its noise, which is at most so large."""
+    size = np.abs(contrast)
+    sigma = np.minimum(_sigma(size), np.float32(most_sigma))
+    return np.asarray(size > np.maximum(np.float32(least), NOISE_SIGMAS * sigma))
+
+
+def _along(contrast: Film, way: tuple[int, int]) -> Film:
+    """Return the mean (h, w) of pixels in a row, the steps between which are given in rows and columns."""
+    rows, columns = contrast.shape
+    padded = np.pad(contrast, ALONG, mode="edge")
+    places = [(ALONG + k * way[0], ALONG + k * way[1]) for k in range(-ALONG, ALONG + 1)]
+    parts = [padded[row : row + rows, column : column + columns] for row, column in places]
+    return np.asarray(sum(parts) / np.float32(len(parts)))
+
+
+def _sigma(contrast: Film) -> Film:
+    """Return the noise (h, w) of a contrast: that of the noisiest of a pixel's tile and those around it."""
+    rows, columns = contrast.shape
+    beyond = [(0, -side % TILE) for side in contrast.shape]
+    whole = np.pad(contrast, beyond, mode="symmetric")
+    tiles = whole.reshape(whole.shape[0] // TILE, TILE, -1, TILE).swapaxes(1, 2).reshape(-1, TILE * TILE)
+    place = round(SHARE * TILE * TILE)
+    found = np.partition(tiles, place, axis=1)[:, place].reshape(whole.shape[0] // TILE, -1) / np.float32(SHARE_SIGMAS)
+    around = np.lib.stride_tricks.sliding_window_view(np.pad(found, 1, mode="edge"), (3, 3)).max(axis=(2, 3))
+    return np.asarray(around.repeat(TILE, axis=0).repeat(TILE, axis=1)[:rows, :columns])
 
 
 def _binomial(signal: Film) -> Film:

@@ -8,7 +8,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TypeVar
 
-from rptcam_cl.scene import ImageAperture, LensCamera, Scene
+from rptcam_cl.scene import ImageAperture, LensCamera, Scene, at_opening
 
 KEPT = 48  # lens states
 
@@ -37,7 +37,7 @@ def by_optics(function: Callable[[Scene], T]) -> Callable[[Scene], T]:
 
 def optics_key(scene: Scene) -> Hashable:
     """Return what the optics of a scene depend on; a file counts by its place and the time of its last change."""
-    camera = scene.camera
+    camera = at_opening(scene).camera
     pose: set[str] = {"eye", "target", "up", "motion"}
     if isinstance(camera, LensCamera) and camera.focus.point is not None:
         pose = set()

@@ -38,6 +38,8 @@ class Reports:
         if slot is not None:
             self._state(slot, clients)
             self._point(slot, clients)
+        for each in self._studio.slots:
+            self._delivery.count(each, clients)
 
     def _state(self, slot: Slot, clients: list[Client]) -> None:
         resting = slot.rests_in() <= 0

@@ -9,7 +9,7 @@ from typing import Any
 
 from rptcam_cl.core.errors import DeviceError, InputError, RptcamError, StateError
 from rptcam_cl.viewfinder import messages
-from rptcam_cl.viewfinder.click_focus import focus_at, focus_zones
+from rptcam_cl.viewfinder.click_focus import FocusOrder, focus_at, focus_zones
 from rptcam_cl.viewfinder.client import Client
 from rptcam_cl.viewfinder.dials import turn_dial, zoom_clicks
 from rptcam_cl.viewfinder.inbox import Request
@@ -32,6 +32,8 @@ class Requests:
 
     def __init__(self, studio: Studio) -> None:
         self._studio = studio
+        self._waiting: list[Request] = []
+        self._announced: set[int | None] = set()
         self._handlers: dict[type[messages.Message], Callable[[Client | None, Any], None]] = {
             messages.Set: self._set,
             messages.Dial: self._dial,
@@ -104,14 +106,41 @@ class Requests:
     def _reset(self, client: Client | None, message: messages.Reset) -> None:
         self._studio.reset("camera" if message.what == "camera" else "")
 
-    def _focus(self, client: Client | None, message: messages.Focus) -> None:
+    @property
+    def wait(self) -> bool:
+        """Whether requests wait until their kernels are compiled."""
+        return bool(self._waiting)
+
+    def answer_waiting(self) -> None:
+        """Answer the requests whose kernels have been compiled meanwhile."""
+        waiting, self._waiting = self._waiting, []
+        for request in waiting:
+            self.answer(request)
+
+    def _compiles(self, client: Client | None, message: messages.Focus | messages.Autofocus, **place: Any) -> bool:
+        """Return whether another process is still at the kernels of a search for focus; the picture goes on then."""
         slot = self._studio.slot("A")
-        self._focused(client, message, focus_at(slot.scene, slot.session.device, message.x, message.y))
+        method = message.method if isinstance(message, messages.Autofocus) else None
+        order = FocusOrder(slot.session.device.info.id, slot.scene, method, place)
+        if slot.session.is_carried_out(("focus", method), order.pickled):
+            return False
+        if client is not None and message.id not in self._announced:
+            text = "autofocus: its kernels are being compiled, the picture goes on"
+            client.outbox.news("focus", {"type": "notice", "kind": "focus", "ok": True, "text": text})
+        self._announced = {message.id}
+        self._waiting.append(Request(client, message))
+        return True
+
+    def _focus(self, client: Client | None, message: messages.Focus) -> None:
+        if not self._compiles(client, message, point=(message.x, message.y)):
+            slot = self._studio.slot("A")
+            self._focused(client, message, focus_at(slot.scene, slot.session.device, message.x, message.y))
 
     def _autofocus(self, client: Client | None, message: messages.Autofocus) -> None:
-        slot = self._studio.slot("A")
         zones = None if message.zones is None else [tuple(zone) for zone in message.zones]
-        self._focused(client, message, focus_zones(slot.scene, slot.session.device, message.method, zones))
+        if not self._compiles(client, message, zones=zones):
+            slot = self._studio.slot("A")
+            self._focused(client, message, focus_zones(slot.scene, slot.session.device, message.method, zones))
 
     def _focused(self, client: Client | None, message: messages.Message, focused: Any) -> None:
         self._studio.change("A", focused.changes)

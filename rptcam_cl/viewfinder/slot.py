@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rptcam_cl.api import Change, Frame, RenderSession
-from rptcam_cl.imaging import Image, with_picture_settings
+from rptcam_cl.imaging import Image, RawImage, with_picture_settings
 from rptcam_cl.scene import Scene
 from rptcam_cl.viewfinder.dials import Dials, follow_light, read_dials
 from rptcam_cl.viewfinder.meter import film_reading
@@ -18,6 +18,7 @@ from rptcam_cl.viewfinder.pictures import Codes, codes_of
 
 REST_S = 0.25  # after the last movement of what is held, before the picture is refined
 PAUSE = 2.0  # times what a take took, that the old picture leaves to the compilation of what comes after it
+POLL_S = 0.05  # between two looks whether the kernels of the film are there
 _SAME_FILM = ("none", "picture")  # kinds of change after which the film is as it was
 _BODY = ("exposure", "shutter", "sensor", "camera")  # parts of the scene that the dials read
 
@@ -32,6 +33,7 @@ class Shown:
     moving: bool
     stale: bool
     answers: Mapping[int, int | None]  # by client: its last change that the frame shows
+    raw: RawImage | None = None  # what the sensor puts out for it, where there is one
 
 
 class Slot:
@@ -61,9 +63,10 @@ class Slot:
         self._follows = True  # dials that go by the light may change once for each change of the user's
         self.wants_glance, self.wants_showing = True, False
         self.compiling = False  # the last change waits for its kernels, and the picture is the one before
+        self.awaits_kernels = False  # of the film, while glances have theirs
         self._moving_until = self._paused_until = 0.0
         self.shown_changes = (Changes(changes.as_dict()), self.dials)  # those of the last picture
-        self._number = 0
+        self._number = self._metered = 0
         self._answers: Mapping[int, int | None] = {}
         self._next_samples = 1
         self._last: Frame | None = None  # of what is there now
@@ -145,7 +148,7 @@ class Slot:
 
     def refines_in(self) -> float:
         """Return the time until more samples are taken [s]; longer while another program compiles."""
-        pause = self._paused_until - time.monotonic() if self.compiling else 0.0
+        pause = self._paused_until - time.monotonic() if self.compiling or self.awaits_kernels else 0.0
         return max(pause, self.rests_in())
 
     @property
@@ -172,7 +175,7 @@ class Slot:
         return self._last
 
     def refine(self, is_wanted: Callable[[], bool]) -> Frame | None:
-        """Return the picture with more samples; None where it was left before it had one of every pixel.
+        """Return the picture with more samples; None where it cannot have any yet, or was left within the first.
 
         Parameters
         ----------
@@ -180,6 +183,10 @@ class Slot:
             Whether it is still wanted once the samples are there: otherwise nothing is made of them.
         """
         if not self._has_all:
+            self.awaits_kernels = not self.session.is_film_ready()
+            if self.awaits_kernels:
+                self._paused_until = time.monotonic() + POLL_S
+                return None
             self._add()
         self._unread = not is_wanted()
         if self.session.spp == 0 or self._unread:
@@ -198,20 +205,27 @@ class Slot:
         self._reaches_noise = complete and self.session.spp == before
 
     def show(self, frame: Frame, moving: bool, answers: Mapping[int, int | None]) -> None:
-        """Develop a frame; dials that follow the light follow it."""
+        """Develop a frame."""
         self._number += 1
         stale = self.compiling
         if not stale:
             self._answers = answers
             self.shown_changes = (Changes(self.changes.as_dict()), self.dials)
-        self.shown = Shown(self._number, frame, codes_of(self.image_of(frame)), moving, stale, self._answers)
-        if stale:
+        image = self.image_of(frame)
+        raw = image.raw() if image.has_sensor else None
+        self.shown = Shown(self._number, frame, codes_of(image), moving, stale, self._answers, raw)
+
+    def follow(self) -> None:
+        """Meter what is shown, once it is on its way; dials that follow the light follow it."""
+        shown = self.shown
+        if shown is None or shown.stale or shown.number == self._metered:
             return
-        self.reading_cd_m2 = film_reading(frame.pixels, self.resolved, self.dials.meter)
+        self._metered = shown.number
+        self.reading_cd_m2 = film_reading(shown.frame.pixels, self.resolved, self.dials.meter)
         if self._follows:
             turned = follow_light(self.dials, self.scene, self.resolved, self.reading_cd_m2)
             if turned.changes:
-                self.change(turned.changes, dials=turned.dials, transient=moving)
+                self.change(turned.changes, dials=turned.dials, transient=shown.moving)
             self.dials, self._follows = turned.dials, False
 
     def image_of(self, frame: Frame) -> Image:

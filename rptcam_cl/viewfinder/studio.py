@@ -93,7 +93,7 @@ class Studio:
         if self.a is not None:
             return
         assert self._scene is not None, "loaded before the engine starts"
-        session = RenderSession(self._scene, device=self._device)
+        session = RenderSession(self._scene, device=self._device, wait=False)
         changes, dials = self._kept
         if changes.as_dict():
             session.change(changes.as_dict())
@@ -163,14 +163,15 @@ class Studio:
 
     def check_compiled(self, slot: Slot) -> None:
         """See whether the kernels of a slot are compiled."""
-        if slot.arrive():
-            self._tell_compiling(slot, True)
+        slot.arrive()
+        self._tell_compiling(slot, not (slot.compiling or slot.awaits_kernels))
 
     def _tell_compiling(self, slot: Slot, ready: bool) -> None:
         if self._busy.get(slot.name, False) == (not ready):
             return
         self._busy[slot.name] = not ready
-        text = "" if ready else "the kernels are being compiled; until then the old picture gets finer"
+        text = "until then the old picture gets finer" if slot.compiling else "until then the picture is coarse"
+        text = "" if ready else f"the kernels are being compiled; {text}"
         for client in self._clients():
             client.outbox.news(
                 ("compiling", slot.name), {"type": "compiling", "slot": slot.name, "busy": not ready, "text": text}
@@ -193,7 +194,7 @@ class Studio:
         keys = dict(wanted["changes"])
         if wanted["model"] is not None:
             keys = {**as_model(self.a.scene, self.a.resolved, wanted["model"]), **keys}
-        session = RenderSession(self.a.scene, device=self._device)
+        session = RenderSession(self.a.scene, device=self._device, wait=False)
         try:
             change = session.change(keys, wait=False)
         except BaseException:

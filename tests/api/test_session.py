@@ -1,8 +1,6 @@
 """The render session: bits of `render` after any changes, nothing rebuilt that stays, errors that change nothing."""
 
-import contextlib
-import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -10,6 +8,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl import InputError, RenderSession, StateError
+from rptcam_cl.api.frames import Pace
 from rptcam_cl.device import open_session
 
 POSE = {"eye": [0, -6, 1.5], "target": [0, 0, 0.8], "up": [0, 0, 1]}
@@ -120,30 +119,32 @@ def test_glance_is_the_same_view_in_fewer_pixels(session: RenderSession) -> None
         session.glance(0)
 
 
-@contextlib.contextmanager
-def cancelled_again_and_again(session: RenderSession) -> Iterator[None]:
-    """A thread that cancels whatever is under way."""
-    done = threading.Event()
+def cancel_after_each_wave(session: RenderSession, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Cancel whatever is under way when its first wave is on the device, and make waves far shorter than a sample."""
+    enqueued = Pace.enqueued
 
-    def cancel() -> None:
-        while not done.wait(0.001):
+    def cut(pace: Pace, finish: Callable[[], None]) -> Callable[[int], bool]:
+        count = enqueued(pace, finish)
+
+        def counted(slots: int) -> bool:
             session.cancel()
+            return count(slots)
 
-    thread = threading.Thread(target=cancel)
-    thread.start()
-    yield
-    done.set()
-    thread.join()
+        return counted
+
+    monkeypatch.setattr("rptcam_cl.api.frames.QUEUE_SECONDS", 5e-4)
+    monkeypatch.setattr(Pace, "enqueued", cut)
 
 
-def test_cancelled_take_is_gone_on_with(session: RenderSession) -> None:
+def test_cancelled_take_is_gone_on_with(session: RenderSession, monkeypatch: pytest.MonkeyPatch) -> None:
     session.change({"film.resolution": [960, 540]})
     whole = session.take(3).pixels
     session.change({"render.seed": 9})
     session.change({"render.seed": 5})
-    with cancelled_again_and_again(session):
+    with monkeypatch.context() as patched:
+        cancel_after_each_wave(session, patched)
         frames = [session.take() for _ in range(3)]
-    assert not frames[0].complete and frames[0].spp == 0
+    assert not any(frame.complete or frame.spp for frame in frames)
     assert (frames[0].pixels.max(axis=2) > 0).any() and np.isfinite(frames[0].pixels).all()
     while session.spp < 3:
         session.take(3 - session.spp)

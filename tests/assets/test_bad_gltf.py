@@ -59,8 +59,8 @@ GLTF: list[tuple[Callable[[GltfWriter], bytes], str]] = [
     (lambda writer: b"{}", "is not glTF 2.0 (got version none"),
     (changed("asset.version", "1.0"), "is not glTF 2.0 (got version 1.0"),
     (
-        changed("extensionsRequired", ["KHR_draco_mesh_compression"]),
-        "needs extensions that are not read (got KHR_draco",
+        changed("extensionsRequired", ["KHR_texture_basisu"]),
+        "needs extensions that are not read (got KHR_texture_basisu",
     ),
     (changed("nodes", []), "nodes: must be a list of whole numbers in their range (got [0]"),
     (changed("scenes", [{"nodes": []}]), "its scene shows no triangles"),

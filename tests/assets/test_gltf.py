@@ -6,6 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rptcam_cl.assets.pictures import read_picture
+from rptcam_cl.core.errors import InputError
+
 from .conftest import Read
 from .gltf_writer import GltfWriter, triangle
 
@@ -133,13 +136,85 @@ def test_node_without_size_shows_nothing(read: Read) -> None:
 
 def test_what_changes_the_looks_and_is_left_out_is_noted(read: Read) -> None:
     writer = triangle(targets=[{}])
-    writer.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 0
-    writer.json |= {"skins": [{}], "animations": [{}], "extensionsUsed": ["EXT_mesh_gpu_instancing"]}
+    writer.json |= {"skins": [{}], "animations": [{}], "cameras": [{}], "extensionsUsed": ["KHR_materials_variants"]}
     notes = [note.partition("glTF: ")[2] for note in read("a.glb", writer.glb()).notes]
     assert notes == [
+        "cameras and lamps are left out of an object; `rptcam new` makes a scene with them",
         "skins are left out",
         "animations are left out",
         "morph targets are left out",
-        "colours of vertices are left out",
-        "instances of EXT_mesh_gpu_instancing are left out",
+        "variants of materials are left out; the default materials show",
     ]
+
+
+def test_instances_of_a_node_are_placed_below_it(read: Read) -> None:
+    writer = triangle()
+    attributes = {
+        "TRANSLATION": writer.array([[1, 0, 0], [0, 2, 0]]),
+        "ROTATION": writer.array([[0, 0, 0, 127], [0, 0, 90, 90]], "i1", normalized=True),
+        "SCALE": writer.array([[1, 1, 1], [3, 3, 3]]),
+    }
+    extensions = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
+    writer.json["nodes"] = [{"mesh": 0, "scale": [2, 2, 2], "extensions": extensions}]
+    writer.json["extensionsRequired"] = ["EXT_mesh_gpu_instancing"]
+    first, second = read("a.glb", writer.glb()).parts
+    assert first.mesh is second.mesh
+    assert np.allclose(first.placement, [[2, 0, 0, 2], [0, 2, 0, 0], [0, 0, 2, 0], [0, 0, 0, 1]])
+    assert np.allclose(second.placement, [[0, -6, 0, 0], [6, 0, 0, 4], [0, 0, 6, 0], [0, 0, 0, 1]], atol=1e-6)
+
+
+def test_instances_of_different_lengths_are_refused(read: Read) -> None:
+    writer = triangle()
+    attributes = {"TRANSLATION": writer.array([[1, 0, 0], [0, 2, 0]]), "SCALE": writer.array([[1, 1, 1]])}
+    writer.json["nodes"] = [{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}]
+    with pytest.raises(InputError, match="TRANSLATION, ROTATION and SCALE are not of one length"):
+        read("a.glb", writer.glb())
+
+
+@pytest.mark.parametrize("dtype", ["f4", "u1", "u2"])
+def test_colours_of_vertices_are_linear_over_each_triangle(read: Read, dtype: str) -> None:
+    rng = np.random.default_rng(3)
+    positions, colours = rng.random((7, 3)), rng.random((7, 3))
+    top = 1 if dtype == "f4" else np.iinfo(dtype).max
+    writer = GltfWriter()
+    stored = colours if dtype == "f4" else np.round(colours * top)
+    attributes = {"POSITION": writer.array(positions), "COLOR_0": writer.array(stored, dtype, normalized=dtype != "f4")}
+    indices = writer.array([0, 1, 2, 2, 3, 4, 4, 5, 6, 6, 0, 3, 1, 5, 3], "u2")
+    writer.json["meshes"] = [{"primitives": [{"attributes": attributes, "indices": indices}]}]
+    writer.json |= {"nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}]}
+    (part,) = read("a.glb", writer.glb()).parts
+    assert part.material is not None
+    assert part.material.base_texture is not None
+    assert isinstance(part.material.base_texture.source, bytes)
+    texels = read_picture(part.material.base_texture.source).texels[..., :3] / 255.0
+    linear = np.where(texels <= 0.04045, texels / 12.92, ((texels + 0.055) / 1.055) ** 2.4)
+    mesh = part.mesh
+    assert mesh.uvs is not None
+    for face in mesh.faces:
+        nearest = [np.abs(positions - mesh.origin - corner).sum(axis=1).argmin() for corner in mesh.positions[face]]
+        for weights in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [0.6, 0.3, 0.1]):
+            u, v = weights @ mesh.uvs[face]
+            shown = bilinear(linear, u * linear.shape[1] - 0.5, (1 - v) * linear.shape[0] - 0.5)
+            # 8 bits of sRGB; inside a triangle also the fourth texel, which is cut at 0 and 1
+            assert shown == pytest.approx(weights @ colours[nearest], abs=0.006 if max(weights) == 1 else 0.05)
+
+
+def bilinear(texels: np.ndarray, x: float, y: float) -> np.ndarray:
+    height, width, _ = texels.shape
+    left, top = int(np.floor(x + 1e-4)), int(np.floor(y + 1e-4))
+    a, b = x - left, y - top
+    columns, rows = np.clip([left, left + 1], 0, width - 1), np.clip([top, top + 1], 0, height - 1)
+    corners = texels[np.ix_(rows, columns)]
+    return (1 - b) * ((1 - a) * corners[0, 0] + a * corners[0, 1]) + b * ((1 - a) * corners[1, 0] + a * corners[1, 1])
+
+
+def test_colours_of_vertices_beside_a_texture_are_noted(read: Read) -> None:
+    writer = triangle(material=0)
+    attributes = writer.json["meshes"][0]["primitives"][0]["attributes"]
+    attributes |= {"COLOR_0": writer.array(TRIANGLE), "TEXCOORD_0": writer.array([[0, 0], [1, 0], [0, 1]])}
+    writer.json |= {
+        "images": [{"uri": "a.png"}],
+        "textures": [{"source": 0}],
+        "materials": [{"normalTexture": {"index": 0}}],
+    }
+    assert "colours of vertices are left out beside a texture" in read("a.glb", writer.glb()).notes[0]

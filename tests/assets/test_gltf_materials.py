@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.assets.meshes import FileMaterial, MeshContents
-from rptcam_cl.assets.pictures import has_alpha
+from rptcam_cl.assets.pictures import has_alpha, read_picture
 
 from .conftest import Read
 from .gltf_writer import GltfWriter, triangle
@@ -79,6 +79,39 @@ def test_every_extension_has_its_defaults(read: Read, name: str) -> None:
     assert material_of(read, {"extensions": {name: {}}}) == material_of(read, {})
 
 
+def test_anisotropy_has_both_alphas_of_the_format(read: Read) -> None:
+    from rptcam_cl.scene.material_parts import alpha_pair
+
+    for roughness, strength in ((0.6, 0.5), (0.4, 0.3), (0.9, 1)):
+        found = material_of(read, {
+            "pbrMetallicRoughness": {"roughnessFactor": roughness},
+            "extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": strength}},
+        })  # fmt: skip
+        across = roughness**2
+        along = across + (1 - across) * strength**2
+        assert alpha_pair(found.roughness, found.anisotropy) == pytest.approx((along, across), rel=1e-6)
+
+
+@pytest.mark.parametrize("lossless", [False, True])
+def test_webp_of_the_extension_is_taken_and_its_alpha_known(read: Read, lossless: bool) -> None:
+    import io
+
+    import PIL.Image
+
+    stream = io.BytesIO()
+    PIL.Image.new("RGBA", (2, 2), (200, 100, 0, 128)).save(stream, "WEBP", lossless=lossless)
+    writer = textured({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}})
+    writer.json["images"].append({"bufferView": writer.view(stream.getvalue()), "mimeType": "image/webp"})
+    writer.json["textures"] = [{"extensions": {"EXT_texture_webp": {"source": 1}}, "source": 0}]
+    found = read("a.glb", writer.glb()).parts[0].material
+    assert found is not None
+    assert found.base_texture is not None
+    assert isinstance(found.base_texture.source, bytes)
+    assert has_alpha(found.base_texture.source)
+    texel = read_picture(found.base_texture.source).texels[0, 0]
+    assert np.abs(texel.astype(int) - [200, 100, 0, 128]).max() <= (0 if lossless else 12)
+
+
 def test_a_volume_without_a_distance_absorbs_nothing(read: Read) -> None:
     volume = {"thicknessFactor": 1, "attenuationColor": [1, 0.5, 0]}
     found = material_of(read, {"extensions": {"KHR_materials_volume": volume}})
@@ -147,7 +180,17 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
             {},
             "KHR_materials_clearcoat.clearcoatTexture is left out",
         ),
-        ({"normalTexture": {"index": 0}}, {"textures": [{}]}, "textures[0] has no PNG or JPEG picture and is left out"),
+        (
+            {"extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": 1, "anisotropyRotation": 1.5}}},
+            {},
+            "KHR_materials_anisotropy.anisotropyRotation is left out",
+        ),
+        ({}, {"extensionsUsed": ["KHR_materials_variants"]}, "variants of materials are left out; the default"),
+        (
+            {"normalTexture": {"index": 0}},
+            {"textures": [{}]},
+            "textures[0] has no PNG, JPEG or WebP picture and is left out",
+        ),
         (
             {"normalTexture": {"index": 0}},
             {"images": [{"uri": "a.ktx2", "mimeType": "image/ktx2"}]},

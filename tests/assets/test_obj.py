@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from rptcam_cl.assets.meshes import FileMaterial
 from rptcam_cl.assets.meshes import obj_lines as obj_blocks
 from rptcam_cl.core.errors import InputError
 
@@ -104,11 +105,11 @@ def test_each_material_is_a_part(read: Read, tmp_path: Path) -> None:
     assert len(parts["lamp"].mesh.positions) == 3
 
 
-def test_missing_library_is_noted(read: Read) -> None:
-    # What finds files refuses this one; the mesh is there all the same, without a material.
-    contents = read("a.obj", f"mtllib missing.mtl\n{SQUARE}f 1 2 3\n")
-    assert contents.parts[0].material is None
-    assert "a.obj:1: mtllib missing.mtl is left out: no such file" in contents.notes[0]
+def test_grey_stands_for_a_missing_library(read: Read) -> None:
+    # What finds files refuses this one; the mesh is there all the same, in grey.
+    contents = read("a.obj", f"mtllib missing.mtl\n{SQUARE}f 1 2 3\nusemtl wood\nf 1 3 4\n")
+    assert [part.material for part in contents.parts] == [FileMaterial(matte=True)] * 2
+    assert "a.obj:1: mtllib missing.mtl is left out: no such file; grey stands for" in contents.notes[0]
 
 
 def test_material_carries_over(read: Read, tmp_path: Path) -> None:

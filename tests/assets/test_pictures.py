@@ -171,7 +171,28 @@ def test_exr_covers_its_display_window(tmp_path: Path) -> None:
 def test_slightly_negative_texels_are_black(tmp_path: Path) -> None:
     colours = np.ones((2, 2, 3), np.float32)
     colours[0, 1, 2] = -5e-4
-    assert read_picture(save_exr(tmp_path / "a.exr", {"RGB": colours})).texels[0, 1, 2] == 0
+    picture = read_picture(save_exr(tmp_path / "a.exr", {"RGB": colours}))
+    assert picture.texels[0, 1, 2] == 0
+    assert picture.negative.count == 0
+
+
+def test_negative_texels_of_an_environment_are_black_with_one_warning(tmp_path: Path) -> None:
+    from rptcam_cl.plan.pictures import PictureTable
+    from rptcam_cl.scene import load_scene
+
+    colours = np.ones((4, 8, 3), np.float32)
+    colours[0, 1, 2], colours[2, 5] = -0.25, -3
+    save_exr(tmp_path / "a.exr", {"RGB": colours})
+    camera = {"kind": "pinhole", "eye": [0, 0, 5], "target": [0, 0, 0], "fov_degrees": 40}
+    scene = load_scene({"camera": camera, "environment": {"kind": "image", "file": "a.exr"}}, base_dir=tmp_path)
+    table = PictureTable(scene)
+    with pytest.warns(
+        UserWarning, match=r"2 of 32 texels are negative and count as black \(least value -3\)"
+    ) as caught:
+        found = table.colours(scene.environment, "rgb", "auto")
+        table.colours(scene.environment, "r", "auto")
+    assert len(caught) == 1
+    assert found.mean == pytest.approx([31 / 32, 31 / 32, 30 / 32])
 
 
 def chunk(kind: bytes, data: bytes) -> bytes:
@@ -200,7 +221,7 @@ BAD: dict[str, tuple[bytes, str]] = {
     "PostScript": (b"%!PS-Adobe-3.0 EPSF-3.0\n%%BoundingBox: 0 0 9 9\n", "is not a picture that can be read"),
     "SVG": (b'<svg xmlns="http://www.w3.org/2000/svg"/>', "is not a picture that can be read"),
     "GIF": (encoded(BYTES, "GIF"), "is not a picture that can be read"),
-    "WebP": (b"RIFF\x24\0\0\0WEBPVP8 " + bytes(30), "is not a picture that can be read"),
+    "WebP": (b"RIFF\x24\0\0\0WEBPVP8 " + bytes(30), "is damaged"),
     "PNG cut off": (PNG[: len(PNG) // 2], "is damaged"),
     "PNG of a head alone": (png_head(4, 4), "is not a picture|is damaged"),
     "PNG with a broken checksum": (PNG[:100] + b"?" + PNG[101:], "is damaged"),
@@ -260,7 +281,7 @@ def test_hostile_exr_is_refused(tmp_path: Path, capfd, change, message) -> None:
         read_picture(path)
 
 
-@pytest.mark.parametrize(("value", "word"), [(np.nan, "not finite"), (np.inf, "not finite"), (-1.0, "negative")])
+@pytest.mark.parametrize(("value", "word"), [(np.nan, "not finite"), (np.inf, "not finite")])
 def test_texels_that_are_no_light_are_counted_and_placed(tmp_path: Path, value, word) -> None:
     colours = np.ones((8, 9, 3), np.float32)
     colours[3, 5, 1] = colours[6, 1, 0] = value

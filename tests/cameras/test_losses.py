@@ -7,6 +7,7 @@ from rptcam_cl.cameras.records import lens_records
 from rptcam_cl.lenstools.device_tracing import LensTracer, trace_on_device
 from rptcam_cl.optics import Rays, load_lens
 from rptcam_cl.optics.coating import MAGNESIUM_FLUORIDE, MeasuredReflectance, QuarterWave
+from rptcam_cl.optics.layer_stack import Layer, LayerStack
 from rptcam_cl.optics.transmission import COATED, IDEAL, UNCOATED, LensTransmission, with_coating
 from tests.cameras.beams import PRECISIONS, film_beam
 
@@ -14,6 +15,7 @@ from tests.cameras.beams import PRECISIONS, film_beam
 # so are indices over the wavelength.
 TOLERANCE = {"single": 5e-6, "double": 5e-7}
 MEASURED = MeasuredReflectance((385.0, 500.0, 770.0), (0.02, 0.004, 0.01))
+THREE = LayerStack((Layer(1.38, 100.0), Layer(2.1, 131.0), Layer(1.7, 81.0)))
 GLASS_ALONE = LensTransmission(fresnel=False, coatings=False)
 GREY = {"thickness_mm": 10, "wavelengths_nm": [390, 450, 760], "values": [0.7, 0.9, 0.8]}
 HALF = {"clear": {"half_plane_degrees": 90}, "outside": "pass", "diameter": 30}
@@ -42,6 +44,7 @@ LOSSES = {
     "bare": (None, UNCOATED),
     "mgf2": (MAGNESIUM_FLUORIDE, COATED),
     "thick layer": (QuarterWave(1.9, 1900.0), COATED),
+    "three layers": (THREE, COATED),
     "measured": (MEASURED, COATED),
     "glass": (None, GLASS_ALONE),
 }

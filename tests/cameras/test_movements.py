@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 
+import rptcam_cl
 from rptcam_cl.cameras import camera_model, film_frame, half_film_mm, lens_setting
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import UNMOVED, FilmProbe, Status, grid, load_lens
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene import load_scene, set_keys
 from tests.device.probes import camera_rays
 from tests.support.statistics import Z
 
@@ -244,3 +245,38 @@ def test_focus_by_spot_counts_the_depth_of_the_tilted_film():
     )
     # that point of the picture lies 6 mm up the film, so that the film's centre has to be nearer to the lens
     assert flat - tilted == pytest.approx(6 * np.sin(np.radians(5.0)), rel=0.02)
+
+
+def test_circle_of_confusion_on_a_tilted_film_is_that_of_its_depth():
+    """A wall at the distance in focus: the cone of each point is cut where the film has gone out of focus."""
+    camera = {"focal_length_mm": FOCAL * 1e3, "f_number": 4, "focus_distance_m": FOCUS}
+    scene = scene_of("thin_lens", {"tilt_degrees": float(np.degrees(TILT))}, **camera)
+    wall = {"shape": "plane", "point": [0, 0, -FOCUS], "normal": [0, 0, 1]}
+    scene = set_keys(scene, {"objects": [wall | {"material": {"kind": "matte", "reflectance": 0.5}}]})
+    coc = rptcam_cl.render(scene, spp=32, layers=["coc"])["coc"]
+    up_mm = (np.arange(SIZE[1]) + 0.5 - SIZE[1] / 2) / SIZE[1] * 24.0
+    opening, behind = FOCAL * 1e3 / 4, 1e3 / (1 / FOCAL - 1 / FOCUS)
+    expected = opening * np.abs(up_mm * np.sin(TILT)) / behind * SIZE[0] / 36.0
+    np.testing.assert_allclose(coc, np.broadcast_to(expected[:, None], coc.shape), rtol=0.05, atol=0.01)
+
+
+def test_circle_of_confusion_vanishes_in_the_tilted_plane_of_focus():
+    camera = {"focal_length_mm": FOCAL * 1e3, "f_number": 4, "focus_distance_m": FOCUS}
+    scene = scene_of("thin_lens", {"tilt_degrees": float(np.degrees(TILT))}, **camera)
+    (y0, z0), (y1, z1) = closed_form(-0.01), closed_form(0.01)
+    across = np.array([0.0, z0 - z1, y0 - y1]) * np.sign(z0 - z1)
+    plane = {"shape": "plane", "point": [0, y0, -z0], "normal": across.tolist()}
+    scene = set_keys(scene, {"objects": [plane | {"material": {"kind": "matte", "reflectance": 0.5}}]})
+    coc = rptcam_cl.render(scene, spp=16, layers=["coc"])["coc"]
+    assert coc.max() < 0.042  # a pixel counts at its middle: half a row of 2 mm; at the edges of a flat film 0.46
+
+
+def test_autofocus_in_a_zone_of_a_tilted_film_counts_its_depth_there():
+    wall = {"shape": "plane", "point": [0, 0, -1.5], "normal": [0, 0, 1]}
+    found = []
+    for tilt in (0.0, 5.0):
+        camera = {"lens": "dgauss-50mm", "f_number": 4.0, "focus": {"distance_m": 1.5}}
+        scene = scene_of(movements={"tilt_degrees": tilt}, **camera)
+        scene = set_keys(scene, {"objects": [wall | {"material": {"kind": "matte", "reflectance": 0.5}}]})
+        found.append(rptcam_cl.autofocus(scene, "depth", zones=[[0.45, 0.55, 0.72, 0.78]]).film_distance_mm)
+    assert found[0] - found[1] == pytest.approx(6 * np.sin(np.radians(5.0)), rel=0.02)

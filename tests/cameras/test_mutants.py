@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
+from rptcam_cl import cameras
 from rptcam_cl.cameras import rays, realistic
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.cameras.records import LensRecords, lens_records
 from rptcam_cl.device import Session
-from rptcam_cl.lenstools import device_tracing as lens_tracing
 from tests.cameras import test_exact_optics as exact
 from tests.cameras import test_extremes as extremes
 from tests.cameras import test_invariants as invariants
@@ -137,7 +137,7 @@ RECORD_MUTANTS = [
 
 @pytest.mark.parametrize(("fault", "killers"), RECORD_MUTANTS)
 def test_fault_in_the_records_of_a_lens_is_found(monkeypatch, fault, killers):
-    for module in (lens_tracing, rays):
+    for module in (cameras, rays):
         monkeypatch.setattr(module, "lens_records", fault)
     assert_killed(killers, open_session())
 

@@ -1,6 +1,5 @@
 """The tiers of pupil sampling: no ray that passes lies outside, and few that are drawn fail to pass."""
 
-import time
 from dataclasses import replace
 from functools import cache
 
@@ -193,14 +192,10 @@ def film_of(name):
 
 
 @pytest.mark.parametrize("name", list_lenses())
-def test_nine_of_ten_rays_pass_and_the_table_is_made_in_a_second(name):
+def test_nine_of_ten_rays_pass(name):
     lens, back, radius = film_of(name)
     forget_tables()
-    began = time.process_time()
     sampling = sampling_of(lens, back, radius, "auto")
-    # Of processor time, as others may use the machine; 0.02 to 0.4 s were measured. Lenses that are not round have 33
-    # lines in a quarter of the film: 0.5 to 1.4 s on a machine at load 9.
-    assert time.process_time() - began < (1.0 if lens.is_rotational else 2.0)
     rng = generator("pass rate", name)
     turn, out = 2 * np.pi * rng.random(4000), radius * np.sqrt(rng.random(4000))
     film = np.stack([out * np.cos(turn), out * np.sin(turn)], axis=1)

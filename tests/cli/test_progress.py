@@ -5,13 +5,13 @@ from typing import Any
 import pytest
 
 from rptcam_cl.cli import progress as module
-from rptcam_cl.cli.progress import as_duration, describe, fraction_done, progress_on_stderr
+from rptcam_cl.cli.progress import LastTiles, as_duration, describe, fraction_done, progress_on_stderr
 
 
 def report(**changes: Any) -> Any:
     facts = {
         "samples_done": 16, "spp_target": 64, "seconds": 4.0, "msamples_per_second": 12.345, "blocked_share": 0.25,
-        "stage": "render", "samples_at_start": 0, "tiles_done": None,
+        "stage": "render", "samples_at_start": 0, "tiles_done": None, "tiles_left": None,
     }  # fmt: skip
     return SimpleNamespace(**{**facts, **changes})
 
@@ -45,6 +45,38 @@ def test_noise_target_tells_its_tiles_and_promises_no_time() -> None:
     told = describe(report(tiles_done=0.5))
     assert told == "16/64 spp, 4 spp/s, 12.3 Msamples/s, 50 % of the tiles done, lens blocks 25 %"
     assert fraction_done(report(tiles_done=0.5), None) == 0.5
+
+
+def test_noise_target_has_a_time_and_a_reason_once_its_noise_is_known() -> None:
+    left = SimpleNamespace(count=40, worst=0.041, target=0.02, seconds=12.0, few=False)
+    shown = report(tiles_done=0.5, tiles_left=left)
+    assert describe(shown).endswith("50 % of the tiles done, about 12 s left, lens blocks 25 %")
+    assert fraction_done(shown, None) == 0.25
+    left.few = True
+    shown = describe(report(tiles_done=0.98, tiles_left=left))
+    assert "98 % of the tiles done, the last 40 have up to 4.1 % noise for 2 %, about 12 s left" in shown
+
+
+def test_last_tiles_that_took_long_are_reported_at_the_end_with_the_reason() -> None:
+    left = SimpleNamespace(count=18, worst=0.126, target=0.05, seconds=20.0, few=True)
+    reports = [
+        report(seconds=10.0),  # before the noise is known
+        report(seconds=40.0, tiles_done=0.97, tiles_left=left),
+        report(seconds=75.0, tiles_done=0.981, tiles_left=left),
+        report(seconds=95.0, tiles_done=0.99, tiles_left=SimpleNamespace(count=9, worst=0.06, target=0.05)),
+        report(seconds=100.0, tiles_done=1.0),
+    ]
+    last = LastTiles()
+    for item in reports:
+        last.note(item)
+    assert (last.said() or "").startswith(
+        "the last 18 tiles took 25 % of the time: they had up to 13 % noise when all others met 5 %"
+    )
+    for shortened in (reports[:3], reports[:1], [report(seconds=9.0, tiles_done=0.99, tiles_left=left)]):
+        last = LastTiles()
+        for item in shortened:
+            last.note(item)
+        assert last.said() is None
 
 
 def test_start_without_samples_divides_by_nothing() -> None:

@@ -45,8 +45,8 @@ class Cluster:
             WORKER, self.address, "--nthreads", "1", "--no-nanny", "--no-dashboard", err=subprocess.DEVNULL
         )
 
-    def client(self) -> subprocess.Popen:
-        return self._begun(RENDER, *WORDS, "--cluster", self.address, err=subprocess.PIPE)
+    def client(self, words: list[str] = WORDS) -> subprocess.Popen:
+        return self._begun(RENDER, *words, "--cluster", self.address, err=subprocess.PIPE)
 
     def _begun(self, program: str, *words: str, err: int = subprocess.PIPE) -> subprocess.Popen:
         return subprocess.Popen(

@@ -1,12 +1,14 @@
 """Renders on a cluster: the bits of one run, whoever renders which part; a cluster that cannot render says why."""
 
 import json
+import math
+import pickle
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
+import dask
 import distributed
 import numpy as np
 import pytest
@@ -14,10 +16,11 @@ from PIL import Image as Picture
 
 import rptcam_cl
 from rptcam_cl import DeviceError, InputError, StateError, render_on_cluster
-from rptcam_cl.api import load_scene
-from rptcam_cl.cluster import TLS, client, tasks
+from rptcam_cl.api import Found, PartRenderer, RenderSettings, load_scene, merge
+from rptcam_cl.cluster import TLS, client, tasks, tasks_out
 from rptcam_cl.cluster.parcel import packed
-from rptcam_cl.rendering import read_part
+from rptcam_cl.rendering import FilmPart, read_part
+from tests.cluster.conftest import cluster
 
 WORLD: dict[str, Any] = {
     "film": {"resolution": [50, 30]},
@@ -31,22 +34,6 @@ WORLD: dict[str, Any] = {
     ],
     "environment": {"kind": "gradient", "bottom": 0.2, "top": [0.6, 0.8, 1.0]},
 }
-
-
-@contextmanager
-def cluster(workers: int = 1) -> Iterator[str]:
-    """A scheduler with workers that are threads of this process."""
-    with distributed.LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=False, protocol="tcp", host="127.0.0.1",
-        dashboard_address="127.0.0.1:0", memory_limit=0, silence_logs=100,
-    ) as local:  # fmt: skip
-        yield local.scheduler_address
-
-
-@pytest.fixture(scope="module")
-def address() -> Iterator[str]:
-    with cluster(2) as found:
-        yield found
 
 
 @pytest.fixture
@@ -89,6 +76,49 @@ def test_lost_and_damaged_parts_alone_are_rendered_again(address: str, scene_fil
         render_on_cluster(scene_file, address, folder=folder, resume=True, spp=9)
 
 
+def test_render_is_prepared_once_for_all_parts_of_a_worker(
+    scene_file: Path, address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+
+    class Counted(tasks.PartRenderer):
+        def __init__(self, *words: Any) -> None:
+            made.append(words)
+            super().__init__(*words)
+
+    monkeypatch.setattr(tasks, "PartRenderer", Counted)
+    image = render_on_cluster(scene_file, address, spp=3)  # another number than before: nothing is prepared for it yet
+    assert image.stats["cluster"]["parts"] >= 8
+    assert len(made) == 1  # both workers are threads of this process
+
+
+def test_what_two_workers_find_is_the_same_though_it_holds_what_is_no_number() -> None:
+    found = Found({"metadata": {"blur_m": math.nan}}, 3.0)
+    assert found.is_same(pickle.loads(pickle.dumps(found)))
+    assert not found.is_same(Found({"metadata": {"blur_m": 1.0}}, 3.0))
+    assert not found.is_same(Found(found.focus, 3.1))
+
+
+def test_part_after_a_measurement_of_speed_has_all_tiles(scene_file: Path, tmp_path: Path) -> None:
+    scene, settings = load_scene(scene_file), RenderSettings(size=(640, 480), spp=1)  # more than a wave holds
+    renderer = PartRenderer(scene, settings, None)
+    renderer.seconds()
+    (tmp_path / "1.rpck").write_bytes(renderer.render(FilmPart())[0])
+    whole = merge([tmp_path / "1.rpck"])
+    np.testing.assert_array_equal(whole.pixels, rptcam_cl.render(scene, size=(640, 480), spp=1).pixels)
+
+
+def test_workers_of_this_machine_spend_no_time_on_watching_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[Any] = []
+    profiled = "distributed.worker.profile.enabled"
+    monkeypatch.setattr(distributed, "LocalCluster", lambda **words: seen.append((words, dask.config.get(profiled))))
+    client.workers_here(2, threads=3)
+    words, found = seen[0]
+    assert found is False
+    assert words["env"]["POCL_CPU_MAX_CU_COUNT"] == "3"
+    assert dask.config.get(profiled) is True  # what others do in this process is theirs
+
+
 def test_stopped_render_keeps_its_parts(address: str, scene_file: Path, tmp_path: Path) -> None:
     done: list[Any] = []
     with pytest.raises(InterruptedError, match="parts"):
@@ -98,6 +128,12 @@ def test_stopped_render_keeps_its_parts(address: str, scene_file: Path, tmp_path
     files = sorted((tmp_path / "parts").glob("*.rpck"))
     assert len(files) == 3
     assert all(read_part(file).done == 8 for file in files)
+
+
+def test_file_where_parts_are_to_be_kept_is_refused_before_any_work(scene_file: Path, tmp_path: Path) -> None:
+    (tmp_path / "parts").touch()
+    with pytest.raises(StateError, match=r"parts: is no folder, and parts are kept there"):
+        render_on_cluster(scene_file, "tcp://127.0.0.1:1", folder=tmp_path / "parts")
 
 
 def test_workers_need_no_file_of_the_client(scene_file: Path, tmp_path: Path) -> None:
@@ -158,6 +194,38 @@ def test_cluster_that_cannot_render_is_refused_before_any_work(
     monkeypatch.setattr(tasks, "__version__", "0.0.1")
     with pytest.raises(StateError, match=r"has version 0\.0\.1, and this is"):
         render_on_cluster(scene_file, address)
+
+
+def test_worker_that_is_lost_while_it_is_surveyed_does_not_end_the_render() -> None:
+    """As where it is killed at that moment: the engine returns an error of the connection in place of its answer."""
+    answers = iter([{"a": OSError("closed")}, {"a": OSError("closed"), "b": tasks.survey()}])
+    fake = SimpleNamespace(wait_for_workers=lambda *words, **more: None, run=lambda *words, **more: next(answers))
+    client._check_workers(fake, "tcp://127.0.0.1:1", None)
+    assert next(answers, None) is None
+    missing = SimpleNamespace(
+        wait_for_workers=fake.wait_for_workers, run=lambda *w, **m: {"a": ModuleNotFoundError("")}
+    )
+    with pytest.raises(DeviceError, match="a worker lacks"):
+        client._check_workers(missing, "tcp://127.0.0.1:1", None)
+
+
+def test_worker_that_is_lost_while_the_scene_is_sent_does_not_end_the_render(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(tasks_out, "SEND_AGAIN_S", 0.0)
+    sent = SimpleNamespace(status="finished")
+    answers: list[Any] = [OSError("Stream is closed"), TimeoutError("No valid workers found"), sent]
+
+    def scatter(parcel: Any, broadcast: bool) -> Any:
+        answer = answers.pop(0) if len(answers) > 1 else answers[0]
+        if isinstance(answer, OSError):
+            raise answer
+        return answer
+
+    out = tasks_out.TasksOut(SimpleNamespace(scatter=scatter), cast("Any", None))
+    assert out._send_scene() is sent
+    answers[:] = [OSError("Stream is closed")]
+    monkeypatch.setattr(tasks_out, "SILENCE_S", 0.0)
+    with pytest.raises(DeviceError, match=r"no worker takes the scene .Stream is closed.*--resume"):
+        out._send_scene()
 
 
 def test_worker_that_joins_with_another_version_ends_the_render(

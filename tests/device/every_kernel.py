@@ -71,8 +71,8 @@ def meshes() -> None:
 
 
 def tree_of_shapes() -> None:
-    """A tree over shapes, however few."""
-    primitive_tree.BREAK_EVEN = 0
+    """A tree over shapes that the device builds, however few."""
+    primitive_tree.BREAK_EVEN = primitive_tree.FEW = 0
     shown(still_life())
 
 
@@ -101,10 +101,10 @@ RENDERS: dict[str, tuple[Callable[[], None], set[str]]] = {
     "passes": (passes, WAVE),
     "stream": (stream, {"stream"}),
     "lens": (lens, WAVE | {"aim_rays", "trace_lens", "trace_rays"}),
-    "meshes": (meshes, WAVE | TREES | {"layers"}),
+    "meshes": (meshes, WAVE | TREES | {"layers", "sharp"}),
     "tree of shapes": (tree_of_shapes, WAVE | (TREES - {"histogram", "partition", "search", "reinsert"})),
     "everything": (everything, WAVE),
-    "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "lamp_sights", "occluded"}),
+    "light of lamps": (light_of_lamps, WAVE | {"photons", "ghosts", "occluded"}),
 }
 
 

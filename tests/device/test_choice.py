@@ -109,7 +109,7 @@ def test_wrong_spec_is_refused_with_its_source_and_what_there_is(monkeypatch, sp
 
 def test_kind_that_is_not_there_is_refused(monkeypatch):
     monkeypatch.setattr(choose, "list_devices", lambda: DEVICES[:1])
-    with pytest.raises(DeviceError, match=r"--device 'gpu' fits no OpenCL device; there are: 0:0 pthread"):
+    with pytest.raises(DeviceError, match=r"'gpu': this machine has no GPU that OpenCL finds; there are: 0:0 pth"):
         choose_device("gpu")
     with pytest.raises(DeviceError) as error:
         choose_device("GPU")

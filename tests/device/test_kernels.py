@@ -22,7 +22,7 @@ PASSES = sorted(path.relative_to(kernels_dir()).as_posix() for path in (kernels_
 CAMERAS = sorted(
     path.stem
     for path in (kernels_dir() / "camera").glob("*.h")
-    if path.stem not in ("film_point", "filter", "trajectory", "draw", "aimed", "into_world")
+    if path.stem not in ("film_point", "filter", "trajectory", "draw", "aimed", "into_world", "packets", "stopped")
 )
 # How calls pass wide vectors is moot, as every helper is static. Compilers that are not clang ignore the pragma.
 NO_ABI = '#ifdef __clang__\n#pragma clang diagnostic ignored "-Wpsabi"\n#endif\n'
@@ -61,10 +61,12 @@ EVERY_MATERIAL = {
 
 
 GLOW = {"kind": "emissive", "radiance": GRID}
-LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
+LOSSES = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_STACKS", "LENS_ABSORPTION", "LENS_TINTED")
+SURFACES = ("LENS_POSE", "LENS_MIRROR", "LENS_REGION", "LENS_GENERAL", "LENS_CONIC", "LENS_OUTLINE", "LENS_MASK")
 GLASS = {"LENS_SPLITS": 1}
 PHOTONS = {"CAUSTICS": 1}
 READ = {"RAYS_FILE": "integrator/read_rays.h"}  # by the stream, or made there
+KEPT = {"RAYS_FILE": "integrator/kept_rays.h", "CAMERA_HAS_LENS": 1, "SAMPLER_LATTICE": 1}
 MADE = {"RAYS_FILE": "integrator/made_rays.h", "CAMERA_FILE": "camera/thin_lens.h", "APERTURE_PARTS": 9, "FILTER": 1024}
 TREES = {"BVH_WIDTH": 16, "LEAF_WIDTH": 16, "BVH_STACK": 64, "HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": 16}
 
@@ -180,6 +182,17 @@ def test_least_that_has_photons_compiles_alone_without_a_warning(session, file, 
 @pytest.mark.parametrize("camera", ["pinhole", "environment", "thick_lens"])
 def test_stream_makes_the_rays_of_a_camera_without_surfaces(session, camera):
     without_warnings(session, ["pass/stream.cl"], least_facts() | MADE | {"CAMERA_FILE": f"camera/{camera}.h", "VW": 8})
+
+
+@pytest.mark.parametrize("scene", [least_facts, all_facts])
+@pytest.mark.parametrize(("camera", "lanes", "packets"), [("realistic", 16, 2), ("realistic", 1, 1), ("fitted", 8, 1)])
+def test_stream_takes_the_rays_of_its_pixels_through_a_lens_first(session, scene, camera, lanes, packets):
+    facts = {"CAMERA_FILE": f"camera/{camera}.h", "CAMERA_PACKETS": packets, "VW": lanes}
+    facts |= {"MAP_ORDER": 4, "MAP_RIM_ORDER": 2, "MAP_RIMS": 1, "MAP_COLOURS": 0}
+    if scene is all_facts:
+        facts |= TREES | GLASS | dict.fromkeys((*LOSSES, *SURFACES, "LAMP_AIM", "LAMP_COLOURS", "HALF_PUPIL"), 1)
+        facts |= {"LENS_DISPERSION": 9, "WAVELENGTH_CELLS": 528, "FILTER": 1024}
+    without_warnings(session, ["pass/stream.cl"], scene() | KEPT | facts)
 
 
 @pytest.mark.parametrize("lanes", [1, 8, 16])

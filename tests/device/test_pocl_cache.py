@@ -10,7 +10,7 @@ import pytest
 
 from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.device import pocl_cache
-from rptcam_cl.device.pocl_cache import VARIABLE, make_pocl_cache_usable, pocl_cache_folder
+from rptcam_cl.device.pocl_cache import VARIABLE, is_code_noted, make_pocl_cache_usable, note_code, pocl_cache_folder
 from rptcam_cl.device.trial import is_pocl
 from tests.device.probes import open_session
 
@@ -93,9 +93,11 @@ def test_processes_at_work_are_no_reason_to_look(sound):
 def test_files_are_looked_through_after_a_process_that_did_not_end_well(sound, end):
     in_a_process(f"make_pocl_cache_usable()\n{end}")
     kernel = damaged_kernel(sound)
+    note_code("ab")
+    assert is_code_noted("ab")
     with pytest.warns(UserWarning, match=r"damaged kernels \(1\) are compiled anew"):
         make_pocl_cache_usable()
-    assert not kernel.exists()
+    assert not kernel.exists() and not is_code_noted("ab")
     make_pocl_cache_usable()  # and once is enough
     kernel = damaged_kernel(sound)
     make_pocl_cache_usable()

@@ -110,3 +110,13 @@ def test_launch_keeps_its_buffers(session, doubling):
     assert sys.getrefcount(first) == alone + 1
     launch.set(out=session.allocate(4))
     assert sys.getrefcount(first) == alone
+
+
+def test_kernels_are_used_again_once_their_launch_has_gone(session, doubling):
+    given = {"unused": np.int32(5), "factor": np.float32(1.5), "out": session.allocate(4)}
+    first = session.bind(doubling, "doubling", **given)
+    second = session.bind(doubling, "doubling", **given)
+    kernel = second._kernel
+    assert kernel is not first._kernel
+    del second
+    assert session.bind(doubling, "doubling", **given)._kernel is kernel

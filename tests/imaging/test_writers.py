@@ -1,3 +1,4 @@
+import json
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,27 @@ def test_jpeg_holds_the_developed_picture_closely_and_its_exif_data(tmp_path: Pa
             assert abs(error).max() <= 6  # what quality 95 loses of a slope
             assert picture.getexif().get_ifd(0x8769)[0x829D] == 2.0  # FNumber
             assert picture.info["icc_profile"]
+            kept = json.loads(picture.info["comment"])
+            assert kept.keys() == METADATA.keys() | {"ev"}
+            assert kept["lens"] == METADATA["lens"]
+
+
+def test_jpeg_is_smaller_by_a_lower_quality(tmp_path: Path) -> None:
+    pixels = np.random.default_rng(1).random((64, 64, 3), np.float32)
+    sizes = []
+    for quality in (100, 95, 60, 5):
+        path = tmp_path / f"{quality}.jpg"
+        Image(pixels, development=Development(jpeg_quality=quality)).save(path)
+        sizes.append(path.stat().st_size)
+    assert sizes == sorted(sizes, reverse=True)
+    assert sizes[-1] < sizes[0] / 5
+
+
+def test_jpeg_keeps_metadata_of_any_length(tmp_path: Path) -> None:
+    Image(np.ones((8, 8, 3), np.float32), metadata={"long": "ü" * 100_000}).save(tmp_path / "a.jpg")
+    with PIL.Image.open(tmp_path / "a.jpg") as picture:
+        comments = [content for marker, content in picture.applist if marker == "COM"]
+    assert json.loads(b"".join(comments))["long"] == "ü" * 100_000
 
 
 def test_exr_holds_the_film_bit_for_bit_in_scanlines(tmp_path: Path, image: Image) -> None:

@@ -13,7 +13,9 @@ from rptcam_cl.optics import load_lens
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
 from rptcam_cl.optics.glass import attenuation
+from rptcam_cl.optics.layer_stack import Layer, LayerStack
 
+LAYERS = {"layers": [{"index": 1.38, "thickness_nm": 99.6}, {"index": 2.1, "thickness_nm": 131}]}
 SPECTRUM = {"wavelengths_nm": [400, 550, 700], "values": [0.01, 0.002, 0.02]}
 INSIDE = {"thickness_mm": 10, "wavelengths_nm": [400, 700], "values": [0.9, 0.99]}
 
@@ -41,6 +43,10 @@ def test_coating_of_the_lens_and_of_single_surfaces():
     assert coatings(document)[2] == BARE
     document["surfaces"][1]["coating"] = {"quarter_wave": {"index": 1.65, "wavelength_nm": 500}}
     assert coatings(document)[1] == QuarterWave(1.65, 500)
+    document["surfaces"][1]["coating"] = {"layers": [{"index": 1.65, "thickness_nm": 100}]}  # today's single layer
+    assert coatings(document)[1] == QuarterWave(1.65, 660.0)
+    document["surfaces"][0]["coating"] = LAYERS
+    assert coatings(document)[0] == LayerStack((Layer(1.38, 99.6), Layer(2.1, 131.0)))
     assert coatings(doublet()) == [None] * 4
 
 
@@ -74,9 +80,13 @@ def test_missing_file_is_named(tmp_path):
     [
         ("shiny", r"coating: unknown coating; allowed: bare, mgf2, \{quarter_wave: …\}"),
         (3, r"coating: allowed: bare"),
-        ({}, r"coating: needs exactly one of quarter_wave, reflectance"),
+        ({}, r"coating: needs exactly one of quarter_wave, layers, reflectance"),
         ({"quarter_wave": {"index": 1.38}}, r"coating\.quarter_wave: wavelength_nm is missing"),
         ({"quarter_wave": {"index": 0.9, "wavelength_nm": 550}}, r"index of a layer lies between 1 and 5"),
+        ({"layers": []}, r"layers: has 1 to 12 layers, not 0"),
+        ({"layers": [{"index": 0.2, "thickness_nm": 5}]}, r"layers\[0\]\.index: the index of a layer lies between"),
+        ({"layers": [{"index": 1.4}]}, r"coating\.layers\[0\]: thickness_nm is missing"),
+        ({"layers": [{"index": 1.4, "thickness_nm": 0}]}, r"thickness_nm: must be above 0"),
         ({"reflectance": 5}, r"coating\.reflectance: lies between 0 and 1, not in percent"),
         ({"reflectance": SPECTRUM | {"values": [1, 2, 3]}}, r"reflectance\.values: a reflectance lies between 0 and 1"),
         ({"reflectance": SPECTRUM | {"values": [0.1]}}, r"values: needs as many numbers as wavelengths_nm"),
@@ -114,7 +124,7 @@ def test_absorption_of_a_glass():
 
 def test_lens_with_losses_is_written_as_it_was_read():
     document = doublet(coating={"reflectance": SPECTRUM})
-    document["surfaces"][0]["coating"] = "bare"
+    document["surfaces"][0]["coating"] = LAYERS
     document["surfaces"][2]["coating"] = "mgf2"
     document["surfaces"][0]["glass"]["transmittance"] = INSIDE
     lens = load_lens(document)

@@ -5,10 +5,12 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import BARE, MAGNESIUM_FLUORIDE, Interface, MeasuredReflectance, QuarterWave, amplitudes
+from rptcam_cl.optics.layer_stack import Layer, LayerStack
 
 BK7 = 1.5168
 MEASURED = MeasuredReflectance((400.0, 700.0), (0.004, 0.010))
-COATINGS = [BARE, MAGNESIUM_FLUORIDE, QuarterWave(1.9, 480.0), MEASURED]
+THREE = LayerStack((Layer(1.38, 100.0), Layer(2.1, 131.0), Layer(1.7, 81.0)))
+COATINGS = [BARE, MAGNESIUM_FLUORIDE, QuarterWave(1.9, 480.0), MEASURED, THREE]
 
 
 def met_at(degrees, before, after):
@@ -65,6 +67,38 @@ def test_layer_agrees_with_characteristic_matrices(coating, media):
         for wavelength in (380.0, 550.0, 780.0):
             expected = 1 - by_matrices(interface, coating, wavelength)
             assert coating.transmittance(interface, wavelength) == pytest.approx(expected, abs=1e-12)
+
+
+def quarters(*indices):
+    """Layers of a quarter of 550 nm each."""
+    return LayerStack(tuple(Layer(index, 550.0 / 4 / index) for index in indices))
+
+
+@pytest.mark.parametrize("pairs", [1, 2, 4])
+def test_quarter_wave_pairs_have_their_closed_form(pairs):
+    # R = ((n - Y) / (n + Y))^2, Y = m (H / L)^(2 pairs): Macleod, Thin-Film Optical Filters, 5.1
+    stack = quarters(*(2.3, 1.38) * pairs)
+    y = BK7 * (2.3 / 1.38) ** (2 * pairs)
+    expected = ((1 - y) / (1 + y)) ** 2
+    assert 1 - stack.transmittance(Interface(1.0, BK7), 550.0) == pytest.approx(expected, rel=1e-12)
+    wave = stack.polarised(Interface(BK7, 1.0), 550.0)  # from the glass
+    assert np.abs(wave.reflected_s) ** 2 == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_stack_of_one_layer_is_that_layer_and_half_waves_are_nothing():
+    one, layer = quarters(1.38), MAGNESIUM_FLUORIDE
+    for media in ((1.0, 1.7), (1.7, 1.0)):
+        interface = met_at(30.0, *media)
+        for ours, airy in zip(one.polarised(interface, 610.0), layer.polarised(interface, 610.0), strict=True):
+            assert ours == pytest.approx(airy, abs=1e-14)
+    halves = LayerStack((Layer(1.6, 550 / 2 / 1.6), Layer(2.2, 550 / 2 / 2.2)))
+    bare = BARE.transmittance(Interface(1.0, BK7), 550.0)
+    assert halves.transmittance(Interface(1.0, BK7), 550.0) == pytest.approx(bare, rel=1e-12)
+    mixed = LayerStack((Layer(1.38, 40.0), Layer(1.38, 59.0)))  # two layers of one substance are one
+    whole = LayerStack((Layer(1.38, 99.0),))
+    assert mixed.transmittance(met_at(50.0, 1.0, 1.7), 500.0) == pytest.approx(
+        whole.transmittance(met_at(50.0, 1.0, 1.7), 500.0), rel=1e-12
+    )
 
 
 @pytest.mark.parametrize("coating", COATINGS)

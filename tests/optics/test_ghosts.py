@@ -17,6 +17,8 @@ from rptcam_cl.optics import (
     Beam,
     Ghosts,
     Interface,
+    Layer,
+    LayerStack,
     Lens,
     Lit,
     QuarterWave,
@@ -155,7 +157,8 @@ def test_two_plates_have_the_ghosts_of_the_geometric_series() -> None:
 def test_amplitudes_have_the_transmittance_and_keep_the_light() -> None:
     cosine = np.cos(np.radians([0.0, 20.0, 50.0, 75.0]))
     behind = np.sqrt(1.0 - (1.0 - cosine**2) / 1.7**2)
-    for coating in (BARE, MAGNESIUM_FLUORIDE, QuarterWave(1.9, 480.0), constant_reflectance(0.01)):
+    three = LayerStack((Layer(1.38, 100.0), Layer(2.1, 131.0), Layer(1.7, 81.0)))
+    for coating in (BARE, MAGNESIUM_FLUORIDE, QuarterWave(1.9, 480.0), constant_reflectance(0.01), three):
         for interface in (Interface(1.0, 1.7, cosine, behind), Interface(1.7, 1.0, behind, cosine)):
             wave = coating.polarised(interface, 610.0)
             shares = [np.abs(part) ** 2 for part in wave]

@@ -4,6 +4,7 @@ import importlib
 import importlib.util
 import json
 import math
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -90,7 +91,7 @@ def test_advice_is_told_beside_what_came_of_it(checkout: Path, tmp_path: Path) -
     assert page.read_text("utf-8").strip() in printed
     assert [found["advice"]["wish"] for found in results["verdicts"]] == ["time", "error"]
     assert all(found["obtained"]["uncertainty"] > 0 and found["verdict"] for found in results["verdicts"])
-    assert results["said"]["landscape"][0].startswith("In 200 ms: use")
+    assert results["said"]["landscape"][0].startswith("Set: in 200 ms --set")
 
 
 @pytest.mark.slow
@@ -238,6 +239,17 @@ def test_both_renderers_do_the_same_work(checkout: Path, tmp_path: Path) -> None
 def test_worker_that_cannot_start_says_why(tmp_path: Path) -> None:
     with pytest.raises(WorkerError, match="cannot be started"):
         Worker(str(tmp_path / "python"), "benchmarks.mitsuba_worker")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a shell script stands in for the worker")
+def test_llvm_that_ends_the_worker_is_named(tmp_path):
+    fake = tmp_path / "python"
+    fake.write_text('#!/bin/sh\necho \'{"description": "Mitsuba 3 llvm_ad_rgb"}\'\nread line\nkill -ABRT $$\n', "utf-8")
+    fake.chmod(0o755)
+    worker = Worker(str(fake), "benchmarks.mitsuba_worker")
+    for _ in range(2):
+        with pytest.raises(WorkerError, match=r"llvm_ad_rgb was ended by SIGABRT; .*DRJIT_LIBLLVM_PATH"):
+            worker.ask(do="render")
 
 
 def test_missing_mitsuba_is_answered_with_the_remedy(tmp_path: Path) -> None:

@@ -1,61 +1,21 @@
-"""What the documents promise: commands that parse, programs that run, links that lead somewhere."""
+"""What the documents promise: links that lead somewhere, contents that are complete; blocks are tested beside it."""
 
 import re
-import shlex
 import subprocess
 from pathlib import Path
 
-import pytest
-import yaml
-
-from rptcam_cl.cli import build_parser
+from tests.support.pages import all_blocks
 
 LINK = re.compile(r"\]\(([^)#\s]*)(?:#([^)\s]+))?\)")
 
 
-def blocks(text: str, language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
-
-
-@pytest.fixture
-def readme(checkout: Path) -> str:
-    return (checkout / "README.md").read_text("utf-8")
-
-
-def test_every_command_of_the_readme_parses(readme: str) -> None:
-    lines = [line for block in blocks(readme, "sh") for line in block.splitlines() if line.startswith("rptcam ")]
-    assert len(lines) > 5
-    for line in lines:
-        _, unknown = build_parser().parse_known_args(shlex.split(line)[1:])
-        assert unknown == [], line
-
-
-def test_make_targets_of_the_readme_exist(checkout: Path, readme: str) -> None:
-    targets = re.findall(r"^    make (\w+)$", readme, re.MULTILINE)
-    assert targets == ["demo", "test"]
-    subprocess.run(["make", "--dry-run", *targets], cwd=checkout, check=True, capture_output=True)
-
-
-def test_programs_of_the_readme_run(
-    checkout: Path, readme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    (tmp_path / "examples").symlink_to(checkout / "examples")
-    monkeypatch.chdir(tmp_path)
-    programs = blocks(readme, "python")
-    assert len(programs) == 2
-    for program in programs:
-        exec(compile(program, "README.md", "exec"), {})
-    assert (tmp_path / "picture.png").stat().st_size > 0
-
-
-def test_lens_of_the_readme_loads(readme: str) -> None:
-    from rptcam_cl.optics import load_lens
-
-    (text,) = blocks(readme, "yaml")
-    lens = load_lens(yaml.safe_load(text))
-    # thick-lens formula: 1/f = (n - 1) (1/R1 - 1/R2 + (n - 1) d / (n R1 R2))
-    power = 0.5 * (1 / 50 + 1 / 50 - 0.5 * 5 / (1.5 * 50 * 50))
-    assert lens.first_order().focal_length_mm == pytest.approx(1 / power)
+def test_make_targets_of_the_pages_exist(checkout: Path) -> None:
+    named = [(block.page, re.findall(r"^make (\w+)", block.text, re.MULTILINE)) for block in all_blocks("sh")]
+    assert [(page, targets) for page, targets in named if targets] == [
+        ("README.md", ["demo", "test"]),
+        ("docs/install.md", ["demo", "test", "docs"]),
+    ]
+    subprocess.run(["make", "--dry-run", "demo", "test", "docs"], cwd=checkout, check=True, capture_output=True)
 
 
 def links(document: Path) -> list[tuple[Path, str]]:
@@ -97,9 +57,18 @@ def test_every_page_is_reached_from_the_readme(checkout: Path, tracked: list[str
     assert {checkout / name for name in tracked if name.endswith(".md")} == reached
 
 
-def test_readme_lists_every_page_of_the_documentation(checkout: Path, tracked: list[str]) -> None:
-    listed = {target for target, _ in links(checkout / "README.md")}
-    assert [name for name in tracked if re.fullmatch(r"docs/[^/]+\.md", name) and checkout / name not in listed] == []
+def test_contents_of_the_documentation_list_every_page_once(checkout: Path, tracked: list[str]) -> None:
+    index = checkout / "docs" / "index.md"
+    listed = [target for target, _ in links(index) if target.parent == index.parent]
+    assert len(listed) == len(set(listed))
+    assert {checkout / name for name in tracked if re.fullmatch(r"docs/[^/]+\.md", name)} == {index, *listed}
+
+
+def test_every_page_begins_with_the_question_of_its_reader(checkout: Path) -> None:
+    pages = {path.name: path.read_text("utf-8") for path in (checkout / "docs").glob("*.md")}
+    del pages["gallery.md"]  # says whose figures it shows
+    first = {name: re.split(r"\n\n|\n```", text.partition("\n")[2].strip())[0] for name, text in pages.items()}
+    assert [name for name, paragraph in first.items() if "?" not in paragraph] == []
 
 
 def test_contents_of_the_scene_reference_list_every_heading(checkout: Path) -> None:
@@ -108,10 +77,11 @@ def test_contents_of_the_scene_reference_list_every_heading(checkout: Path) -> N
     assert {at for file, at in LINK.findall(contents) if not file} == anchors(reference) - {"the-scene-file"}
 
 
-def test_every_example_is_a_valid_scene(checkout: Path) -> None:
+def test_every_example_is_a_valid_scene_or_dataset(checkout: Path) -> None:
+    from rptcam_cl.datasets import read_specification
     from rptcam_cl.scene import load_scene
 
     examples = sorted((checkout / "examples").rglob("*.yaml"))
     assert examples
     for example in examples:
-        load_scene(example)
+        (read_specification if "\nvary:" in example.read_text("utf-8") else load_scene)(example)

@@ -21,6 +21,7 @@ ROOMS: dict[str, set[str]] = {
     "tolerances": {"core", "colour", "optics", "scene"},
     "cameras": {"core", "colour", "optics", "scene", "tolerances"},
     "lenstools": {"core", "colour", "optics", "tolerances", "device", "cameras"},
+    "calibration": {"core", "optics", "scene", "cameras", "lenstools"},
     "plan": {"core", "colour", "assets", "optics", "scene", "cameras"},
     "rendering": {"_version", "core", "colour", "optics", "scene", "device", "cameras", "lenstools", "plan"},
     "focusing": {"core", "colour", "optics", "scene", "imaging", "device", "cameras", "lenstools", "plan", "rendering"},
@@ -37,7 +38,7 @@ ROOMS: dict[str, set[str]] = {
         "rendering",
         "focusing",
     },
-    "importers": {"core", "colour", "assets", "optics", "scene"},
+    "importers": {"core", "colour", "assets", "optics", "scene", "cameras"},
     "api": {
         "_version",
         "core",
@@ -53,6 +54,7 @@ ROOMS: dict[str, set[str]] = {
         "tradeoff",
     },
     "cluster": {"_version", "core", "scene", "device", "rendering", "api"},
+    "datasets": {"_version", "core", "scene", "imaging", "device", "calibration", "api"},
     "viewfinder": {
         "_version",
         "core",
@@ -77,6 +79,7 @@ ROOMS: dict[str, set[str]] = {
         "imaging",
         "device",
         "lenstools",
+        "calibration",
         "rendering",
         "focusing",
         "selfcheck",
@@ -84,6 +87,7 @@ ROOMS: dict[str, set[str]] = {
         "importers",
         "api",
         "cluster",
+        "datasets",
         "viewfinder",
     },
 }
@@ -211,7 +215,7 @@ def test_a_wrong_import_is_found(room: str, line: str) -> None:
     assert wrong_imports(room, line)
 
 
-@pytest.mark.parametrize("room", ["optics", "scene", "imaging", "cli", "lenstools"])
+@pytest.mark.parametrize("room", ["optics", "scene", "imaging", "cli", "lenstools", "calibration"])
 def test_room_is_usable_without_opencl(room: str) -> None:
     program = f"import sys; sys.modules['pyopencl'] = None; import rptcam_cl.{room}"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
@@ -224,6 +228,8 @@ NOT_FOR_A_RENDER = {
     "rptcam_cl.api.merging",
     "rptcam_cl.api.session",
     "rptcam_cl.api.sweeping",
+    "rptcam_cl.calibration",
+    "rptcam_cl.cli.camera",
     "rptcam_cl.cli.doctor",
     "rptcam_cl.cli.lens",
     "rptcam_cl.cli.sweep",
@@ -234,6 +240,7 @@ NOT_FOR_A_RENDER = {
     "rptcam_cl.selfcheck",
     "rptcam_cl.tradeoff",
     "rptcam_cl.viewfinder",
+    *(f"rptcam_cl.assets.meshes.{form}" for form in ("gltf", "obj", "ply", "stl")),
     "matplotlib",
     "scipy",
     "starlette",

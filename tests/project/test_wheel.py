@@ -13,10 +13,10 @@ from hatchling.builders.sdist import SdistBuilder
 from hatchling.builders.wheel import WheelBuilder
 from packaging.requirements import Requirement
 
-from rptcam_cl.core.resources import EXAMPLES
+from rptcam_cl.core.resources import EXAMPLES, SCENES
 
-SCENES = [f"examples/{name}.yaml" for name in EXAMPLES]
-DATA = ("kernels/", "lenses/", *SCENES)
+ONE_FILE = [f"examples/{name}.yaml" for name in EXAMPLES]
+DATA = ("kernels/", "lenses/", *(f"examples/{file}" for files in SCENES.values() for file in files))
 
 
 def wheel_of(root: Path, folder: Path) -> Path:
@@ -80,8 +80,8 @@ def test_installed_package_finds_its_kernels_and_lenses(wheel: Path, tmp_path: P
 
 def test_scenes_of_the_readme_are_in_the_wheel_and_need_nothing_beside_them(checkout: Path) -> None:
     readme = (checkout / "README.md").read_text("utf-8")
-    assert set(re.findall(r"examples/\w+\.yaml", readme)) <= {*SCENES}
-    for name in SCENES:
+    assert set(re.findall(r"examples/\w+\.yaml", readme)) <= {*ONE_FILE}
+    for name in ONE_FILE:
         assert not re.search(r"\.(ply|png|hdr|jpg|glb|csv)\b", (checkout / name).read_text("utf-8")), name
 
 

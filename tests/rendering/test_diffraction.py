@@ -1,16 +1,21 @@
 """Diffraction of films: kernels against closed forms, films in which nothing rings, and a rendered edge."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.cameras import dirt_edges, edges_of
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Beam, load_lens, pupil_function, transfer
 from rptcam_cl.optics.focus import film_distance
-from rptcam_cl.rendering.diffraction import SHOWS_PX, diffracted, diffraction_of
+from rptcam_cl.rendering.diffraction import SHOWS_PX, diffracted, diffraction_of, spread_of
 from rptcam_cl.rendering.diffraction_kernel import WAVES_NM, kernel, of_wavelength, white_shares
+from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.patch_blur import blurred
-from rptcam_cl.scene import load_scene
+from rptcam_cl.rendering.starburst import FarLight
+from rptcam_cl.scene import Dirt, load_scene
 from tests.rendering.pictures import scene_of
 
 POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -108,6 +113,17 @@ def test_a_camera_without_an_opening_is_refused(camera):
         load_scene(scene_of([], {**camera, "diffraction": "on", **POSE}, resolution=(32, 16)))
 
 
+def test_an_afocal_lens_is_refused():
+    rows = [{"thickness": 5, "diameter": 20, "glass": {"index": 1.5}}, {"thickness": 5, "diameter": 20},
+            {"thickness": 1, "diameter": 10, "stop": True}, {"diameter": 20}]  # fmt: skip
+    window = {"kind": "realistic", "lens": {"name": "window", "surfaces": rows}, "focus": {"film_distance_mm": 30}}
+    scene = scene_of([], {**window, "diffraction": "on", **POSE}, resolution=(32, 16))
+    with pytest.raises(InputError, match=r"camera\.diffraction: window: is afocal, so it forms no image"):
+        diffraction_of(load_scene(scene))
+    scene["camera"]["diffraction"] = "auto"
+    assert diffraction_of(load_scene(scene)).is_on is False
+
+
 def edge_scene(diffraction: str):
     """A lamp with a slanted edge 1 km away, through a double Gauss at f/16 on pixels of 2.5 micrometres."""
     back = film_distance(load_lens("dgauss-50mm").with_stop_diameter(2), 1e6)
@@ -198,3 +214,111 @@ def test_spikes_are_one_for_each_direction_across_a_blade_and_grow_with_the_wave
         along = np.bincount(np.rint(radius).astype(int).ravel(), light.ravel())[:reach]
         lengths.append(np.interp(0.97, np.cumsum(along), np.arange(reach)))  # holds 97 % of the light
     assert lengths[1] / lengths[0] == pytest.approx(600 / 450, rel=0.02)
+
+
+def far_light(edges):
+    return FarLight(edges, 1.0, (0.02, 0.02), 20)
+
+
+def ngon(corners, radius=0.03, turn_degrees=7.0):
+    angles = np.radians(turn_degrees) + 2 * np.pi * np.arange(corners) / corners
+    return edges_of(radius * np.stack([np.cos(angles), np.sin(angles)], axis=1))
+
+
+@cache
+def light_of(corners):
+    return far_light(ngon(corners))
+
+
+def test_far_light_of_a_round_opening_is_that_of_its_closed_form():
+    radii, found = light_of(512).within
+    total = found.sum(axis=0)
+    for rho in (64.0, 200.0, 1000.0):  # 1 - J0^2 - J1^2 of pi rho, without its ripples
+        expected = 2 / np.pi**2 * (1 / radii[0] - 1 / rho)
+        assert np.interp(rho, radii, total) == pytest.approx(expected, rel=0.01)
+    assert found[:, -1] == pytest.approx(found[:, -1].mean(), rel=0.03)  # the same all around
+
+
+def test_far_light_that_falls_beside_the_film_is_what_its_kernel_lacks():
+    round_opening = light_of(512)
+    shares, kernel_sum = round_opening.shares, round_opening.kernel(150, 150).sum(axis=(1, 2))
+    unit = [sum(w * round_opening.unit_px(nm) for nm, w in zip(WAVES_NM, row, strict=True)) for row in white_shares().T]
+    beyond = 2 / np.pi**2 * np.array(unit) / 150 * 0.9  # of a square of 299 pixels: its mean 1 / distance is 0.9 / half
+    assert shares - kernel_sum == pytest.approx(beyond, rel=0.03)
+
+
+@pytest.mark.parametrize("blades", [5, 6])
+def test_far_spikes_stand_across_blades_and_are_one_for_each_direction(blades):
+    star = light_of(blades).kernel(160, 160)[1]
+    down, right = np.mgrid[-159:160, -159:160]
+    radius, angle = np.hypot(down, right), np.degrees(np.arctan2(down, right)) % 360
+    ring = (radius > 60) & (radius < 150)
+    around = np.bincount(angle[ring].astype(int), star[ring], minlength=360)
+    left, right = np.roll(around, 1), np.roll(around, -1)
+    peaks = np.flatnonzero((around >= left) & (around > right) & (left + around + right > around.sum() / 40))
+    towards = (7 + 180 / blades + 360 / blades * np.arange(blades)) % 360
+    expected = np.unique(np.round(np.concatenate([towards, (towards + 180) % 360]), 6))
+    assert len(expected) == (2 * blades if blades % 2 else blades)
+    assert peaks + 0.5 == pytest.approx(expected, abs=1.0)
+
+
+def test_far_light_grows_with_the_wavelength():
+    red, green, blue = light_of(6).shares  # a share falls as 1 / radius over wavelength
+    means = [sum(nm * share for nm, share in zip(WAVES_NM, row, strict=True)) for row in white_shares().T]
+    assert red / green == pytest.approx(means[0] / means[1], rel=0.02)
+    assert blue / green == pytest.approx(means[2] / means[1], rel=0.02)
+
+
+def test_dirt_is_seeded_lies_inside_and_scatters_its_shadow():
+    outline = ngon(64, 1.0)[:, :2]
+    dirt = Dirt(dust_per_mm2=8.0, dust_um=30.0, scratches_per_mm2=1.0, scratch_um=4.0, seed=5)
+    holes = dirt_edges(dirt, outline, 2.0)
+    assert np.hypot(*holes.reshape(-1, 2).T).max() < 1.0
+    np.testing.assert_array_equal(holes, dirt_edges(dirt, outline, 2.0))
+    other = dirt_edges(dirt.model_copy(update={"seed": 6}), outline, 2.0)
+    assert holes.shape != other.shape or not np.array_equal(holes, other)
+    x, y, to_x, to_y = holes.T
+    shadow = -(x * to_y - y * to_x).sum() / 2 / np.pi
+    clean, dirty = far_light(0.03 * ngon(64, 1.0)), far_light(0.03 * np.concatenate([ngon(64, 1.0), holes]))
+    more = (dirty.within[1][:, -1].sum() - clean.within[1][:, -1].sum()) / shadow
+    assert 0.5 < more < 1.05  # Babinet: as much as it stops; part of it falls nearer and farther
+    wider = dirt_edges(dirt, outline, 2.5) * 2.5
+    close = np.abs(wider[:, None] - 2 * holes[None, :40]).max(axis=2).min(axis=0)
+    assert np.median(close) < 1e-12  # the same specks, and more of them
+
+
+def test_far_light_of_a_lamp_keeps_its_energy_and_does_not_ring():
+    shape = {"shape": "polygon", "blades": 6}
+    found = found_of(width_mm=4, resolution=(60, 15), f_number=16, aperture=shape, stop={"dirt": {}})
+    dim = np.full((15, 60, 3), 1e-3, np.float32)
+    diffracted(found, dim)
+    assert "far" not in vars(found.spread)  # a film without lamps needs none
+    film = dim.copy()
+    film[7, 20] = 1e9
+    spread = diffracted(found, film).astype(float)
+    shares, light = found.spread.far
+    lost = (shares - light[:, 7:22, 39:99].sum(axis=(1, 2))) * 1e9  # what falls beside the film
+    assert (lost > 0).all() and (lost < shares * 1e9).all()
+    assert film.sum(axis=(0, 1), dtype=float) - lost == pytest.approx(spread.sum(axis=(0, 1)), rel=1e-6)
+    assert spread.min() > 0
+    assert (np.diff(spread[7, 34:, 1]) < 0).mean() > 0.9  # it falls evenly, apart from what dirt scatters
+    again = spread_of(found.arrays(), (60, 15)).over(film, FilmLayout.of(found.scene.film))
+    np.testing.assert_array_equal(again, spread.astype(np.float32))
+
+
+@pytest.mark.parametrize(
+    ("camera", "fault"),
+    [
+        (
+            {"diffraction": "off", "stop": {"dirt": {}}},
+            r"camera\.stop\.dirt: scatters light by diffraction",
+        ),
+        ({"stop": {"dirt": {"dust_um": -1}}}, r"camera\.stop\.dirt\.dust_um"),
+        ({"stop": {"dirt": {"dust": 5}}}, r"camera\.stop\.dirt\.dust"),
+        ({"stop": {"dirt": "much"}}, r"camera\.stop\.dirt"),
+        ({"stop": {"dirt": {"seed": 1.5}}}, r"camera\.stop\.dirt\.seed"),
+    ],
+)
+def test_bad_dirt_is_refused(camera, fault):
+    with pytest.raises(InputError, match=fault):
+        found_of(**camera)

@@ -116,6 +116,10 @@ def test_rough_metal_reflects_what_single_scattering_leaves(alpha, degrees):
     assert_equivalent(mean, error, expected, 0.005)
 
 
+def mirror(reflectance):
+    return {"kind": "mirror", "reflectance": [reflectance] * 3}
+
+
 def lit_cavity(radius, reflectance, depth, roulette=0):
     """Inside a matte sphere with a point light at its centre, which every vertex sees at the same distance."""
     wall = {"shape": "sphere", "center": [0, 0, 0], "radius": radius, "material": {**MATTE, "reflectance": reflectance}}
@@ -144,6 +148,34 @@ def test_roulette_changes_no_mean(roulette):
 def test_roulette_ends_paths():
     film = pixels(lit_cavity(1.0, 0.8, 12, 1), seed=seed_of("roulette"), spp=4)
     assert film.std() > 0.1
+
+
+def test_roulette_of_a_path_without_light_is_four_times_as_kind():
+    # a plane of reflectance r < 1/4 below a white sky: a path goes on with the chance 4 r, and brings 1/4 then
+    floor = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1], "material": {**MATTE, "reflectance": 0.1}}
+    camera = looking([0, 0, 1], [0, 0, 0], up=(0, 1, 0))
+    film = pixels(scene_of([floor], camera, depth=2, roulette=1, environment=WHITE), spp=1, seed=seed_of("unlit"))
+    np.testing.assert_allclose(film, np.where(film > 0, 0.25, 0), rtol=1e-6)
+    assert (film > 0).mean() == pytest.approx(0.4, abs=0.06)  # four standard errors of 1024 pixels
+
+
+def test_roulette_of_a_path_without_light_takes_no_more_than_the_vertex():
+    # a dark mirror, then a bright one, throughput 0.09: the path goes on with the chance 0.9, and not 4 times 0.09
+    floor = {"shape": "plane", "point": [0, 0, 0], "normal": [0, 0, 1]}
+    wall = {"shape": "plane", "point": [0, 5, 0], "normal": [0, -1, 0]}
+    room = [{**floor, "material": mirror(0.1)}, {**wall, "material": mirror(0.9)}]
+    camera = looking([0, 0, 1], [0, 1, 0])
+    film = pixels(scene_of(room, camera, depth=3, roulette=2, environment=WHITE), spp=1, seed=seed_of("unlit"))
+    np.testing.assert_allclose(film, np.where(film > 0, 0.1, 0), rtol=1e-5)
+    assert (film > 0).mean() == pytest.approx(0.9, abs=0.038)
+
+
+def test_roulette_of_a_lit_path_is_its_throughput():
+    # the first vertex adds 1/2; the second 1/4, and the path goes on with this chance to a third, which adds 1/2 then
+    film = pixels(lit_cavity(1.0, 0.5, 4, 2), seed=seed_of("lit"), spp=1)
+    more = film > 1
+    np.testing.assert_allclose(film, np.where(more, 1.25, 0.75), rtol=1e-5)
+    assert more.mean() == pytest.approx(0.25, abs=0.055)
 
 
 def test_roulette_keeps_the_mean_of_coloured_walls():

@@ -1,6 +1,8 @@
 """Ghosts in pictures against those of the lens in float64, and what hides, bounds and colours them."""
 
+import json
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,21 +12,29 @@ import rptcam_cl
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import (
     MAGNESIUM_FLUORIDE,
+    UNCOATED,
     Beam,
+    Coating,
+    Layer,
+    LayerStack,
     Lit,
+    QuarterWave,
     blades,
     find_ghosts,
     load_lens,
     steps,
     unfolded,
+    veiling_glare,
     with_coating,
 )
 from rptcam_cl.rendering.diffraction_kernel import shares_of_white
-from rptcam_cl.rendering.ghosts import WAVES_NM
+from rptcam_cl.rendering.ghost_film import WAVES_NM
 
 FILM = {"resolution": [48, 32], "width_mm": 36}
 PIXEL_MM2 = (36 / 48) ** 2
 IRRADIANCE = 800.0
+THREE = {"layers": [{"index": 1.38, "thickness_nm": 99.6}, {"index": 2.1, "thickness_nm": 131.0},
+                    {"index": 1.7, "thickness_nm": 80.9}]}  # fmt: skip
 
 
 def sun(degrees: float, diameter: float = 0.1) -> dict[str, Any]:
@@ -81,6 +91,35 @@ def test_ghosts_are_added_to_the_very_picture_without_them(bare: rptcam_cl.Image
     np.testing.assert_array_equal(again["ghosts"], bare["ghosts"])
 
 
+def test_a_sun_in_a_picture_has_the_ghosts_of_a_sun(tmp_path: Path) -> None:
+    sky = np.full((180, 360, 3), 1e-4, np.float32)
+    sky[90 + 10, 180] = 1e5  # a texel 10.5 degrees below the horizon, 0.5 beside the middle
+    rptcam_cl.Image(sky, {}, {}).save(tmp_path / "sky.exr")
+    text = scene(sun(10.0)) | {"lights": [], "environment": {"kind": "image", "file": "sky.exr"}}
+    text["camera"]["target"] = [0, 0, -10]
+    (tmp_path / "scene.yaml").write_text(json.dumps(text))
+    image = rptcam_cl.render(tmp_path / "scene.yaml")
+    solid = np.radians(1.0) ** 2 * np.cos(np.radians(10.5))
+    away = float(np.degrees(np.arccos(np.cos(np.radians(10.5)) * np.cos(np.radians(0.5)))))
+    total, y = expected(image, Beam(away))
+    left = 1 - image.metadata["ghosts"]["dropped_share"]
+    assert image.metadata["ghosts"]["sources"] == 1
+    assert image["ghosts"][..., 1].sum(dtype=np.float64) == pytest.approx(1e5 * solid * total * left, rel=0.02)
+    assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)  # from below, as that of `sun`
+
+
+def test_a_barrel_adds_its_share_of_the_mean_film(bare: rptcam_cl.Image) -> None:
+    image = rptcam_cl.render(scene(sun(10.0), barrel_reflectance=0.1))
+    film, lens = image.metadata["film_distance_mm"], load_lens("dgauss-50mm")
+    share = veiling_glare(lens, film, 587.5618, UNCOATED, barrel_reflectance=0.1).barrel
+    direct = bare.pixels - bare["ghosts"]
+    veil = image["ghosts"] - bare["ghosts"]
+    assert 1e-5 < share < 1e-2
+    np.testing.assert_allclose(veil, np.broadcast_to(share * direct.mean(axis=(0, 1)), veil.shape), rtol=1e-3)
+    with pytest.raises(InputError, match="barrel_reflectance: is light of ghosts"):
+        rptcam_cl.render(scene(sun(10.0), barrel_reflectance=0.1, ghosts="off"))
+
+
 def test_what_hides_the_sun_hides_its_ghosts() -> None:
     image = rptcam_cl.render(scene(sun(10.0), objects=(ball(-3.5),)))
     assert not image["ghosts"].any()
@@ -104,13 +143,32 @@ def test_ghosts_take_the_shape_of_the_stop() -> None:
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
 
 
-def test_a_layer_colours_ghosts_as_its_closed_form_says() -> None:
-    image = rptcam_cl.render(scene(sun(10.0), transmission={"coating": "mgf2"}))
-    lens = with_coating(load_lens("dgauss-50mm"), MAGNESIUM_FLUORIDE)
+@pytest.mark.parametrize(
+    ("written", "coating", "purple"),
+    [
+        ("mgf2", MAGNESIUM_FLUORIDE, True),
+        ({"layers": [{"index": 1.38, "thickness_nm": 70}]}, QuarterWave(1.38, 386.4), False),  # for violet: yellow
+        pytest.param(
+            THREE, LayerStack((Layer(1.38, 99.6), Layer(2.1, 131.0), Layer(1.7, 80.9))), True, marks=pytest.mark.slow
+        ),
+    ],
+    ids=["a quarter wave", "thinner", "three layers"],
+)
+def test_layers_colour_ghosts_as_their_closed_form_says(written: Any, coating: Coating, purple: bool) -> None:
+    image = rptcam_cl.render(scene(sun(10.0), transmission={"coating": written}))
+    lens = with_coating(load_lens("dgauss-50mm"), coating)
     sums = np.array([expected(image, Beam(10.0), lens=lens, wave=wave)[0] for wave in WAVES_NM])
     colour = IRRADIANCE * sums @ shares_of_white(WAVES_NM) * (1 - image.metadata["ghosts"]["dropped_share"])
     assert image["ghosts"].sum(axis=(0, 1), dtype=np.float64) == pytest.approx(colour, rel=0.01)
-    assert colour[2] > 3 * colour[1] and colour[0] > 1.5 * colour[1]  # purple, as coated lenses are
+    assert bool(colour[2] > colour[1]) is purple  # as coated lenses are
+
+
+@pytest.mark.slow  # its kernels take long to compile
+def test_ghosts_of_a_coloured_sun_are_the_same_with_wavelengths(bare: rptcam_cl.Image) -> None:
+    text = scene(sun(10.0) | {"irradiance": [800.0, 400.0, 100.0]})
+    text["spectrum"] = "spectral"
+    image = rptcam_cl.render(text)
+    np.testing.assert_allclose(image["ghosts"], bare["ghosts"] * [1, 0.5, 0.125], rtol=1e-5)
 
 
 def test_a_lamp_has_the_ghosts_of_its_distance() -> None:
@@ -160,6 +218,11 @@ def test_ghosts_need_surfaces_that_reflect(camera: dict[str, Any], fault: str) -
         rptcam_cl.render(scene(sun(10.0), **camera))
 
 
-def test_parts_with_ghosts_are_refused() -> None:
-    with pytest.raises(InputError, match="ghosts need the whole film"):
-        rptcam_cl.render(scene(sun(10.0)), part="1/2")
+def test_parts_are_merged_with_their_ghosts(bare: rptcam_cl.Image, tmp_path: Path) -> None:
+    parts = [tmp_path / "1.rpck", tmp_path / "2.rpck"]
+    for number, path in enumerate(parts, 1):
+        rptcam_cl.render(scene(sun(10.0)), part=f"{number}/2", checkpoint=path)
+    merged = rptcam_cl.merge(parts)
+    np.testing.assert_array_equal(merged.pixels, bare.pixels)
+    np.testing.assert_array_equal(merged["ghosts"], bare["ghosts"])
+    assert merged.metadata["ghosts"] == bare.metadata["ghosts"]

@@ -22,6 +22,7 @@ from tests.rendering import test_world as world
 from tests.rendering.light import test_light_tree as tree
 from tests.rendering.light import test_solid_lamps as solids
 from tests.rendering.pictures import WHITE, looking, pixels, scene_of
+from tests.rendering.primitives import test_tree_hits as tree_hits
 from tests.support.mutants import Mutant, assert_alive, assert_found, each_mutant
 
 pytestmark = pytest.mark.slow
@@ -74,11 +75,17 @@ def long_render():
     np.testing.assert_allclose(pixels(scene, spp=100_000), np.float32(0.7), rtol=1e-6)
 
 
+def loop_beside_the_tree():
+    """What blocks a ray by the loop over all primitives and by the tree."""
+    with pytest.MonkeyPatch.context() as patch:
+        tree_hits.test_hits_are_those_of_the_loop(open_session(), patch, "random", 8)
+
+
 RIM = "p.y * p.y <= surface->semi_diameter2"
 DEPTH = """#if !HAS_LAMPS
     on = on & (path->depth < rules.max_depth);"""
 MIS = "return own > 0.0f ? own2 / (own2 + other * other)"
-CLOSER = """EACH_PRIMITIVE(ray,
+CLOSER = """EACH_PRIMITIVE(ray, ALL_FLATS,
         t = PAST_HOLES(met & (t > 0.0f) & (t < best));
         I closer = met & (t > 0.0f)"""
 ORIGIN = "F c = origin ? ZERO : dot3(oc, oc) - r * r;"
@@ -94,7 +101,7 @@ MUTANTS = [
     Mutant("stop 1 % wider", RIM, "p.y * p.y <= 1.02f * surface->semi_diameter2", lens_row),
     Mutant("index off by 1e-3", "F eta = (F)(s->eta);", "F eta = (F)(s->eta + 1e-3f);", pixel_of_rays),
     Mutant("normal not unit", "hit.n = f3(-c * hit.p.x, -c", "hit.n = f3(-1.01f * c * hit.p.x, -c", pixel_of_rays),
-    Mutant("pupil too tight", "o.r = blend(blend(", "o.r = 0.9f * blend(blend(", lens_row),
+    Mutant("pupil too tight", "o.r = midway(midway(", "o.r = 0.9f * midway(midway(", lens_row),
     Mutant("blocked rays weigh", "r.weight = passed ? weight : ZERO", "r.weight = weight", lens_corner),
     Mutant("exposure forgotten", "ray.weight * camera->exposure", "ray.weight",
            lambda: exposure.test_unit_radiance_gives_the_irradiance_of_the_tables_on_the_axis(
@@ -102,6 +109,12 @@ MUTANTS = [
     Mutant("depth off by one", DEPTH, DEPTH.replace("<", "<="), cavity),
     Mutant("survivors keep their weight", "path->beta = scale(path->beta, ONE / MAX(survive",
            "path->beta = scale(path->beta, ONE / MAX(ONE", lambda: furnaces.test_roulette_changes_no_mean(1)),
+    Mutant("roulette of lit paths is that of unlit ones", "max3(path.radiance) > 0.0f ? now : unlit", "unlit",
+           furnaces.test_roulette_of_a_lit_path_is_its_throughput),
+    Mutant("roulette of unlit paths is that of lit ones", "max3(path.radiance) > 0.0f ? now : unlit", "now",
+           furnaces.test_roulette_of_a_path_without_light_is_four_times_as_kind),
+    Mutant("roulette takes more than the vertex does", "MAX(now / MAX(before, (F)(1e-20f)), MOST_UNLIT * now)",
+           "MOST_UNLIT * now", furnaces.test_roulette_of_a_path_without_light_takes_no_more_than_the_vertex),
     Mutant("one side of MIS to the first power", MIS,
            "return own > 0.0f ? own / (own + other)", emitters.test_rectangle_above_its_corner),
     Mutant("MIS without emission's weight", MIS, "return own > 0.0f ? ONE",
@@ -139,7 +152,9 @@ MUTANTS = [
     Mutant("absolute epsilon", CLOSER, CLOSER.replace("closer = met & (t > 0.0f)", "closer = met & (t > 1e-4f)"),
            lambda: furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1e-3, 0.8, 5)),
     Mutant("self-hits of a sphere", ORIGIN, "F c = dot3(oc, oc) - r * r;", white_sphere),
-    Mutant("self-hits of a box", "(origin ? other : outside)", "outside", white_box),
+    Mutant("self-hits of a box", "return origin ? other : outside;", "return outside;", white_box),
+    Mutant("shadow rays stop short of planes", "reach * LITTLE_MORE", "0.5f * reach", loop_beside_the_tree),
+    Mutant("spheres round the start left out", "MAX(s.b, -s.c) >= 0.0f", "s.b >= 0.0f", loop_beside_the_tree),
     Mutant("cosine weight missing", "F z = root(1.0f - v);", "F z = 1.0f - v;",
            lambda: world.test_gradient_world_on_a_tilted_plane_has_its_closed_form(50)),
     Mutant("gradient half as steep", "F k = 0.5f + 0.5f * (d.x", "F k = 0.5f + 0.25f * (d.x",

@@ -61,7 +61,7 @@ def test_noise_target_goes_on_from_the_middle_of_a_run(tmp_path):
             checkpoint=state,
             resume=True,
             wave_size=4096 + 1024 * stops,
-            should_stop=until(7),
+            should_stop=until(5),
             **options,
         )
         if not part.stats["interrupted"]:
@@ -140,7 +140,7 @@ def test_state_is_saved_now_and_then_and_removed_at_the_end(tmp_path, monkeypatc
 
 ENDLESS = """
 import rptcam_cl
-from rptcam_cl import saving
+from rptcam_cl.rendering import checkpoint as saving
 from tests.rendering import test_resume as t
 saving.INTERVAL = 0.0
 rptcam_cl.render(t.scene("pinhole"), size=t.SIZE, spp=10**6, wave_size=1, checkpoint={state!r}, resume=True)

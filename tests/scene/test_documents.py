@@ -22,6 +22,8 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Light spectrum": (model.LightSpectrum, "Tabulated spectrum"),
     "Film": (model.Film,),
     "Filter": (model.FilmFilter,),
+    "Stop": (model.lens_settings.Stop,),
+    "Dirt": (model.lens_settings.Dirt,),
     "Pinhole camera": (model.PinholeCamera, "Pose"),
     "Environment camera": (model.EnvironmentCamera, "Pose"),
     "Thin-lens camera": (model.ThinLensCamera, "Pose"),
@@ -38,8 +40,10 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Focus": (model.Focus,),
     "Autofocus": (model.AutoFocus,),
     "Zones file": (model.ZonesFile,),
-    "Autofocus of a thin lens": (model.OnlyAuto,),
+    "Autofocus of a thin lens": (model.FoundFocus,),
     "Transmission": (model.Transmission,),
+    "Layers of a coating": (model.CoatingLayers,),
+    "Layer of a coating": (model.lens_settings.CoatingLayer,),
     "Real lens": (model.RealLens,),
     "Copy of a lens": (model.AsBuilt,),
     "Exposure": (model.Exposure,),
@@ -49,6 +53,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Camera keyframe": (model.CameraKeyframe, "Every keyframe"),
     "Object keyframe": (model.ObjectKeyframe, "Every keyframe"),
     "Sequence": (model.FrameSequence,),
+    "Continuous focus": (model.ContinuousFocus,),
     "Value keyframe": (model.ValueKeyframe, "Every keyframe"),
     "Render": (model.RenderSettings,),
     "Picture": (model.PictureSettings,),
@@ -81,6 +86,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "Plane": (model.Plane, "Every object"),
     "Mesh": (model.MeshObject, "Every object", "Named mesh"),
     "Named mesh": (model.NamedMesh,),
+    "Board": (model.Board,),
     "Transform step": (model.TransformStep,),
     "Rotation": (model.Rotation,),
     "Point light": (model.PointLight,),
@@ -127,7 +133,7 @@ IN_WORDS = {
     "radius_px",
     "tone",
 }
-IN_WORDS |= {"transmission"}
+IN_WORDS |= {"stop", "transmission"}
 FROM_CAMERA = {
     ("Gradient environment", "up"),
     ("Image environment", "up"),

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cameras import camera_model, film_frame, lens_setting
+from rptcam_cl.optics import floated, load_lens
 from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene, set_keys
+from tests.optics.test_floating import BENCH
 
 LENS = {"kind": "realistic", "lens": "zoom-70-200mm", "eye": [0, 0, 0], "target": [0, 0, -1]}
 INNER_FOCUS = {
@@ -21,7 +23,7 @@ INNER_FOCUS = {
 }
 
 
-def frame(keys, at=3, **parts):
+def frame(keys, at=3, base=None, **parts):
     """Return frame 3 of a sequence at 2 frames a second, one second after the first; keyframes run over two."""
     scene = {
         "film": {"resolution": [24, 16]},
@@ -34,7 +36,7 @@ def frame(keys, at=3, **parts):
     }
     frames = {key: [{"time_s": 0, "value": a}, {"time_s": 2, "value": b}] for key, (a, b) in keys.items()}
     scene |= parts | {"sequence": {"frames_per_second": 2, "keys": frames}}
-    loaded = load_scene(scene)
+    loaded = load_scene(scene, base_dir=base)
     return set_keys(loaded, loaded.sequence.changes(loaded.shutter.open_s, at))
 
 
@@ -66,6 +68,20 @@ def test_film_and_focusing_group_go_to_their_places():
     thick = [[surface.thickness for surface in lens_setting(scene).lens.surfaces] for scene in scenes]
     assert max(np.abs(np.subtract(*thick))) == pytest.approx(1)
     assert gaps[0] == pytest.approx(gaps[1])  # an inner group: the lens keeps its length
+
+
+def test_floating_groups_stand_as_the_distance_says(tmp_path):
+    path = tmp_path / "floating.txt"
+    path.write_text(BENCH)
+    camera = LENS | {"lens": "floating.txt", "focus": {"distance_m": 2.0}}
+    keys = {"camera.focus.distance_m": (2, 0.6)}
+    found = [lens_setting(frame(keys, at=at, base=tmp_path, camera=camera)) for at in (1, 3, 5)]
+    gaps = [[setting.lens.surfaces[row].thickness for row in (1, 4)] for setting in found]
+    for distance_mm, gap in zip((2000, 1300, 600), gaps, strict=True):
+        lens = floated(load_lens(path), distance_mm)
+        assert gap == pytest.approx([lens.surfaces[row].thickness for row in (1, 4)])
+    assert gaps[0][0] > gaps[1][0] > gaps[2][0]  # both gaps change, the one shrinks and the other grows
+    assert gaps[0][1] < gaps[1][1] < gaps[2][1]
 
 
 def test_lights_and_materials_change():

@@ -6,6 +6,7 @@ from rptcam_cl.core.resources import kernels_dir
 from rptcam_cl.device import program
 from tests.cameras import test_loss_mutants as losses
 from tests.cameras import test_mutants as lenses
+from tests.rendering import test_lamp_mutants as lamps
 from tests.rendering import test_mutants as render
 from tests.rendering.layers import test_mutants as layers
 from tests.rendering.meshes import test_mutants as meshes
@@ -13,7 +14,7 @@ from tests.rendering.motion import test_mutants as motion
 from tests.rendering.spectrum import test_mutants as spectrum
 from tests.support.mutants import Mutant, assert_found, changed_kernels, place_of
 
-MODULES = (layers, lenses, losses, meshes, motion, render, spectrum)
+MODULES = (lamps, layers, lenses, losses, meshes, motion, render, spectrum)
 FILE, TEXT = "common/records.h", "#define RECORDS_H"
 
 

@@ -100,8 +100,17 @@ def test_bias_that_may_be_nothing_is_told_by_what_it_is_at_most():
 def test_intervals_share_their_unit_and_say_when_they_know_nothing():
     assert words.ends(Interval(0.037, 0.034, 0.038)) == "37 ms (34 to 38)"
     assert words.ends(Interval(1.1, 0.9, 1.3)) == "1.1 s (900 ms to 1.3 s)"
-    assert words.crossing(Interval(0.0, 0.0, math.inf)) == "not known"
-    assert words.crossing(Interval(1.0, 0.0, 2.0)) == "1 s (never to 2 s)"
+    assert words.crossing(Interval(0.0, 0.0, math.inf)) == "too close to call"
+    assert words.crossing(Interval(518 * 86400.0, 1.5, math.inf)) == "too close to call"
+    assert words.crossing(Interval(2.0, 0.0, 9.0)) == "too close to call (before 9 s)"
+    assert words.crossing(Interval(2.0, 1.0, 9.0)) == "2 s (1 to 9)"
+    assert words.crossing(Interval(math.inf, 1e6, math.inf)) == "always"
+    assert words.crossing(Interval(0.0, 0.0, 0.0)) == "never"
+    assert words.noise(65.49) == "above 100 %"
+    assert [words.odds(share) for share in (0.9, 0.25, 0.999, 0.5)] == [
+        "odds 9 to 1", "odds 1 to 3", "odds of 99 to 1 or more", "odds 1 to 1",
+    ]  # fmt: skip
+    assert words.crossing(Interval(1.0, 0.0, 2.0)) == "too close to call (before 2 s)"
 
 
 def test_place_is_the_ninth_that_differs_most():

@@ -14,10 +14,11 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session, choose_device
 from rptcam_cl.scene import load_scene
 from rptcam_cl.tradeoff import measure_tradeoff
+from rptcam_cl.tradeoff.interface import _ghosts
 from rptcam_cl.tradeoff.ladder import ladder, most_accurate
 from rptcam_cl.tradeoff.plot import tradeoff_plot
 from rptcam_cl.tradeoff.runs import prepare
-from rptcam_cl.tradeoff.table import tables
+from rptcam_cl.tradeoff.table import summary, tables
 from rptcam_cl.tradeoff.text import recommendation
 
 BOARD = {"kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.1, "scale": [60, 60]}}
@@ -79,6 +80,18 @@ def test_report_says_how_large_the_diffraction_is(report):
     assert "camera.diffraction: auto is off: the Airy radius is 0.005" in " ".join(recommendation(report))
 
 
+def test_ghosts_of_the_report_are_those_of_the_lens():
+    camera = {"kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 1e6}, "eye": [0, 0, 0],
+              "target": [0, 0, -1]}  # fmt: skip
+    lamp = {"kind": "point", "position": [0, 0, -9], "intensity": [1, 1, 1]}
+    shares = [
+        _ghosts(load_scene({"film": {"resolution": [36, 24], "width_mm": 36}, "lights": [lamp], "objects": [],
+                            "camera": camera | {"transmission": word}}))
+        for word in ("bare", "ideal")
+    ]  # fmt: skip
+    assert shares == [pytest.approx(3.596e-2, rel=0.01), None]
+
+
 def test_lens_in_float64_takes_the_same_samples_and_shows_no_bias(report):
     full, double = report.named("full"), report.named("lens: float64")
     assert abs(double.bias.value) < 1e-6 < report.named("pinhole").bias.low
@@ -119,7 +132,8 @@ def test_depth_is_bounded_by_the_reflectance(report):
 
 def test_report_reads_well(report):
     said = recommendation(report)
-    assert said[0].startswith("In 1 s: use ")
+    assert [line.partition(":")[0] for line in said[:3]] == ["Set", "Costs", "Gains"]
+    assert said[0].startswith("Set: in 1 s ") and "; to an error of 5 % " in said[0]
     assert any(line.startswith("Full accuracy (full in the tables) is the most accurate way") for line in said)
     errors, costs, cameras = tables(report)
     assert all(len(row) == len(table.columns) for table in (errors, costs, cameras) for row in table.rows)
@@ -131,6 +145,41 @@ def test_report_reads_well(report):
     assert "| pinhole |" in text
     assert json.loads(json.dumps(report.as_dict(), default=np.ndarray.tolist))["seeds"] == report.seeds
     assert len(tradeoff_plot(report, "a scene").axes) > 2
+
+
+def test_summary_is_short_and_has_no_table(report):
+    lines = summary(report)
+    assert lines[:3] == recommendation(report)[:3]
+    assert len(lines) < 10
+    assert lines[-1].endswith("--details.")
+    assert not any("days" in line or "always" in line for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("share", "expected"),
+    [
+        (0.9, "Probably better in 1 s, odds 9 to 1: --set"),
+        (0.6, "and the thin lens, odds 1 to 1.5: measure longer (--budget"),
+        (None, "Perhaps better in 1 s: the thin lens; measure longer (--budget"),
+    ],
+)
+def test_what_may_be_better_has_its_odds(report, share, expected):
+    thin = report.named("thin lens")
+    odds = np.full(121, share) if share is not None else np.empty(0)
+    advice = replace(report.advice[0], chosen="full", perhaps="thin lens", amount=1.0)
+    found = tuple(replace(each, odds=odds) if each is thin else each for each in report.measurements)
+    lines = recommendation(replace(report, measurements=found, advice=(advice,)))
+    assert expected in lines[3]
+    assert lines[3].startswith("Too close to call in 1 s between ") == (share == 0.6)
+
+
+def test_odds_are_those_of_the_interval(report):
+    """An approximation is certainly better before its crossing's interval and certainly not after it."""
+    for found in report.measurements[1:]:
+        low, high = found.better_until.low, found.better_until.high
+        if 1e-3 < low < high < 1e6 and not found.unbiased:
+            assert found.odds_after(low / 2) > 0.6, found.name
+            assert found.odds_after(2 * high) < 0.1, found.name
 
 
 @pytest.mark.parametrize(
@@ -192,7 +241,7 @@ def test_files_are_written_though_nobody_reads_the_text(tmp_path, monkeypatch):
         json.dumps({"camera": PINHOLE, "film": TINY, "environment": {"kind": "constant", "radiance": 0.5}})
     )
 
-    def ended(*_):
+    def ended(*_, **__):
         raise BrokenPipeError
 
     monkeypatch.setattr("rptcam_cl.cli.tradeoff._print", ended)
@@ -214,4 +263,4 @@ def test_command_writes_what_it_is_asked_for(tmp_path, capsys):
     assert "pinhole" in [found["name"] for found in told["measurements"]]
     assert "depth 2" in (tmp_path / "out.md").read_text()
     assert (tmp_path / "out.svg").read_text().startswith("<svg")
-    assert "In 60 s: use " in capsys.readouterr().out
+    assert "Set: in 60 s " in capsys.readouterr().out

@@ -11,9 +11,11 @@ import pytest
 import yaml
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.optics import list_lenses
 from rptcam_cl.scene import Scene, load_scene
 from rptcam_cl.scene.change import apply_overrides
+from rptcam_cl.viewfinder import lens_choice
 from rptcam_cl.viewfinder.depth_of_field import INFINITY_M, nearest_focus_m
 from rptcam_cl.viewfinder.dial_list import dial_list
 from rptcam_cl.viewfinder.dials import (
@@ -234,6 +236,18 @@ def test_every_lens_of_the_library_can_be_mounted_and_the_old_one_again() -> Non
         assert body.scene.camera.lens == name  # type: ignore[union-attr]
         assert body.listed("lens")["value"] == name
         assert body.listed("focus_m")["value"] == pytest.approx(2, rel=1e-6)
+
+
+def test_the_list_of_lenses_is_kept_for_the_next_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Body().scene
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    lens_choice._library.cache_clear()
+    found = lens_entries(scene)
+    lens_choice._library.cache_clear()
+    with monkeypatch.context() as patched:
+        patched.setattr(lens_choice, "named_lens", None)
+        assert lens_entries(scene) == found
+    assert len(list(tmp_path.rglob("*"))) == 2  # a folder and a file
 
 
 def test_a_lens_without_a_stop_takes_the_blades_away() -> None:

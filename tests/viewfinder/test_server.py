@@ -10,10 +10,13 @@ import numpy as np
 import pytest
 from PIL import Image as Pillow
 
-from rptcam_cl.api import render
+from rptcam_cl.api import RenderSession, render
+from rptcam_cl.device import open_session
 from rptcam_cl.imaging import read_film
+from rptcam_cl.rendering import Compiler
 from rptcam_cl.scene import load_scene
 from rptcam_cl.viewfinder import Viewfinder, ViewServer
+from rptcam_cl.viewfinder.click_focus import FocusOrder
 from tests.viewfinder.page_client import SCENE, Page, at_rest, left_alone, page, serving
 
 Served = tuple[Viewfinder, ViewServer, Path]
@@ -259,3 +262,33 @@ def test_raw_file_of_a_scene_with_a_sensor_is_that_of_render(tmp_path: Path) -> 
         assert (saved.header["name"], saved.header["media"]) == ("shot.dng", "image/x-adobe-dng")
     render(path, spp=8).raw().save(tmp_path / "rendered.dng")
     assert saved.data == (tmp_path / "rendered.dng").read_bytes()
+
+
+def test_picture_goes_on_while_another_process_compiles_what_autofocus_needs(
+    client: Page, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    compiled = False
+
+    def carried_out(session: RenderSession, kind: Any, order: Any) -> bool:
+        return compiled
+
+    client.frame(at_rest)
+    monkeypatch.setattr(RenderSession, "is_carried_out", carried_out)
+    client.send("focus", id=300, x=0.71, y=0.5)
+    client.send("dial", id=301, name="tone", value="agx")
+    client.frame(lambda header: header["answers"] == 301)
+    assert 300 not in [message.header.get("id") for message in client.seen]
+    (notice,) = [message.header["text"] for message in client.seen if message.type == "notice"]
+    assert "the picture goes on" in notice
+    compiled = True
+    assert client.answer(300).header["type"] == "focused"
+
+
+@pytest.mark.slow
+def test_order_of_a_search_is_carried_out_by_another_process(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, device = load_scene(served[2]), open_session()
+    compiler = Compiler()
+    assert compiler.compile(FocusOrder(device.info.id, scene, None, {"point": (0.5, 0.5)}).pickled())
+    assert compiler.compile(FocusOrder(device.info.id, scene, None, {"point": (0.0, 0.0)}).pickled())  # finds nothing
+    assert not compiler.compile(FocusOrder("no-device", scene, None, {"point": (0.5, 0.5)}).pickled())
+    compiler.close()

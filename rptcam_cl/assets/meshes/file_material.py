@@ -69,6 +69,8 @@ class FileMaterial:
         Whether what is transparent is a solid that refracts, and not a pane without thickness.
     attenuation : (colour, distance) or None
         What a transparent solid leaves of white light after a distance [m].
+    anisotropy : float
+        Stretch of highlights across u, 0 to 1.
     """
 
     name: str = ""
@@ -94,6 +96,12 @@ class FileMaterial:
     attenuation: tuple[Colour, float] | None = None
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.0
+    anisotropy: float = 0.0
+
+    @property
+    def has_textures(self) -> bool:
+        """Whether any picture lies on the surface."""
+        return self != self.without_textures()
 
     def without_textures(self) -> FileMaterial:
         """Return the material of a surface that has no texture coordinates."""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,14 +12,24 @@ from rptcam_cl.assets.meshes.contents import Draft, Find, Node
 from rptcam_cl.assets.meshes.faces import Polygons, check_corners
 from rptcam_cl.assets.meshes.gltf_data import Data, read_container
 from rptcam_cl.assets.meshes.gltf_json import JsonNode
-from rptcam_cl.assets.meshes.gltf_materials import FOLLOWED, GltfMaterials
+from rptcam_cl.assets.meshes.gltf_materials import FOLLOWED, WEBP, GltfMaterials
+from rptcam_cl.assets.meshes.gltf_packed import DRACO, MESHOPT
+from rptcam_cl.assets.meshes.gltf_vertices import FAN, STRIP, TRIANGLES, Vertices
 from rptcam_cl.assets.meshes.mesh import MeshSurface
 from rptcam_cl.core.errors import InputError
 
-TRIANGLES, STRIP, FAN = 4, 5, 6
-
 # Extensions that a file may require. What others do not require and are not listed here is left out.
-KNOWN_EXTENSIONS = (*FOLLOWED, "KHR_mesh_quantization", "KHR_texture_transform")
+VARIANTS, INSTANCES = "KHR_materials_variants", "EXT_mesh_gpu_instancing"
+KNOWN_EXTENSIONS = (
+    *FOLLOWED, DRACO, MESHOPT, INSTANCES, VARIANTS, WEBP, "KHR_lights_punctual", "KHR_mesh_quantization",
+    "KHR_texture_transform",
+)  # fmt: skip
+
+CAMERAS_AND_LAMPS = "cameras and lamps"
+HINTS = {
+    CAMERAS_AND_LAMPS: " of an object; `rptcam new` makes a scene with them",
+    "variants of materials": "; the default materials show",
+}
 
 
 def read_gltf(path: Path, find: Find) -> Draft:
@@ -39,7 +48,7 @@ def read_gltf(path: Path, find: Find) -> Draft:
     surfaces: list[MeshSurface] = []
     places: dict[int, list[int]] = {}
     nodes: list[Node] = []
-    for mesh, placement, name in placed_meshes(document):
+    for mesh, placement, name in placed_meshes(document, data):
         if mesh not in places:
             found = _surfaces(meshes[mesh], data, materials, path)
             places[mesh] = list(range(len(surfaces), len(surfaces) + len(found)))
@@ -63,13 +72,13 @@ def _left_out(document: JsonNode) -> list[str]:
     """Return what of a file is left out that changes its picture."""
     primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
     found = {
+        CAMERAS_AND_LAMPS: bool(document.parts("cameras")) or document.part("extensions").has("KHR_lights_punctual"),
         "skins": bool(document.parts("skins")),
         "animations": bool(document.parts("animations")),
         "morph targets": any(primitive.has("targets") for primitive in primitives),
-        "colours of vertices": any(primitive.part("attributes").has("COLOR_0") for primitive in primitives),
-        "instances of EXT_mesh_gpu_instancing": "EXT_mesh_gpu_instancing" in document.texts("extensionsUsed"),
+        "variants of materials": VARIANTS in document.texts("extensionsUsed"),
     }
-    return [f"{document.place}: {name} are left out" for name, there in found.items() if there]
+    return [f"{document.place}: {name} are left out{HINTS.get(name, '')}" for name, there in found.items() if there]
 
 
 def _surfaces(mesh: JsonNode, data: Data, materials: GltfMaterials, path: Path) -> list[MeshSurface]:
@@ -83,65 +92,67 @@ def _surface(primitive: JsonNode, data: Data, materials: GltfMaterials, name: st
     mode = primitive.whole("mode", TRIANGLES)
     if mode not in (TRIANGLES, STRIP, FAN):
         return None
-    attributes = primitive.part("attributes")
-    if not attributes.has("POSITION"):
+    vertices = Vertices(primitive, data)
+    positions = vertices.rows("POSITION", ("VEC3",))
+    if positions is None:
         return None
-    positions = _attribute(attributes, "POSITION", data, ("VEC3",), None)
-    assert positions is not None
     material = materials.index(primitive)
-    uvs = _attribute(attributes, f"TEXCOORD_{materials.uv_sets[material]}", data, ("VEC2",), len(positions))
-    corners = _corners(primitive, data, len(positions), mode)
+    uvs = vertices.rows(f"TEXCOORD_{materials.uv_sets[material]}", ("VEC2",))
+    corners = vertices.corners(mode)
     if not len(corners):
         return None
     check_corners(Polygons(np.arange(len(corners)), corners), len(positions), f"{primitive.place}: face")
-    return MeshSurface(
+    surface = MeshSurface(
         positions,
         corners,
-        _attribute(attributes, "NORMAL", data, ("VEC3",), len(positions)),
+        vertices.rows("NORMAL", ("VEC3",)),
         None if uvs is None else np.column_stack([uvs[:, 0], 1 - uvs[:, 1]]),
         material,
         name,
     )
-
-
-def _attribute(
-    attributes: JsonNode, key: str, data: Data, types: tuple[str, ...], count: int | None
-) -> NDArray[Any] | None:
-    """Return the numbers of an attribute in float32, None when it is not there."""
-    if not attributes.has(key):
-        return None
-    rows = data.array(attributes.whole(key, below=data.count), types)
-    if count is not None and len(rows) != count:
-        raise attributes.wrong(key, f"has {len(rows)} entries", f"{count}, as POSITION has")
-    return rows.astype(np.float32, copy=False)
-
-
-def _corners(primitive: JsonNode, data: Data, vertices: int, mode: int) -> NDArray[np.int64]:
-    """Return the vertices of each triangle (m, 3)."""
-    if primitive.has("indices"):
-        order = data.array(primitive.whole("indices", below=data.count), ("SCALAR",))[:, 0]
-        if order.dtype.kind != "u":
-            raise primitive.wrong("indices", "are not whole numbers", "an accessor of unsigned numbers")
-    else:
-        order = np.arange(vertices)
-    if mode == TRIANGLES:
-        return order[: len(order) // 3 * 3].reshape(-1, 3)
-    count = max(0, len(order) - 2)
-    first = np.arange(count)
-    if mode == FAN:
-        return np.stack([order[first * 0], order[first + 1], order[first + 2]], axis=1)
-    odd = first % 2
-    return np.stack([order[first + odd], order[first + 1 - odd], order[first + 2]], axis=1)
+    colours = vertices.rows("COLOR_0", ("VEC3", "VEC4"))
+    return surface if colours is None else materials.painted(surface, colours[:, :3], primitive)
 
 
 # Ratio of the smallest to the largest stretch of a transform that can be inverted in float32 (as for objects).
 SMALLEST_STRETCH_RATIO = 1e-6
 
 
-def placed_meshes(document: JsonNode) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:
+def placed_meshes(document: JsonNode, data: Data) -> Iterator[tuple[int, NDArray[np.float64], str | None]]:
     """Yield the meshes of the default scene with their placement and name, parents before children."""
-    nodes = document.parts("nodes")
     meshes = len(document.parts("meshes"))
+    for node, parent in placed_nodes(document):
+        if not node.has("mesh"):
+            continue
+        for instance in _instances(node, data):
+            placement = parent @ instance
+            if _can_be_shown(placement, node):
+                yield node.whole("mesh", below=meshes), placement, node.text("name") or None
+
+
+def _instances(node: JsonNode, data: Data) -> list[NDArray[np.float64]]:
+    """Return the placements of a node's mesh below the node: those of EXT_mesh_gpu_instancing, or one."""
+    for extension in node.extensions(INSTANCES):
+        attributes = extension.part("attributes")
+        given = {
+            key: data.array(attributes.whole(key, below=data.count), (kind,)).astype(np.float64)
+            for key, kind in (("TRANSLATION", "VEC3"), ("ROTATION", "VEC4"), ("SCALE", "VEC3"))
+            if attributes.has(key)
+        }
+        if len({len(rows) for rows in given.values()}) > 1:
+            raise InputError(f"{attributes.place}: TRANSLATION, ROTATION and SCALE are not of one length")
+        rows = {key.lower(): values.tolist() for key, values in given.items()}
+        count = min((len(values) for values in rows.values()), default=1)
+        return [
+            _matrix(JsonNode({key: values[index] for key, values in rows.items()}, f"{attributes.place}[{index}]"))
+            for index in range(count)
+        ]
+    return [np.eye(4)]
+
+
+def placed_nodes(document: JsonNode) -> Iterator[tuple[JsonNode, NDArray[np.float64]]]:
+    """Yield the nodes of the default scene and where each is in the file, parents before children."""
+    nodes = document.parts("nodes")
     waiting = [(index, np.eye(4)) for index in reversed(_roots(document, nodes))]
     seen: set[int] = set()
     while waiting:
@@ -153,8 +164,7 @@ def placed_meshes(document: JsonNode) -> Iterator[tuple[int, NDArray[np.float64]
         with np.errstate(over="ignore", invalid="ignore"):  # refused where a mesh is shown
             placement = parent @ _matrix(node)
         waiting += [(child, placement) for child in reversed(node.wholes("children", below=len(nodes)))]
-        if node.has("mesh") and _can_be_shown(placement, node):
-            yield node.whole("mesh", below=meshes), placement, node.text("name") or None
+        yield node, placement
 
 
 def _roots(document: JsonNode, nodes: list[JsonNode]) -> list[int]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes.contents import Find
 from rptcam_cl.assets.meshes.gltf_json import JsonNode
+from rptcam_cl.assets.meshes.gltf_packed import MESHOPT, meshopt_bytes
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.references import read_whole
 
@@ -102,6 +103,7 @@ class Data:
         self.count, self.views = len(self._accessors), len(self._views)
         self._loaded: dict[int, Octets] = {}
         self._arrays: dict[int, NDArray[Any]] = {}
+        self._unpacked: dict[int, Octets] = {}
 
     def file_named_by(self, part: JsonNode) -> Path | bytes:
         """Return the path that a part's `uri` names, relative to the file and not checked, or the content it holds."""
@@ -143,12 +145,19 @@ class Data:
     def view(self, index: int) -> tuple[Octets, int]:
         """Return the bytes of a view, and the distance of its entries (0: they lie side by side)."""
         part = self._views[index]
+        for packed in part.extensions(MESHOPT):
+            if index not in self._unpacked:
+                self._unpacked[index] = meshopt_bytes(packed, self._part_of_buffer(packed).tobytes())
+            return self._unpacked[index], part.whole("byteStride", 0, below=257)
+        return self._part_of_buffer(part), part.whole("byteStride", 0, below=253)
+
+    def _part_of_buffer(self, part: JsonNode) -> Octets:
         buffer = self._buffer(part.whole("buffer", below=len(self._buffers)))
         start, length = part.whole("byteOffset", 0), part.whole("byteLength")
         if start + length > len(buffer):
             got = f"bytes {start} to {start + length}"
             raise InputError(f"{part.place}: reaches beyond its buffer (got {got}; allowed: up to {len(buffer)})")
-        return buffer[start : start + length], part.whole("byteStride", 0, below=253)
+        return buffer[start : start + length]
 
     def array(self, index: int, types: tuple[str, ...]) -> NDArray[Any]:
         """Return the numbers (count, width) of an accessor of one of the given types; do not change them."""
@@ -173,9 +182,11 @@ class Data:
             rows = np.zeros((count, width), dtype)
         if part.has("sparse"):
             rows = self._replaced(part.part("sparse"), rows, dtype)
-        if part.flag("normalized") and dtype.kind in "iu":
-            rows = np.maximum(rows.astype(np.float32) / np.float32(np.iinfo(dtype).max), np.float32(-1))
-        return rows
+        return _scaled(part, rows)
+
+    def scaled(self, index: int, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return numbers that were compressed as the accessor of an attribute says that they count."""
+        return _scaled(self._accessors[index], rows)
 
     def _rows(self, part: JsonNode, dtype: np.dtype[Any], width: int, count: int) -> NDArray[Any]:
         octets, stride = self.view(part.whole("bufferView", below=len(self._views)))
@@ -208,3 +219,10 @@ class Data:
         rows = rows.copy()
         rows[places] = self._rows(values, dtype, rows.shape[1], count)
         return rows
+
+
+def _scaled(part: JsonNode, rows: NDArray[Any]) -> NDArray[Any]:
+    """Return whole numbers as fractions of their largest, where an accessor says that they are (glTF 2.0, 3.6.2.2)."""
+    if not part.flag("normalized") or rows.dtype.kind not in "iu":
+        return rows
+    return np.asarray(np.maximum(rows.astype(np.float32) / np.float32(np.iinfo(rows.dtype).max), np.float32(-1)))

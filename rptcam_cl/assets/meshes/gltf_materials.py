@@ -8,17 +8,23 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rptcam_cl.assets.meshes.file_material import Colour, FileMaterial, FileTexture, Wrap
 from rptcam_cl.assets.meshes.gltf_data import Data
 from rptcam_cl.assets.meshes.gltf_json import JsonNode
+from rptcam_cl.assets.meshes.mesh import MeshSurface
+from rptcam_cl.assets.meshes.vertex_colours import MOST_TRIANGLES, painted
 
 WRAPS: dict[int, Wrap] = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 NEAREST = 9728
-PICTURES = ("image/png", "image/jpeg", "")
+PICTURES = ("image/png", "image/jpeg", "image/webp", "")
+WEBP = "EXT_texture_webp"
 
 FOLLOWED = (
-    "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular",
-    "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume",
+    "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior",
+    "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume",
 )  # fmt: skip
 
 
@@ -58,6 +64,20 @@ class GltfMaterials:
     def index(self, primitive: JsonNode) -> int:
         """Return the material of a primitive."""
         return primitive.whole("material", below=self._count) if primitive.has("material") else self._count
+
+    def painted(self, surface: MeshSurface, colours: NDArray[np.float32], primitive: JsonNode) -> MeshSurface:
+        """Return a surface of a primitive in a material of its own that has the colours of the vertices."""
+        assert surface.material is not None
+        material = self.materials[surface.material]
+        if material.has_textures and surface.uvs is not None:
+            self.notes.append(f"{primitive.place}: colours of vertices are left out beside a texture")
+            return surface
+        if len(surface.faces) > MOST_TRIANGLES:
+            self.notes.append(f"{primitive.place}: colours of more than {MOST_TRIANGLES} triangles are left out")
+            return surface
+        surface, texture = painted(surface, colours)
+        self.materials.append(replace(material.without_textures(), base_texture=texture))
+        return replace(surface, material=len(self.materials) - 1)
 
     def _material(self, part: JsonNode) -> FileMaterial:
         surface = part.part("pbrMetallicRoughness")
@@ -108,6 +128,11 @@ class GltfMaterials:
             )
             for key in ("clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"):
                 self._leave_out(coat, key)
+        for stretch in part.extensions("KHR_materials_anisotropy"):
+            material = replace(material, **_stretched(material, stretch.number("anisotropyStrength", 0.0, 0, 1)))
+            self._leave_out(stretch, "anisotropyTexture")
+            if abs(math.remainder(stretch.number("anisotropyRotation", 0.0), math.pi)) > 1e-3:
+                self._leave_out(stretch, "anisotropyRotation")
         for _ in part.extensions("KHR_materials_unlit"):
             material = replace(material, matte=True)
         for other in part.part("extensions").names():
@@ -124,15 +149,16 @@ class GltfMaterials:
         if not part.has(key):
             return None
         reference = part.part(key)
-        texture = self._textures[reference.whole("index", below=len(self._textures))]
+        texture = plain = self._textures[reference.whole("index", below=len(self._textures))]
+        texture = next((webp for webp in texture.extensions(WEBP) if webp.has("source")), texture)
         if not texture.has("source"):
-            self.notes.append(f"{texture.place} has no PNG or JPEG picture and is left out")
+            self.notes.append(f"{texture.place} has no PNG, JPEG or WebP picture and is left out")
             return None
         image = self._images[texture.whole("source", below=len(self._images))]
         if image.text("mimeType") not in PICTURES:
             self.notes.append(f"{image.place} is {image.text('mimeType')} and is left out")
             return None
-        wrap, nearest = self._sampling(texture)
+        wrap, nearest = self._sampling(plain)
         self._sets[key] = reference.whole("texCoord", 0, below=100)
         found = FileTexture(self._content(image), _name(image), wrap=wrap, nearest=nearest)
         for transform in reference.extensions("KHR_texture_transform"):
@@ -178,6 +204,17 @@ def _volume(volume: JsonNode) -> dict[str, Any]:
     distance = volume.number("attenuationDistance", math.inf, 0)
     colour = _colour(volume.numbers("attenuationColor", (1.0,) * 3))
     return {"solid": solid, "attenuation": (colour, distance) if 0 < distance < math.inf else None}
+
+
+def _stretched(material: FileMaterial, strength: float) -> dict[str, Any]:
+    """Return roughness and anisotropy of ours that have both alphas of KHR_materials_anisotropy.
+
+    Those are alpha across, and alpha + (1 - alpha) strength² along; ours are the mean alpha divided and multiplied by
+    the root of their ratio, which is 1 - 0.9 anisotropy and so 0.1 or more.
+    """
+    across = max(material.roughness**2, 1e-3)
+    along = across + (1 - across) * strength**2
+    return {"roughness": (across * along) ** 0.25, "anisotropy": min(1.0, (1 - across / along) / 0.9)}
 
 
 def _laid(transform: JsonNode) -> dict[str, Any]:

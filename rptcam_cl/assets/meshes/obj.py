@@ -281,11 +281,13 @@ def read_obj(path: Path, find: Find) -> Draft:
         raise InputError(f"{path}: has no faces (allowed: lines such as 'f 1 2 3')")
     materials: dict[str, FileMaterial] = {}
     notes: list[str] = []
+    grey = False  # stands for materials of a library that is missing
     for number, name in reader.libraries:
         try:
             library = find(Path(name))
         except InputError as problem:
-            notes.append(f"{path}:{number}: mtllib {name} is left out: {problem}")
+            grey = True
+            notes.append(f"{path}:{number}: mtllib {name} is left out: {problem}; grey stands for its materials")
         else:
             materials |= read_mtl(library)
     positions, uvs, normals = (reader.table(word) for word in (b"v", b"vt", b"vn"))
@@ -293,16 +295,16 @@ def read_obj(path: Path, find: Find) -> Draft:
     used: list[FileMaterial] = []
     for name_, faces in reader.faces.items():
         place = None
-        if materials:
+        if materials or grey:
             place = len(used)
-            used.append(_named(materials, name_, path))
+            used.append(_named(materials, name_, path, grey=grey))
         surfaces.append(surface_of(faces, positions, uvs, normals, place, name_))
     return Draft(surfaces, used, notes=notes)
 
 
-def _named(materials: dict[str, FileMaterial], name: str | None, path: Path) -> FileMaterial:
-    """Return a material by its name; faces without one are grey."""
-    if name is None:
+def _named(materials: dict[str, FileMaterial], name: str | None, path: Path, *, grey: bool) -> FileMaterial:
+    """Return a material by its name; faces without one are grey, and where a library is missing those of others."""
+    if name is None or (grey and name not in materials):
         return FileMaterial(matte=True)
     if name not in materials:
         raise InputError(f"{path}: usemtl {name}: names no material (allowed: {', '.join(list(materials)[:24])})")

@@ -8,19 +8,36 @@ from pathlib import Path
 import numpy as np
 
 from rptcam_cl.assets.meshes.contents import Draft, Find, MeshContents, make_contents
-from rptcam_cl.assets.meshes.gltf import read_gltf
-from rptcam_cl.assets.meshes.obj import read_obj
-from rptcam_cl.assets.meshes.ply import read_ply
-from rptcam_cl.assets.meshes.stl import read_stl
 from rptcam_cl.core.errors import InputError
 
+
+def _ply(path: Path, find: Find) -> Draft:
+    from rptcam_cl.assets.meshes.ply import read_ply  # no scene imports the readers of formats that it does not have
+
+    return read_ply(path)
+
+
+def _obj(path: Path, find: Find) -> Draft:
+    from rptcam_cl.assets.meshes.obj import read_obj
+
+    return read_obj(path, find)
+
+
+def _gltf(path: Path, find: Find) -> Draft:
+    from rptcam_cl.assets.meshes.gltf import read_gltf
+
+    return read_gltf(path, find)
+
+
+def _stl(path: Path, find: Find) -> Draft:
+    from rptcam_cl.assets.meshes.stl import read_stl
+
+    return Draft([read_stl(path)])
+
+
 READERS: dict[str, Callable[[Path, Find], Draft]] = {
-    ".ply": lambda path, _: read_ply(path),
-    ".obj": read_obj,
-    ".gltf": read_gltf,
-    ".glb": read_gltf,
-    ".stl": lambda path, _: Draft([read_stl(path)]),
-}
+    ".ply": _ply, ".obj": _obj, ".gltf": _gltf, ".glb": _gltf, ".stl": _stl,
+}  # fmt: skip
 
 
 def read_mesh_file(path: Path, find: Find) -> MeshContents:

@@ -1,4 +1,4 @@
-"""PNG, JPEG, TIFF and BMP, read by Pillow with its other formats shut off."""
+"""PNG, JPEG, TIFF, BMP and WebP, read by Pillow with its other formats shut off."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from rptcam_cl.assets.pictures.picture import Picture, check_size, checked_floats
 from rptcam_cl.core.errors import InputError
 
-FORMATS = ("PNG", "JPEG", "TIFF", "BMP")
-ALLOWED = "PNG, JPEG, TIFF, BMP, OpenEXR or Radiance HDR"
+FORMATS = ("PNG", "JPEG", "TIFF", "BMP", "WEBP")
+ALLOWED = "PNG, JPEG, TIFF, BMP, WebP, OpenEXR or Radiance HDR"
 _WIDE = {"I;16": 65535.0, "I;16B": 65535.0, "I;16L": 65535.0, "I": 65535.0, "F": 1.0}  # greys of more than 8 bits
 
 
@@ -51,8 +51,8 @@ def _converted(image: Any) -> Picture:
     if image.mode in _WIDE:
         grey = np.asarray(image, dtype=np.float32) / np.float32(_WIDE[image.mode])
         texels = np.ones((*grey.shape, 4), np.float32)
-        texels[..., :3] = checked_floats(grey[..., None])
-        return Picture(texels, has_alpha=False, encoded=image.mode != "F")
+        texels[..., :3], negative = checked_floats(grey[..., None])
+        return Picture(texels, has_alpha=False, encoded=image.mode != "F", negative=negative)
     has_alpha = image.mode in ("RGBA", "LA", "PA", "RGBa", "La") or "transparency" in image.info
     if image.mode == "CMYK":
         image = image.convert("RGB")

@@ -43,7 +43,8 @@ def read(path: Path) -> Picture:
     except (RuntimeError, ValueError, KeyError, TypeError, MemoryError, OSError) as problem:
         raise InputError(f"is damaged ({problem})") from None
     texels, has_alpha = _colours(channels, (data[3] - data[1], data[2] - data[0]))
-    return Picture(_placed(checked_floats(texels), data, display), has_alpha=has_alpha, encoded=False)
+    colours, negative = checked_floats(texels)
+    return Picture(_placed(colours, data, display), has_alpha=has_alpha, encoded=False, negative=negative)
 
 
 def _window(header: dict[str, Any], name: str) -> Window:

@@ -13,6 +13,17 @@ LARGEST_PIXELS = 1 << 26  # 64 million: an equirectangular picture of 8192 x 819
 SLIGHTLY_NEGATIVE = -1e-3  # what resampling leaves beside bright edges; taken as zero
 
 
+@dataclass(frozen=True)
+class Negative:
+    """How many texels had a clearly negative channel, and the least value."""
+
+    count: int
+    least: float
+
+
+NO_NEGATIVE = Negative(0, 0.0)
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """Texels of a picture.
@@ -25,11 +36,14 @@ class Picture:
         Whether the file has an alpha channel; otherwise alpha is opaque.
     encoded : bool
         Whether a file of this kind normally holds sRGB-encoded colours and not linear ones.
+    negative : Negative
+        Texels below zero in the file, which are black here.
     """
 
     texels: NDArray[np.uint8] | NDArray[np.float32]
     has_alpha: bool
     encoded: bool
+    negative: Negative = NO_NEGATIVE
 
     @property
     def height(self) -> int:
@@ -56,19 +70,21 @@ def check_size(width: int, height: int) -> None:
         raise InputError(f"is too large (got {width} x {height} pixels; allowed: at most {LARGEST_PIXELS})")
 
 
-def checked_floats(texels: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return texels (height, width, channels) with slightly negative ones made zero.
+def checked_floats(texels: NDArray[np.float32]) -> tuple[NDArray[np.float32], Negative]:
+    """Return texels (height, width, channels) with negative ones made zero, and how many were clearly negative.
 
     Raises
     ------
     InputError
-        When some are not finite or clearly negative: how many, and where the first is.
+        When some are not finite: how many, and where the first is.
     """
-    for wrong, name in ((~np.isfinite(texels), "not finite"), (texels < SLIGHTLY_NEGATIVE, "negative")):
-        if wrong.any():
-            row, column, _ = np.argwhere(wrong)[0]
-            raise InputError(
-                f"{int(wrong.any(axis=2).sum())} pixels are {name}, the first in column {column} of row {row}"
-                f" (got {', '.join(f'{value:g}' for value in texels[row, column])}; allowed: finite numbers from 0)"
-            )
-    return np.maximum(texels, np.float32(0))
+    wrong = ~np.isfinite(texels)
+    if wrong.any():
+        row, column, _ = np.argwhere(wrong)[0]
+        raise InputError(
+            f"{int(wrong.any(axis=2).sum())} pixels are not finite, the first in column {column} of row {row}"
+            f" (got {', '.join(f'{value:g}' for value in texels[row, column])}; allowed: finite numbers)"
+        )
+    least = float(texels.min(initial=0.0))
+    below = int((texels < SLIGHTLY_NEGATIVE).any(axis=2).sum()) if least < SLIGHTLY_NEGATIVE else 0
+    return np.maximum(texels, np.float32(0)), Negative(below, least) if below else NO_NEGATIVE

@@ -9,7 +9,7 @@ from rptcam_cl.assets.pictures.picture import Picture
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import open_regular, read_whole
 
-SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".exr", ".hdr")
+SUFFIXES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp", ".exr", ".hdr")
 LARGEST_FILE = 2 << 30  # bytes; 64 million pixels of four floats are 1 GiB
 _HEAD = 16
 
@@ -40,19 +40,23 @@ def _first_bytes(path: Path) -> bytes:
 
 PNG = b"\x89PNG\r\n\x1a\n"
 WITH_ALPHA = (4, 6)  # colour types: grey and alpha; red, green, blue and alpha
+WEBP_ALPHA = 0x10
 HEAD_BYTES = 1 << 16
 
 
 def has_alpha(source: Path | bytes) -> bool:
-    """Return whether a PNG says that it has alpha; pictures of other kinds count as opaque.
+    """Return whether a PNG or a WebP says that it has alpha; pictures of other kinds count as opaque.
 
-    A PNG has it by its colour type, or by a tRNS chunk before its first data (PNG specification, 11.2 and 11.3).
+    A PNG has it by its colour type, or by a tRNS chunk before its first data (PNG specification, 11.2 and 11.3); a WebP
+    by a flag of its extended or its lossless header (RFC 9649, 2.7 and 3.4).
     """
     if isinstance(source, Path):
         with open_regular(source, LARGEST_FILE) as file:
             head = file.read(HEAD_BYTES)
     else:
         head = source[:HEAD_BYTES]
+    if head[:4] == b"RIFF" and head[8:12] == b"WEBP" and len(head) > 24:
+        return bool({b"VP8X": head[20], b"VP8L": head[24]}.get(head[12:16], 0) & WEBP_ALPHA)
     if not head.startswith(PNG) or len(head) < 26:
         return False
     return head[25] in WITH_ALPHA or b"tRNS" in head.partition(b"IDAT")[0]

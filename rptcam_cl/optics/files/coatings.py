@@ -1,10 +1,11 @@
-"""The `coating` key of a lens file: a word, a quarter-wave layer, or a measured reflectance."""
+"""The `coating` key of a lens file: a word, a quarter-wave layer, several layers, or a measured reflectance."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.camera_records import MOST_LAYERS
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.strict_yaml import MAX_BYTES, Document, KeyPath
 from rptcam_cl.optics.coating import (
@@ -17,13 +18,14 @@ from rptcam_cl.optics.coating import (
     constant_reflectance,
 )
 from rptcam_cl.optics.files.fields import Fields, problem, rises, value_at
-from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, QUARTER_WAVE, REFLECTANCE
+from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, LAYER, QUARTER_WAVE, REFLECTANCE
 from rptcam_cl.optics.glass import Medium
+from rptcam_cl.optics.layer_stack import Layer, LayerStack
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.transmission import meets_air
 
 WORDS: dict[str, Coating] = dict(zip(COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE), strict=True))
-FORMS = f"{', '.join(COATING_WORDS)}, {{quarter_wave: …}} or {{reflectance: …}}"
+FORMS = f"{', '.join(COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
 
 
 def coated(document: Document, surfaces: tuple[Surface, ...], object_medium: Medium) -> tuple[Surface, ...]:
@@ -55,8 +57,11 @@ def _misfit(coating: Coating | None, before: Medium, surface: Surface) -> str:
     if before == after:
         return f"has {after.name or 'the same medium'} on both sides, so there is nothing to coat"
     least = min(float(medium.index(LINE_D_NM)) for medium in (before, after))
-    if isinstance(coating, QuarterWave) and coating.index < least:
-        return f"a layer of index {coating.index:g} is less dense than both media (from {least:.4g}); cement has none"
+    layers = coating.layers if isinstance(coating, LayerStack) else ()
+    layers = (Layer(coating.index, 0.0),) if isinstance(coating, QuarterWave) else layers
+    thinnest = min((layer.index for layer in layers), default=least)
+    if thinnest < least:
+        return f"a layer of index {thinnest:g} is less dense than both media (from {least:.4g}); cement has none"
     return ""
 
 
@@ -72,15 +77,35 @@ def read_coating(document: Document, path: KeyPath) -> Coating:
     fields = Fields(document, path, COATING)
     if len(value) != 1:
         raise fields.fail(None, f"needs exactly one of {', '.join(COATING)}")
+    if "layers" in fields:
+        return _layers(fields)
     return _quarter_wave(fields) if "quarter_wave" in fields else _measured(fields)
 
 
 def _quarter_wave(fields: Fields) -> Coating:
     inner = fields.inner("quarter_wave", QUARTER_WAVE)
-    index = inner.number("index")
+    return QuarterWave(_index(inner), inner.positive("wavelength_nm"))
+
+
+def _index(fields: Fields) -> float:
+    index = fields.number("index")
     if not 1 <= index <= 5:
-        raise inner.fail("index", "the index of a layer lies between 1 and 5")
-    return QuarterWave(index, inner.positive("wavelength_nm"))
+        raise fields.fail("index", "the index of a layer lies between 1 and 5")
+    return index
+
+
+def _layers(fields: Fields) -> Coating:
+    rows = fields.rows("layers", LAYER, "[{index: 1.38, thickness_nm: 99.6}]")
+    if not 1 <= len(rows) <= MOST_LAYERS:
+        raise fields.fail("layers", f"has 1 to {MOST_LAYERS} layers, not {len(rows)}")
+    return layered(tuple(Layer(_index(row), row.positive("thickness_nm")) for row in rows))
+
+
+def layered(layers: tuple[Layer, ...]) -> Coating:
+    """Return the coating of some layers; a single one is a quarter wave of some wavelength."""
+    if len(layers) == 1:
+        return QuarterWave(layers[0].index, 4 * layers[0].index * layers[0].thickness_nm)
+    return LayerStack(layers)
 
 
 def _measured(fields: Fields) -> Coating:

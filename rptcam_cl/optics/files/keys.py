@@ -5,6 +5,7 @@ The readers take their allowed keys from here, and so does `lens_json_schema`.
 
 from __future__ import annotations
 
+from rptcam_cl.core.camera_records import MOST_LAYERS
 from rptcam_cl.optics.files.key import NUMBER, POSITIVE, TEXT, Key, by_number, mapping, numbers
 from rptcam_cl.optics.shapes import FORMS
 
@@ -60,8 +61,17 @@ QUARTER_WAVE = {
     "wavelength_nm": Key("Four times its index times its thickness [nm].", POSITIVE),
 }
 
+LAYER = {
+    "index": Key("Index of the layer.", {"type": "number", "minimum": 1, "maximum": HIGHEST_INDEX}),
+    "thickness_nm": Key("Of the layer [nm].", POSITIVE),
+}
+
 COATING = {
     "quarter_wave": Key("A single layer.", mapping(QUARTER_WAVE, ("index", "wavelength_nm"))),
+    "layers": Key(
+        "Several layers, from the medium of the lower index, such as air, to that of the higher.",
+        {"type": "array", "items": mapping(LAYER, ("index", "thickness_nm")), "minItems": 1, "maxItems": MOST_LAYERS},
+    ),
     "reflectance": Key(
         "Measured at normal incidence: a number, a spectrum, or a CSV file of wavelength and reflectance.",
         {"oneOf": [{"type": "number", "minimum": 0, "exclusiveMaximum": 1}, TEXT,

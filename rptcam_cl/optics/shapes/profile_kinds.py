@@ -27,7 +27,8 @@ class Sphere(Shape):
         discriminant = g * g - curvature * f
         cosine = np.copysign(np.sqrt(np.maximum(discriminant, 0.0)), dz)
         step = f / (g + cosine)
-        hit = np.stack([x + step * dx, y + step * dy, step * dz])
+        hit = np.empty((3, *step.shape))
+        hit[0], hit[1], hit[2] = x + step * dx, y + step * dy, step * dz
         normal = -curvature * hit
         normal[2] += 1.0
         return Hits(hit, to_plane + step, normal, cosine, (discriminant >= 0) & (normal[2] > 0))

@@ -188,7 +188,7 @@ def build_bvh(
     if width not in (2, 4, 8, 16) or leaf_size not in (1, 2, 4, 8, 16, 32, 64):
         raise ValueError(f"width {width}, leaf_size {leaf_size}: expected powers of two, 2 to 16 and 1 to 64")
     lower, upper = np.ascontiguousarray(lower, np.float32), np.ascontiguousarray(upper, np.float32)
-    _check(lower, upper)
+    check_boxes(lower, upper)
     if len(lower) == 0:
         return _nothing(width, leaf_size)
     max_depth = max_binary_depth(width)
@@ -196,7 +196,8 @@ def build_bvh(
     return widen(reinserted(binary_tree(depths, bounds), max_depth, session), blocks, width)
 
 
-def _check(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:
+def check_boxes(lower: NDArray[np.float32], upper: NDArray[np.float32]) -> None:
+    """Raise a ValueError when a tree cannot be built over boxes."""
     if lower.shape != upper.shape or lower.ndim != 2 or lower.shape[1] != 3:
         raise ValueError(f"boxes of shape {lower.shape} and {upper.shape}: expected twice (n, 3)")
     if len(lower) > MOST:

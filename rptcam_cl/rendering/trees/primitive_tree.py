@@ -12,8 +12,9 @@ from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name
 from rptcam_cl.core.records import Kind
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Movements, Places
-from rptcam_cl.rendering.trees.build import build_bvh
+from rptcam_cl.rendering.trees.build import build_bvh, check_boxes
 from rptcam_cl.rendering.trees.cache import builder_identity
+from rptcam_cl.rendering.trees.few_boxes import FEW, tree_of_few
 from rptcam_cl.rendering.trees.wide_tree import EMPTY, Bvh, quality, stack_size
 
 Array = NDArray[np.float64]
@@ -82,7 +83,11 @@ def _kept_or_built(
     name = name_of(builder_identity(), identity_of_code(("rendering/trees",)), driver, boxes)
     if (kept := kept_arrays(KEPT, name)) is not None:
         return kept[0]["nodes"], kept[0]["order"], kept[1]["stack"]
-    tree = build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
+    if len(lower) <= FEW:
+        check_boxes(lower, upper)
+        tree = tree_of_few(lower, upper, LEAF)
+    else:
+        tree = build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
     nodes, order, stack = _nodes(tree), tree.blocks[tree.blocks >= 0], stack_size(quality(tree).depth)
     keep_arrays(KEPT, name, {"nodes": nodes, "order": order}, {"stack": stack})
     return nodes, order, stack

@@ -11,7 +11,8 @@ export function histogramView(link) {
   const chart = h("div", { class: "vf-chart" });
   const low = h("span", { class: "vf-clip" });
   const high = h("span", { class: "vf-clip vf-clip-high" });
-  const element = h("figure", { class: "vf-exposure" }, chart, h("figcaption", {}, low, high));
+  const raw = rawView();
+  const element = h("figure", { class: "vf-exposure" }, chart, h("figcaption", {}, low, high), raw.element);
   const words = (counts, name) => {
     const most = Math.max(0, ...Object.values(counts ?? {}));
     return `${name} ${most ? digits(most, 6) : "none"}`;
@@ -26,9 +27,35 @@ export function histogramView(link) {
     high.title = "Pixels at or above white, in the worst channel";
     high.classList.toggle("vf-warn", Math.max(0, ...Object.values(burnt)) > 0);
     chart.replaceChildren(histogramPlot(channels, { label: `Histogram. ${low.textContent}, ${high.textContent} pixels.` }));
+    raw.show(message);
   }
   link.on("histogram", show);
   return element;
+}
+
+/** The numbers of the sensor, of pictures at rest; hidden where the scene has none. */
+function rawView() {
+  const chart = h("div", { class: "vf-chart" });
+  const words = h("span");
+  const full = h("span", { class: "vf-clip" });
+  const element = h("div", { class: "vf-raw", "data-name": "raw", hidden: true }, chart, h("p", {}, words, full));
+  function show({ raw }) {
+    if (raw === undefined) {
+      element.classList.toggle("vf-older", !element.hidden);
+      return;
+    }
+    element.hidden = raw === null;
+    element.classList.remove("vf-older");
+    if (raw === null) return;
+    const channels = Object.fromEntries(CHANNELS.filter((name) => raw[name]).map((name) => [name, raw[name]]));
+    words.textContent = `Raw ${digits(raw.black_dn, 5)} to ${digits(raw.white_dn, 5)}`;
+    full.textContent = `Saturated: ${raw.saturated ? digits(raw.saturated, 6) : "none"}`;
+    full.title = "Numbers at the sensor's white level";
+    full.classList.toggle("vf-warn", raw.saturated > 0);
+    const marks = [raw.black_dn, raw.white_dn].map((dn) => dn / raw.edges[1]);
+    chart.replaceChildren(histogramPlot(channels, { height: 52, marks, label: `Histogram of the sensor. ${words.textContent}, ${full.textContent}.` }));
+  }
+  return { element, show };
 }
 
 function clippingTable(link) {

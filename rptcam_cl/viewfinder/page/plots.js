@@ -56,11 +56,13 @@ function area(counts, width, height, most) {
   return `M0 ${height}${heights.map((y, i) => `L${((i + 0.5) * step).toFixed(1)} ${y.toFixed(1)}`).join("")}L${width} ${height}Z`;
 }
 
-/** A histogram with the square root of its counts upwards, so that small ones are seen. The ends do not set its height. */
-export function histogramPlot(channels, { width = 352, height = 104, label }) {
+/** A histogram with the square root of its counts upwards, so that small ones are seen. The ends do not set its height.
+ *  `marks`: places from 0 to 1. */
+export function histogramPlot(channels, { width = 352, height = 104, label, marks = [] }) {
   const inner = Object.values(channels).flatMap((counts) => counts.slice(1, -1));
   const most = Math.max(1, ...inner);
   return s("svg", { class: "vf-histogram", viewBox: `0 0 ${width} ${height}`, preserveAspectRatio: "none", role: "img", "aria-label": label },
     [1, 2, 3].map((i) => s("path", { class: "vf-grid", d: `M${(i * width) / 4} 0V${height}` })),
-    Object.entries(channels).map(([name, counts]) => s("path", { class: `vf-area vf-area-${name}`, d: area(counts, width, height, most) })));
+    Object.entries(channels).map(([name, counts]) => s("path", { class: `vf-area vf-area-${name}`, d: area(counts, width, height, most) })),
+    marks.map((at) => s("path", { class: "vf-mark", d: `M${at * width} 0V${height}` })));
 }

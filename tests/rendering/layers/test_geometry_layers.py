@@ -76,6 +76,8 @@ def test_pinhole_sees_each_point_where_its_intrinsics_say():
     image = one_sample(scene, GEOMETRY, seed=4)
     x, y, z = np.moveaxis(in_camera(scene, image["position"]), -1, 0)
     k = image.metadata["intrinsics"]
+    eye = np.array(image.metadata["world_from_camera"])[:3, 3]
+    np.testing.assert_allclose(image.metadata["entrance_pupil"]["world_m"], eye, atol=1e-12)
     seen = np.stack([k["cx"] + k["fx"] * x / -z, k["cy"] - k["fy"] * y / -z], axis=-1)
     hit = image["object_id"] >= 0
     assert_seen_in_their_pixels(image, seen, hit, 1e-4)

@@ -133,7 +133,7 @@ def test_layers_depend_neither_on_the_wave_nor_on_the_organisation(camera):
         wavefront = Wavefront(open_session(), plan, FilmLayout.of(scene.film), scene.render, wave_size, organisation)
         found.append(render_plan(wavefront, spp=19, seconds=None, has_lens=plan.camera.has_lens).layers)
     for other in found[1:]:
-        for name in LAYER_NAMES:
+        for name in found[0]:
             np.testing.assert_array_equal(found[0][name], other[name], err_msg=name)
 
 

@@ -40,8 +40,8 @@ def lamp():
 
 MUTANTS = [
     Mutant("fused edge functions", "#pragma OPENCL FP_CONTRACT OFF", "#pragma OPENCL FP_CONTRACT ON", leaks),
-    Mutant("planes of a slab with finite inverse", "return d < 0.0f ? -1.0f / fabs(d) : 1.0f / fabs(d);",
-           "return d < 0.0f ? -1.0f / fmax(fabs(d), 1e-18f) : 1.0f / fmax(fabs(d), 1e-18f);", trees),
+    Mutant("planes of a slab with finite inverse", "return (d < 0.0f ? (F)(-1.0f) : ONE) / absolute(d);",
+           "return (d < 0.0f ? (F)(-1.0f) : ONE) / MAX(absolute(d), (F)(1e-18f));", trees),
     Mutant("no step off the surface", "with_sign(vertex.offset, dot3(vertex.ng, d))", "ZERO", departures),
     Mutant("normals by the matrix of points", "ox.x * ng.x + oy.x * ng.y + oz.x * ng.z",
            "x.x * ng.x + x.y * ng.y + x.z * ng.z", instances),

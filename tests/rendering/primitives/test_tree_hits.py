@@ -109,7 +109,7 @@ def test_tree_is_kept_for_the_next_run(session, monkeypatch, tmp_path):
     tree, _ = both(session, monkeypatch, crowd(rng_of("kept"), 60))
     with_tree(monkeypatch, True)
     built = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
-    monkeypatch.setattr("rptcam_cl.rendering.trees.primitive_tree.build_bvh", None)
+    monkeypatch.setattr("rptcam_cl.rendering.trees.primitive_tree.tree_of_few", None)
     again = primitive_tree(tree.plan.primitives, tree.plan.kind_end, session)
     assert again.facts == built.facts
     assert again.nodes.tobytes() == built.nodes.tobytes()

@@ -39,10 +39,11 @@ def test_picture_does_not_depend_on_the_tree(monkeypatch, roulette):
     assert films[0].std() > 0.05
 
 
-def test_scene_gets_a_tree_from_the_break_even_on(monkeypatch):
+def test_scene_gets_a_tree_from_the_break_even_on(monkeypatch, tmp_path):
+    monkeypatch.setenv("RPTCAM_CACHE_DIR", str(tmp_path))  # where no tree is kept yet
     built = []
-    build = primitive_tree.build_bvh
-    monkeypatch.setattr(primitive_tree, "build_bvh", lambda *a, **k: built.append(len(a[0])) or build(*a, **k))
+    build = primitive_tree.tree_of_few
+    monkeypatch.setattr(primitive_tree, "tree_of_few", lambda *a: built.append(len(a[0])) or build(*a))
     for count in (primitive_tree.BREAK_EVEN - 1, primitive_tree.BREAK_EVEN):
         rptcam_cl.render(cloud(count), spp=1)
     assert built == [primitive_tree.BREAK_EVEN]

@@ -1,0 +1,226 @@
+"""Camera models fitted to the chief rays of a lens, and by how much each errs.
+
+The fit makes the sum of squared errors in the picture least (Levenberg 1944, Marquardt 1963). Its residual is measured
+at other places than those of the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.calibration.models import (
+    BY_ANGLE,
+    COEFFICIENTS,
+    INTRINSICS,
+    denominator,
+    distorted,
+    in_reach,
+    normal_points,
+    project,
+)
+from rptcam_cl.calibration.view import View
+from rptcam_cl.core.errors import InputError
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+FITTED = (25, 19)  # places across and down that the fit goes by, from edge to edge
+CHECKED = (36, 27)  # places that the residual is measured at
+LEAST_PLACES = 40  # with light, below which nothing can be fitted
+ROUNDS = 120
+DAMPING = 1e-3
+SMALL = 1e-13  # share of the error by which a step has to improve it
+TOO_HIGH = 1e12  # damping at which no step helps any more
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """A camera model that stands for a lens.
+
+    Attributes
+    ----------
+    model : str
+        One of `COEFFICIENTS`.
+    parameters : array
+        fx, fy, cx, cy [pixels; 0.5 is the centre of the first pixel], and the coefficients in the order of OpenCV.
+    max_px, rms_px : float
+        Largest and root mean square error over the places of the picture that have light [pixels].
+    errors : (rows, columns, 2) array
+        Model less lens [pixels], at the centres of cells that part the picture evenly; not-a-number where it is dark.
+    lit_share : float
+        Share of the picture that has light.
+    """
+
+    model: str
+    parameters: Array
+    max_px: float
+    rms_px: float
+    errors: Array
+    lit_share: float
+
+    @property
+    def named(self) -> dict[str, float]:
+        """The parameters by their names."""
+        names = (*INTRINSICS, *COEFFICIENTS[self.model])
+        return dict(zip(names, self.parameters.tolist(), strict=True))
+
+    @property
+    def coefficients(self) -> list[float]:
+        """The coefficients in the order of OpenCV."""
+        coefficients: list[float] = self.parameters[4:].tolist()
+        return coefficients
+
+    def project(self, directions: Array) -> Array:
+        """Return the places (n, 2) of directions (n, 3) in the picture: x right, y down, z ahead [pixels]."""
+        return project(self.model, self.parameters, np.asarray(directions, np.float64))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """Places of a picture and their directions in the scene, where it has light."""
+
+    places: Array
+    directions: Array
+
+
+def calibrate(view: View, model: str) -> Calibration:
+    """Return a camera model fitted to a view.
+
+    Raises
+    ------
+    InputError
+        When the picture has too little light to fit anything to, or shows more than the model has places for.
+    """
+    if model not in COEFFICIENTS:
+        raise InputError(f"model: unknown camera model (got {model}; allowed {', '.join(COEFFICIENTS)})")
+    seen, (cells, directions, lit) = _samples(view)
+    if len(seen.places) < LEAST_PLACES:
+        raise InputError(
+            f"{view.name}: the picture shows nothing to fit a camera model to: light reaches {len(seen.places)} of"
+            f" {FITTED[0] * FITTED[1]} places (allowed: a film inside the image circle)"
+        )
+    if not in_reach(model, np.concatenate([seen.directions, directions[lit]])).all():
+        widest = np.degrees(np.arccos(seen.directions[:, 2].min()))
+        raise InputError(
+            f"{view.name}: {model} has no place for a direction {widest:.1f} degrees from the axis"
+            f" (allowed: {BY_ANGLE}, or a film with less field)"
+        )
+    parameters = _fitted(model, seen)
+    errors = np.full_like(cells, np.nan)
+    errors[lit] = project(model, parameters, directions[lit]) - cells[lit]
+    lengths = np.linalg.norm(errors[lit], axis=1)
+    return Calibration(
+        model,
+        parameters,
+        float(lengths.max()),
+        float(np.sqrt(np.mean(lengths**2))),
+        errors.reshape(CHECKED[1], CHECKED[0], 2),
+        float(lit.mean()),
+    )
+
+
+def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Calibration:
+    """Return the first model that errs by at most some pixels, or the best of those that fit at all."""
+    found: list[Calibration] = []
+    refused: InputError | None = None
+    for model in models:
+        try:
+            found.append(calibrate(view, model))
+        except InputError as problem:
+            refused = problem
+            continue
+        if found[-1].max_px <= allowed_px:
+            return found[-1]
+    if not found:
+        assert refused is not None
+        raise refused
+    return min(found, key=lambda calibration: calibration.max_px)
+
+
+@lru_cache(maxsize=8)
+def _samples(view: View) -> tuple[Seen, tuple[Array, Array, Mask]]:
+    """Return what the fit goes by, and the cells' centres with their directions and which have light."""
+    places = view.grid(*FITTED)
+    x, y = ((np.arange(count) + 0.5) * side / count for count, side in zip(CHECKED, view.size, strict=True))
+    cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    found, lit = view.directions(np.concatenate([places, cells]))
+    n = len(places)
+    return Seen(places[lit[:n]], found[:n][lit[:n]]), (cells, found[n:], lit[n:])
+
+
+def _fitted(model: str, seen: Seen) -> Array:
+    """Return the parameters whose sum of squared errors is least."""
+    points = normal_points(model, seen.directions)
+    (fx, cx), (fy, cy) = (np.polyfit(points[:, k], seen.places[:, k], 1).tolist() for k in (0, 1))
+    start = np.array([fx, fy, cx, cy])
+    if model == "pinhole":
+        return start
+
+    def errors(parameters: Array) -> Array:
+        bent = distorted(model, parameters[4:], points)
+        return np.asarray(bent * parameters[:2] + parameters[2:4] - seen.places).ravel()
+
+    count = len(COEFFICIENTS[model])
+    if count in (4, 5):
+        return least_squares(errors, np.concatenate([start, np.zeros(count)]))
+    simpler = _fitted("brown_conrady" if count == 8 else "rational", seen)
+    starts = [np.concatenate([simpler, np.zeros(4 + count - len(simpler))])]
+    if count == 8:
+        starts.append(_rational_start(simpler, points, seen.places))
+    square = np.sum(points * points, axis=1)
+    found = [least_squares(errors, begin) for begin in starts]
+    good = [one for one in found if denominator(one[4:], np.linspace(0.0, 1.1 * square.max(), 200)).min() > 0]
+    return min(good or [starts[0]], key=lambda one: float(np.sum(errors(one) ** 2)))
+
+
+def _rational_start(simpler: Array, points: Array, places: Array) -> Array:
+    """Return parameters of the rational model by a linear fit: numerator less distortion times denominator is zero."""
+    square = np.sum(points * points, axis=1)
+    scale = np.sum((places - simpler[2:4]) / simpler[:2] * points, axis=1) / np.maximum(square, 1e-12)
+    reach = square.max()
+    powers = (square / reach)[:, None] ** [1.0, 2.0, 3.0]
+    rows = np.concatenate([powers, -scale[:, None] * powers], axis=1)
+    solution = np.linalg.lstsq(rows, scale - 1.0, rcond=1e-10)[0] / np.tile(reach ** np.array([1.0, 2.0, 3.0]), 2)
+    k1, k2, k3, k4, k5, k6 = solution
+    return np.array([*simpler[:4], k1, k2, 0.0, 0.0, k3, k4, k5, k6])
+
+
+def least_squares(errors: Callable[[Array], Array], start: Array) -> Array:
+    """Return the parameters at which the sum of squared errors is least, from a start that is not far."""
+    parameters, error = start, errors(start)
+    cost, damping = float(error @ error), DAMPING
+    for _ in range(ROUNDS):
+        slopes = _slopes(errors, parameters)
+        normal, gradient = slopes.T @ slopes, slopes.T @ error
+        scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
+        while damping < TOO_HIGH:
+            scaled = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
+            trial = parameters - np.linalg.solve(scaled, gradient / scale) / scale
+            with np.errstate(all="ignore"):
+                new = errors(trial)
+                improved = float(new @ new)
+            if improved < cost:
+                break
+            damping *= 10
+        else:
+            break
+        done = cost - improved <= SMALL * cost
+        parameters, error, cost, damping = trial, new, improved, max(damping / 10, 1e-15)
+        if done:
+            break
+    return parameters
+
+
+def _slopes(errors: Callable[[Array], Array], parameters: Array) -> Array:
+    """Return the derivatives (errors, parameters) by differences; the models are smooth, so that these will do."""
+    columns = []
+    for k in range(len(parameters)):
+        step = np.zeros(len(parameters))
+        step[k] = 1e-6 * max(abs(parameters[k]), 1e-2)
+        columns.append((errors(parameters + step) - errors(parameters - step)) / (2 * step[k]))
+    return np.stack(columns, axis=1)

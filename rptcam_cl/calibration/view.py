@@ -1,0 +1,220 @@
+"""A camera as others see it: which direction of the scene each place of its picture shows, in float64.
+
+Places of the picture are pixels from its left and top edges, so that the first pixel covers 0 to 1 and its centre is
+0.5. Directions are those of computer vision: x to the right, y down, z ahead, seen from the centre of the entrance
+pupil. Through a real lens they are those of its chief rays.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.cameras import (
+    EntrancePupil,
+    LensSetting,
+    camera_model,
+    entrance_pupil,
+    film_frame,
+    half_film_mm,
+    lens_setting,
+    pupil_in_world,
+)
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import film_chief_rays, image_circle
+from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, at_opening, pose_matrix
+
+Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+
+UPRIGHT = np.diag([1.0, -1.0, -1.0])  # from the axes of computer vision to those of the camera's frame
+TURNED = np.diag([-1.0, 1.0, -1.0])  # the same of an inverted picture, which a camera on its head takes
+FAR_M = 1e5  # from where on the object is as good as infinitely far
+PROBES = 9  # places across and down that say how wide the field is
+STEEP = math.cos(math.radians(75.0))  # of a direction from the axis, beyond which the object is a sphere and no plane
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """What the picture of a camera shows where.
+
+    Attributes
+    ----------
+    scene : Scene
+        In focus, with the camera in question.
+    distance_m : float
+        Of the object from the entrance pupil, along the axis; infinite for one far away. It matters where the pupil
+        drifts over the field.
+    """
+
+    scene: Scene
+    distance_m: float = math.inf
+
+    @property
+    def name(self) -> str:
+        """What the camera is called."""
+        return self.setting.lens.name if self.setting is not None else self.scene.camera.kind.replace("_", " ")
+
+    @cached_property
+    def setting(self) -> LensSetting | None:
+        """The lens in use; None of a camera without surfaces."""
+        return lens_setting(self.scene) if isinstance(self.scene.camera, LensCamera) else None
+
+    @cached_property
+    def pupil(self) -> EntrancePupil:
+        """The entrance pupil; that of an ideal camera without surfaces is its eye."""
+        return EntrancePupil() if self.setting is None else entrance_pupil(self.scene, self.setting)
+
+    @property
+    def pupil_ahead_mm(self) -> float:
+        """How far the entrance pupil lies ahead of the eye [mm]."""
+        return self.pupil.ahead_mm
+
+    @property
+    def window(self) -> tuple[int, int, int, int]:
+        """The picture in the whole film: x, y, width and height [pixels]."""
+        width, height = self.scene.film.resolution
+        x0, x1, y0, y1 = self.scene.film.crop or (0.0, 1.0, 0.0, 1.0)
+        left, top = min(round(x0 * width), width - 1), min(round(y0 * height), height - 1)
+        return left, top, max(round(x1 * width) - left, 1), max(round(y1 * height) - top, 1)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of the picture [pixels]."""
+        return self.window[2:]
+
+    @property
+    def axes(self) -> Array:
+        """Directions of computer vision (columns) in the camera's frame, (3, 3)."""
+        return UPRIGHT if self.scene.camera.flip else TURNED
+
+    def pose(self) -> Array:
+        """Return the 4x4 matrix from the view's frame to the world [m]: right, down, ahead and the entrance pupil."""
+        matrix = pose_matrix(self.scene.camera.pose_at(self.scene.shutter.span_s[0]))
+        matrix[:3, 3] *= self.scene.metres_per_unit
+        matrix[:3, 3] -= matrix[:3, 2] * self.pupil_ahead_mm * 1e-3
+        matrix[:3, :3] = matrix[:3, :3] @ self.axes
+        return matrix
+
+    def film_points(self, places: Array) -> Array:
+        """Return places of the picture (n, 2) on the film (n, 3), in the frame of the lens with its depth behind [mm].
+
+        A lens inverts: right and up in an upright picture are left and down on the film.
+        """
+        share = (np.asarray(places, np.float64) + self.window[:2]) / self.scene.film.resolution * 2.0 - 1.0
+        sense = -1.0 if self.scene.camera.flip else 1.0
+        return film_frame(self.scene.camera).points(sense * share * (1.0, -1.0) * np.array(half_film_mm(self.scene)))
+
+    def directions(self, places: Array) -> tuple[Array, Mask]:
+        """Return unit directions (n, 3) of places (n, 2) of the picture, and which of them the lens shows anything at.
+
+        Directions of the others are not-a-number where there are none.
+        """
+        places = np.atleast_2d(np.asarray(places, np.float64))
+        if not isinstance(self.scene.camera, RealisticCamera):
+            return self._ideal(places), np.ones(len(places), dtype=bool)
+        probes = self.grid(PROBES, PROBES)
+        origins, away, lit = self._chief_rays(np.concatenate([probes, places]))
+        first, rest = slice(len(probes)), slice(len(probes), None)
+        steep = bool(np.any(-away[first][lit[first], 2] < STEEP))
+        seen = self._object_points(origins[rest], away[rest], steep=steep)
+        return seen / np.linalg.norm(seen, axis=1, keepdims=True) @ self.axes, lit[rest]
+
+    def _chief_rays(self, places: Array) -> tuple[Array, Array, Mask]:
+        """Return points and directions of chief rays (n, 3) from the entrance pupil, and which places have light."""
+        setting, film = self.setting, self.film_points(places)
+        assert setting is not None
+        lens, back, wavelength = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+        z = lens.film_z(back) + lens.sense * film[:, 2]
+        rays = film_chief_rays(lens, np.column_stack([film[:, :2], z]), wavelength)
+        lit = rays.clear
+        if not lit.all() and lens.is_rotational and film_frame(self.scene.camera).is_flat:
+            radii = np.hypot(*film[:, :2].T)
+            between = (float(radii[lit].max()), float(radii.max())) if lit.any() else None
+            lit = rays.found & (radii < image_circle(lens, back, wavelength, between_mm=between))
+        origins = rays.origins - [0.0, 0.0, lens.film_z(back) - self.pupil_ahead_mm]
+        return origins, np.where(rays.found[:, None], rays.directions, np.nan), lit
+
+    def _object_points(self, origins: Array, directions: Array, *, steep: bool) -> Array:
+        """Return where rays meet the object, from the entrance pupil in the camera's axes.
+
+        Of a ``steep`` field, so wide that no plane across the axis lies before all of it, the object is a sphere.
+        """
+        if not self.distance_m < FAR_M:
+            return directions
+        far = self.distance_m * 1e3
+        if not steep:
+            return np.asarray(origins + directions * ((far + origins[:, 2]) / -directions[:, 2])[:, None])
+        along = np.sum(origins * directions, axis=1)
+        inside = along**2 - np.sum(origins**2, axis=1) + far**2
+        return np.asarray(origins + directions * (np.sqrt(np.maximum(inside, 0.0)) - along)[:, None])
+
+    def _ideal(self, places: Array) -> Array:
+        """Return the directions of a camera that has intrinsics and nothing beside."""
+        known = camera_model(self.scene).metadata["intrinsics"]
+        at = places + self.window[:2]
+        if "matrix" in known:
+            seen = np.column_stack([at, np.ones(len(at))]) @ np.linalg.inv(np.array(known["matrix"])).T
+            seen *= np.sign(seen[:, 2:]) * [1.0, -1.0, 1.0]
+        else:
+            seen = np.column_stack([(at - (known["cx"], known["cy"])) / (known["fx"], known["fy"]), np.ones(len(at))])
+        return np.asarray(seen / np.linalg.norm(seen, axis=1, keepdims=True) @ (UPRIGHT @ self.axes))
+
+    def grid(self, columns: int, rows: int) -> Array:
+        """Return places (rows x columns, 2) spread evenly over the picture from edge to edge, row by row."""
+        x, y = (np.linspace(0.0, side, count) for side, count in zip(self.size, (columns, rows), strict=True))
+        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+    def facts(self) -> dict[str, Any]:
+        """Return what programs want to know of the camera beside its projection."""
+        sides = zip(half_film_mm(self.scene), self.scene.film.resolution, strict=True)
+        found: dict[str, Any] = {
+            "camera": self.name,
+            "width": self.size[0],
+            "height": self.size[1],
+            "pixel_mm": [2 * half / count for half, count in sides],
+            "window": list(self.window),
+            "object_distance_m": self.distance_m if self.distance_m < FAR_M else None,
+            "world_from_camera": self.pose().tolist(),
+        }
+        if self.setting is not None:
+            found |= {key: self.setting.metadata[key] for key in ("focal_length_mm", "f_number", "focus_distance_m")}
+        return found | {"entrance_pupil": pupil_in_world(self.scene, self.pupil.described())}
+
+
+def view(scene: Scene, distance_m: float | None = None) -> View:
+    """Return the view of a scene's camera when the shutter opens.
+
+    Parameters
+    ----------
+    distance_m
+        Of the object from the entrance pupil; that of the focus when absent.
+
+    Raises
+    ------
+    InputError
+        For a camera that sees all around, or whose focus is yet to be found, or whose pupil is infinitely far away.
+    """
+    scene = at_opening(scene)
+    if scene.camera.kind == "environment":
+        raise InputError(
+            "camera.kind: an environment camera sees all around, so it has no intrinsics"
+            " (allowed: pinhole, thin_lens, thick_lens, realistic)"
+        )
+    if scene.requested_autofocus is not None:
+        raise InputError("camera.focus.auto: the focus is yet to be found (write a scene with it by rptcam settle)")
+    found = View(scene)
+    if not math.isfinite(found.pupil_ahead_mm):
+        raise InputError(f"{found.name}: its entrance pupil is infinitely far away, so no centre of projection exists")
+    if distance_m is None:
+        if found.setting is None or found.setting.focus_distance_mm is None:
+            return found
+        distance_m = (found.setting.focus_distance_mm - found.pupil_ahead_mm) * 1e-3
+    there = replace(found, distance_m=distance_m)
+    there.__dict__.update(setting=found.setting, pupil=found.pupil)  # which the distance does not change
+    return there

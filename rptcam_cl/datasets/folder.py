@@ -1,0 +1,154 @@
+"""A folder with the frames of a dataset, loose or in shards, which a run that was killed leaves fit to go on from.
+
+The record of a frame is written after its files, and a shard after the records of all its frames; each file is written
+whole or not at all. So whatever is there is done.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import tarfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.errors import StateError
+from rptcam_cl.datasets.specification import DatasetSpecification
+from rptcam_cl.imaging import Image
+
+ABOUT, MANIFEST = "dataset.json", "manifest.jsonl"
+PIXELS = {"centre_of_the_first_pixel": 0.5}
+LOOSE = "unfinished"  # folder of frames whose shard is not whole yet
+
+
+class DatasetFolder:
+    """Writes frames and finds those that are there.
+
+    Parameters
+    ----------
+    path : Path
+        Made if it is missing.
+    wanted : DatasetSpecification
+    shard : int or None
+        Frames in each shard.
+    """
+
+    def __init__(self, path: Path, wanted: DatasetSpecification, shard: int | None) -> None:
+        self.path, self.wanted, self.shard = path, wanted, shard
+        self.frames = path if shard is None else path / LOOSE
+        self._shards: dict[int, dict[int, dict[str, Any]]] = {}
+
+    def begin(self) -> None:
+        """Make the folder, or make sure that it holds this dataset.
+
+        Raises
+        ------
+        StateError
+            When it cannot be written, or holds another dataset, or the same in other shards.
+        """
+        try:
+            self.frames.mkdir(parents=True, exist_ok=True)
+        except OSError as problem:
+            raise StateError(f"{self.path}: cannot be made: {problem.strerror or problem}") from None
+        about, mine = self.path / ABOUT, {"key": self.wanted.key, "shard": self.shard}
+        if about.exists():
+            try:
+                found = json.loads(about.read_text("utf-8"))
+                known = {name: found[name] for name in mine}
+            except (OSError, ValueError, KeyError, TypeError):
+                raise StateError(f"{about}: is damaged (remove the folder, or name another)") from None
+            for name, words in (("key", "frames of another dataset"), ("shard", "frames in other shards")):
+                if known[name] != mine[name]:
+                    raise StateError(f"{self.path}: holds {words} (remove it, or name another folder)")
+        elif any(self.path.glob("*.json")):
+            raise StateError(f"{self.path}: holds other files (name an empty folder)")
+        facts = mine | PIXELS | {"frames": self.wanted.frames, "specification": self.wanted.content}
+        self._write(about, (json.dumps(facts, indent=2, default=str) + "\n").encode())
+
+    def record(self, index: int) -> dict[str, Any] | None:
+        """Return the record of a frame that is there with all its files undamaged; None for one that has to be made."""
+        if self.shard is not None and index in (packed := self._packed(index // self.shard)):
+            return packed[index]
+        try:
+            found = json.loads(self._file(index, "json").read_text("utf-8"))
+            for name, digest in found["files"].items():
+                if hashlib.sha256((self.frames / name).read_bytes()).hexdigest() != digest:
+                    return None
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            return None
+        return found if isinstance(found, dict) and found.get("frame") == index else None
+
+    def keep(self, index: int, image: Image, record: dict[str, Any]) -> dict[str, Any]:
+        """Write the files of a frame, and its record with their digests, which is returned."""
+        digests = {}
+        for suffix in self.wanted.files:
+            path = self._file(index, suffix)
+            image.save(path)
+            digests[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+        record = json.loads(json.dumps(record | {"files": digests}))
+        self._write(self._file(index, "json"), (json.dumps(record) + "\n").encode())
+        if self.shard is not None:
+            self._pack(index // self.shard)
+        return dict(record)
+
+    def finish(self) -> None:
+        """Write the manifest of all frames that are there, one line each."""
+        with replacing(self.path / MANIFEST) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as out:
+            for index in range(self.wanted.frames):
+                if (record := self.record(index)) is not None:
+                    out.write(json.dumps(record) + "\n")
+        if self.shard is not None and not any(self.frames.iterdir()):
+            self.frames.rmdir()
+
+    def _file(self, index: int, suffix: str) -> Path:
+        return self.frames / f"{index:06d}.{suffix}"
+
+    def _write(self, path: Path, content: bytes) -> None:
+        with replacing(path) as temporary:
+            temporary.write_bytes(content)
+
+    def _range(self, number: int) -> range:
+        assert self.shard is not None
+        return range(number * self.shard, min((number + 1) * self.shard, self.wanted.frames))
+
+    def _tar(self, number: int) -> Path:
+        return self.path / f"shard-{number:06d}.tar"
+
+    def _packed(self, number: int) -> dict[int, dict[str, Any]]:
+        """Return the records of a shard that is there and whole."""
+        if number not in self._shards:
+            try:
+                with tarfile.open(self._tar(number)) as shard:
+                    names = [member for member in shard.getmembers() if member.name.endswith(".json")]
+                    read = [json.load(file) for member in names if (file := shard.extractfile(member)) is not None]
+                records = {found["frame"]: found for found in read}
+            except (OSError, tarfile.TarError, ValueError, KeyError, TypeError):
+                return {}
+            if set(self._range(number)) - set(records):
+                return {}
+            self._shards[number] = records
+        return self._shards[number]
+
+    def _pack(self, number: int) -> None:
+        """Move the frames of a shard into its file, when all are there."""
+        records = [self.record(index) for index in self._range(number)]
+        if any(record is None for record in records):
+            return
+        with (
+            replacing(self._tar(number)) as temporary,
+            tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as out,
+        ):
+            for path in self._files_of(number):
+                content = path.read_bytes()
+                member = tarfile.TarInfo(path.name)
+                member.size = len(content)
+                out.addfile(member, io.BytesIO(content))
+        for path in self._files_of(number):
+            path.unlink()
+
+    def _files_of(self, number: int) -> Iterator[Path]:
+        for index in self._range(number):
+            yield from (self._file(index, suffix) for suffix in (*self.wanted.files, "json"))

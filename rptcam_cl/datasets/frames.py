@@ -1,0 +1,173 @@
+"""The frames of a dataset, one after the other: rendered, described, written, and kept when they are there."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl._version import __version__
+from rptcam_cl.api import load_scene, render, settle
+from rptcam_cl.calibration import COEFFICIENTS, View, calibrate, calibrate_best, view
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.datasets.folder import DatasetFolder
+from rptcam_cl.datasets.specification import DatasetSpecification, read_specification
+from rptcam_cl.device import Wanted, open_sessions
+from rptcam_cl.imaging import Image
+from rptcam_cl.scene import Scene
+
+GOOD_PX = 0.05  # residual at which the search for the simplest camera model ends
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetFrame:
+    """One frame of a dataset.
+
+    Attributes
+    ----------
+    index : int
+        Counts from 0.
+    values : dict
+        What was drawn, by key path.
+    record : dict
+        Its line of the manifest: seed, values, hash of the scene, files, and ``camera``: pose, intrinsics, distortion
+        and entrance pupil.
+    image : Image or None
+        The picture with its layers; None for a frame that was there already, whose files hold it.
+    """
+
+    index: int
+    values: dict[str, Any]
+    record: dict[str, Any]
+    image: Image | None
+
+    @property
+    def kept(self) -> bool:
+        """Whether an earlier run made it."""
+        return self.image is None
+
+
+def dataset(
+    source: DatasetSpecification | str | Path | Mapping[str, Any],
+    folder: str | Path | None = None,
+    *,
+    frames: int | None = None,
+    only: Sequence[int] | None = None,
+    shard: int | None = None,
+    device: Wanted = None,
+) -> Iterator[DatasetFrame]:
+    """Return an iterator over the frames of a dataset, in their order.
+
+    Each frame depends on the specification and its index alone, so any of them can be made anywhere. With a folder,
+    each is written whole before the next begins, and frames that are there are kept; at the end follows the manifest.
+
+    Parameters
+    ----------
+    source
+        A specification, its file or its content; see docs/datasets.md.
+    folder
+        Where to write; made if it is missing. Without one nothing is written.
+    frames
+        How many there are, in place of the specification's.
+    only
+        The frames to make, of all; by default every one.
+    shard
+        Frames in each shard, a TAR file as WebDataset reads it, in place of loose files.
+    device
+        As for `render`.
+
+    Raises
+    ------
+    InputError
+        Something in the specification, the scene or the arguments is wrong.
+    DeviceError
+        No device fits, or a kernel failed.
+    StateError
+        The folder cannot be written, or holds another dataset.
+    """
+    wanted = source if isinstance(source, DatasetSpecification) else read_specification(source, frames=frames)
+    chosen = range(wanted.frames) if only is None else only
+    if not chosen or min(chosen) < 0 or max(chosen) >= wanted.frames:
+        raise InputError(f"frames: are not all of the dataset (allowed: 0 to {wanted.frames - 1})")
+    if shard is not None and (shard < 1 or folder is None):
+        raise InputError(f"shard: needs a folder and at least one frame a shard (got {shard})")
+    place = None if folder is None else DatasetFolder(Path(folder), wanted, shard)
+    if place is not None:
+        place.begin()
+    return _frames(wanted, place, chosen, device)
+
+
+def _frames(
+    wanted: DatasetSpecification, place: DatasetFolder | None, chosen: Sequence[int], device: Wanted
+) -> Iterator[DatasetFrame]:
+    session: Any = None
+    cameras = _Cameras(wanted.camera_model)
+    for index in chosen:
+        if place is not None and (known := place.record(index)) is not None:
+            yield DatasetFrame(index, known["values"], known, None)
+            continue
+        values, scene = wanted.frame(index)
+        session = session or open_sessions(device)[0][0]
+        if scene.requested_autofocus is not None:
+            scene = load_scene(settle(scene, device=session).scene, base_dir=scene.base_dir)
+        image = render(scene, device=session)
+        record = {
+            "frame": index,
+            "version": __version__,
+            "scene_hash": image.metadata["scene_hash"],
+            "seed": scene.render.seed,
+            "spp": image.metadata["spp"],
+            "values": values,
+            "camera": cameras.of(scene, image),
+        }
+        if place is not None:
+            record = place.keep(index, image, record)
+        yield DatasetFrame(index, values, record, image)
+    if place is not None:
+        place.finish()
+
+
+class _Cameras:
+    """Describes the cameras of frames; a lens that only moves about is traced and fitted once."""
+
+    def __init__(self, model: str) -> None:
+        self._model = model
+        self._known: dict[str, dict[str, Any]] = {}
+
+    def of(self, scene: Scene, image: Image) -> dict[str, Any]:
+        """Return pose, pupil, film, lens, and the camera model with its residual."""
+        if scene.camera.kind == "environment":
+            return {"camera": "environment", "world_from_camera": image.metadata["world_from_camera"]}
+        seen = view(scene)
+        known = {name: image.metadata[name] for name in ("lens", "f_number") if name in image.metadata}
+        return seen.facts() | known | self._fitted(seen)
+
+    def _fitted(self, seen: View) -> dict[str, Any]:
+        if self._model == "none":
+            return {}
+        pose = ("kind", "eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso")
+        optics = seen.scene.camera.model_dump(mode="json", exclude=set(pose[1:]))
+        facts = [optics, seen.scene.film.model_dump(mode="json"), seen.distance_m, seen.scene.metres_per_unit]
+        key = hashlib.sha256(repr(facts).encode()).hexdigest()
+        if key not in self._known:
+            if self._model == "auto":
+                found = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
+            else:
+                found = calibrate(seen, self._model)
+            self._known[key] = {
+                "model": found.model,
+                "parameters": found.named,
+                "matrix": _matrix(found.named),
+                "largest_error_px": found.max_px,
+                "rms_error_px": found.rms_px,
+            }
+            if len(self._known) > 256:
+                self._known.pop(next(iter(self._known)))
+        return self._known[key]
+
+
+def _matrix(named: Mapping[str, float]) -> list[list[float]]:
+    """Return K; the centre of the first pixel is 0.5."""
+    return [[named["fx"], 0.0, named["cx"]], [0.0, named["fy"], named["cy"]], [0.0, 0.0, 1.0]]

@@ -1,0 +1,209 @@
+"""The specification of a dataset: a scene, what stays set in it, and the keys that are drawn for each frame."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from rptcam_cl._version import __version__
+from rptcam_cl.calibration import COEFFICIENTS, view
+from rptcam_cl.core.errors import InputError, RptcamError
+from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
+from rptcam_cl.datasets.draws import Distribution, DistributionError, distribution, seed_of_frame, values_of_frame
+from rptcam_cl.scene import Scene, load_scene, set_keys
+
+KEYS = ("scene", "frames", "seed", "set", "vary", "files", "camera_model")
+FORMATS = ("png", "jpg", "tif", "exr", "npz", "npy")
+MODELS = ("auto", "none", *COEFFICIENTS)
+MOST_FRAMES = 100_000_000
+Where = Callable[[KeyPath], str]
+
+
+@dataclass(frozen=True, eq=False)
+class DatasetSpecification:
+    """What the frames of a dataset are.
+
+    Attributes
+    ----------
+    scene : Scene
+        With all that is set and nothing that is drawn.
+    vary : dict of str to Distribution
+        What is drawn for each frame, by key path.
+    frames : int
+        How many there are.
+    seed : int
+        Of what is drawn, and of the pictures' random numbers.
+    files : tuple of str
+        Suffixes of the files of each frame.
+    camera_model : str
+        The model in the manifest: ``none``, ``auto`` (the simplest that fits) or one of `COEFFICIENTS`.
+    """
+
+    scene: Scene
+    vary: Mapping[str, Distribution]
+    frames: int
+    seed: int
+    files: tuple[str, ...]
+    camera_model: str
+    content: Mapping[str, Any] = field(repr=False)
+
+    @property
+    def key(self) -> str:
+        """What decides the bytes of the frames, as a hash; the number of frames is none of it."""
+        facts = [__version__, self.scene.content_hash(), self.scene.render.most_spp, self.content]
+        facts.append(self.scene.picture.model_dump(mode="json"))
+        return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()[:16]
+
+    def frame(self, index: int) -> tuple[dict[str, Any], Scene]:
+        """Return what is drawn for a frame, which counts from 0, and its scene.
+
+        Raises
+        ------
+        InputError
+            When the scene does not take what was drawn.
+        """
+        values = values_of_frame(self.vary, self.seed, index)
+        changes = values if "render.seed" in values else values | {"render.seed": seed_of_frame(self.seed, index)}
+        try:
+            return values, set_keys(self.scene, changes)
+        except RptcamError as problem:
+            raise type(problem)(f"frame {index}: {problem}") from None
+
+
+def read_specification(
+    source: str | Path | Mapping[str, Any], overrides: Sequence[str] = (), *, frames: int | None = None
+) -> DatasetSpecification:
+    """Return the specification of a file or a mapping, checked as far as that goes without rendering.
+
+    Every key is tried at the ends of its distribution.
+
+    Parameters
+    ----------
+    source
+        A YAML file, or its content; the scene that it names lies in its folder or below.
+    overrides
+        Changes of the scene such as ``render.spp=64``, beside those of the specification.
+    frames
+        How many frames, in place of what the specification says.
+
+    Raises
+    ------
+    InputError
+        ``FILE:LINE:COL: key.path: problem (got …; allowed …)``.
+    StateError
+        When a file cannot be read.
+    """
+    where: Where = lambda path: ""  # noqa: E731
+    base = Path.cwd()
+    if isinstance(source, Mapping):
+        data: Any = dict(source)
+    else:
+        document = read_yaml(Path(source))
+        data, where, base = document.data, _places(document), Path(source).absolute().parent
+    if not isinstance(data, dict):
+        raise InputError(f"{where(())}a dataset must be a mapping (allowed: keys {', '.join(KEYS)})")
+    for key in data:
+        if key not in KEYS:
+            raise InputError(f"{where((key,))}{key}: unknown key (allowed: {', '.join(KEYS)})")
+    count = _whole(data, "frames", where) if frames is None else frames
+    if not 1 <= count <= MOST_FRAMES:
+        raise InputError(f"{where(('frames',))}frames: is no number of frames (got {count}; allowed: 1 or more)")
+    scene = _scene(data, base, where, overrides)
+    vary = _vary(data, scene, where)
+    content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")}
+    return DatasetSpecification(
+        scene, vary, count, _whole(data, "seed", where, 0), _files(data, where), _model(data, where), content
+    )
+
+
+def _places(document: Document) -> Where:
+    def where(path: KeyPath) -> str:
+        line, column = document.mark(path)
+        return f"{document.name}:{line}:{column}: "
+
+    return where
+
+
+def _whole(data: Mapping[str, Any], key: str, where: Where, default: int | None = None) -> int:
+    found = data.get(key, default)
+    if found is None:
+        raise InputError(f"{where(())}{key}: is missing (allowed: a whole number, here or by -n)")
+    if isinstance(found, bool) or not isinstance(found, int) or not 0 <= found < 2**63:
+        raise InputError(f"{where((key,))}{key}: must be a whole number (got {found!r}; allowed: 0 or more)")
+    return found
+
+
+def _scene(data: Mapping[str, Any], base: Path, where: Where, overrides: Sequence[str]) -> Scene:
+    given = data.get("scene")
+    if isinstance(given, str):
+        path = (base / given).resolve()
+        if not path.is_relative_to(base.resolve()):
+            raise InputError(f"{where(('scene',))}scene: lies outside the folder of the dataset (got {given})")
+        scene = load_scene(path)
+    elif isinstance(given, Mapping):
+        scene = load_scene(given, base_dir=base)
+    else:
+        raise InputError(f"{where(('scene',))}scene: must be a scene file or its content (got {given!r})")
+    fixed = data.get("set") or {}
+    if not isinstance(fixed, Mapping):
+        raise InputError(f"{where(('set',))}set: must be a mapping of key paths (allowed: as render.spp: 16)")
+    if fixed:
+        try:
+            scene = set_keys(scene, {str(key): value for key, value in fixed.items()})
+        except RptcamError as problem:
+            raise InputError(f"{where(('set',))}set: {problem}") from None
+    for text in overrides:
+        key, equals, value = text.partition("=")
+        if not equals:
+            raise InputError(f"--set {text}: is not of the form key.path=value (for instance render.spp=16)")
+        scene = set_keys(scene, {key: read_yaml(value, name=f"--set {text}").data})
+    return scene
+
+
+def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> dict[str, Distribution]:
+    given = data.get("vary")
+    if not isinstance(given, Mapping) or not given:
+        raise InputError(f"{where(('vary',))}vary: names no key (allowed: as camera.f_number: {{choice: [2, 4]}})")
+    vary: dict[str, Distribution] = {}
+    for key, described in given.items():
+        path: KeyPath = ("vary", str(key))
+        try:
+            vary[str(key)] = distribution(described)
+        except DistributionError as problem:
+            place = (*path, *problem.path)
+            raise InputError(f"{where(place)}{dotted(place)}: {problem}") from None
+        for value in vary[str(key)].ends:
+            try:
+                changed = set_keys(scene, {str(key): value})
+                if changed.camera.kind != "environment" and changed.requested_autofocus is None:
+                    view(changed)  # whether the lens opens and focuses so far
+            except RptcamError as problem:
+                raise InputError(f"{where(path)}vary: {problem}") from None
+    return vary
+
+
+def _files(data: Mapping[str, Any], where: Where) -> tuple[str, ...]:
+    found = data.get("files", ["png"])
+    if not isinstance(found, list) or not found or len(set(map(str, found))) < len(found):
+        raise InputError(
+            f"{where(('files',))}files: must be a list of suffixes (got {found!r}; allowed: as [png, exr])"
+        )
+    for suffix in found:
+        if suffix not in FORMATS:
+            raise InputError(
+                f"{where(('files',))}files: unknown suffix (got {suffix!r}; allowed: {', '.join(FORMATS)})"
+            )
+    return tuple(found)
+
+
+def _model(data: Mapping[str, Any], where: Where) -> str:
+    found = data.get("camera_model", "auto")
+    if found not in MODELS:
+        raise InputError(
+            f"{where(('camera_model',))}camera_model: unknown model (got {found!r}; allowed: {', '.join(MODELS)})"
+        )
+    return str(found)

@@ -1,0 +1,122 @@
+"""Masks of instances and classes, and COCO annotations, of a picture with sharp identifiers.
+
+The format is that of the data set "Common Objects in Context" (Lin et al. 2014) and its `cocoapi`: masks as run lengths
+down the columns, as text of six bits a letter.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.errors import InputError, StateError
+
+NEEDS = ("sharp_object_id", "sharp_class_id")
+MOST_INSTANCES = 65535  # of a mask of 16 bits
+UNLABELLED = "object"  # category of what has no label
+
+
+def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
+    """Return how many pixels a mask is off, on, off and so on, down its columns."""
+    flat = np.concatenate([[False], mask.ravel(order="F")])
+    changes = np.flatnonzero(flat[1:] != flat[:-1])
+    runs: list[int] = np.diff(np.concatenate([[0], changes, [mask.size]])).tolist()
+    return runs
+
+
+def run_text(runs: list[int]) -> str:
+    """Return run lengths as COCO's text: from the third on less those two before, in groups of five bits."""
+    text = []
+    for index, run in enumerate(runs):
+        value = run - runs[index - 2] if index > 2 else run
+        more = True
+        while more:
+            bits = value & 0x1F
+            value >>= 5
+            more = value != -1 if bits & 0x10 else value != 0
+            text.append(chr((bits | 0x20 if more else bits) + 48))
+    return "".join(text)
+
+
+def coco(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], file_name: str) -> dict[str, Any]:
+    """Return the COCO annotations of a picture: an instance for each object that a chief ray meets first.
+
+    Raises
+    ------
+    InputError
+        When a layer is missing.
+    """
+    check_layers_of_truth(layers)
+    objects, names = layers["sharp_object_id"], metadata["object_names"]
+    classes, of_object = metadata["class_names"], metadata["object_classes"]
+    hidden, (height, width) = metadata.get("occlusion"), objects.shape
+    plain = 0 in (of_object[index] for index in np.unique(objects[objects >= 0]).tolist())
+    categories = [{"id": number, "name": name} for number, name in enumerate(classes) if number]
+    categories += [{"id": len(classes), "name": UNLABELLED}] if plain else []
+    annotations = []
+    for index in np.unique(objects[objects >= 0]).tolist():
+        mask = objects == index
+        rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
+        box = [columns[0], rows[0], columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1]
+        annotations.append(
+            {
+                "id": index + 1, "image_id": 1, "category_id": of_object[index] or len(classes), "iscrowd": 0,
+                "segmentation": {"size": [height, width], "counts": run_text(run_lengths(mask))},
+                "area": int(mask.sum()), "bbox": [float(value) for value in box], "name": names[index],
+                **({} if hidden is None else {"occlusion": hidden[index]}),
+            }
+        )  # fmt: skip
+    image = {"id": 1, "file_name": file_name, "width": width, "height": height}
+    return {"images": [image], "categories": categories, "annotations": annotations}
+
+
+def check_layers_of_truth(layers: Mapping[str, NDArray[Any]]) -> None:
+    """Refuse a picture without the layers of instances and classes."""
+    if missing := [name for name in NEEDS if name not in layers]:
+        raise InputError(f"annotations need the layers {' and '.join(NEEDS)} (missing: {', '.join(missing)})")
+
+
+def save_truth(
+    folder: Path, layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], file_name: str
+) -> list[Path]:
+    """Write `coco.json`, masks of 16 bits and, with the layers of rays, `rays.npz` into a folder; return the files.
+
+    Raises
+    ------
+    InputError
+        When a layer is missing, or there are too many objects for a mask.
+    StateError
+        When a file cannot be written.
+    """
+    check_layers_of_truth(layers)
+    if layers["sharp_object_id"].max(initial=0) >= MOST_INSTANCES:
+        raise InputError(f"masks of 16 bits hold {MOST_INSTANCES} objects (allowed: fewer)")
+    said = coco(layers, metadata, file_name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as problem:
+        raise StateError(f"{folder}: cannot be made ({problem.strerror})") from None
+    written = [folder / "coco.json", folder / "instances.png", folder / "classes.png"]
+    with replacing(written[0]) as temporary:
+        temporary.write_text(json.dumps(said) + "\n", encoding="utf-8")
+    _write_mask(written[1], layers["sharp_object_id"] + 1)
+    _write_mask(written[2], layers["sharp_class_id"])
+    rays = {name: layers[name] for name in ("ray_origin", "ray_direction") if name in layers}
+    if rays:
+        written.append(folder / "rays.npz")
+        with replacing(written[-1]) as temporary, temporary.open("xb") as stream:
+            np.savez_compressed(stream, **rays)  # type: ignore[arg-type]
+    return written
+
+
+def _write_mask(path: Path, values: NDArray[np.int32]) -> None:
+    import PIL.Image
+
+    with replacing(path) as temporary, temporary.open("xb") as stream:
+        PIL.Image.fromarray(np.ascontiguousarray(values, np.uint16)).save(stream, "PNG")

@@ -1,0 +1,127 @@
+"""Aberrations of a beam as curves: its ray fans, where its sections are sharp, and its spot through focus."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
+from rptcam_cl.lenstools.colours import INK
+from rptcam_cl.lenstools.fields import at_plane, default_fields
+from rptcam_cl.lenstools.lens_state import Setting
+from rptcam_cl.optics import Beam, Rays, chief_ray, passing_beam
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Array = NDArray[np.float64]
+Row = dict[str, Any]
+
+NEAR = 1e-3  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
+
+
+def _through(setting: Setting, degrees: float, wavelength_nm: float, points: Array) -> Rays:
+    origins, directions = Beam(degrees, setting.object_distance_mm).rays(points)
+    return setting.lens.trace(origins, directions, wavelength_nm, "scene")
+
+
+def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], rays: int) -> list[Row]:
+    """Return where the rays of the tangential and the sagittal fan of each field land beside its chief ray [um].
+
+    `pupil` goes from -1 to 1 over what passes in the plane of the first vertex, along y and along x; at 0 is the chief
+    ray of the setting's wavelength. What does not pass has no row.
+    """
+    rows: list[Row] = []
+    for degrees in fields:
+        height, chief = chief_ray(setting.lens, degrees, setting.wavelength_nm, setting.object_distance_mm)
+        middle = at_plane(chief.origins, chief.directions, setting.film_z)[0, :2]
+        points, _, _ = passing_beam(setting.lens, Beam(degrees, setting.object_distance_mm), setting.wavelength_nm, 64)
+        for axis in (1, 0):
+            start = np.array([0.0, height])
+            reach = float(np.abs(points[:, axis] - start[axis]).max())
+            steps = np.linspace(-1.0, 1.0, rays)
+            line = np.tile(start, (rays, 1))
+            line[:, axis] += steps * reach
+            for wavelength in wavelengths_nm:
+                traced = _through(setting, degrees, wavelength, line)
+                off = (at_plane(traced.origins, traced.directions, setting.film_z)[:, :2] - middle) * 1e3
+                rows += [
+                    {"field_degrees": degrees, "wavelength_nm": wavelength, "tangential": float(axis == 1),
+                     "pupil": float(steps[k]), "off_um": float(off[k, axis])}
+                    for k in np.flatnonzero(traced.passed)
+                ]  # fmt: skip
+    return rows
+
+
+def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float]) -> list[Row]:
+    """Return where thin pencils about the chief ray are sharp, along the axis from the film [mm], as Coddington has it.
+
+    By rays close beside the chief ray on both sides. Positive: behind the film.
+    """
+    step = NEAR * min(setting.lens.surfaces[0].semi_diameter, 1e3)
+    rows: list[Row] = []
+    for degrees in fields:
+        for wavelength in wavelengths_nm:
+            height, _ = chief_ray(setting.lens, degrees, wavelength, setting.object_distance_mm)
+            beside = np.array([0.0, height]) + step * np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
+            traced = _through(setting, degrees, wavelength, beside)
+            at = at_plane(traced.origins, traced.directions, setting.film_z)
+            slopes = setting.lens.sense * traced.directions[:, :2] / traced.directions[:, 2:]
+            off = [
+                float(-(at[a, k] - at[b, k]) / (slopes[a, k] - slopes[b, k])) if traced.passed[[a, b]].all() else None
+                for a, b, k in ((0, 1, 1), (2, 3, 0))
+            ]
+            rows.append(
+                {"field_degrees": degrees, "wavelength_nm": wavelength, "tangential_mm": off[0], "sagittal_mm": off[1],
+                 "astigmatism_mm": None if None in off else off[0] - off[1]}  # type: ignore[operator]
+            )  # fmt: skip
+    return rows
+
+
+def focus_rows(
+    setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], shifts_mm: Array, across: int
+) -> list[Row]:
+    """Return the rms spot of each field, its wavelengths together, over shifts of the film away from the lens."""
+    rows: list[Row] = []
+    for degrees in fields:
+        beam = Beam(degrees, setting.object_distance_mm)
+        passed = [passing_beam(setting.lens, beam, wavelength, across)[1] for wavelength in wavelengths_nm]
+        origins, directions = (
+            np.concatenate([getattr(rays, name) for rays in passed]) for name in ("origins", "directions")
+        )
+        for shift in shifts_mm.tolist():
+            moved = replace(setting, film_distance_mm=setting.film + shift)
+            at = at_plane(origins, directions, moved.film_z)[:, :2]
+            x, y = (np.std(at, axis=0) * 1e3).tolist()
+            rows.append(
+                {"field_degrees": degrees, "shift_mm": shift, "rms_um": math.hypot(x, y), "rms_x_um": x, "rms_y_um": y}
+            )
+    return rows
+
+
+@styled()
+def curves_over(
+    title: str, rows: Sequence[Row], across: tuple[str, str], up: Sequence[tuple[str, str]], unit: str, by: str
+) -> Figure:
+    """Return curves of columns (name, label) over another, in a colour for each value of a third."""
+    values = [row[across[0]] for row in rows]
+    figure, axes = new_chart(title, (across[1], unit), (min(values), max(values)))
+    axes.axhline(0.0, color=INK, linewidth=0.8)
+    for number, kind in enumerate(dict.fromkeys(row[by] for row in rows)):
+        own = [row for row in rows if row[by] == kind]
+        for line, (name, label) in zip(("-", "--"), up, strict=False):
+            shown = [np.nan if row[name] is None else row[name] for row in own]
+            said = f"{kind:g} {label}"
+            axes.plot([row[across[0]] for row in own], shown, line, color=series(number), label=said)
+    add_key(figure, axes.lines[1:])
+    return figure
+
+
+def fields_of(setting: Setting, fields: Sequence[float] | None, shares: Sequence[float]) -> list[float]:
+    """Return the fields given, or shares of the widest [degrees]."""
+    return default_fields(setting, shares) if fields is None else list(fields)

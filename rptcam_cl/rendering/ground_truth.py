@@ -1,0 +1,203 @@
+"""Sharp layers: what the chief ray of each pixel meets, and how it moves. They depend on the scene alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rptcam_cl.device import Session
+from rptcam_cl.plan import Plan
+from rptcam_cl.rendering.buffers import SceneBuffers
+from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.flow import Moments, SeenPoints
+from rptcam_cl.rendering.sharp_hits import SharpHits, SharpPass
+from rptcam_cl.scene import SHARP_LAYERS, LayerName, Scene
+
+Array = NDArray[np.float64]
+Neighbours = tuple[Scene | None, Scene | None]
+
+
+@dataclass(frozen=True)
+class GroundTruth:
+    """The sharp layers of a scene in focus.
+
+    Attributes
+    ----------
+    scene : Scene
+    names : tuple of str
+        The layers.
+    plan, session
+    buffers : callable
+        Returns the scene on the device.
+    neighbours : (before, after) or None
+        The frames that flow leads to, in focus, None where there is none; without them it leads to the opening and the
+        closing of the shutter.
+    """
+
+    scene: Scene
+    names: tuple[LayerName, ...]
+    plan: Plan
+    session: Session
+    buffers: Callable[[], SceneBuffers]
+    neighbours: Neighbours | None = None
+
+    @cached_property
+    def found(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """The layers by name, and what metadata should say."""
+        layout = FilmLayout.of(self.scene.film)
+        shape = layout.height, layout.width
+        flat = {name: self._layers[name]() for name in self.names}
+        layers: dict[str, NDArray[Any]] = {}
+        for name, each in flat.items():
+            layers[name] = np.ascontiguousarray(each.reshape(*shape, *each.shape[1:]))
+        said: dict[str, Any] = {}
+        if "occlusion" in self.names:
+            said["occlusion"] = [None if np.isnan(share) else share for share in self._hidden.tolist()]
+        if "sharp_class_id" in self.names:
+            said |= classes_of(self.scene)
+        return layers, said
+
+    @cached_property
+    def _layers(self) -> dict[LayerName, Callable[[], NDArray[Any]]]:
+        return {
+            "sharp_depth": self._depth,
+            "sharp_position": lambda: np.where(self._met, self._points[:, :3], np.nan),
+            "sharp_normal": lambda: self._hits.normals.astype(np.float32),
+            "sharp_object_id": lambda: self._hits.objects,
+            "sharp_material_id": lambda: self._hits.materials,
+            "sharp_class_id": self._classes,
+            "occlusion": self._occlusion,
+            "flow_forward": lambda: self._flow(1).astype(np.float32),
+            "flow_backward": lambda: self._flow(0).astype(np.float32),
+            "motion": self._motion,
+            "ray_origin": lambda: self._rays[0],
+            "ray_direction": lambda: self._rays[1],
+        }
+
+    @cached_property
+    def _moments(self) -> Moments:
+        return Moments(self.scene)
+
+    @cached_property
+    def _places(self) -> Array:
+        """The middles of the pixels that are rendered."""
+        layout = FilmLayout.of(self.scene.film)
+        columns, rows = np.arange(layout.width) + layout.x + 0.5, np.arange(layout.height) + layout.y + 0.5
+        return np.stack(np.meshgrid(columns, rows), axis=-1).reshape(-1, 2)
+
+    @cached_property
+    def _times(self) -> Array:
+        return self._moments.middles(self._places)
+
+    @cached_property
+    def _poses(self) -> Array:
+        return self._moments.poses(self._times)
+
+    @cached_property
+    def _rays(self) -> tuple[Array, Array]:
+        """Origins in the scene [m] and directions."""
+        origins, directions = self._moments.chief.rays(self._places)
+        turns = self._poses[:, :3, :3]
+        turned = (np.einsum("nij,nj->ni", turns, each) for each in (origins, directions))
+        return next(turned) + self._poses[:, :3, 3], next(turned)
+
+    @cached_property
+    def _pass(self) -> SharpPass:
+        return SharpPass(self.session, self.plan, self.buffers())
+
+    @property
+    def _of_device(self) -> tuple[Array, Array, Array]:
+        """The rays as the device takes them: about the eye, and since the shutter opens."""
+        origins, directions = self._rays
+        return origins - self.plan.eye_m, directions, self._times - self.scene.shutter.open_s
+
+    @cached_property
+    def _all_hits(self) -> list[SharpHits]:
+        return self._pass.all_hits(*self._of_device)
+
+    @cached_property
+    def _hits(self) -> SharpHits:
+        followed = "occlusion" in self.names and self.scene.film.crop is None
+        return self._all_hits[0] if followed else self._pass.hits(*self._of_device)
+
+    @property
+    def _met(self) -> NDArray[np.bool_]:
+        return self._hits.met[:, None]
+
+    @cached_property
+    def _points(self) -> Array:
+        """What is seen, homogeneous in the scene [m]: points, and directions where nothing is met."""
+        far = np.hstack([self._rays[1], np.zeros((len(self._places), 1))])
+        origins, directions = self._rays
+        away = self._hits.points + self.plan.eye_m - origins  # beside the ray by the rounding of float32
+        lengths = np.einsum("ni,ni->n", away, directions)
+        near = np.hstack([origins + lengths[:, None] * directions, np.ones((len(self._places), 1))])
+        return np.where(self._met, near, far)
+
+    def _depth(self) -> NDArray[np.float32]:
+        away = self._points[:, :3] - self._poses[:, :3, 3]
+        depth = -np.einsum("ni,ni->n", away, self._poses[:, :3, 2])
+        return np.where(self._hits.met, depth, np.inf).astype(np.float32)
+
+    def _classes(self) -> NDArray[np.int32]:
+        of_object = np.array([*classes_of(self.scene)["object_classes"], 0], np.int32)  # the last for nothing
+        return np.asarray(of_object[self._hits.objects])
+
+    @cached_property
+    def _hidden(self) -> Array:
+        """The share of each object's pixels, of the whole film, that others hide; nan where it has none."""
+        if self.scene.film.crop is not None:
+            film = self.scene.film.model_copy(update={"crop": None})
+            return replace(self, scene=self.scene.model_copy(update={"film": film}))._hidden
+        count = len(self.scene.objects)
+        seen = np.bincount(self._hits.objects[self._hits.met], minlength=count)
+        rows = [np.stack([np.flatnonzero(hits.met), hits.objects[hits.met]], axis=1) for hits in self._all_hits]
+        pairs = np.unique(np.concatenate(rows), axis=0)
+        whole = np.bincount(pairs[:, 1], minlength=count)
+        with np.errstate(invalid="ignore"):
+            return np.asarray(1.0 - seen / whole)
+
+    def _occlusion(self) -> NDArray[np.float32]:
+        return np.append(self._hidden, np.nan)[self._hits.objects].astype(np.float32)
+
+    @cached_property
+    def _seen(self) -> SeenPoints:
+        return SeenPoints(self._moments, self._places, self._times, self._points, self._hits.objects)
+
+    @cached_property
+    def _over_shutter(self) -> tuple[Array, Array]:
+        return self._seen.over_shutter()
+
+    def _flow(self, side: int) -> Array:
+        if self.neighbours is None:
+            return self._over_shutter[side]
+        other = self.neighbours[side]
+        return np.full((len(self._places), 2), np.nan) if other is None else self._seen.flow_to(Moments(other))
+
+    def _motion(self) -> NDArray[np.float32]:
+        opening, closing = self._over_shutter
+        return (closing - opening).astype(np.float32)
+
+
+def classes_of(scene: Scene) -> dict[str, Any]:
+    """Return the names of the classes that objects are labelled with, what has none first, and the class of each."""
+    names = list(dict.fromkeys(["", *(item.label or "" for item in scene.objects)]))
+    return {"class_names": names, "object_classes": [names.index(item.label or "") for item in scene.objects]}
+
+
+def ground_truth_of(
+    scene: Scene,
+    plan: Plan,
+    session: Session,
+    buffers: Callable[[], SceneBuffers],
+    layers: tuple[LayerName, ...],
+    neighbours: Neighbours | None = None,
+) -> GroundTruth | None:
+    """Return the sharp layers among some layers of a scene in focus; None where there is none."""
+    names = tuple(name for name in layers if name in SHARP_LAYERS)
+    return GroundTruth(scene, names, plan, session, buffers, neighbours) if names else None

@@ -1,0 +1,212 @@
+"""Camera models fitted to lenses: against chief rays traced the other way, OpenCV, and the formulas themselves."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.calibration import COEFFICIENTS, calibrate, calibrate_best, project, subject, view
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import chief_ray, film_chief_rays, load_lens
+from rptcam_cl.scene import load_scene
+
+ALLOWED_PX = 0.05
+# Lens, model, size of the picture [pixels] and of the film [mm].
+LENSES = [
+    ("dgauss-50mm", "brown_conrady", (768, 512), (36.0, 24.0)),
+    ("wide-22mm", "brown_conrady", (768, 512), (36.0, 24.0)),
+    ("retrofocus-28mm", "brown_conrady", (768, 512), (36.0, 24.0)),
+    ("zoom-35-51mm", "brown_conrady", (768, 512), (36.0, 24.0)),
+    ("fisheye-10mm", "kannala_brandt", (768, 576), (21.0, 15.75)),
+    ("phone-5.6mm", "rational", (256, 192), (5.6, 4.2)),
+]
+
+
+def camera(lens, size=(768, 512), film=(36.0, 24.0), overrides=()):
+    return view(subject(lens, overrides, size=size, film_mm=film))
+
+
+def corners(size, columns=9, rows=7, margin=0.03):
+    """Places of a board's corners in the picture, out to its edges."""
+    x, y = (np.linspace(margin * side, (1 - margin) * side, n) for side, n in zip(size, (columns, rows), strict=True))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
+@pytest.mark.parametrize("name", ["dgauss-50mm", "wide-22mm", "fisheye-10mm", "takumar-50mm"])
+def test_chief_rays_from_film_and_from_scene_are_the_same(name):
+    lens = load_lens(name)
+    film_z = lens.film_z(lens.first_order().back_focal_distance_mm)
+    for degrees in (5.0, 20.0):
+        _, there = chief_ray(lens, degrees)
+        at = there.origins + there.directions * ((film_z - there.origins[:, 2]) / there.directions[:, 2])[:, None]
+        back = film_chief_rays(lens, at)
+        expected = [0.0, np.sin(np.radians(degrees)), np.cos(np.radians(degrees))]
+        assert back.clear.all()
+        assert -back.directions[0] == pytest.approx(expected, abs=1e-8)  # the search from the scene ends at 1e-8
+
+
+@pytest.mark.parametrize(("lens", "model", "size", "film"), LENSES)
+def test_opencv_sees_corners_where_the_lens_does(lens, model, size, film):
+    cv2 = pytest.importorskip("cv2")
+    seen = camera(lens, size, film)
+    found = calibrate(seen, model)
+    places = corners(size)
+    directions, lit = seen.directions(places)
+    matrix = np.array([[found.parameters[0], 0, found.parameters[2] - 0.5],
+                       [0, found.parameters[1], found.parameters[3] - 0.5], [0, 0, 1]])  # fmt: skip
+    points, zero = directions[lit].reshape(-1, 1, 3) * 3.0, np.zeros(3)
+    if model == "kannala_brandt":
+        at, _ = cv2.fisheye.projectPoints(points, zero, zero, matrix, np.array(found.coefficients))
+    else:
+        at, _ = cv2.projectPoints(points, zero, zero, matrix, np.array(found.coefficients))
+    off = np.linalg.norm(at.reshape(-1, 2) + 0.5 - places[lit], axis=1)
+    assert lit.mean() > 0.85
+    assert off.max() <= ALLOWED_PX
+    assert np.abs(at.reshape(-1, 2) + 0.5 - found.project(directions[lit])).max() < 1e-9
+
+
+def test_rational_and_thin_prism_terms_are_those_of_opencv():
+    cv2 = pytest.importorskip("cv2")
+    rng = np.random.default_rng(3)
+    coefficients = rng.normal(0, 0.05, 12)
+    directions = np.column_stack([rng.uniform(-0.5, 0.5, (50, 2)), np.ones(50)])
+    at, _ = cv2.projectPoints(
+        directions.reshape(-1, 1, 3), np.zeros(3), np.zeros(3), np.diag([400.0, 500.0, 1.0]), coefficients
+    )
+    ours = project("thin_prism", np.array([400.0, 500.0, 0.0, 0.0, *coefficients]), directions)
+    assert ours == pytest.approx(at.reshape(-1, 2), abs=1e-9)
+
+
+def test_brown_and_kannala_brandt_by_their_formulas():
+    x, y = 0.3, -0.2
+    r2 = x * x + y * y
+    k1, k2, p1, p2, k3 = 0.1, -0.05, 0.01, -0.02, 0.03
+    scale = 1 + k1 * r2 + k2 * r2**2 + k3 * r2**3
+    expected = (
+        100 * (x * scale + 2 * p1 * x * y + p2 * (r2 + 2 * x * x)) + 7,
+        200 * (y * scale + p1 * (r2 + 2 * y * y) + 2 * p2 * x * y) + 9,
+    )
+    found = project("brown_conrady", np.array([100, 200, 7, 9, k1, k2, p1, p2, k3]), np.array([[x, y, 1.0]]))
+    assert found[0] == pytest.approx(expected)
+    angle = 1.9  # behind the camera
+    direction = np.array([[np.sin(angle), 0.0, np.cos(angle)]])
+    found = project("kannala_brandt", np.array([100, 200, 7, 9, 0.01, 0.0, 0.0, 0.0]), direction)
+    assert found[0] == pytest.approx((100 * angle * (1 + 0.01 * angle**2) + 7, 9))
+
+
+def test_residual_is_that_of_the_corners_without_opencv():
+    seen = camera("wide-22mm")
+    found = calibrate(seen, "brown_conrady")
+    places = corners(seen.size)
+    directions, lit = seen.directions(places)
+    off = np.linalg.norm(found.project(directions[lit]) - places[lit], axis=1)
+    assert off.max() <= found.max_px <= ALLOWED_PX
+    assert found.rms_px < found.max_px
+    assert np.nanmax(np.linalg.norm(found.errors, axis=-1)) == pytest.approx(found.max_px)
+
+
+def test_simplest_model_that_fits_is_chosen():
+    assert calibrate_best(camera("dgauss-50mm"), list(COEFFICIENTS), 0.05).model == "brown_conrady"
+    fisheye = camera("fisheye-10mm", (768, 576), (21.0, 15.75))
+    assert calibrate_best(fisheye, list(COEFFICIENTS), 0.005).model == "kannala_brandt"
+
+
+FILM = {"resolution": [600, 400], "size_mm": [36.0, 24.0]}
+CAMERA = {
+    "kind": "realistic", "lens": "dgauss-50mm", "eye": [1.0, 2.0, 3.0], "target": [1.0, 2.0, -4.0], "f_number": 8,
+    "focus": {"distance_m": 1.0},
+}  # fmt: skip
+
+
+def test_shifted_and_cropped_films_move_the_principal_point():
+    whole = calibrate(view(load_scene({"film": FILM, "camera": CAMERA})), "brown_conrady")
+    assert whole.parameters[2:4] == pytest.approx((300, 200), abs=1e-6)
+    crop = {"film": FILM | {"crop": [0.25, 1.0, 0.5, 1.0]}, "camera": CAMERA}
+    part = view(load_scene(crop))
+    assert part.size == (450, 200)
+    cropped = calibrate(part, "brown_conrady")
+    # without its middle in sight the fit knows the centre less well than the residual
+    assert cropped.parameters[2:4] == pytest.approx((150, 0), abs=0.01)
+    assert cropped.parameters[0] == pytest.approx(whole.parameters[0], rel=1e-5)
+    moved = CAMERA | {"movements": {"shift_mm": 3.0, "rise_mm": 1.5}}
+    shifted = calibrate(view(load_scene({"film": FILM, "camera": moved})), "brown_conrady")
+    # the picture shows more of the right and of what is above: the axis lies farther left and lower in it
+    assert shifted.parameters[2:4] == pytest.approx((300 - 3 * 600 / 36, 200 + 1.5 * 400 / 24), abs=0.01)
+
+
+def test_centre_is_the_entrance_pupil():
+    seen = view(load_scene({"film": FILM, "camera": CAMERA}))
+    setting = seen.setting
+    ahead = setting.lens.film_z(setting.film_distance_mm) - setting.lens.first_order().entrance_pupil.distance_mm
+    assert seen.pupil_ahead_mm == pytest.approx(ahead)
+    assert ahead == pytest.approx(51.0, abs=0.1)
+    assert seen.pose()[:3, 3] == pytest.approx((1.0, 2.0, 3.0 - ahead * 1e-3))
+    assert seen.distance_m == pytest.approx(1.0 - ahead * 1e-3)
+    assert seen.pose()[:3, :3] == pytest.approx(np.diag([1.0, -1.0, -1.0]))
+
+
+def test_object_distance_counts_as_the_pupil_drifts():
+    scene = load_scene({"film": FILM, "camera": CAMERA})
+    near, far = (view(scene, distance) for distance in (0.5, np.inf))
+    corner = np.array([[0.0, 0.0]])
+    turn = np.linalg.norm(near.directions(corner)[0] - far.directions(corner)[0])
+    drift_mm = dict(near.pupil.drift_mm)[1.0]
+    sine = np.sin(np.arccos(far.directions(corner)[0][0, 2]))
+    assert drift_mm < -1.0
+    assert turn == pytest.approx(abs(drift_mm) * 1e-3 / 0.5 * sine, rel=0.1)  # to first order in drift over distance
+
+
+@pytest.mark.parametrize("flip", [True, False])
+@pytest.mark.parametrize("kind", ["pinhole", "thin_lens", "thick_lens"])
+def test_ideal_cameras_are_pinholes(kind, flip):
+    own = {
+        "pinhole": {"fov_degrees": 40},
+        "thin_lens": {"fov_degrees": 40, "aperture_radius_m": 0.01, "focus_distance_m": 2},
+        "thick_lens": {"lens": "dgauss-50mm", "focus": {"distance_m": 2}},
+    }[kind]
+    pose = {"eye": [0, 0, 0], "target": [0, 0, -1], "flip": flip}
+    seen = view(load_scene({"film": FILM, "camera": {"kind": kind, **pose, **own}}))
+    found = calibrate(seen, "pinhole")
+    assert found.max_px < 1e-8
+    assert found.parameters[0] == pytest.approx(found.parameters[1])
+    if kind != "thick_lens":
+        assert found.parameters[0] == pytest.approx(300 / np.tan(np.radians(20)))
+
+
+def test_inverted_picture_is_that_of_a_camera_on_its_head():
+    upright = view(load_scene({"film": FILM, "camera": CAMERA}))
+    inverted = view(load_scene({"film": FILM, "camera": CAMERA | {"flip": False}}))
+    place = np.array([[100.0, 50.0]])
+    world = [one.pose()[:3, :3] @ one.directions(at)[0][0]
+             for one, at in ((upright, place), (inverted, np.array([[500.0, 350.0]])))]  # fmt: skip
+    assert world[0] == pytest.approx(world[1], abs=1e-12)
+    assert calibrate(inverted, "brown_conrady").parameters[0] > 0
+
+
+def test_tilted_film_is_no_model_and_says_so():
+    tilted = CAMERA | {"movements": {"tilt_degrees": 8.0}}
+    seen = view(load_scene({"film": FILM, "camera": tilted}))
+    assert calibrate(seen, "brown_conrady").max_px > 0.5
+
+
+def test_refused_models_and_cameras():
+    with pytest.raises(InputError, match="unknown camera model"):
+        calibrate(view(load_scene({"film": FILM, "camera": CAMERA})), "nothing")
+    dark = camera("phone-5.6mm", (64, 48), (400.0, 300.0))
+    with pytest.raises(InputError, match="shows nothing to fit"):
+        calibrate(dark, "brown_conrady")
+    around = {"kind": "environment", "eye": [0, 0, 0], "target": [0, 0, -1]}
+    with pytest.raises(InputError, match="sees all around"):
+        view(load_scene({"film": {"resolution": [64, 32]}, "camera": around}))
+    auto = CAMERA | {"focus": {"auto": {"method": "contrast"}}}
+    with pytest.raises(InputError, match="yet to be found"):
+        view(load_scene({"film": FILM, "camera": auto}))
+
+
+def test_fisheye_is_known_past_75_degrees_and_dark_beyond_its_circle():
+    seen = camera("fisheye-10mm", (270, 200), (27.0, 20.0))
+    places = np.array([135.0, 100.0]) + np.array([[132.0, 0.0], [134.5, 0.0], [0.0, 0.0]])
+    directions, lit = seen.directions(places)
+    assert lit.tolist() == [True, False, True]
+    assert 75.0 < np.degrees(np.arccos(directions[0, 2])) < 77.0
+    found = calibrate(seen, "kannala_brandt")
+    assert found.max_px <= ALLOWED_PX
+    assert 0.8 < found.lit_share < 1.0

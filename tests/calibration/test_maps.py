@@ -1,0 +1,166 @@
+"""Maps of a lens: there and back, against chief rays, quadrature and rays from points."""
+
+import json
+
+import numpy as np
+import pytest
+
+from rptcam_cl.calibration import coc_map, point_images, st_maps, subject, view, vignetting_map
+from rptcam_cl.cli import main
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import film_irradiance
+from rptcam_cl.scene import load_scene
+
+ROUND_TRIP_PX = 0.02
+
+
+def sampled(pixels, at):
+    """Values between the centres of pixels, at places (n, 2) from the corner, as compositors take them."""
+    x, y = (np.asarray(at, np.float64) - 0.5).T
+    i = np.clip(np.floor(x).astype(int), 0, pixels.shape[1] - 2)
+    j = np.clip(np.floor(y).astype(int), 0, pixels.shape[0] - 2)
+    right, down = (x - i)[:, None], (y - j)[:, None]
+    values = pixels.astype(np.float64)
+    upper = values[j, i] * (1 - right) + values[j, i + 1] * right
+    lower = values[j + 1, i] * (1 - right) + values[j + 1, i + 1] * right
+    return upper * (1 - down) + lower * down
+
+
+def places_of(values, size):
+    """Places [pixels from the top left corner] of values of an ST map of Nuke, whose v counts from the bottom."""
+    return np.stack([values[..., 0] * size[0], (1 - values[..., 1]) * size[1]], axis=-1)
+
+
+@pytest.fixture(scope="module", params=[("dgauss-50mm", (36, 24)), ("fisheye-10mm", (21, 14))], ids=lambda p: p[0])
+def bent(request):
+    lens, film = request.param
+    seen = view(subject(lens, size=(96, 64), film_mm=film))
+    return seen, st_maps(seen)
+
+
+def test_st_maps_lead_there_and_back(bent):
+    seen, maps = bent
+    straight = maps.undistort.shape[1::-1]
+    known = maps.distort[..., 2] > 0
+    there = places_of(maps.distort[known], straight)
+    back = sampled(maps.undistort, there)
+    whole = back[:, 2] > 0.999
+    rows, columns = np.nonzero(known)
+    own = np.stack([columns + 0.5, rows + 0.5], axis=-1)
+    off = np.linalg.norm(places_of(back, seen.size) - own, axis=1)[whole]
+    assert whole.mean() > 0.95
+    assert off.max() <= ROUND_TRIP_PX
+
+
+def test_st_maps_follow_chief_rays(bent):
+    seen, maps = bent
+    places = np.array([[10.5, 8.5], [48.5, 32.5], [70.5, 55.5], [30.5, 60.5]])
+    columns, rows = (places - 0.5).astype(int).T
+    directions, _ = seen.directions(places)
+    expected = directions[:, :2] / directions[:, 2:] * maps.focal_px + maps.centre_px
+    found = places_of(maps.distort[rows, columns], maps.undistort.shape[1::-1])
+    assert found == pytest.approx(expected, abs=0.01)
+    assert maps.error_px < 0.005
+
+
+def test_straight_picture_has_overscan_for_what_the_lens_shows(bent):
+    seen, maps = bent
+    columns, rows = maps.undistort.shape[1::-1]
+    assert (columns, rows) > seen.size  # barrels, both
+    assert maps.distort[32, 48, 2] == 1
+    corner = maps.undistort[0, 0]
+    assert corner[2] in (0, 1)
+    assert corner[2] == 1 or corner[:2].tolist() == [-1, -1]
+    assert maps.offset_px[0] == pytest.approx((columns - seen.size[0]) / 2, abs=1)
+
+
+def test_vignetting_map_is_the_irradiance_of_each_pixel():
+    seen = view(subject("dgauss-50mm", size=(24, 16)))
+    found, lens, back = vignetting_map(seen), seen.setting.lens, seen.setting.film_distance_mm
+    expected = film_irradiance(lens, back, [0.0, np.hypot(0.75, 0.75), np.hypot(17.25, 11.25)])
+    assert found[8, 12] == pytest.approx(expected[1] / expected[0], rel=1e-3)
+    assert found[0, 0] == pytest.approx(expected[2] / expected[0], rel=2e-3)
+    assert found == pytest.approx(found[::-1, ::-1], rel=1e-6)
+
+
+FILM = {"resolution": [60, 40], "size_mm": [36.0, 24.0]}
+CAMERA = {
+    "kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 0, 0], "target": [0, 0, -1], "f_number": 4,
+    "focus": {"distance_m": 1.3},
+}  # fmt: skip
+
+
+def test_kernels_sum_to_one_and_their_centroid_is_beside_the_chief_ray():
+    seen = view(load_scene({"film": FILM | {"resolution": [600, 400]}, "camera": CAMERA}))
+    found = point_images(seen, (3, 3), (486.13, 587.5618), (seen.distance_m, 2 * seen.distance_m), across=64)
+    assert found.kernels.sum(axis=(-1, -2)) == pytest.approx(1.0, abs=1e-5)
+    assert found.kept == pytest.approx(1.0)
+    on_axis = found.centroids[1, 1]
+    assert np.abs(on_axis).max() < 1e-6
+    side = found.kernels.shape[-1]
+    y, x = np.mgrid[:side, :side] - side // 2
+    binned = np.stack([(found.kernels * x).sum(axis=(-1, -2)), (found.kernels * y).sum(axis=(-1, -2))], axis=-1)
+    assert np.abs(binned - found.centroids).max() < 0.15  # pixels are coarser than the blur
+    assert np.abs(found.centroids[..., 1, 0, :]).max() < 0.2  # coma at f/4, in focus
+    mirrored = found.centroids[:, ::-1] * [-1, 1]
+    assert found.centroids == pytest.approx(mirrored, abs=1e-6)
+
+
+def test_circle_of_confusion_is_the_width_of_the_kernel():
+    seen = view(load_scene({"film": FILM | {"resolution": [1200, 800]}, "camera": CAMERA}))
+    pupil_to_front = seen.pupil_ahead_mm - seen.setting.lens.film_z(seen.setting.film_distance_mm)
+    found = point_images(seen, (1, 1), (), (2.5,), across=96)
+    side = found.kernels.shape[-1]
+    y, x = np.mgrid[:side, :side] - side // 2
+    width = np.sqrt(8 * (found.kernels[0, 0, 0, 0] * (x * x + y * y)).sum() - 8 / 6)  # less that of square pixels
+    blur = coc_map(seen, (2.5 + pupil_to_front * 1e-3,))
+    assert blur[0, 400, 600] == pytest.approx(width, rel=0.01)
+
+
+def test_commands_write_maps_whole(tmp_path, capsys):
+    OpenEXR = pytest.importorskip("OpenEXR")
+    files = {
+        "stmap-distort": "d.exr",
+        "stmap-undistort": "u.exr",
+        "vignetting": "v.exr",
+        "coc": "c.exr",
+        "psf-grid": "p.npz",
+    }
+    words = [word for name, file in files.items() for word in (f"--{name}", str(tmp_path / file))]
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({"film": FILM, "camera": CAMERA}))
+    more = ["--distances-m", "1,2", "--psf-cells", "1x1"]
+    assert main(["camera", str(scene), *words, *more]) == 0
+    with OpenEXR.File(str(tmp_path / "u.exr")) as file:
+        assert file.channels()["RGB"].pixels.dtype == np.float32
+        said = dict(file.header())
+    assert json.loads(said["picture_size"]) == [60, 40]
+    assert json.loads(said["offset"])[0] >= 0
+    with OpenEXR.File(str(tmp_path / "c.exr")) as file:
+        assert set(file.channels()) == {"coc.0", "coc.1"}
+    with np.load(tmp_path / "p.npz") as found:
+        assert found["kernels"].shape[:4] == (1, 1, 1, 2)
+    assert "wrote" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["dgauss-50mm", "--vignetting", "{0}/v.png"], "such a file is .exr"),
+        (["dgauss-50mm", "--coc", "{0}/c.exr", "--distances-m", "0"], "above 0 m"),
+        (["dgauss-50mm", "--size", "64x48", "--film", "4000x3000", "--stmap-distort", "{0}/d.exr"], "nothing to fit"),
+    ],
+)
+def test_bad_maps_leave_nothing_behind(words, message, tmp_path, capsys):
+    assert main(["camera", *(word.format(tmp_path) for word in words)]) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_point_images_need_a_lens_and_an_odd_side():
+    seen = view(load_scene({"film": FILM, "camera": CAMERA}))
+    with pytest.raises(InputError, match="must be odd"):
+        point_images(seen, (1, 1), pixels=4)
+    thick = view(load_scene({"film": FILM, "camera": CAMERA | {"kind": "thick_lens"}}))
+    with pytest.raises(InputError, match="needs a lens to trace"):
+        point_images(thick)

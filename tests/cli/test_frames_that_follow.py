@@ -1,0 +1,104 @@
+"""Focus and exposure over frames: frame k alone is frame k of its sequence, and nothing is measured twice."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.api import FrameTracker
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.device import open_session
+from rptcam_cl.imaging import read_film
+
+Command = Callable[..., Any]
+SCENE = """
+film: {resolution: [24, 16]}
+camera:
+  kind: thin_lens
+  focal_length_mm: 50
+  f_number: 2
+  eye: [0, 0, 0]
+  target: [0, 0, -1]
+  focus: {auto: {method: depth}}
+exposure: auto
+shutter: {time_s: 1/100}
+objects:
+  - shape: box
+    min: [-4, -4, -1]
+    max: [4, 4, 0]
+    material: {kind: matte, reflectance: 0.5}
+    motion: [{time_s: 0.55, translate: [0, 0, -4]}, {time_s: 0.56, translate: [0, 0, -2]}]
+environment: {kind: constant, radiance: 1}
+sequence:
+  frames_per_second: 10
+  continuous_focus: {lock_s: 0.15, speed: 14}
+  exposure_time_constant_s: 0.5
+  keys:
+    environment.radiance: [{time_s: 0, value: 1}, {time_s: 0.19, value: 1}, {time_s: 0.2, value: 8}]
+"""
+
+
+@pytest.fixture
+def following(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RPTCAM_CACHE_DIR", str(tmp_path / "kept"))
+    path = tmp_path / "scene.yaml"
+    path.write_text(SCENE, "utf-8")
+    return path
+
+
+def test_focus_waits_goes_and_arrives_and_exposure_follows_the_light(following: Path) -> None:
+    tracker = FrameTracker(rptcam_cl.load_scene(following), lambda: open_session(None))
+    frames = [tracker.frame(number) for number in range(1, 14)]
+    focus = np.array([scene.camera.focus_distance_m for scene, _ in frames])
+    assert focus[:7] == pytest.approx([4.0] * 7, rel=0.01)  # the box has come nearer in frame 7, and the lock holds
+    assert (np.diff(focus[7:]) <= 0).all()
+    assert 2.0 < focus[8] < 3.9  # under way, at its speed
+    assert focus[-1] == pytest.approx(2.0, rel=0.01)
+    read = np.array([scene.exposure.lock_cd_m2 for scene, _ in frames])
+    assert read[1] == pytest.approx(read[0], rel=0.02)
+    share = np.log(read[2:7] / read[0]) / np.log(8)
+    assert share == pytest.approx(1 - np.exp(-0.1 * np.arange(1, 6) / 0.5), abs=0.02)
+
+
+def test_frame_alone_is_the_frame_of_its_sequence_to_the_byte(following: Path, rptcam: Command) -> None:
+    words = ("render", "scene.yaml", "-o", "out.####.exr", "--spp", "2", "--frames")
+    run = rptcam(*words, "7-9")
+    assert run.code == 0, run.err
+    before = Path("out.0009.exr").read_bytes()
+    assert read_film("out.0009.exr").metadata["continuous_focus"]["moving"]
+    tracker = FrameTracker(rptcam_cl.load_scene(following), lambda: open_session(None))
+    tracker.frame(9)
+    assert tracker.measured == 0  # all of it was kept
+    assert rptcam(*words, "9").code == 0
+    assert Path("out.0009.exr").read_bytes() == before
+    assert "kept out.0009.exr" in rptcam(*words, "9", "--resume").err
+
+
+def test_measured_anew_it_is_the_same(following: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, found = rptcam_cl.load_scene(following), []
+    for folder in ("one", "two"):
+        monkeypatch.setenv("RPTCAM_CACHE_DIR", str(tmp_path / folder))
+        tracker = FrameTracker(scene, lambda: open_session(None))
+        frame, _ = tracker.frame(4)
+        assert tracker.measured == 8  # focus and meter of each frame from the first on
+        found.append((frame.camera.focus_distance_m, frame.exposure.lock_cd_m2, frame.content_hash()))
+    assert found[0] == found[1]
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("camera.focus_distance_m=2", "sequence.continuous_focus: says how autofocus follows, and the focus is given"),
+        ("exposure=relative", "sequence.exposure_time_constant_s: says how auto exposure follows the light"),
+        ("sequence.exposure_time_constant_s=0", "exposure_time_constant_s: is out of range"),
+        ("sequence.continuous_focus.speed=0", "continuous_focus.speed: is out of range"),
+    ],
+)
+def test_mistake_is_named(following: Path, override: str, message: str) -> None:
+    with pytest.raises(InputError) as caught:
+        rptcam_cl.load_scene(following, [override])
+    assert message in str(caught.value)

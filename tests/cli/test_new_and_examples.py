@@ -1,0 +1,57 @@
+"""`rptcam examples` and `rptcam new`: what they list, write, copy and refuse."""
+
+from pathlib import Path
+
+import pytest
+
+from rptcam_cl.cli import main
+from rptcam_cl.core.resources import SCENES
+from rptcam_cl.scene import load_scene
+
+
+def test_every_scene_that_comes_along_is_listed_with_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["examples"]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert [line.split()[0] for line in lines] == list(SCENES)
+    assert all(len(line.split()) > 5 for line in lines)
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_copied_scenes_load_in_their_new_folder(name: str, tmp_path: Path) -> None:
+    assert main(["examples", name, "-o", str(tmp_path / "mine")]) == 0
+    assert load_scene(tmp_path / "mine" / f"{name}.yaml").stand_ins == ()
+
+
+def test_copy_replaces_no_changed_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "prism.yaml").write_text("mine")
+    assert main(["examples", "prism", "-o", str(tmp_path)]) == 2
+    assert "prism.yaml: is there already and differs" in capsys.readouterr().err
+    assert (tmp_path / "prism.yaml").read_text() == "mine"
+
+
+def test_new_writes_a_scene_once(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    target = tmp_path / "first.yaml"
+    assert main(["new", str(target), "--lens", "tessar-100mm", "--size", "90x60"]) == 0
+    assert "67% of the frame" in capsys.readouterr().err
+    assert load_scene(target).film.resolution == (90, 60)
+    assert main(["new", str(target)]) == 2
+    assert "first.yaml: is there already" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["s.json"], "a scene file is YAML"),
+        (["s.yaml", "--model", "lost.glb"], "lost.glb: no such file"),
+        (["s.yaml", "--hdri", "lost.hdr"], "lost.hdr: no such file"),
+        (["s.yaml", "--lens", "dgaus-50mm"], "did you mean"),
+        (["s.yaml", "--metres-per-unit", "0"], "a finite number above 0"),
+    ],
+)
+def test_new_refuses_what_it_cannot_show_and_writes_nothing(
+    words: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["new", *words]) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

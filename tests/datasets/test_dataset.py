@@ -1,0 +1,182 @@
+"""Frames of datasets: the same bytes alone, together, in shards and after a kill; cameras; errors."""
+
+import hashlib
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import tarfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl import InputError, StateError, dataset, render
+from rptcam_cl.calibration import project
+from rptcam_cl.cli import main
+from rptcam_cl.datasets import read_specification
+from rptcam_cl.imaging import read_film
+
+SCENE = """\
+film: {resolution: [16, 12], width_mm: 36}
+camera: {kind: realistic, lens: dgauss-50mm, eye: [0, 1, 5], target: [0, 0.5, 0], focus: {distance_m: 4}}
+objects:
+  - {shape: sphere, center: [0, 0.5, 0], radius: 0.5, material: {kind: matte, reflectance: [0.6, 0.2, 0.1]}}
+environment: {kind: constant, radiance: 1}
+render: {spp: 2}
+"""
+SPECIFICATION = """\
+scene: scene.yaml
+frames: 5
+seed: 7
+set: {render.layers: [depth]}
+files: [exr, png]
+camera_model: brown_conrady
+vary:
+  camera.f_number: {choice: [2.8, 8]}
+  camera.eye: {uniform: [[-1, 1, 5], [1, 2, 6]]}
+  objects.0.radius: {grid: [0.4, 0.5, 0.6]}
+"""
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")
+    (tmp_path / "spec.yaml").write_text(SPECIFICATION, "utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def bytes_of(folder: Path) -> dict[str, str]:
+    return {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in folder.iterdir() if path.is_file()}
+
+
+def test_frames_have_the_same_bytes_alone_together_damaged_and_in_shards(place: Path, capsys: Any) -> None:
+    assert main(["dataset", "spec.yaml", "-o", "all", "--quiet"]) == 0
+    whole = bytes_of(place / "all")
+    assert len(whole) == 5 * 3 + 2
+    assert main(["dataset", "spec.yaml", "-n", "9", "-o", "one", "--frames", "3", "--quiet"]) == 0
+    alone = bytes_of(place / "one")
+    assert {name: digest for name, digest in alone.items() if name in whole and name.startswith("000003")} == {
+        name: digest for name, digest in whole.items() if name.startswith("000003")
+    }
+    (place / "all/000001.png").write_bytes(b"broken")
+    (place / "all/000002.json").unlink()
+    assert main(["dataset", "spec.yaml", "-o", "all"]) == 0
+    assert "2 frames rendered, 3 kept" in capsys.readouterr().err
+    assert bytes_of(place / "all") == whole
+
+    assert main(["dataset", "spec.yaml", "-o", "packed", "--shard", "2", "--quiet"]) == 0
+    assert sorted(path.name for path in (place / "packed").iterdir()) == [
+        "dataset.json", "manifest.jsonl", "shard-000000.tar", "shard-000001.tar", "shard-000002.tar",
+    ]  # fmt: skip
+    assert (place / "packed/manifest.jsonl").read_bytes() == (place / "all/manifest.jsonl").read_bytes()
+    with tarfile.open(place / "packed/shard-000001.tar") as shard:
+        assert shard.getnames() == [
+            "000002.exr",
+            "000002.png",
+            "000002.json",
+            "000003.exr",
+            "000003.png",
+            "000003.json",
+        ]
+        for member in shard:
+            content = shard.extractfile(member)
+            assert content is not None and hashlib.sha256(content.read()).hexdigest() == whole[member.name]
+
+
+def test_a_frame_is_the_picture_of_its_scene_and_its_camera_that_of_the_picture(place: Path) -> None:
+    [frame] = dataset("spec.yaml", only=[4])
+    values, scene = read_specification("spec.yaml").frame(4)
+    assert frame.values == values and values["objects.0.radius"] == 0.5
+    again = render(scene)
+    assert np.array_equal(frame.image.pixels, again.pixels) and not frame.kept
+    camera = frame.record["camera"]
+    assert camera["entrance_pupil"] == frame.image.metadata["entrance_pupil"]
+    assert camera["largest_error_px"] < 0.01
+    # The middle of the ball, through the camera of the record, lies where the layer of depth has the ball.
+    pose = np.array(camera["world_from_camera"])
+    seen = pose[:3, :3].T @ (np.array([0, 0.5, 0]) - pose[:3, 3])
+    [[x, y]] = project(camera["model"], np.array(list(camera["parameters"].values())), seen[None])
+    assert np.isfinite(frame.image.layers["depth"][int(y), int(x)])
+    assert np.linalg.norm(seen) == pytest.approx(frame.image.layers["depth"][int(y), int(x)] + 0.5, abs=0.1)
+
+
+def test_frames_differ_in_what_is_drawn_and_in_their_noise(place: Path) -> None:
+    frames = list(dataset("spec.yaml", "out", only=[0, 1]))
+    assert frames[0].values != frames[1].values
+    assert frames[0].record["seed"] != frames[1].record["seed"]
+    kept = next(iter(dataset("spec.yaml", "out", only=[0])))
+    assert kept.kept and kept.record == frames[0].record
+    assert read_film(place / "out/000001.exr").metadata["scene_hash"] == frames[1].record["scene_hash"]
+
+
+@pytest.mark.parametrize(
+    "old, new, words",
+    [
+        ("camera.f_number", "camera.aparture", "spec.yaml:8:20: vary: camera.aparture: unknown key"),
+        ("[2.8, 8]", "[0.1, 8]", "spec.yaml:8:20: vary: .*opens to f/2.03"),
+        ("{grid: [0.4", "{grid: [-1", r"spec.yaml:10:21: vary: objects\[0\].radius"),
+        ("{choice: [2.8, 8]}", "{chance: [2.8, 8]}", "spec.yaml:8:20: vary.camera.f_number: needs exactly one kind"),
+        ("frames: 5", "frames: 0", "spec.yaml:2:9: frames: is no number of frames"),
+        ("frames: 5\n", "", "frames: is missing"),
+        ("files: [exr, png]", "files: [gif]", "spec.yaml:5:8: files: unknown suffix"),
+        ("brown_conrady", "brown", "spec.yaml:6:15: camera_model: unknown model"),
+        ("scene.yaml", "../scene.yaml", "spec.yaml:1:8: scene: lies outside"),
+        ("seed: 7", "sead: 7", "sead: unknown key"),
+        (
+            "set: {render.layers: [depth]}",
+            "set: {render.leyers: [depth]}",
+            "spec.yaml:4:6: set: render.leyers: unknown",
+        ),
+    ],
+)
+def test_what_is_wrong_is_said_with_its_place_before_anything_is_made(
+    place: Path, old: str, new: str, words: str
+) -> None:
+    (place / "spec.yaml").write_text(SPECIFICATION.replace(old, new), "utf-8")
+    with pytest.raises(InputError, match=words):
+        dataset("spec.yaml", "out")
+    assert not (place / "out").exists()
+
+
+def test_wrong_frames_and_folders_are_refused(place: Path) -> None:
+    with pytest.raises(InputError, match="allowed: 0 to 4"):
+        dataset("spec.yaml", only=[5])
+    with pytest.raises(InputError, match="shard"):
+        dataset("spec.yaml", shard=3)
+    list(dataset("spec.yaml", "out", only=[0]))
+    (place / "spec.yaml").write_text(SPECIFICATION.replace("seed: 7", "seed: 8"), "utf-8")
+    with pytest.raises(StateError, match="holds frames of another dataset"):
+        dataset("spec.yaml", "out")
+    (place / "full").mkdir()
+    (place / "full/notes.json").write_text("{}")
+    with pytest.raises(StateError, match="holds other files"):
+        dataset("spec.yaml", "full")
+    (place / "file").write_text("")
+    with pytest.raises(StateError, match="cannot be made"):
+        dataset("spec.yaml", "file/out")
+
+
+@pytest.mark.slow
+def test_a_run_killed_at_random_goes_on_to_the_same_bytes(place: Path) -> None:
+    command = [sys.executable, "-m", "rptcam_cl", "dataset", "spec.yaml", "-n", "1000", "--quiet", "--shard", "64"]
+    assert subprocess.run([*command, "-o", "whole"], check=False).returncode == 0
+    chance, kills = random.Random(5), 0
+    while not (place / "broken/manifest.jsonl").exists():
+        run = subprocess.Popen([*command, "-o", "broken"], start_new_session=True)
+        try:
+            run.wait(timeout=chance.uniform(2, 12))
+        except subprocess.TimeoutExpired:
+            os.killpg(run.pid, signal.SIGKILL)
+            run.wait()
+            kills += 1
+        time.sleep(0.05)
+    assert kills >= 5
+    assert bytes_of(place / "broken") == bytes_of(place / "whole")
+    assert len([*(place / "broken/manifest.jsonl").open()]) == 1000
+    assert json.loads((place / "broken/dataset.json").read_text())["shard"] == 64

@@ -1,0 +1,161 @@
+"""Starting scenes: what they show fills two thirds of the frame, is sharp, lit and exposed, and lies in one folder."""
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from rptcam_cl import api
+from rptcam_cl.cameras import lens_setting
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.importers.starting import Wishes, starting_scene
+from rptcam_cl.scene import load_scene
+from tests.assets.gltf_writer import GltfWriter, triangle
+
+OCTAHEDRON = "\n".join(
+    ["vt 0 0"]
+    + [f"v {x} {y} {z}" for x, y, z in ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))]
+    + [
+        f"f {a}/1 {b}/1 {c}/1"
+        for a, b, c in ((1, 3, 5), (3, 2, 5), (2, 4, 5), (4, 1, 5), (3, 1, 6), (2, 3, 6), (4, 2, 6), (1, 4, 6))
+    ]
+)
+
+
+@pytest.fixture
+def model(tmp_path: Path) -> Path:
+    (tmp_path / "elsewhere").mkdir()
+    path = tmp_path / "elsewhere" / "gem.obj"
+    path.write_text("mtllib gem.mtl\nusemtl red\n" + OCTAHEDRON)
+    (path.parent / "gem.mtl").write_text("newmtl red\nKd 0.5 0 0\nmap_Kd pictures/red.png\n")
+    return path
+
+
+@pytest.fixture
+def home(tmp_path: Path) -> Path:
+    folder = tmp_path / "home"
+    folder.mkdir()
+    return folder
+
+
+@pytest.mark.parametrize("lens", ["dgauss-50mm", "fisheye-10mm"])
+def test_model_fills_two_thirds_of_a_rendered_frame(model: Path, home: Path, lens: str) -> None:
+    start = starting_scene(Wishes(model, lens=lens), home)
+    start.copies.write()
+    scene = start.scene | {"environment": None, "render": {"spp": 4}, "exposure": "relative"}
+    scene["materials"] = {"light": {"kind": "emissive", "radiance": 1, "two_sided": True}}
+    scene["objects"] = [{"shape": "mesh", "file": "gem.obj", "material": "light"}]
+    film = api.render(load_scene(scene, base_dir=home, missing="grey"), size=(96, 64), seed=1).pixels
+    lit = np.argwhere(film[..., 1] > 0)
+    height, width = (lit.max(axis=0) - lit.min(axis=0) + 1) / (64, 96)
+    assert max(height, width) == pytest.approx(2 / 3, abs=0.03)  # a pixel is 1 / 64
+    middle = (lit.max(axis=0) + lit.min(axis=0) + 1) / 2 / (64, 96)
+    assert middle == pytest.approx([0.5, 0.5], abs=0.03)
+
+
+def test_front_of_the_model_is_in_focus(model: Path, home: Path) -> None:
+    start = starting_scene(Wishes(model), home)
+    setting = lens_setting(load_scene({"camera": start.scene["camera"], "film": start.scene["film"]}))
+    eye, target = (np.array(start.scene["camera"][key]) for key in ("eye", "target"))
+    ahead = (target - eye) / np.linalg.norm(target - eye)
+    distance = setting.focus_distance_mm * 1e-3  # type: ignore[operator]
+    assert np.abs(eye + distance * ahead).sum() == pytest.approx(1, abs=1e-4)  # the octahedron |x| + |y| + |z| = 1
+
+
+def test_small_model_is_framed_as_near_as_the_lens_focuses(tmp_path: Path, home: Path) -> None:
+    (tmp_path / "bead.obj").write_text(OCTAHEDRON)
+    start = starting_scene(Wishes(tmp_path / "bead.obj", lens="macro-55mm", metres_per_unit=1e-3), home)
+    lens_setting(
+        load_scene(start.scene | {"objects": [], "environment": None})
+    )  # which is refused where it is too near
+    assert start.scene["camera"]["focus"]["distance_m"] < 0.4
+
+
+def test_files_from_elsewhere_are_copied_and_others_are_not_replaced(model: Path, home: Path) -> None:
+    start = starting_scene(Wishes(model), home)
+    assert {path.name for path in start.copies.write()} == {"gem.obj", "gem.mtl"}
+    assert start.scene["objects"][0]["file"] == "gem.obj"
+    assert any("red.png" in message and "grey" in message for message in start.report)
+    starting_scene(Wishes(model), home)  # the same files may lie there
+    (home / "gem.mtl").write_text("newmtl red\n")
+    with pytest.raises(InputError, match=r"a scene reads its own folder only, and another gem\.mtl is there already"):
+        starting_scene(Wishes(model), home)
+
+
+def test_scene_without_model_or_picture_of_light_is_complete(home: Path) -> None:
+    scene = load_scene(starting_scene(Wishes(), home).scene)
+    assert len(scene.objects) == 5
+    assert scene.exposure.mode == "auto"
+    assert scene.warnings == ()
+
+
+def world(kind: str) -> GltfWriter:
+    """A triangle, a camera four metres before it, and a lamp at the camera."""
+    writer = triangle()
+    lamp = {
+        "type": kind,
+        "color": [1, 0.5, 0],
+        "intensity": 683,
+        "spot": {"outerConeAngle": 0.5, "innerConeAngle": 0.2},
+    }
+    writer.json |= {
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 0.5, "aspectRatio": 1.25, "znear": 0.1}}],
+        "extensionsUsed": ["KHR_lights_punctual"],
+        "extensions": {"KHR_lights_punctual": {"lights": [lamp]}},
+    }
+    writer.json["nodes"] += [
+        {"name": "shot", "camera": 0, "translation": [0.2, 0.2, 4]},
+        {"rotation": [0, math.sqrt(0.5), 0, math.sqrt(0.5)], "extensions": {"KHR_lights_punctual": {"light": 0}}},
+    ]
+    writer.json["scenes"] = [{"nodes": [0, 1, 2]}]
+    return writer
+
+
+@pytest.mark.parametrize("lens", [None, "dgauss-50mm"])
+def test_camera_of_a_gltf_file_is_taken(home: Path, lens: str | None) -> None:
+    (home / "room.glb").write_bytes(world("spot").glb())
+    scene = load_scene(starting_scene(Wishes(home / "room.glb", lens=lens), home).scene, base_dir=home)
+    assert scene.film.resolution == (960, 768)
+    assert scene.camera.eye == (0.2, 0.2, 4)
+    assert scene.camera.target == (0.2, 0.2, 0)
+    if lens is None:
+        assert scene.camera.fov_degrees == pytest.approx(math.degrees(0.5), rel=1e-5)
+        assert scene.camera.focus_distance_m == pytest.approx(4)
+    else:
+        focal = scene.load_lens().first_order().focal_length_mm
+        assert scene.film.size_m()[1] * 1e3 == pytest.approx(2 * focal * math.tan(0.25), rel=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["spot", "point", "directional"])
+def test_lamps_of_a_gltf_file_are_taken(home: Path, kind: str) -> None:
+    (home / "room.glb").write_bytes(world(kind).glb())
+    start = starting_scene(Wishes(home / "room.glb"), home)
+    (light,) = load_scene(start.scene, base_dir=home).lights
+    assert light.kind == kind
+    amount = light.irradiance if kind == "directional" else light.intensity
+    assert amount == (1, 0.5, 0)  # 683 lm are a watt
+    if kind != "point":
+        assert light.direction == pytest.approx((-1, 0, 0))  # -z, turned by 90 degrees about +y
+    if kind == "spot":
+        assert (light.inner_degrees, light.outer_degrees) == pytest.approx(
+            tuple(map(math.degrees, (0.2, 0.5))), rel=1e-5
+        )
+    assert "environment" not in start.scene
+
+
+def test_reframe_leaves_the_camera_of_the_file_out(home: Path) -> None:
+    (home / "room.glb").write_bytes(world("point").glb())
+    scene = starting_scene(Wishes(home / "room.glb", reframe=True), home).scene
+    assert scene["camera"]["kind"] == "realistic"
+    assert scene["camera"]["eye"] != [0.2, 0.2, 4]
+
+
+def test_gltf_without_indices_of_cameras_is_refused(home: Path) -> None:
+    writer = world("point")
+    writer.json["nodes"][1]["camera"] = 3
+    (home / "room.gltf").write_text(writer.gltf())
+    with pytest.raises(InputError, match=r"nodes\[1\]\.camera: must be a whole number in its range"):
+        starting_scene(Wishes(home / "room.gltf"), home)
+    assert json.loads((home / "room.gltf").read_text())["nodes"][1]["camera"] == 3

@@ -1,0 +1,102 @@
+"""Sharp layers: of the chief rays, so that they lie where the picture shows things; against closed forms."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import rptcam_cl
+from rptcam_cl.cameras import chief_rays, seen_places
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene import load_scene
+
+GREY = {"kind": "matte", "reflectance": 0.5}
+POSE = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+PINHOLE = {"kind": "pinhole", "fov_degrees": 40} | POSE
+GLASS = {"kind": "realistic", "lens": "dgauss-50mm", "f_number": 2.8, "focus": {"distance_m": 2}} | POSE
+SKY = {"kind": "constant", "radiance": 1.0}
+
+
+def panel(z: float, half: float, x: float = 0.0, **rest: Any) -> dict[str, Any]:
+    """A square that faces the camera."""
+    edges = {"corner": [x - half, -half, z], "edge_u": [2 * half, 0, 0], "edge_v": [0, 2 * half, 0]}
+    return {"shape": "rectangle", "material": GREY} | edges | rest
+
+
+def world(camera: dict[str, Any], *objects: dict[str, Any], **rest: Any) -> dict[str, Any]:
+    return {"film": {"resolution": [48, 32]}, "camera": camera, "objects": list(objects), "environment": SKY} | rest
+
+
+@pytest.mark.parametrize("camera", [PINHOLE, GLASS], ids=["pinhole", "lens"])
+def test_depth_of_a_flat_wall_is_flat_to_1e_minus_5(camera: dict[str, Any]) -> None:
+    wall = panel(-5.0, 9.0)
+    image = rptcam_cl.render(world(camera, wall), spp=1, layers=["sharp_depth", "sharp_position", "sharp_normal"])
+    assert np.abs(image["sharp_depth"] - 5.0).max() < 1e-5
+    assert np.abs(image["sharp_position"][..., 2] + 5.0).max() < 1e-5
+    np.testing.assert_array_equal(image["sharp_normal"], np.broadcast_to([0, 0, 1], (32, 48, 3)))
+
+
+def test_sharp_layers_of_a_pinhole_are_those_of_the_middles_of_its_pixels() -> None:
+    near, far = panel(-3.0, 0.5, name="near", label="card"), panel(-6.0, 1.0, x=0.6, name="far")
+    names = ["sharp_object_id", "sharp_class_id", "sharp_depth", "ray_origin", "ray_direction", "occlusion"]
+    image = rptcam_cl.render(world(PINHOLE, near, far), spp=1, layers=names)
+    tangent = np.tan(np.radians(20)) / 24
+    x, y = np.meshgrid((np.arange(48) - 23.5) * tangent, (15.5 - np.arange(32)) * tangent)
+    in_near = (np.abs(3 * x) < 0.5) & (np.abs(3 * y) < 0.5)
+    in_far = (np.abs(6 * x - 0.6) < 1.0) & (np.abs(6 * y) < 1.0)
+    ids = np.where(in_near, 0, np.where(in_far, 1, -1))
+    np.testing.assert_array_equal(image["sharp_object_id"], ids)
+    np.testing.assert_array_equal(image["sharp_class_id"], np.where(in_near, 1, 0))
+    assert image.metadata["class_names"] == ["", "card"]
+    assert image.metadata["object_classes"] == [1, 0]
+    np.testing.assert_allclose(image["sharp_depth"], np.select([in_near, in_far], [3.0, 6.0], np.inf), rtol=1e-6)
+    away = np.stack([x, y, -np.ones_like(x)], axis=-1)
+    np.testing.assert_allclose(image["ray_direction"], away / np.linalg.norm(away, axis=-1, keepdims=True), atol=1e-12)
+    assert not image["ray_origin"].any()
+    hidden = (in_near & in_far).sum() / in_far.sum()
+    assert image.metadata["occlusion"] == [0.0, pytest.approx(hidden)]
+    np.testing.assert_allclose(image["occlusion"], np.select([in_near, in_far], [0.0, hidden], np.nan), rtol=1e-6)
+
+
+def test_occlusion_counts_whole_solids_once_and_says_none_of_what_is_out_of_the_picture() -> None:
+    ball = {"shape": "sphere", "center": [0, 0, -4], "radius": 0.5, "material": GREY}
+    behind = panel(-9.0, 0.2, name="behind the ball")
+    beside = panel(-5.0, 0.2, x=50.0)
+    image = rptcam_cl.render(world(PINHOLE, ball, behind, beside), spp=1, layers=["occlusion"])
+    assert image.metadata["occlusion"] == [0.0, 1.0, None]
+
+
+def test_sharp_places_are_where_the_lens_draws_small_lamps() -> None:
+    # A lens stopped down draws them at the place of the chief ray; the picture is lit by nothing else.
+    camera = GLASS | {"f_number": 16}
+    points = np.array([[0.0, 0.0, -2.0], [0.5, 0.3, -2.0], [-0.55, -0.36, -2.0]])
+    lamps = [
+        {"shape": "sphere", "center": place, "radius": 0.004, "material": {"kind": "emissive", "radiance": 1.0}}
+        for place in points.tolist()
+    ]
+    film = {"resolution": [240, 160]}
+    scene = world(camera, *lamps, film=film, environment={"kind": "constant", "radiance": 0.0})
+    light = np.asarray(rptcam_cl.render(scene, spp=64))[..., 1].astype(np.float64)
+    seen = seen_places(chief_rays(load_scene(scene)), np.hstack([points, np.ones((3, 1))]))
+    rows, columns = np.indices(light.shape) + 0.5
+    for column, row in seen:
+        near = light * (np.hypot(columns - column, rows - row) < 6)
+        centre = np.array([(near * columns).sum(), (near * rows).sum()]) / near.sum()
+        assert np.abs(centre - (column, row)).max() < 0.05
+
+
+def test_what_no_chief_ray_meets_is_empty() -> None:
+    layers = ["sharp_depth", "sharp_position", "sharp_normal", "sharp_object_id", "sharp_material_id", "occlusion"]
+    image = rptcam_cl.render(world(PINHOLE, panel(-5.0, 0.5)), spp=1, layers=layers)
+    assert image["sharp_depth"][0, 0] == np.inf
+    assert np.isnan(image["sharp_position"][0, 0]).all()
+    assert not image["sharp_normal"][0, 0].any()
+    assert image["sharp_object_id"][0, 0] == image["sharp_material_id"][0, 0] == -1
+    assert np.isnan(image["occlusion"][0, 0])
+
+
+def test_parts_refuse_layers_that_need_the_whole_film() -> None:
+    scene = world(PINHOLE, panel(-5.0, 0.5))
+    for name in ("sharp_depth", "crypto_object"):
+        with pytest.raises(InputError, match=f"part: the layer {name} needs the whole film"):
+            rptcam_cl.render(scene, layers=[name], part="1/2")

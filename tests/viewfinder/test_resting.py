@@ -1,0 +1,107 @@
+"""The picture at rest is the one that a file would hold: with sensor and diffraction, which glances leave out."""
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+import rptcam_cl
+from rptcam_cl.viewfinder.client import Client, Wishes
+from rptcam_cl.viewfinder.delivery import Delivery
+from rptcam_cl.viewfinder.dials import meter_needle, turn_dial
+from rptcam_cl.viewfinder.origin import Changes
+from rptcam_cl.viewfinder.pictures import codes_of
+from rptcam_cl.viewfinder.slot import Slot
+from tests.viewfinder.page_client import SCENE
+
+SPP = 8
+PHYSICAL = {"exposure": {"mode": "physical", "iso": 400}, "shutter": {"time_s": 0.01}, "sensor": {}}
+
+
+def scene(**changes: Any) -> dict[str, Any]:
+    return {**yaml.safe_load(SCENE), **changes}
+
+
+def narrow(diffraction: str) -> dict[str, Any]:
+    """A film so small that a pixel is as large as the Airy disk."""
+    camera = {"kind": "thin_lens", "focal_length_mm": 50, "f_number": 16, "focus_distance_m": 1.0, "eye": [0, 0, 1]}
+    film = {"resolution": [48, 32], "width_mm": 0.48}
+    lamp = {"shape": "sphere", "center": [0, 0, 0], "radius": 0.003, "material": {"kind": "emissive", "radiance": 1}}
+    camera |= {"target": [0, 0, 0], "diffraction": diffraction}
+    return {"film": film, "camera": camera, "render": {"spp": SPP, "max_depth": 1}, "objects": [lamp]}
+
+
+@pytest.fixture
+def slots() -> Iterator[Any]:
+    made = []
+
+    def make(given: dict[str, Any]) -> Slot:
+        made.append(Slot("A", rptcam_cl.RenderSession(given), Changes()))
+        return made[-1]
+
+    yield make
+    for slot in made:
+        slot.close()
+
+
+def rested(slot: Slot) -> None:
+    slot.show(slot.glance(), False, {})
+    while not slot.is_done:
+        frame = slot.refine(lambda: True)
+        assert frame is not None
+        slot.show(frame, False, {})
+        slot.follow()
+
+
+def histograms(slot: Slot) -> dict[str, Any]:
+    """Return the histograms that a page gets of the picture that is shown."""
+    client = Client(1, lambda: None)
+    client.wishes = Wishes(panels=("histogram",))
+    delivery = Delivery()
+    delivery.deliver(slot, [client])
+    delivery.count(slot, [client])
+    (found,) = [message for key, message in client.outbox._news.items() if key == ("histogram", "A")]
+    return dict(found)
+
+
+def test_raw_histogram_counts_the_numbers_that_the_raw_file_holds(slots: Any) -> None:
+    slot = slots(scene(**PHYSICAL))
+    slot.show(slot.glance(), False, {})
+    assert "raw" not in histograms(slot)  # glances have no sensor, and the page keeps what it has
+    rested(slot)
+    found, numbers = histograms(slot)["raw"], np.asarray(rptcam_cl.render(scene(**PHYSICAL), spp=SPP).raw().numbers)
+    assert sum(sum(found[name]) for name in ("red", "green", "blue")) == numbers.size
+    width = found["edges"][1] / found["bins"]
+    assert found["red"] == np.bincount((numbers[::2, ::2] // width).astype(int).ravel(), minlength=256).tolist()
+
+
+def test_without_a_sensor_there_is_no_raw_histogram(slots: Any) -> None:
+    slot = slots(scene())
+    slot.show(slot.glance(), False, {})
+    assert histograms(slot)["raw"] is None
+
+
+@pytest.mark.slow  # finding the pattern of an opening takes five seconds
+def test_the_picture_at_rest_has_diffraction(slots: Any) -> None:
+    slot = slots(narrow("on"))
+    rested(slot)
+    assert slot.shown is not None
+    expected = [codes_of(rptcam_cl.render(narrow(mode), spp=SPP)) for mode in ("on", "off")]
+    assert np.array_equal(slot.shown.codes, expected[0])
+    assert not np.array_equal(expected[0], expected[1])
+
+
+def test_the_needle_moves_by_the_stops_that_a_dial_turns(slots: Any) -> None:
+    slot = slots(scene(**PHYSICAL))
+    rested(slot)
+    needles = []
+    for seconds in (0.01, 0.02):
+        turned = turn_dial(slot.dials, slot.scene, slot.resolved, "shutter_s", seconds, slot.reading_cd_m2)
+        slot.change(turned.changes, dials=turned.dials)
+        rested(slot)
+        needles.append(meter_needle(slot.dials, slot.scene, slot.resolved, slot.reading_cd_m2))
+    assert all(needle is not None and math.isfinite(needle) for needle in needles)
+    assert needles[1] - needles[0] == pytest.approx(1.0, abs=1e-3)
