@@ -56,7 +56,8 @@ def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
             return {"spp": sampler.sample_count()}
         return _render(mitsuba, loaded[request["as"]], request)
 
-    return f"Mitsuba {mitsuba.__version__} {VARIANT}", respond
+    library = Path(os.environ.get("DRJIT_LIBLLVM_PATH", "LLVM")).name
+    return f"Mitsuba {mitsuba.__version__} {VARIANT} ({library})", respond
 
 
 def _with_transforms(mitsuba: Any, description: dict[str, Any]) -> dict[str, Any]:

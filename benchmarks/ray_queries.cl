@@ -23,7 +23,7 @@ __kernel void ray_queries(SCENE_PARAMETERS
     OneRay ray = ray_at(rays, i, count);
     float reach = rays[6 * count + i];
     if (shadow) {
-        hits[i] = meets_triangle(ray, reach, NO_PRIMITIVE, NO_TRIANGLE, scene) ? 1.0f : 0.0f;
+        hits[i] = meets_triangle(ray, in_world(ray), reach, NO_PRIMITIVE, NO_TRIANGLE, scene) ? 1.0f : 0.0f;
         return;
     }
     TriangleHit hit;
@@ -31,7 +31,7 @@ __kernel void ray_queries(SCENE_PARAMETERS
     hit.triangle = NO_TRIANGLE;
     hit.b1 = 0.0f;
     hit.b2 = 0.0f;
-    nearest_triangle(ray, scene, &hit);
+    nearest_triangle(ray, in_world(ray), scene, &hit);
     hits[i] = hit.t;
     hits[count + i] = as_float(hit.triangle);
 }

@@ -31,6 +31,7 @@ from websockets.sync.client import ClientConnection, connect
 
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from rptcam_cl.device import choose_device
+from rptcam_cl.viewfinder import Viewfinder
 
 ROOT = Path(__file__).resolve().parents[1]
 SCENE = ROOT / "examples" / "first_light.yaml"
@@ -193,6 +194,19 @@ def edit(client: Client, scene: Path) -> float:
     return 1e3 * (time.perf_counter() - begun)
 
 
+def freed(device: str, size: tuple[int, int]) -> float:
+    """Return how long the device is held after the last client has gone [ms]."""
+    with Viewfinder(SCENE, device=device, size=size) as finder:
+        client = finder.connect(lambda: None)
+        while not any(isinstance(message, bytes) for message in client.outbox.take()):
+            time.sleep(0.01)
+        finder.disconnect(client)
+        begun = time.perf_counter()
+        while finder.holds_device:
+            time.sleep(0.005)
+        return 1e3 * (time.perf_counter() - begun)
+
+
 def end(process: subprocess.Popen[str]) -> float:
     """Return how long the command takes to end after Ctrl-C [ms]."""
     begun = time.perf_counter()
@@ -253,6 +267,7 @@ def measured(options: argparse.Namespace, device: str) -> dict[str, Any]:
         found["other kernels"] = other_kernels(client)
         found["edit, ms"] = edit(client, Path(cache) / SCENE.name)
         found["Ctrl-C, ms"] = end(process)
+    found["freed, ms"] = freed(device, size)
     return found
 
 
@@ -283,6 +298,7 @@ def main() -> None:
     )
     print(f"an edit of the scene file shows after {found['edit, ms']:.0f} ms")
     print(f"the command has ended {found['Ctrl-C, ms']:.0f} ms after Ctrl-C")
+    print(f"the device is free {found['freed, ms']:.0f} ms after the last page has gone")
     write_json(options.json, facts, found)
 
 

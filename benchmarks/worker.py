@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Callable
@@ -15,6 +16,10 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parents[1]
+OLD_LLVM = (
+    "an LLVM that has no instruction for what it is to do ends its process, as LLVM 15 does with AVX-512 («Cannot "
+    "select»): name a newer library in DRJIT_LIBLLVM_PATH"
+)
 
 
 class WorkerError(Exception):
@@ -39,25 +44,36 @@ class Worker:
             self._process = subprocess.Popen(command, cwd=ROOT, stdin=pipe, stdout=pipe, text=True)
         except OSError as error:
             raise WorkerError(f"{python} cannot be started: {error}") from error
+        self.description = module
         self.description = self._answer()["description"]
 
     def ask(self, **request: Any) -> dict[str, Any]:
         """Return the answer to a request."""
         assert self._process.stdin is not None
-        self._process.stdin.write(json.dumps(request) + "\n")
-        self._process.stdin.flush()
+        try:
+            self._process.stdin.write(json.dumps(request) + "\n")
+            self._process.stdin.flush()
+        except BrokenPipeError:
+            raise WorkerError(self._how_it_ended()) from None
         return self._answer()
 
     def _answer(self) -> dict[str, Any]:
         assert self._process.stdout is not None
         line = self._process.stdout.readline()
         if not line:
-            raise WorkerError(f"the worker ended with exit code {self._process.wait()}")
+            raise WorkerError(self._how_it_ended())
         answer: dict[str, Any] = json.loads(line)
         if "error" in answer:
             self._process.wait()
             raise WorkerError(answer["error"])
         return answer
+
+    def _how_it_ended(self) -> str:
+        code = self._process.wait()
+        if code >= 0:
+            return f"the worker {self.description} ended with exit code {code}"
+        why = f"; {OLD_LLVM}" if "llvm" in self.description else ""
+        return f"the worker {self.description} was ended by {signal.Signals(-code).name}{why}"
 
     def close(self) -> None:
         """Let the worker end."""

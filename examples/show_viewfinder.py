@@ -19,7 +19,8 @@ from rptcam_cl.viewfinder import Viewfinder, ViewServer
 SCENE = Path("examples/first_light.yaml")
 FOLDER = Path("docs/images/viewfinder")
 SIZE = (960, 540)
-SAMPLES = 24
+SAMPLES = {"focus": 192}  # that the picture has at least: peaking needs little noise
+FEW = 24
 PAWN = (0.5, 0.62)
 FOLLOWING = """document.addEventListener('vf-painted', ({detail}) => {
     if (detail.kind === 'picture') window.last = detail;
@@ -35,10 +36,10 @@ def until(page: Page, holds: str, seconds: float = 180.0) -> None:
         page.wait_for_timeout(50)
 
 
-def rest(page: Page) -> None:
+def rest(page: Page, samples: int) -> None:
     """Wait until the picture has its samples."""
     page.wait_for_timeout(500)
-    until(page, f"window.last.scale > 0.99 && window.last.spp >= {SAMPLES}")
+    until(page, f"window.last.scale > 0.99 && window.last.spp >= {samples}", 600.0)
 
 
 def point(page: Page, x: float, y: float, *, click: bool = False) -> None:
@@ -70,6 +71,19 @@ def exposure(page: Page) -> None:
     """Zebra and the spot meter."""
     page.click("[data-tab=exposure]")
     press(page, "z")
+    point(page, 0.62, 0.72)
+
+
+def raw(page: Page) -> None:
+    """The needle of the exposure meter in M, and the histogram of the sensor's numbers."""
+    page.check("[data-dial=mode] input[value=M]")
+    for _ in range(3):
+        page.focus("[data-dial=shutter_s]")
+        page.keyboard.press("ArrowRight")
+        page.wait_for_timeout(300)
+    page.click("[data-tab=exposure]")
+    page.wait_for_selector("[data-name=needle]:visible", timeout=60_000)
+    page.wait_for_selector("[data-name=raw]:visible", timeout=60_000)
     point(page, 0.62, 0.72)
 
 
@@ -132,14 +146,16 @@ def error(page: Page) -> None:
 
 
 SHOTS: dict[str, Callable[[Page], None]] = {
-    each.__name__: each for each in (view, keys, exposure, false_colour, focus, lens, guides, compare, narrow, error)
+    each.__name__: each
+    for each in (view, keys, exposure, raw, false_colour, focus, lens, guides, compare, narrow, error)
 }
+MORE = {"raw": "exposure: {mode: auto}\nsensor: {}\n"}  # of the scene
 
 
 def shoot(browser: Browser, name: str, folder: Path) -> None:
     """Take one screenshot."""
     file = folder / SCENE.name
-    shutil.copyfile(SCENE, file)
+    file.write_text(SCENE.read_text("utf-8") + MORE.get(name, ""), "utf-8")
     with Viewfinder(file, size=SIZE) as finder:
         server = ViewServer(finder)
         thread = threading.Thread(target=server.run, daemon=True)
@@ -149,7 +165,7 @@ def shoot(browser: Browser, name: str, folder: Path) -> None:
         page.goto(server.address(server.tokens.lasting))
         until(page, "window.last !== undefined")
         SHOTS[name](page)
-        rest(page)
+        rest(page, SAMPLES.get(name, FEW))
         page.screenshot(path=FOLDER / f"{name}.jpg", type="jpeg", quality=86, full_page=name == "narrow")
         page.close()
         server.stop()

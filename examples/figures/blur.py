@@ -29,21 +29,25 @@ def card_blur(
     return float(np.mean(render(scene, spp=1, layers=["coc"])["coc"]))
 
 
-def thin_lens_blurs(camera: Any, distance: float) -> tuple[float, float]:
-    """Return the blur [pixels of 800] of a card through a thin lens of a scene, by formula and by our camera.
+def confusion(camera: Any, distance: Any) -> Any:
+    """Return the circle of confusion of a thin lens [pixels of 800] at distances [m], by formula.
 
     In the plane of focus the blur is the aperture's diameter times the share of the way that is left to that plane.
     """
-    focus, opening = camera.focus_distance_m, 2 * camera.aperture_radius_m
+    focus = camera.focus_distance_m
     width = 2 * focus * math.tan(math.radians(camera.fov_degrees) / 2)
-    formula = ACROSS / width * opening * abs(distance - focus) / distance
+    return ACROSS / width * 2 * camera.aperture_radius_m * abs(distance - focus) / distance
+
+
+def thin_lens_blurs(camera: Any, distance: float) -> tuple[float, float]:
+    """Return the blur [pixels of 800] of a card through a thin lens of a scene, by formula and by our camera."""
     ours = card_blur(
         {
             "kind": "thin_lens",
             "fov_degrees": camera.fov_degrees,
             "aperture_radius_m": camera.aperture_radius_m,
-            "focus_distance_m": focus,
+            "focus_distance_m": camera.focus_distance_m,
         },
         distance,
     )
-    return formula, ours
+    return float(confusion(camera, distance)), ours

@@ -126,6 +126,10 @@ def white() -> Numbers:
     mean = np.asarray(render(scene, spp=1024), float).mean(axis=(0, 1))
     colour = ", ".join(f"{weight:.4f}" for weight in MEAN_WEIGHT)
     row = Row(
-        (f"a white world (the paper's renderer: {colour})",), ("1", "1", "1"), [float(x) for x in mean], ".3f", 0.01
+        (f"a white world (the paper's renderer: {colour})",),
+        ("1.00", "1.00", "1.00"),
+        [float(x) for x in mean],
+        ".3f",
+        0.01,
     )
     return Numbers(("",), ("red", "green", "blue"), [row], noise=0.01)

@@ -7,6 +7,7 @@ import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import rptcam_cl
 from examples.figures.numbers import Numbers
@@ -36,20 +37,23 @@ class Figure:
         Samples per pixel.
     folder : str
         Where the picture lies among the pictures of the documents.
+    denoise : bool
+        Whether the noise that is left is removed.
     """
 
     name: str
     title: str
     scene: str
     changes: Sequence[str] = ()
-    size: tuple[int, int] = (320, 240)
-    spp: int = 256
+    size: tuple[int, int] = (960, 720)
+    spp: int = 64
     folder: str = "figures"
+    denoise: bool = True
 
     @property
     def picture(self) -> str:
-        """Path of the picture from the folder of the page."""
-        return f"images/{self.folder}/{self.name}.png"
+        """Path of the picture from the folder of the page: noise that is kept is kept without losses."""
+        return f"images/{self.folder}/{self.name}.{'jpg' if self.denoise else 'png'}"
 
     def load(self) -> rptcam_cl.Scene:
         """Return the scene with its changes."""
@@ -59,6 +63,7 @@ class Figure:
         """Return what makes the picture, as lines for a shell."""
         size = "x".join(map(str, self.size))
         lines = [f"rptcam render examples/{self.scene} -o docs/{self.picture} --size {size} --spp {self.spp}"]
+        lines[0] += " --denoise" if self.denoise else ""
         for change in self.changes:
             option = f"--set {shlex.quote(change)}"
             if len(lines[-1]) + len(option) < WIDTH:
@@ -66,6 +71,35 @@ class Figure:
             else:
                 lines.append(f"    {option}")
         return " \\\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A drawing without a scene: a lens in cross-section with its rays, or a chart.
+
+    Attributes
+    ----------
+    name, title : str
+        As of a figure.
+    words : sequence of str
+        What draws a lens, after ``rptcam``; none for a chart.
+    chart : function, optional
+        Returns the chart.
+    """
+
+    name: str
+    title: str
+    words: Sequence[str] = ()
+    chart: Callable[[], Any] | None = None
+
+    @property
+    def picture(self) -> str:
+        """Path of the drawing from the folder of the page."""
+        return f"images/figures/{self.name}.svg"
+
+    def command(self) -> str:
+        """Return what makes a drawing of a lens."""
+        return f"rptcam {shlex.join([*self.words, '-o', f'docs/{self.picture}'])}"
 
 
 @dataclass(frozen=True)
@@ -80,12 +114,18 @@ class Group:
     figures : sequence of Figure
     numbers : sequence of functions
         Each returns our numbers beside those of the document.
+    drawings : sequence of Drawing
+        Below the pictures.
+    theirs : str
+        What the document shows there.
     """
 
     title: str
     text: str
     figures: Sequence[Figure] = ()
     numbers: Sequence[Callable[[], Numbers]] = ()
+    drawings: Sequence[Drawing] = ()
+    theirs: str = ""
 
 
 @dataclass(frozen=True)
@@ -105,9 +145,9 @@ class Section:
 def shared(name: str, title: str) -> Figure:
     """Return a picture that the gallery of `examples/README.md` shows too, by the command printed there."""
     for words in commands(PAGE.read_text("utf-8")):
-        if f"docs/images/gallery/{name}.png" in words and words[:2] == ["rptcam", "render"]:
+        if words[:2] == ["rptcam", "render"] and Path(words[words.index("-o") + 1]).stem == name:
             return _from_command(words[2:], title)
-    raise KeyError(f"{PAGE} has no command that makes {name}.png")
+    raise KeyError(f"{PAGE} has no command that makes {name}")
 
 
 def _from_command(words: list[str], title: str) -> Figure:
@@ -117,6 +157,7 @@ def _from_command(words: list[str], title: str) -> Figure:
     parser.add_argument("--set", action="append", default=[], dest="changes")
     parser.add_argument("--size")
     parser.add_argument("--spp", type=int)
+    parser.add_argument("--denoise", action="store_true")
     given = parser.parse_args(words)
     scene = rptcam_cl.load_scene(ROOT / given.scene, given.changes)
     width, height = map(int, given.size.split("x")) if given.size else scene.film.resolution
@@ -124,8 +165,9 @@ def _from_command(words: list[str], title: str) -> Figure:
         name=Path(given.output).stem,
         title=title,
         scene=given.scene.removeprefix("examples/"),
-        changes=given.changes,
+        changes=[" ".join(change.split()) for change in given.changes],
         size=(width, height),
         spp=given.spp or scene.render.spp,
         folder="gallery",
+        denoise=given.denoise,
     )

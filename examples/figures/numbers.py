@@ -111,7 +111,7 @@ class Numbers:
         """Return the table, and the reason of what differs below it."""
         head, *lines = self.lines()
         table = "\n".join("| " + " | ".join(line) + " |" for line in [head, ["---"] * len(head), *lines])
-        return f"{table}\n\n{self.reason}" if self.reason else table
+        return f"{table}\n\n{remark(self.reason)}"
 
     def differences(self, page: str) -> list[str]:
         """Return where the table on a page holds other numbers than these."""
@@ -130,6 +130,11 @@ class Numbers:
         if now is None or then is None:
             return here == there
         return abs(now - then) <= 2.1 * half_digit(there) + self.noise * abs(then)
+
+
+def remark(reason: str) -> str:
+    """Return the verdict that stands below a table: whether its numbers are met, with the reason if some are not."""
+    return f"Verdict: met, but for this. {reason}" if reason else "Verdict: met."
 
 
 def as_number(text: str) -> float | None:

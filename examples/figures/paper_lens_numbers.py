@@ -158,9 +158,9 @@ def focal_lengths() -> Numbers:
     placed = [image_distances(2.5, distance)[0] for distance in (18, 11, 10)]
     rows = [
         Row(("single lens, n = 1.8: focal length",), ("2.5013897",), (singlet.first_order().focal_length_mm,), ".7f"),
-        Row(("the same, n = 1.6",), ("3.334897",), (table_focal,), ".6f"),
+        Row(("lens of the paper's Table 1, n = 1.6: focal length",), ("3.334897",), (table_focal,), ".6f"),
         Row(
-            ("the same 4.0 from the film: in focus, from the lens",),
+            ("the lens of Table 1, 4.0 from the film: in focus, from the lens",),
             ("20.056",),
             (1 / (1 / table_focal - 1 / 4.0),),
             ".3f",

@@ -10,10 +10,12 @@ import numpy as np
 from examples.figures.blur import thin_lens_blurs
 from examples.figures.figure import shared
 from examples.figures.numbers import Numbers, Row
+from examples.figures.paper_lens_numbers import blur_on_film
 from examples.figures.shares import passing_share
 from rptcam_cl import load_lens, render
 
 BALLS = (2, 3, 4)  # distances [m]
+BEFORE_MM = 300.0  # from a point to the middle of the biconcave lens
 TRIES = 10  # of the report's renderer per film sample
 # Lens, film distance, film radius [mm]: share of rays that pass, and what the report's renderer makes of it.
 PASSING = {
@@ -73,8 +75,23 @@ def blurs_of_balls() -> Numbers:
 def ball() -> Numbers:
     """Compare the focal length of the ball lens with the closed form."""
     ours = load_lens("ball").first_order().focal_length_mm
-    rows = [Row(("R = 20 mm, n = 1.5: n R / (2 (n - 1))",), ("30",), (ours,), ".6f")]
+    rows = [Row(("R = 20 mm, n = 1.5: n R / (2 (n - 1))",), ("30.000",), (ours,), ".6f")]
     return Numbers(("ball",), ("focal length [mm]",), rows, below=False, document="formula")
+
+
+def biconcave_disks() -> Numbers:
+    """Compare the disk that the biconcave lens leaves of a point with that of a thin lens of its focal length."""
+    rows = []
+    for name in ("biconcave", "biconcave_small"):
+        camera: Any = shared(name, "").load().camera
+        lens, film = load_lens(camera.lens), camera.focus.film_distance_mm
+        opening = lens.surfaces[0].semi_diameter * 2
+        focal, to_film = lens.first_order().focal_length_mm, film + lens.length / 2
+        thin = opening * (1 + to_film * (1 / BEFORE_MM - 1 / focal))
+        ours = blur_on_film(lens, film, BEFORE_MM + to_film)
+        rows.append(Row((f"{opening:g} mm",), (f"{thin:.2g}",), (ours,), ".2f"))
+    labels = ("biconcave lens, open to",)
+    return Numbers(labels, ("disk of a point 30 cm away [mm]",), rows, below=False, document="thin")
 
 
 def retries() -> Numbers:

@@ -21,6 +21,14 @@ SAUCER += [(3.2, 0.5), (0, 0.45)]
 FLASK = [(0, 0), (2.2, 0), (2.6, 0.2), (2.7, 1.0), (2.5, 3.4), (1.3, 4.5), (0.9, 5.0), (0.9, 6.1), (1.15, 6.3)]
 FLASK += [(1.1, 6.5), (0.7, 6.4), (0.65, 5.0), (1.0, 4.4), (2.2, 3.3), (2.4, 1.0), (2.2, 0.5), (0, 0.45)]
 
+GOBLET = [(0, 0), (3.3, 0), (3.5, 0.12), (3.2, 0.3), (1.1, 0.6), (0.5, 1.2), (0.36, 3), (0.36, 7), (0.7, 8.2)]
+GOBLET += [(2.6, 9.5), (3.95, 11.6), (4.1, 14), (3.7, 17), (3.15, 19.4), (3.02, 19.5)]
+GOBLET += [(2.9, 19.4), (3.45, 17), (3.86, 14)]
+WINE = [(0, 8.75), (0.7, 8.85), (2.45, 9.8), (3.7, 11.7), (3.86, 14)]  # the inside of the bowl, as far as it is full
+CANDLESTICK = [(0, 0), (4.0, 0), (4.3, 0.3), (3.7, 0.8), (1.3, 1.3), (0.7, 2.2), (1.15, 3.0), (0.6, 3.9), (0.55, 6.3)]
+CANDLESTICK += [(0.9, 7.0), (1.6, 7.4), (1.65, 8.3), (1.3, 8.4), (1.25, 8.2), (0, 8.2)]
+CANDLE = [(0, 0), (1.1, 0), (1.1, 6.4), (1.06, 6.7), (0.85, 6.75), (0.6, 6.5), (0, 6.42)]
+
 
 def plain(base: tuple[float, ...], roughness: float, **more: Any) -> dict[str, Any]:
     """Return a material of glTF without metal."""
@@ -117,6 +125,10 @@ def main(folder: str = "") -> None:
     write_ply(out / "gear.ply", shapes.gear())
     write_ply(out / "stone.ply", shapes.stone(31, 64, 96), uvs=False)
     write_ply(out / "cloth.ply", shapes.cloth())
+    write_ply(out / "goblet.ply", shapes.lathe(GOBLET, 96, rounds=2), uvs=False)
+    write_ply(out / "wine.ply", shapes.lathe(WINE, 96, rounds=2), uvs=False)
+    write_ply(out / "candlestick.ply", shapes.lathe(CANDLESTICK, 72, rounds=2), uvs=False)
+    write_ply(out / "candle.ply", shapes.lathe(CANDLE, 48, rounds=2), uvs=False)
     write_ply(out / "moor.ply", shapes.moor(), steps=40)
     tea_set().write(out / "tea_set.glb")
     bouquet().write(out / "bouquet.glb")
