@@ -1,13 +1,16 @@
 """Whether a device builds a trivial kernel: what has to be known before it is chosen, and before kernels are written.
 
 A driver may fail, crash or never come back. So it is tried in a process of its own, which costs half a second; what
-that one showed of a driver that works is kept, and costs the next run nothing.
+that one showed of a driver that works is kept, and costs the next run nothing. One that does not come back is tried
+once more: of thousands of trials of a sound driver, one has hung.
 """
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
+import os
 import platform
 import signal
 import subprocess
@@ -20,12 +23,14 @@ from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.core.kept import keep_bytes, kept_bytes
+from rptcam_cl.device.at_work import end_work
 from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.pocl_processor import AVX2, AVX512, own_name, processor_flags, rename_as_before, rename_processor
 
 AVX512_ARCH = "skylake-avx512"
 AVX2_ARCH = "haswell"
-PATIENCE = 120  # [s] for a trivial kernel; a busy processor takes ten
+PATIENCE = 60  # [s] for a trivial kernel; a busy processor takes ten
+TRIES = 2
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import trial; "
     "trial.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
@@ -101,19 +106,27 @@ def _tried_apart(handle: Any) -> Trial:
     place = _place(handle)
     if place is None or not sys.executable:  # a part of a device, or Python within another program
         return try_here(handle)
-    command = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *map(str, place)]
     try:
-        done = subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False)
-    except subprocess.TimeoutExpired:
-        return Trial(problem=f"error: the driver did not build a trivial kernel within {PATIENCE} s")
+        done = _ended(place)
     except OSError:  # no process can be started
         return try_here(handle)
+    if done is None:
+        return Trial(problem=f"error: the driver did not build a trivial kernel within {PATIENCE} s, {TRIES} times")
     try:
         found = json.loads(done.stdout.splitlines()[-1])
     except (ValueError, IndexError):
         return Trial(problem=_ending(done.returncode, done.stderr.decode(errors="replace")))
     renamed = found.pop("renamed")
     return Trial(**found, renamed=None if renamed is None else (renamed[0], renamed[1]))
+
+
+def _ended(place: tuple[int, int]) -> subprocess.CompletedProcess[bytes] | None:
+    """Return the process of a trial after its end; None where it does not come to one."""
+    command = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *map(str, place)]
+    for _ in range(TRIES):
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False)
+    return None
 
 
 def _ending(code: int, said: str) -> str:
@@ -134,9 +147,11 @@ def _place(handle: Any) -> tuple[int, int] | None:
 
 
 def print_trial(platform_number: int, device_number: int) -> None:
-    """Try a device in this process and print what it showed as a line of JSON."""
+    """Try a device in this process, print what it showed as a line of JSON, and end the process."""
     handle = load_opencl().get_platforms()[platform_number].get_devices()[device_number]
     print("\n" + json.dumps(asdict(try_here(handle))), flush=True)
+    end_work()
+    os._exit(0)  # a driver may never come back from tidying up
 
 
 def try_here(handle: Any) -> Trial:

@@ -14,8 +14,9 @@ from tests.device.probes import open_session
 
 @pytest.fixture
 def handle(monkeypatch, tmp_path):
+    found = open_session().info.handle  # tried and kept where all other tests have it
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
-    return open_session().info.handle
+    return found
 
 
 def fresh(handle):
@@ -54,7 +55,23 @@ def test_driver_that_ends_the_process_is_told(handle, monkeypatch):
 def test_driver_that_hangs_is_given_up(handle, monkeypatch):
     monkeypatch.setattr(trial, "PATIENCE", 0.2)
     child(monkeypatch, "import time; time.sleep(60)")
-    assert "within 0.2 s" in fresh(handle).problem
+    assert "within 0.2 s, 2 times" in fresh(handle).problem
+
+
+def test_driver_that_hangs_once_is_tried_again(handle, monkeypatch, tmp_path):
+    mark = tmp_path / "tried"
+    monkeypatch.setattr(trial, "PATIENCE", 2)
+    hangs = f"p = pathlib.Path({str(mark)!r}); p.exists() or (p.touch(), time.sleep(60))"
+    told = json.dumps({"problem": None, "library_arch": None, "renamed": None})
+    child(monkeypatch, f"import pathlib, time; {hangs}; print({told!r})")
+    assert fresh(handle) == Trial()
+
+
+def test_trial_ends_its_process_without_the_driver(monkeypatch, handle):
+    # What a driver does at the end of a process, here what Python does, may hang.
+    child(monkeypatch, "import atexit, time; atexit.register(time.sleep, 60); " + trial._CHILD)
+    monkeypatch.setattr(trial, "PATIENCE", 20)
+    assert fresh(handle).problem is None
 
 
 def test_problem_of_the_trial_comes_through(handle, monkeypatch, tmp_path):
