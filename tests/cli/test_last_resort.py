@@ -108,3 +108,16 @@ def test_log_of_a_compiler_has_a_name_of_its_own(tmp_path: Path, monkeypatch: py
     assert all("error: x" in log.read_text() and log.stat().st_mode & 0o077 == 0 for log in logs)
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path / "none"))
     assert "its log could not be written" in _build_failure("source", "error: x", "0" * 64)
+
+
+@pytest.mark.parametrize(("words", "code"), [(["devices", "--json"], 0), (["render", "no.yaml", "-o", "a.png"], 2)])
+def test_process_does_what_is_left_to_do_and_ends_without_taking_itself_apart(words: list[str], code: int) -> None:
+    program = (
+        "import atexit, sys; from rptcam_cl.__main__ import run\n"
+        "class Held:\n    def __del__(self): print('taken apart', flush=True)\n"
+        "sys.held = Held(); sys.argv[0] = 'rptcam'; found = run()\n"
+        "atexit.register(print, 'left to do'); sys.exit(found)"
+    )
+    done = subprocess.run([sys.executable, "-c", program, *words], stdout=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == code
+    assert done.stdout.endswith("left to do\n")
