@@ -8,6 +8,7 @@ are chosen, so that errors of the tables change noise and never the mean.
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -17,10 +18,12 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.lamp_fits import LampFit, Polynomial, SeenLamp, lamp_fits, parts_of_pupil
 from rptcam_cl.cameras.model import CameraModel
+from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 
 Array = NDArray[np.float64]
 
+KEPT = "lamps"  # folder of the cache on disk
 LAMP = 18  # floats of a lamp in a block
 LARGEST_PART = 0.15  # of the pupil: a lamp that fills more is found by other rays
 FAR_TOO_LARGE = 2.5  # times that part, by a few rays: such a lamp is not examined closer
@@ -211,7 +214,31 @@ def _that_show(entries: _Entries, lamp: SeenLamp, entry_z_m: float, shows: Shows
     return replace(entries, part=entries.part * seen.mean(axis=1)).kept(np.flatnonzero(seen.any(axis=1)))
 
 
-def aimed_at_lamps(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> CameraModel:
+@dataclass(frozen=True)
+class LampTables:
+    """What a camera needs to aim at lamps.
+
+    Attributes
+    ----------
+    table : float32 array
+        Area of the pupil, then places and counts of all blocks, and behind them their lamps.
+    shift : int
+        Blocks have 2 ** shift pixels along each side.
+    counts : (int, int)
+        Blocks across and down.
+    lamps : int
+        How many lamps there are in it.
+    """
+
+    table: NDArray[np.float32]
+    shift: int
+    counts: tuple[int, int]
+    lamps: int
+
+
+def aimed_at_lamps(
+    camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None = None
+) -> CameraModel:
     """Return the camera with tables that aim some of its rays at lamps out of focus; its metadata say at how many.
 
     Without any, or with a film that is tilted or shifted, it is the camera that was given.
@@ -220,10 +247,31 @@ def aimed_at_lamps(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows)
     ----------
     shows
         Returns which lines of sight nothing blocks.
+    sights
+        Names all that ``shows`` depends on: with a name, tables are kept on disk from one run to the next.
     """
     if camera.reach is None or camera.facts.get("FILM_MOVED"):
         return camera
+    found = _found(camera, lamps, shows) if sights is None else _kept_or_found(camera, lamps, shows, sights)
+    if not found.lamps:
+        return camera
+    new = camera.record.copy()
+    new["lamp_table"], new["lamp_shift"] = len(camera.tables), found.shift
+    new["lamp_across"], new["lamp_down"] = found.counts
+    facts = camera.facts | {"LAMP_AIM": 1, "LAMP_COLOURS": int(camera.bends_colours)}
+    metadata = camera.metadata | {"lamps_aimed_at": found.lamps}
+    return replace(
+        camera, record=new, facts=facts, tables=np.concatenate([camera.tables, found.table]), metadata=metadata
+    )
+
+
+NO_LAMPS = LampTables(np.zeros(0, np.float32), 0, (0, 0), 0)
+
+
+def _found(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> LampTables:
+    """Return tables for the lamps that the film sees unsharp, and through which pixels they show."""
     record, reach = camera.record[0], camera.reach
+    assert reach is not None
     resolution = int(record["width"]), int(record["height"])
     flip = 1.0 if record["per_width"] > 0 else -1.0
     colours_nm = SEEN_NM if camera.bends_colours else None
@@ -235,17 +283,34 @@ def aimed_at_lamps(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows)
     found = [(lamp, _that_show(entries, lamp, reach.entry_z_m, shows)) for lamp, entries in found]
     found = [(lamp, entries) for lamp, entries in found if len(entries.blocks)]
     if not found:
-        return camera
+        return NO_LAMPS
     per_radiance = float(record["exposure"]) * camera.axial_weight
     values = np.concatenate([entries.part * lamp.radiance * per_radiance for lamp, entries in found])
     numbers, floats = (np.concatenate([getattr(e, name) for _, e in found]) for name in ("blocks", "floats"))
-    new = camera.record.copy()
-    new["lamp_table"], new["lamp_shift"] = len(camera.tables), blocks.shift
-    new["lamp_across"], new["lamp_down"] = blocks.counts
-    tables = [camera.tables, np.array([reach.area], np.float32), _packed(numbers, floats, values, blocks)]
-    facts = camera.facts | {"LAMP_AIM": 1, "LAMP_COLOURS": int(camera.bends_colours)}
-    metadata = camera.metadata | {"lamps_aimed_at": len(found)}
-    return replace(camera, record=new, facts=facts, tables=np.concatenate(tables), metadata=metadata)
+    table = np.concatenate([np.array([reach.area], np.float32), _packed(numbers, floats, values, blocks)])
+    return LampTables(table, blocks.shift, blocks.counts, len(found))
+
+
+def _name(camera: CameraModel, lamps: Sequence[SeenLamp], sights: str) -> str:
+    """Return the name of the tables of a camera for lamps that show as ``sights`` names it."""
+    assert camera.reach is not None
+    lamp_content = [(each.centre.tobytes(), each.axes.tobytes(), each.is_round, each.radiance) for each in lamps]
+    state = camera.record.tobytes(), camera.bends_colours, camera.axial_weight, lamp_content
+    code = identity_of_code(("core", "colour", "optics", "cameras"))
+    return name_of(code, sights, pickle.dumps(camera.reach.made_of), state)
+
+
+def _kept_or_found(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str) -> LampTables:
+    """Return tables, kept from one run to the next."""
+    name = _name(camera, lamps, sights)
+    if (kept := kept_arrays(KEPT, name)) is not None:
+        arrays, facts = kept
+        across, down = facts["counts"]
+        return LampTables(arrays["table"], facts["shift"], (across, down), facts["lamps"])
+    found = _found(camera, lamps, shows)
+    facts = {"shift": found.shift, "counts": found.counts, "lamps": found.lamps}
+    keep_arrays(KEPT, name, {"table": found.table}, facts)
+    return found
 
 
 def _packed(numbers: NDArray[np.int64], floats: Array, values: Array, blocks: _Blocks) -> NDArray[np.float32]:

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.cameras.pupil import content_of
 from rptcam_cl.optics import Lens, StopMask, StopShape
 
 Array = NDArray[np.float64]
@@ -58,12 +59,15 @@ class LampReach:
         Film coordinates of the right and the upper edge of the upright picture.
     entry_z_m : float
         Where rays enter the camera, on its axis.
+    made_of : tuple
+        All that it follows from; it can be pickled.
     area : float
         Of the pupil, where all film points have the same; 0 elsewhere.
     """
 
     rays: Callable[[Array, int, float | None], Reached]
     film_scale: tuple[float, float]
+    made_of: tuple[object, ...]
     entry_z_m: float = 0.0
     area: float = 0.0
 
@@ -92,7 +96,8 @@ def thin_lens_reach(
         pupil, entry = np.broadcast_to(disk, film.shape), np.broadcast_to(on_lens, film.shape)
         return Reached(film, pupil, entry, np.asarray(np.isfinite(film).all(axis=-1)))
 
-    return LampReach(rays, half_tangents, area=np.pi if shape is None else shape.area)
+    made_of = ("thin", radius_m, focus_m, half_tangents, shape)
+    return LampReach(rays, half_tangents, made_of, area=np.pi if shape is None else shape.area)
 
 
 def thick_lens_reach(
@@ -109,7 +114,8 @@ def thick_lens_reach(
         entry = (height[0] * film + height[1] * disk) * 1e-3
         return Reached(film, np.broadcast_to(disk, film.shape), entry, np.asarray(np.isfinite(film).all(axis=-1)))
 
-    return LampReach(rays, (-half_film_mm[0], -half_film_mm[1]), first_vertex_m, np.pi)
+    made_of = ("thick", height, slope, first_vertex_m, half_film_mm)
+    return LampReach(rays, (-half_film_mm[0], -half_film_mm[1]), made_of, first_vertex_m, np.pi)
 
 
 def lens_reach(
@@ -150,4 +156,5 @@ def lens_reach(
         cell = WIDER * pupil.diameter_mm / COARSE
         return through(start, middle + _square(across) * (half + cell / 2), wavelength)
 
-    return LampReach(rays, (-half_film_mm[0], -half_film_mm[1]), -film_z * 1e-3)
+    made_of = (content_of(lens), film_distance_mm, wavelength_nm, half_film_mm)
+    return LampReach(rays, (-half_film_mm[0], -half_film_mm[1]), made_of, -film_z * 1e-3)

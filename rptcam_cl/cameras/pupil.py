@@ -94,24 +94,26 @@ def without_shape(lens: Lens) -> Lens:
     return lens.with_stop_shape(None) if shaped else lens
 
 
+def content_of(lens: Lens) -> tuple[object, ...]:
+    """Return all that rays through a lens follow from, and its name."""
+    return lens.name, lens.surfaces, lens.stop_index, lens.object_medium
+
+
 @dataclass(frozen=True)
 class ByContent:
     """A lens that equals every other one of the same name and surfaces."""
 
     lens: Lens
 
-    def _content(self) -> tuple[object, ...]:
-        return self.lens.name, self.lens.surfaces, self.lens.stop_index, self.lens.object_medium
-
     def pickled(self) -> bytes:
         """Return bytes from which the content can be made again: they differ where it does."""
-        return pickle.dumps(self._content())
+        return pickle.dumps(content_of(self.lens))
 
     def __hash__(self) -> int:
-        return hash(self._content())
+        return hash(content_of(self.lens))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, ByContent) and self._content() == other._content()
+        return isinstance(other, ByContent) and content_of(self.lens) == content_of(other.lens)
 
 
 @lru_cache(maxsize=REMEMBERED)

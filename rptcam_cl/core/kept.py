@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.core.resources import cache_dir, package_dir
+from rptcam_cl.core.resources import cache_dir, kernels_dir, package_dir
 
 MOST_BYTES = 256 << 20  # of each kind
 HASH_BYTES = 32
@@ -100,12 +100,13 @@ def kept_arrays(kind: str, name: str) -> tuple[dict[str, NDArray[Any]], dict[str
 
 
 @lru_cache(maxsize=16)
-def identity_of_code(rooms: tuple[str, ...]) -> str:
-    """Return what changes with this machine, its numpy and the code of some rooms.
+def identity_of_code(rooms: tuple[str, ...], kernels: tuple[str, ...] = ()) -> str:
+    """Return what changes with this machine, its numpy and the code of some rooms, and of some folders of kernels.
 
     What is kept under it is what would be computed anew, bit by bit.
     """
-    files = sorted(path for room in rooms for path in (package_dir() / room).rglob("*.py"))
-    stats = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in files]
+    files = [path for room in rooms for path in (package_dir() / room).rglob("*.py")]
+    files += [path for folder in kernels for path in (kernels_dir() / folder).iterdir()]
+    stats = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in sorted(files)]
     simd = np.show_config(mode="dicts")["SIMD Extensions"]
     return name_of(np.__version__, simd, platform.node(), platform.machine(), stats)

@@ -4,7 +4,7 @@ from rptcam_cl.plan.albedo import LargestAlbedo
 from rptcam_cl.plan.bright_parts import bright_parts
 from rptcam_cl.plan.motion import Movements, Places
 from rptcam_cl.plan.packed_meshes import PackedMeshes, TriangleGroup, shifted
-from rptcam_cl.plan.plan import Plan, aimed, make_plan, with_film, with_lens, with_pose
+from rptcam_cl.plan.plan import Plan, aimed, make_plan, may_aim, with_film, with_lens, with_pose
 from rptcam_cl.plan.primitives import object_frame
 
 __all__ = [
@@ -17,6 +17,7 @@ __all__ = [
     "aimed",
     "bright_parts",
     "make_plan",
+    "may_aim",
     "object_frame",
     "shifted",
     "with_film",

@@ -192,18 +192,27 @@ def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
 FIRST_RAY = {"object_id", "material_id", "uv", "pupil"}  # layers of a pixel's first ray, which must aim at nothing
 
 
-def aimed(plan: Plan, shows: Shows, layers: Iterable[str] = ()) -> Plan:
-    """Return the plan with camera rays that aim at lamps out of focus; without such a lamp, the plan that was given.
+def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
+    """Return whether camera rays may aim at lamps, if there are any out of focus.
+
+    Parameters
+    ----------
+    layers
+        That the picture is to have: those of a pixel's first ray need one that aims at nothing.
+    """
+    return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers))
+
+
+def aimed(plan: Plan, shows: Shows, sights: str | None = None) -> Plan:
+    """Return a plan that `may_aim` with camera rays that aim at lamps; without one out of focus, the plan as given.
 
     Parameters
     ----------
     shows
         Returns which lines of sight, in the world about the eye [m], nothing blocks.
-    layers
-        That the picture is to have: those of a pixel's first ray need one that aims at nothing.
+    sights
+        Names all that this depends on; then what is found is kept on disk.
     """
-    if plan.steps or not plan.lamps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers):
-        return plan
     record = plan.camera.record[0]
     turn = np.stack([record[name][:3] for name in ("right", "up", "back")]).astype(np.float64)
 
@@ -211,5 +220,5 @@ def aimed(plan: Plan, shows: Shows, layers: Iterable[str] = ()) -> Plan:
         return shows(replace(sights, origins=sights.origins @ turn, targets=sights.targets @ turn))
 
     lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.lamps]
-    camera = aimed_at_lamps(plan.camera, lamps, shows_in_world)
+    camera = aimed_at_lamps(plan.camera, lamps, shows_in_world, sights)
     return plan if camera is plan.camera else replace(plan, camera=camera)

@@ -1,9 +1,12 @@
 """Tables that aim camera rays at lamps out of focus: their places in the pupil do lead to the lamp, by exact rays."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras import SeenLamp, aimed_at_lamps, camera_model, lens_setting
+from rptcam_cl.cameras import SeenLamp, aimed_at_lamps, camera_model, lamp_aim, lens_setting
+from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.scene import load_scene
 
 LAMP = 18  # floats of a lamp in a block
@@ -102,3 +105,38 @@ def test_hidden_lamps_change_nothing():
     model = camera_model(scene_with(THIN))
     hidden = aimed_at_lamps(model, [round_lamp([0, 0, -3.0])], lambda sights: ~everything(sights))
     assert hidden is model
+
+
+class FoundAnewError(Exception):
+    """Tables that were to be kept."""
+
+
+@pytest.mark.parametrize("camera", [THIN, REALISTIC, REALISTIC | {"kind": "thick_lens"}], ids=["thin", "lens", "thick"])
+@pytest.mark.parametrize("shows", [True, False])
+def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch, tmp_path, camera, shows):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    lamp, model = round_lamp([0, 0, -3.0]), camera_model(scene_with(camera))
+    made = aimed_at_lamps(model, [lamp], lambda sights: everything(sights) & shows, "sights")
+    assert (made is not model) == shows
+
+    def refuse(*_):
+        raise FoundAnewError
+
+    monkeypatch.setattr(lamp_aim, "_found", refuse)
+    kept = aimed_at_lamps(camera_model(scene_with(camera)), [lamp], everything, "sights")
+    for name in ("record", "tables"):
+        assert getattr(kept, name).tobytes() == getattr(made, name).tobytes()
+    assert (kept.facts, kept.metadata) == (made.facts, made.metadata)
+
+    nearer = camera_model(scene_with(camera | {"f_number": 4}))
+    others = [(nearer, [lamp]), (model, [replace(lamp, radiance=1.0)]), (model, [lamp, lamp])]
+    for other, lamps in others:
+        with pytest.raises(FoundAnewError):
+            aimed_at_lamps(other, lamps, everything, "sights")
+    for sights in ("others", None):
+        with pytest.raises(FoundAnewError):
+            aimed_at_lamps(model, [lamp], everything, sights)
+    for file in (tmp_path / lamp_aim.KEPT).iterdir():
+        file.write_bytes(file.read_bytes()[:-1])
+    with pytest.raises(FoundAnewError):
+        aimed_at_lamps(model, [lamp], everything, "sights")

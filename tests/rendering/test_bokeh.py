@@ -6,6 +6,11 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.core.resources import CACHE_VARIABLE
+from rptcam_cl.device import open_session
+from rptcam_cl.plan import make_plan
+from rptcam_cl.rendering import lamp_sights
+from rptcam_cl.scene import load_scene
 from tests.rendering.pictures import lamp, seed_of
 from tests.support.statistics import assert_same_tiles, sampled
 
@@ -126,3 +131,25 @@ def test_a_session_takes_the_samples_of_a_render():
 def test_layers_of_the_first_ray_have_rays_that_aim_at_nothing(layer):
     scene = CASES["thin"] | {"render": {"max_depth": 3, "layers": [layer]}}
     assert "lamps_aimed_at" not in rptcam_cl.render(scene, spp=1).metadata
+
+
+def test_a_scene_that_was_rendered_before_needs_no_lines_of_sight(monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    scene = CASES["partly hidden"]
+    before = rptcam_cl.render(scene, spp=1)
+    with patch("rptcam_cl.rendering.lamp_sights._open", side_effect=AssertionError):
+        again = rptcam_cl.render(scene, spp=1)
+        assert np.array_equal(np.asarray(before), np.asarray(again))
+        moved = scene | {"objects": [*FAR, WALL | {"corner": [-0.5, -0.5, -1.001]}]}
+        with pytest.raises(AssertionError):
+            rptcam_cl.render(moved, spp=1)
+
+
+def test_nothing_is_kept_of_sights_through_holes_of_textures():
+    session = open_session("cpu")
+    names = [
+        lamp_sights._name_of_sights(make_plan(load_scene(scene_with(LENS, FAR + more))), session)
+        for more in ([], [WALL], [WALL | {"material": {"kind": "principled", "base_color": 0.5, "opacity": 0.5}}])
+    ]
+    assert names[0] != names[1]
+    assert names[2] is None
