@@ -90,8 +90,12 @@ def coarse_pupil(
 
 def without_shape(lens: Lens) -> Lens:
     """Return the lens with a round stop: what holds it holds every shape in it."""
-    shaped = lens.stop is not None and lens.stop.stop_shape is not None
-    return lens.with_stop_shape(None) if shaped else lens
+    return lens.with_stop_shape(None) if has_shape(lens) else lens
+
+
+def has_shape(lens: Lens) -> bool:
+    """Return whether the stop of a lens is not round."""
+    return lens.stop is not None and lens.stop.stop_shape is not None
 
 
 def content_of(lens: Lens) -> tuple[object, ...]:

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.model import SURFACE_BY_SURFACE
-from rptcam_cl.cameras.pupil import ByContent, without_shape
+from rptcam_cl.cameras.pupil import ByContent, has_shape, without_shape
 from rptcam_cl.cameras.ray_map import LARGEST_ERROR_PX, RayMap, ray_map
-from rptcam_cl.cameras.records import lens_records
+from rptcam_cl.cameras.records import LensRecords, lens_records
 from rptcam_cl.cameras.setting import LensSetting
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, LensTransmission
@@ -53,19 +53,37 @@ def traced_rays(
 ) -> LensRays:
     """Return the surfaces of a lens."""
     double = camera.precision == "double"
-    records = lens_records(
-        lens,
-        camera.wavelength_nm,
-        "film",
-        film_distance_mm,
-        double=double,
-        dispersive=dispersive,
-        transmission=losses,
-    )
+    if has_shape(lens):
+        records = _records(lens, camera.wavelength_nm, film_distance_mm, double, dispersive, losses)
+    else:
+        content = ByContent(lens)
+        records = _remembered_records(content, camera.wavelength_nm, film_distance_mm, double, dispersive, losses)
     facts = records.facts | ({"LENS_FLOAT64": 1} if double else {})
     return LensRays(
         SURFACE_BY_SURFACE, records.surfaces, records.stop, facts, metadata={"lens_precision": camera.precision}
     )
+
+
+def _records(
+    lens: Lens, wavelength_nm: float, film_distance_mm: float, double: bool, dispersive: bool, losses: LensTransmission
+) -> LensRecords:
+    return lens_records(
+        lens, wavelength_nm, "film", film_distance_mm, double=double, dispersive=dispersive, transmission=losses
+    )
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered_records(
+    content: ByContent,
+    wavelength_nm: float,
+    film_distance_mm: float,
+    double: bool,
+    dispersive: bool,
+    losses: LensTransmission,
+) -> LensRecords:
+    records = _records(content.lens, wavelength_nm, film_distance_mm, double, dispersive, losses)
+    records.surfaces.flags.writeable = records.stop.flags.writeable = False
+    return records
 
 
 def allowed_px(camera: RealisticCamera) -> float:

@@ -18,7 +18,7 @@ from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lamp_reach import lens_reach
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.movements import check_film, film_frame, movements_metadata, place_film
-from rptcam_cl.cameras.pupil import ByContent, coarse_pupil, pupil_sampling
+from rptcam_cl.cameras.pupil import ByContent, coarse_pupil, has_shape, pupil_sampling
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
 from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
@@ -34,14 +34,14 @@ from rptcam_cl.optics import (
     is_tinted,
     on_axis_irradiance,
 )
-from rptcam_cl.scene import LensColour, RealisticCamera, Scene
+from rptcam_cl.scene import Film, LensColour, RealisticCamera, Scene
 
 SHOWS_PX = 0.5  # colour error that a picture shows [pixels]
 SHOWS_TINT = 0.01  # share of the light by which colours differ that it shows
 TINTS_NM = (450.0, 545.0, 610.0)  # about what blue, green and red see
 AXIAL_SAMPLES = 9  # wavelengths at which the irradiance on the axis is found
 LOSS_SAMPLES = 101  # and those at which losses are
-REMEMBERED = 64  # lens states whose irradiance is kept
+REMEMBERED = 256  # numbers of lens states that are kept: irradiance, at some wavelengths, and errors
 
 
 def build(scene: Scene, lens_colour: LensColour = "off", *, coarse: bool = False) -> CameraModel:
@@ -162,10 +162,10 @@ def _half_film_mm(scene: Scene) -> tuple[float, float]:
 
 
 def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
-    """Return the irradiance on the axis; that of a round stop without losses is remembered."""
-    if losses or (lens.stop is not None and lens.stop.stop_shape is not None):
+    """Return the irradiance on the axis; that of a round stop is remembered."""
+    if has_shape(lens):
         return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
-    return _remembered_on_axis(ByContent(lens), back_mm, wavelength_nm)
+    return _remembered_on_axis(ByContent(lens), back_mm, wavelength_nm, losses)
 
 
 def _on_axis_soon(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
@@ -180,8 +180,8 @@ def _remembered_axial(content: ByContent, back_mm: float, wavelength_nm: float) 
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _remembered_on_axis(content: ByContent, back_mm: float, wavelength_nm: float) -> float:
-    return on_axis_irradiance(content.lens, back_mm, wavelength_nm)
+def _remembered_on_axis(content: ByContent, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
+    return on_axis_irradiance(content.lens, back_mm, wavelength_nm, losses)
 
 
 def _record(
@@ -205,13 +205,24 @@ def _record(
 def _colour(scene: Scene, setting: LensSetting, wanted: LensColour) -> _Colour:
     if wanted == "off" or not (disperses(setting.lens) or is_tinted(setting.lens, setting.transmission)):
         return _Colour(False)
-    error_px = colour_error_px(
-        setting.lens, setting.film_distance_mm, setting.focus_distance_mm, scene.film, setting.camera.wavelength_nm
+    error_px = _remembered_colour_error(
+        ByContent(setting.lens),
+        setting.film_distance_mm,
+        setting.focus_distance_mm,
+        scene.film,
+        setting.camera.wavelength_nm,
     )
     tint = lens_tint(scene, setting)
     shows = error_px > SHOWS_PX or tint > SHOWS_TINT
     metadata = {"lens_colour_px": round(error_px, 4)} | ({"lens_tint": round(tint, 4)} if tint else {})
     return _Colour(wanted == "on" or shows, metadata)
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _remembered_colour_error(
+    content: ByContent, back_mm: float, focus_mm: float | None, film: Film, wavelength_nm: float
+) -> float:
+    return colour_error_px(content.lens, back_mm, focus_mm, film, wavelength_nm)
 
 
 def shows_losses(scene: Scene) -> bool:
@@ -234,7 +245,7 @@ def _axial_colour(
     Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself.
     """
     few, wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES), np.linspace(*range_nm, LOSS_SAMPLES)
-    seen = np.array([on_axis_irradiance(lens, back_mm, nm, losses) for nm in few.tolist()]) / on_axis
+    seen = np.array([_on_axis(lens, back_mm, nm, losses) for nm in few.tolist()]) / on_axis
     if not losses:
         return few, seen
     slow = np.interp(wavelengths, few, seen / axial_transmittance(lens, few, losses))

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from functools import lru_cache
 from pathlib import Path
 
 from rptcam_cl.core.errors import StateError
@@ -23,6 +24,7 @@ SCENES = {name: (f"{name}.yaml",) for name in (*EXAMPLES, *_SINGLE)} | {
 _PACKAGE = Path(__file__).resolve().parents[1]
 
 
+@lru_cache(maxsize=8)
 def _folder(name: str) -> Path:
     candidates = (_PACKAGE / "_data" / name, _PACKAGE.parent / name)
     for folder in candidates:

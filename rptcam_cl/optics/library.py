@@ -52,10 +52,17 @@ def named_lens(name: str) -> Lens:
     InputError
         When none has that name.
     """
-    path = lenses_dir() / f"{name}.yaml"
-    if path.name not in {file.name for file in lenses_dir().iterdir()}:
+    folder = lenses_dir()
+    if f"{name}.yaml" not in _names_in(folder, folder.stat().st_mtime_ns):
         raise _unknown(name)
+    path = folder / f"{name}.yaml"
     return _kept(path, path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _names_in(folder: Path, modified_ns: int) -> frozenset[str]:
+    """Return the names of the files in a folder as it was modified last."""
+    return frozenset(file.name for file in folder.iterdir())
 
 
 @lru_cache(maxsize=16)

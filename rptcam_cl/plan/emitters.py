@@ -15,6 +15,7 @@ from rptcam_cl.colour import luminance
 from rptcam_cl.core.curves import curves
 from rptcam_cl.core.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.core.records import EMITTER, Kind
+from rptcam_cl.core.vectors import cross
 from rptcam_cl.plan.environment import Surroundings
 from rptcam_cl.plan.light_tree import BREAK_EVEN, FROM_AFAR, Lamps, LightTree, lamps_of, light_tree, variance_by_power
 from rptcam_cl.plan.lights import light_emitter, sun_emitter
@@ -108,7 +109,7 @@ def _flat(primitive: Primitive, record: np.void) -> float:
     """Fill in a rectangle or a disk; return its area."""
     disk = primitive.kind is Kind.DISK
     x, y, _, origin = primitive.placement[:3].T
-    area = float(np.linalg.norm(np.cross(x, y))) * (np.pi if disk else 1.0)
+    area = float(np.linalg.norm(cross(x, y))) * (np.pi if disk else 1.0)
     normal = np.linalg.inv(primitive.placement)[2, :3]
     record["kind"] = EmitterKind.DISK if disk else EmitterKind.RECTANGLE
     record["a"] = (*origin, area)

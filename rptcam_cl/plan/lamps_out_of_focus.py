@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rptcam_cl.cameras import SeenLamp
 from rptcam_cl.colour import luminance
 from rptcam_cl.core.records import Kind
+from rptcam_cl.core.vectors import cross
 from rptcam_cl.plan.emitters import glow_of
 from rptcam_cl.plan.meshes import corners_of_box
 from rptcam_cl.plan.optical_constants import KnownSpectra
@@ -69,9 +70,9 @@ def _outline(primitive: Primitive, eye: Array, *, two_sided: bool) -> tuple[Arra
 def _across(towards: Array) -> Array:
     """Return two unit vectors (2, 3) across a direction."""
     z = towards / max(float(np.linalg.norm(towards)), 1e-300)
-    x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
+    x = cross(z, np.eye(3)[np.argmin(np.abs(z))])
     x /= np.linalg.norm(x)
-    return np.stack([x, np.cross(z, x)])
+    return np.stack([x, cross(z, x)])
 
 
 def _hull(primitive: Primitive, eye: Array) -> Array:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.records import PRIMITIVE, Kind
+from rptcam_cl.core.vectors import cross
 from rptcam_cl.plan.meshes import Mesh, MeshPlan, PlacedMesh, mesh_parts, pack_meshes
 from rptcam_cl.scene import Board, Material, MeshObject, PlacedObject, Scene, Trajectory
 from rptcam_cl.scene import shape as shapes
@@ -79,7 +80,7 @@ def _canonical(item: shapes.Object) -> Iterator[tuple[Kind, Matrix]]:
             yield _disk(item.center, item.normal, item.radius)
         case shapes.Rectangle():
             u, v = np.array(item.edge_u), np.array(item.edge_v)
-            normal = np.cross(u, v)
+            normal = cross(u, v)
             yield Kind.RECTANGLE, affine(np.stack([u, v, normal / np.linalg.norm(normal)], axis=1), item.corner)
         case shapes.Box():
             low, high = np.array(item.min), np.array(item.max)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import zlib
 from collections.abc import Iterator, Mapping
+from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import Field, PrivateAttr
 
@@ -92,11 +93,29 @@ def file_references(
     if isinstance(value, FileReference):
         yield path, value
     if isinstance(value, SceneModel):
-        for name in type(value).model_fields:
+        for name in _fields_with_files(type(value)):
             yield from file_references(getattr(value, name), (*path, name))
     elif isinstance(value, Mapping):
         for key, item in value.items():
             yield from file_references(item, (*path, key))
-    elif isinstance(value, tuple) and value and not isinstance(value[0], (int, float)):
+    elif isinstance(value, tuple):
         for index, item in enumerate(value):
-            yield from file_references(item, (*path, index))
+            if isinstance(item, (SceneModel, tuple, Mapping)):
+                yield from file_references(item, (*path, index))
+
+
+@lru_cache(maxsize=256)
+def _fields_with_files(model: type[SceneModel]) -> tuple[str, ...]:
+    """Return the fields of a model below which its types allow a part that names a file."""
+    return tuple(name for name, field in model.model_fields.items() if _may_name_files(field.annotation, set()))
+
+
+def _may_name_files(annotation: Any, seen: set[type]) -> bool:
+    """Return whether a type allows a part that names a file, in types that were not seen before."""
+    if isinstance(annotation, type) and issubclass(annotation, SceneModel):
+        if annotation in seen:
+            return False
+        seen.add(annotation)
+        fields = annotation.model_fields.values()
+        return issubclass(annotation, FileReference) or any(_may_name_files(each.annotation, seen) for each in fields)
+    return annotation is Any or any(_may_name_files(part, seen) for part in get_args(annotation))

@@ -9,6 +9,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from rptcam_cl.core.vectors import cross
 from rptcam_cl.scene.base import SceneModel, refuse
 from rptcam_cl.scene.lens_settings import CLEAN, Stop
 from rptcam_cl.scene.motion import CameraMotion, Vector, place_between
@@ -58,7 +59,7 @@ class Pose(SceneModel):
         distance = float(np.linalg.norm(forward))
         if distance < SMALLEST_LENGTH:
             raise refuse("equals the eye, so there is no viewing direction", got=list(self.target), path=("target",))
-        roll = np.cross(forward / distance, np.divide(self.up, np.linalg.norm(self.up)))
+        roll = cross(forward / distance, np.divide(self.up, np.linalg.norm(self.up)))
         if np.linalg.norm(roll) < SMALLEST_ROLL_SINE:
             raise refuse(
                 "is parallel to the viewing direction", got=list(self.up), allowed="any other direction", path=("up",)
@@ -105,10 +106,10 @@ def pose_matrix(pose: Vector) -> Vector:
     """Return the 4x4 matrix whose columns are right, up, back and eye, of eye, target and up (3, 3)."""
     eye, target, up = pose
     back = (eye - target) / np.linalg.norm(eye - target)
-    right = np.cross(up, back)
+    right = cross(up, back)
     right /= np.linalg.norm(right)
     matrix = np.eye(4)
-    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, np.cross(back, right), back, eye
+    matrix[:3, 0], matrix[:3, 1], matrix[:3, 2], matrix[:3, 3] = right, cross(back, right), back, eye
     return matrix
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, model_validator
 
+from rptcam_cl.core.vectors import cross
 from rptcam_cl.scene.base import refuse
 from rptcam_cl.scene.board import Board
 from rptcam_cl.scene.mesh import MeshObject
@@ -82,7 +83,7 @@ class Rectangle(SceneObject):
     @model_validator(mode="after")
     def _check_area(self) -> Self:
         u, v = np.array(self.edge_u), np.array(self.edge_v)
-        if np.linalg.norm(np.cross(u / np.linalg.norm(u), v / np.linalg.norm(v))) < 1e-6:
+        if np.linalg.norm(cross(u / np.linalg.norm(u), v / np.linalg.norm(v))) < 1e-6:
             raise refuse("is parallel to edge_u, so the rectangle has no area", got=list(self.edge_v), path=("edge_v",))
         return self
 

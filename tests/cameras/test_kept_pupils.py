@@ -2,12 +2,14 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
-from rptcam_cl.cameras import pupil
+from rptcam_cl.cameras import camera_model, pupil
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.optics import load_lens
+from rptcam_cl.scene import load_scene
 
 NAME, BACK_MM, HALF_MM, NM = "dgauss-50mm", 38.0, (18.0, 12.0), 550.0
 
@@ -69,3 +71,19 @@ def test_changed_code_makes_tables_anew(monkeypatch):
     monkeypatch.setattr(pupil, "identity_of_code", lambda rooms: "other code")
     with pytest.raises(ComputedError):
         pupil_sampling(load_lens(NAME), BACK_MM, HALF_MM, NM, "rear")
+
+
+def test_a_lens_in_colour_is_traced_once_for_all_pictures_in_the_same_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = load_scene({
+        "film": {"resolution": [64, 48], "width_mm": 24},
+        "camera": {"kind": "realistic", "lens": "achromat-100mm", "eye": [0, 0, 3], "target": [0, 0, 0],
+                   "focus": {"distance_m": 2.9173}},
+    })  # fmt: skip
+    first = camera_model(scene, lens_colour="on")
+    assert first.axial_colour is not None
+    for name in ("on_axis_irradiance", "colour_error_px"):
+        monkeypatch.setattr(f"rptcam_cl.cameras.realistic.{name}", None)  # whatever asks again fails
+    monkeypatch.setattr("rptcam_cl.cameras.rays.lens_records", None)
+    second = camera_model(scene, lens_colour="on")
+    assert second.axial_colour is not None and np.array_equal(first.axial_colour, second.axial_colour)
+    assert np.array_equal(first.surfaces, second.surfaces)

@@ -162,6 +162,13 @@ def test_another_lens_program_that_is_missing_is_named() -> None:
 
 
 @pytest.mark.slow
+def test_setup_of_frames_is_measured_beside_their_rays(checkout: Path, tmp_path: Path) -> None:
+    printed, results = quick(checkout, tmp_path, "dataset_setup")
+    assert "| dataset |" in printed
+    assert all(min(times.values()) > 0 for times in results["dataset"].values())
+
+
+@pytest.mark.slow
 def test_pupil_tables_are_timed_for_every_lens(checkout: Path, tmp_path: Path) -> None:
     printed, results = quick(checkout, tmp_path, "pupil_tables")
     assert len(results) == 3 and "achromat-100mm" in printed
