@@ -68,8 +68,17 @@ def _numbers(values: Sequence[float]) -> str:
 def _about(view: View, calibration: Calibration) -> str:
     return (
         f"{view.name}: {calibration.model}, errs by {calibration.max_px:.3g} px at most,"
-        f" rms {calibration.rms_px:.3g} px; pose at the entrance pupil, {view.pupil_ahead_mm:.4f} mm ahead of the eye"
+        f" rms {calibration.rms_px:.3g} px, {object_text(view)}; pose at the entrance pupil,"
+        f" {view.pupil_ahead_mm:.4f} mm ahead of the eye"
     )
+
+
+def object_text(view: View) -> str:
+    """Return what a view's models are fitted to; at other distances they err by the drift of the pupil."""
+    shape = view.object_shape
+    if shape is None:
+        return "for objects far away"
+    return f"for a {shape} {view.distance_m:.6g} m from the entrance pupil"
 
 
 def opencv_text(view: View, calibration: Calibration) -> str:
@@ -241,8 +250,13 @@ def _transform(view: View) -> dict[str, Any]:
 
 def document(view: View, calibrations: Sequence[Calibration], refused: dict[str, str]) -> dict[str, Any]:
     """Return everything for JSON: the camera, and each model with its residual, or why it does not fit."""
+    facts, drift = view.facts(), view.drift_by_angle()
+    if drift is not None:
+        degrees, ahead_mm = (values.tolist() for values in drift)
+        facts["entrance_pupil"] |= {"drift_by_angle": {"degrees": degrees, "ahead_mm": ahead_mm}}
     return {
-        **view.facts(),
+        **facts,
+        "object_shape": view.object_shape,
         "pixel_centre": PIXEL_CENTRE,
         "conventions": {
             "pixels": "from the left and top edges of the picture: the first pixel covers 0 to 1, its centre is 0.5",

@@ -36,6 +36,9 @@ UPRIGHT = np.diag([1.0, -1.0, -1.0])  # from the axes of computer vision to thos
 TURNED = np.diag([-1.0, 1.0, -1.0])  # the same of an inverted picture, which a camera on its head takes
 FAR_M = 1e5  # from where on the object is as good as infinitely far
 PROBES = 9  # places across and down that say how wide the field is
+DRIFT_PLACES = (41, 31)  # across and down, whose chief rays say where the pupil lies at which angle
+DRIFT_ANGLES = 33  # of that table
+ON_AXIS = 1e-3  # angle below which a chief ray does not tell where it crosses the axis [radians]
 STEEP = math.cos(math.radians(75.0))  # of a direction from the axis, beyond which the object is a sphere and no plane
 
 
@@ -50,10 +53,14 @@ class View:
     distance_m : float
         Of the object from the entrance pupil, along the axis; infinite for one far away. It matters where the pupil
         drifts over the field.
+    shape : str or None
+        Of the object: a ``plane`` across the axis, or a ``sphere`` about the pupil, as boards make that each face the
+        camera. By default a plane, unless the field is too wide for one.
     """
 
     scene: Scene
     distance_m: float = math.inf
+    shape: str | None = None
 
     @property
     def name(self) -> str:
@@ -121,8 +128,8 @@ class View:
         probes = self.grid(PROBES, PROBES)
         origins, away, lit = self._chief_rays(np.concatenate([probes, places]))
         first, rest = slice(len(probes)), slice(len(probes), None)
-        steep = bool(np.any(-away[first][lit[first], 2] < STEEP))
-        seen = self._object_points(origins[rest], away[rest], steep=steep)
+        sphere = self._shape_of(away[first], lit[first]) == "sphere"
+        seen = self._object_points(origins[rest], away[rest], sphere=sphere)
         return seen / np.linalg.norm(seen, axis=1, keepdims=True) @ self.axes, lit[rest]
 
     def _chief_rays(self, places: Array) -> tuple[Array, Array, Mask]:
@@ -140,19 +147,49 @@ class View:
         origins = rays.origins - [0.0, 0.0, lens.film_z(back) - self.pupil_ahead_mm]
         return origins, np.where(rays.found[:, None], rays.directions, np.nan), lit
 
-    def _object_points(self, origins: Array, directions: Array, *, steep: bool) -> Array:
-        """Return where rays meet the object, from the entrance pupil in the camera's axes.
+    def _shape_of(self, away: Array, lit: Mask) -> str:
+        """Return what the object is: a sphere where no plane across the axis lies before all of the field."""
+        return self.shape or ("sphere" if np.any(-away[lit, 2] < STEEP) else "plane")
 
-        Of a ``steep`` field, so wide that no plane across the axis lies before all of it, the object is a sphere.
-        """
+    def _object_points(self, origins: Array, directions: Array, *, sphere: bool) -> Array:
+        """Return where rays meet the object, from the entrance pupil in the camera's axes."""
         if not self.distance_m < FAR_M:
             return directions
         far = self.distance_m * 1e3
-        if not steep:
+        if not sphere:
             return np.asarray(origins + directions * ((far + origins[:, 2]) / -directions[:, 2])[:, None])
         along = np.sum(origins * directions, axis=1)
         inside = along**2 - np.sum(origins**2, axis=1) + far**2
         return np.asarray(origins + directions * (np.sqrt(np.maximum(inside, 0.0)) - along)[:, None])
+
+    @property
+    def object_shape(self) -> str | None:
+        """What the object is, a ``plane`` or a ``sphere``; None of one far away."""
+        if not self.distance_m < FAR_M:
+            return None
+        if self.shape or not isinstance(self.scene.camera, RealisticCamera):
+            return self.shape or "plane"
+        _, away, lit = self._chief_rays(self.grid(PROBES, PROBES))
+        return self._shape_of(away, lit)
+
+    def drift_by_angle(self) -> tuple[Array, Array] | None:
+        """Return angles from the axis [degrees], and how far ahead of the entrance pupil chief rays cross it [mm].
+
+        A point of the scene is seen from there, whatever its distance. None of a lens that is not round, or of none.
+        """
+        if not isinstance(self.scene.camera, RealisticCamera) or not (self.setting and self.setting.lens.is_rotational):
+            return None
+        origins, away, lit = self._chief_rays(self.grid(*DRIFT_PLACES))
+        across = np.hypot(away[:, 0], away[:, 1])
+        origins, away, across = (values[lit & (across > ON_AXIS)] for values in (origins, away, across))
+        if not len(away):
+            return None
+        angles = np.arctan2(across, -away[:, 2])
+        along = np.sum(origins[:, :2] * away[:, :2], axis=1) / across**2
+        ahead = along * away[:, 2] - origins[:, 2]
+        order = np.argsort(angles)
+        nodes = np.linspace(0.0, angles.max(), DRIFT_ANGLES)
+        return np.degrees(nodes), np.interp(nodes, [0.0, *angles[order]], [0.0, *ahead[order]])
 
     def _ideal(self, places: Array) -> Array:
         """Return the directions of a camera that has intrinsics and nothing beside."""
@@ -187,13 +224,15 @@ class View:
         return found | {"entrance_pupil": pupil_in_world(self.scene, self.pupil.described())}
 
 
-def view(scene: Scene, distance_m: float | None = None) -> View:
+def view(scene: Scene, distance_m: float | None = None, shape: str | None = None) -> View:
     """Return the view of a scene's camera when the shutter opens.
 
     Parameters
     ----------
     distance_m
         Of the object from the entrance pupil; that of the focus when absent.
+    shape
+        Of the object, ``plane`` or ``sphere``; by the field when absent.
 
     Raises
     ------
@@ -208,7 +247,7 @@ def view(scene: Scene, distance_m: float | None = None) -> View:
         )
     if scene.requested_autofocus is not None:
         raise InputError("camera.focus.auto: the focus is yet to be found (write a scene with it by rptcam settle)")
-    found = View(scene)
+    found = View(scene, shape=shape)
     if not math.isfinite(found.pupil_ahead_mm):
         raise InputError(f"{found.name}: its entrance pupil is infinitely far away, so no centre of projection exists")
     if distance_m is None:

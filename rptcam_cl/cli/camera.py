@@ -1,6 +1,7 @@
 """``rptcam camera``: the camera of a scene, or of a lens alone, for programs that measure in its pictures."""
 
 import argparse
+import math
 import sys
 from collections.abc import Callable
 from contextlib import ExitStack
@@ -33,6 +34,11 @@ def film(text: str) -> tuple[float, float]:
     return width, height
 
 
+def distance(text: str) -> float:
+    """Distance of an object, which may be far away: ``inf`` [m]."""
+    return math.inf if text.lower() == "inf" else values.positive(text)
+
+
 def add_to(commands: Commands) -> None:
     """Add the command."""
     text = "the camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the lens"
@@ -42,8 +48,13 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution (default: the scene's, 768x512)")
     parser.add_argument("--film", type=film, metavar="WxH", help="film in millimetres (default: the scene's, 36x24)")
     parser.add_argument(
-        "--distance-m", type=values.positive, metavar="D",
-        help="from the entrance pupil to the object, in metres (default: where the lens is focused)",
+        "--distance-m", type=distance, metavar="D",
+        help="from the entrance pupil to the object, in metres or inf (default: where the lens is focused)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--object", choices=("plane", "sphere"),
+        help="the object: a plane across the axis, or a sphere, as boards make that face the camera"
+        " (default: plane, beyond 75 degrees sphere)",
     )  # fmt: skip
     parser.add_argument(
         "--model", choices=MODELS, default="auto", help="camera model (default: auto, the simplest that fits)"
@@ -74,7 +85,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
     _check_outputs(arguments)
     scene = subject(arguments.source, arguments.overrides, size=arguments.size, film_mm=arguments.film)
-    seen = view(scene, arguments.distance_m)
+    seen = view(scene, arguments.distance_m, arguments.object)
     if seen.setting is not None:
         print_warnings(seen.setting.lens.warnings)
     chosen = _chosen(arguments, seen)
@@ -124,14 +135,14 @@ def _chosen(arguments: argparse.Namespace, seen: "View") -> "Calibration":
 
 
 def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
-    from rptcam_cl.calibration import COEFFICIENTS, calibrate, document
+    from rptcam_cl.calibration import COEFFICIENTS, calibrate, document, object_text
 
     if not arguments.json:
         rows = [[name, value] for name, value in chosen.named.items()]
         rows += [["largest error [px]", chosen.max_px], ["rms error [px]", chosen.rms_px]]
         rows += [["lit share of the picture", chosen.lit_share], ["pupil ahead of eye [mm]", seen.pupil_ahead_mm]]
         width, height = seen.size
-        title = f"{seen.name}, {width} x {height} px; the first pixel's centre is 0.5"
+        title = f"{seen.name}, {width} x {height} px, {object_text(seen)}; the first pixel's centre is 0.5"
         print_table((chosen.model, "value"), rows, title)
         return
     found, refused = [], {}

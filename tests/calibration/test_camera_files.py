@@ -125,8 +125,24 @@ def test_command_writes_files_and_prints_all_models(tmp_path, capsys):
     assert said["pixel_centre"] == 0.5
     assert said["models"]["rational"]["max_px"] < said["models"]["pinhole"]["max_px"]
     assert said["entrance_pupil"]["ahead_of_eye_mm"] == pytest.approx(48.199, abs=1e-3)
+    assert said["object_distance_m"] is said["object_shape"] is None
+    drift = said["entrance_pupil"]["drift_by_angle"]
+    assert drift["degrees"][0] == drift["ahead_mm"][0] == 0.0
+    assert drift["ahead_mm"][-1] < -1.0 and 20.0 < drift["degrees"][-1] < 24.0
     assert sorted(path.name for path in tmp_path.iterdir()) == ["cv.yaml", "model", "residual.svg", "ros.yaml"]
     assert len(list((tmp_path / "model").iterdir())) == 3
+
+
+def test_files_say_for_which_object_they_are_right(tmp_path):
+    def said(*words):
+        size = ["--size", "96x64", "--set", "camera.focus.film_distance_mm=null", "--set", "camera.focus.distance_m=2"]
+        path = tmp_path / "cv.yaml"
+        assert main(["camera", "dgauss-50mm", *size, *words, "--opencv", str(path)]) == 0
+        return path.read_text()
+
+    assert "for a plane 1.9" in said()
+    assert "for a sphere 3 m from the entrance pupil" in said("--distance-m", "3", "--object", "sphere")
+    assert "for objects far away" in said("--distance-m", "inf")
 
 
 @pytest.mark.parametrize(
