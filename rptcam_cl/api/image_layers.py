@@ -38,7 +38,7 @@ def truth_of(
 def named_layers(
     names: Sequence[LayerName],
     recorded: Mapping[str, NDArray[Any]],
-    truth: GroundTruth | None,
+    sharp: tuple[Mapping[str, NDArray[Any]], Mapping[str, Any]] | None,
     metadata: dict[str, Any],
 ) -> dict[str, NDArray[Any]]:
     """Return the layers of an image in their order; what the sharp ones have to say goes to the metadata.
@@ -49,8 +49,8 @@ def named_layers(
         Those that it is to have.
     recorded
         Layers of the samples.
-    truth
-        The sharp ones.
+    sharp
+        The sharp ones, and what they have to say.
     metadata
         Of the image, with the names of what identifiers stand for.
     """
@@ -58,8 +58,7 @@ def named_layers(
     for name, key in CRYPTOMATTE_NAMES.items():
         if name in found:
             found[name] = ranked(found[name], metadata[key])
-    if truth is not None:
-        sharp, said = truth.found
-        found |= sharp
-        metadata |= said
+    if sharp is not None:
+        found |= sharp[0]
+        metadata |= sharp[1]
     return {name: found[name] for name in names}

@@ -10,17 +10,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.api.image_layers import named_layers
 from rptcam_cl.api.stages import with_ghosts
 from rptcam_cl.core.atomic import check_writable
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging import Image, develop
 from rptcam_cl.rendering import (
     Checkpoint,
+    FilmLayout,
     FilmSpread,
     layout_of,
     merged_state,
     picture_of,
     saved_ghosts,
+    saved_truth,
     spread_of,
     write_checkpoint,
 )
@@ -54,10 +57,12 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
     state = merged_state(parts)
     layout = layout_of(state.facts)
     found = picture_of(state, layout)
-    spread, ghosts = _beside(state)
+    spread, ghosts, said = _beside(state, layout)
     if checkpoint is not None:
         write_checkpoint(checkpoint, state.facts, state.arrays)
-    image = Image(found.pixels, found.metadata, found.stats, layers=found.layers)
+    metadata = dict(found.metadata)
+    layers = named_layers(state.facts["layers"], found.layers, ({}, said), metadata)
+    image = Image(found.pixels, metadata, found.stats, layers=layers)
     if ghosts is not None:
         image = with_ghosts(image, *ghosts)
     if spread is not None:
@@ -65,9 +70,12 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
     return develop(image)
 
 
-def _beside(state: Checkpoint) -> tuple[FilmSpread | None, tuple[NDArray[np.float32], dict[str, Any]] | None]:
-    """Return what diffraction does to the film of a saved render, and the light of its ghosts."""
+def _beside(
+    state: Checkpoint, layout: FilmLayout
+) -> tuple[FilmSpread | None, tuple[NDArray[np.float32], dict[str, Any]] | None, dict[str, Any]]:
+    """Return what diffraction does to the film of a saved render, its ghosts, and what its sharp layers say."""
     try:
-        return spread_of(state.arrays, tuple(state.facts["resolution"])), saved_ghosts(state.arrays)
+        spread = spread_of(state.arrays, tuple(state.facts["resolution"]))
+        return spread, saved_ghosts(state.arrays), saved_truth(state.arrays, layout)[1]
     except (ValueError, KeyError) as problem:
         raise StateError(f"this saved render is damaged: {problem} (render it again)") from None

@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass
 from functools import partial
 from typing import Any
 
+from rptcam_cl.api.image_layers import truth_of
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import arrays_beside, check_divisible, devices_of, of_picture, resolve
 from rptcam_cl.device import open_session
@@ -100,7 +101,8 @@ class PartRenderer:
         self._saver = Saver(f"part{SUFFIX}", scene, [self.device])
         self._saver.focus, self._saver.metered_cd_m2 = self.found.focus, self.found.metered_cd_m2
         self._saver.of_picture = of_picture(scene, resolved, plan, settings)
-        self._saver.beside = partial(arrays_beside, resolved.diffraction, ghosting)
+        truth = truth_of(resolved.scene, plan, self._wavefront, layers, settings)
+        self._saver.beside = partial(arrays_beside, resolved.diffraction, ghosting, truth)
 
     def seconds(self) -> float:
         """Return how long the whole film takes here [s], by a short measurement."""

@@ -60,7 +60,7 @@ from rptcam_cl.rendering import (
     statistics,
     window,
 )
-from rptcam_cl.scene import WHOLE_LAYERS, RealisticCamera, Scene, at_rest, change_scene, exposure_steps, load_scene
+from rptcam_cl.scene import RealisticCamera, Scene, at_rest, change_scene, exposure_steps, load_scene
 
 
 @dataclass(frozen=True)
@@ -212,20 +212,20 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
         first = settings.film_part.first if saved is None else saved.done
         saver.parts_since = lambda done: devices_of(wavefront, first, done)
     ghosting = ghosting_of(found.ghosts, plan, wavefront.session)
+    truth = truth_of(found.scene, plan, wavefront, layers, settings)
     if saver is not None:
-        of_part = None if settings.film_part == WHOLE else ghosting
-        saver.beside = partial(arrays_beside, found.diffraction, of_part)
+        of_part = (None, None) if settings.film_part == WHOLE else (ghosting, truth)
+        saver.beside = partial(arrays_beside, found.diffraction, *of_part)
     seconds = {"start": started - begun, "compile": time.perf_counter() - started}
     return Prepared(
         settings, scene, layers, found.scene, found.metadata, plan, wavefront, saver, saved, begun, seconds,
-        found.diffraction, ghosting, truth_of(found.scene, plan, wavefront, layers, settings),
+        found.diffraction, ghosting, truth,
     )  # fmt: skip
 
 
-def arrays_beside(diffraction: Diffraction | None, ghosting: Ghosting | None) -> dict[str, Any]:
+def arrays_beside(*makers: Diffraction | Ghosting | GroundTruth | None) -> dict[str, Any]:
     """Return what `merge` needs beside the samples of a part."""
-    found = {} if diffraction is None else diffraction.arrays()
-    return found | ({} if ghosting is None else ghosting.arrays())
+    return {name: array for each in makers if each is not None for name, array in each.arrays().items()}
 
 
 def run(prepared: Prepared) -> Rendering:
@@ -292,7 +292,8 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
         metadata["device"] = saver.devices
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
-    layers = named_layers(prepared.scene.render.layers, rendering.layers, prepared.truth, metadata)
+    sharp = None if prepared.truth is None else prepared.truth.found
+    layers = named_layers(prepared.scene.render.layers, rendering.layers, sharp, metadata)
     image = with_picture_settings(Image(rendering.pixels, metadata, stats, layers=layers), prepared.scene.picture)
     if settings.denoise:
         image = replace(image.denoised(), layers={name: image[name] for name in prepared.layers})
@@ -326,10 +327,8 @@ def check_divisible(scene: Scene) -> None:
     """Refuse a scene that cannot be rendered in parts."""
     if scene.render.noise is not None:
         raise InputError("part: a noise target needs the whole film (allowed: without render.noise)")
-    for name in scene.render.layers:
-        if name == "variance" or name in WHOLE_LAYERS:
-            allowed = "a render of its own for it" if name in WHOLE_LAYERS else "the other layers"
-            raise InputError(f"part: the layer {name} needs the whole film (allowed: {allowed})")
+    if "variance" in scene.render.layers:
+        raise InputError("part: the layer variance needs the whole film (allowed: the other layers)")
 
 
 def of_picture(scene: Scene, found: Resolved, plan: Plan, settings: RenderSettings) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from rptcam_cl.rendering.film_run import FilmRun, SavedState
 from rptcam_cl.rendering.float32_margin import LensMargin, film_rays, lens_margin
 from rptcam_cl.rendering.forecast import Forecast, forecast
 from rptcam_cl.rendering.ghosts import Ghosting, ghosting_of, has_ghosts, saved_ghosts
-from rptcam_cl.rendering.ground_truth import GroundTruth, ground_truth_of
+from rptcam_cl.rendering.ground_truth import GroundTruth, ground_truth_of, saved_truth
 from rptcam_cl.rendering.lamp_sights import aimed_plan
 from rptcam_cl.rendering.memory import amount
 from rptcam_cl.rendering.merge import layout_of, merged_state, read_part
@@ -97,6 +97,7 @@ __all__ = [
     "rendering_of",
     "resolve_exposure",
     "saved_ghosts",
+    "saved_truth",
     "scene_trees",
     "self_knowledge",
     "signature",

@@ -36,7 +36,7 @@ VERSION = 1
 SUFFIX = ".rpck"
 _START = struct.Struct("<8sII")
 _MOST_HEADER = 1 << 24
-_TYPES = {"<f4", "<f8", "<u4", "<u8"}
+_TYPES = {"<f4", "<f8", "<i4", "<u4", "<u8"}
 _DIGEST = hashlib.sha256().digest_size
 
 
@@ -243,8 +243,7 @@ class Saver:
         work = joined(self.parts, self.parts_since(state.done))
         facts = {**self._facts, **resolved, "done": state.done, "devices": self._devices, "work": work}
         facts |= {"picture": self.of_picture, "part": part.facts()}
-        arrays = part.packed(state.arrays, self._layout.tiles)
-        return facts, {**arrays, **self.beside()}
+        return facts, part.packed({**state.arrays, **self.beside()}, self._layout.tiles)
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:
         self._saved = time.monotonic()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +105,12 @@ class FilmLayout:
             split = mean.reshape(3, -1, across, halves, halves, QUARTER, QUARTER)
             whole[first : first + BAND] = split.transpose(1, 3, 5, 2, 4, 6, 0)
         return np.ascontiguousarray(whole.reshape(rows * TILE, across * TILE, 3)[: self.height, : self.width])
+
+    def in_tiles(self, rows: NDArray[Any]) -> NDArray[Any]:
+        """Return planes (count, pixels) in tiles, from values (height, width) or (height, width, count) in rows."""
+        planes = np.zeros((rows.shape[2] if rows.ndim > 2 else 1, self.pixels), rows.dtype)
+        planes[:, self.in_rows(np.arange(self.pixels)[None]).ravel()] = rows.reshape(self.samples_per_spp, -1).T
+        return planes
 
     def in_rows(self, planes: NDArray[Scalar]) -> NDArray[Scalar]:
         """Return planes (count, height, width) in rows of the picture, from planes (count, pixels) in tiles."""

@@ -13,7 +13,8 @@ from rptcam_cl.rendering.film import TILE_PIXELS
 from rptcam_cl.rendering.shares import GOLDEN
 
 Arrays = dict[str, NDArray[Any]]
-IN_PIXELS = ("film", "layers")  # arrays of a saved render whose last axis is the pixels of the film's buffer
+SHARP = "sharp:"  # begins the names of those of sharp layers
+IN_PIXELS = ("film", "layers", SHARP)  # begin the names of those whose last axis is the pixels of the film's buffer
 
 
 @dataclass(frozen=True)
@@ -67,7 +68,7 @@ class FilmPart:
         if self.count == 1:
             return arrays
         pixels = pixels_of(self.tiles(tiles))
-        return arrays | {name: arrays[name][:, pixels] for name in IN_PIXELS if name in arrays}
+        return arrays | {name: array[:, pixels] for name, array in arrays.items() if name.startswith(IN_PIXELS)}
 
     def unpacked(self, arrays: Arrays, tiles: int, pixels: int) -> Arrays:
         """Return the arrays that `packed` was given, of a buffer of so many pixels, other tiles empty.
@@ -76,9 +77,8 @@ class FilmPart:
         """
         own = pixels_of(self.tiles(tiles))
         found = dict(arrays)
-        for name in IN_PIXELS:
-            packed = arrays.get(name)
-            if self.count > 1 and packed is not None and packed.ndim == 2 and packed.shape[1] == len(own):
+        for name, packed in arrays.items():
+            if self.count > 1 and name.startswith(IN_PIXELS) and packed.ndim == 2 and packed.shape[1] == len(own):
                 found[name] = np.zeros((len(packed), pixels), packed.dtype)
                 found[name][:, own] = packed
         return found

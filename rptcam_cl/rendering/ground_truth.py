@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import json
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -14,12 +15,14 @@ from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.film import FilmLayout
+from rptcam_cl.rendering.film_part import SHARP
 from rptcam_cl.rendering.flow import Moments, SeenPoints
 from rptcam_cl.rendering.sharp_hits import SharpHits, SharpPass
 from rptcam_cl.scene import SHARP_LAYERS, LayerName, Scene
 
 Array = NDArray[np.float64]
 Neighbours = tuple[Scene | None, Scene | None]
+SAID = "truth_said"  # name of the array with what metadata should say
 
 
 @dataclass(frozen=True)
@@ -61,6 +64,13 @@ class GroundTruth:
         if "sharp_class_id" in self.names:
             said |= classes_of(self.scene)
         return layers, said
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Return what a saved part needs so that `merge` has the layers without the scene."""
+        layers, said = self.found
+        layout = FilmLayout.of(self.scene.film)
+        text = np.frombuffer(json.dumps(said).encode("utf-32-le"), np.uint32)
+        return {f"{SHARP}{name}": layout.in_tiles(each) for name, each in layers.items()} | {SAID: text}
 
     @cached_property
     def _layers(self) -> dict[LayerName, Callable[[], NDArray[Any]]]:
@@ -182,6 +192,27 @@ class GroundTruth:
     def _motion(self) -> NDArray[np.float32]:
         opening, closing = self._over_shutter
         return (closing - opening).astype(np.float32)
+
+
+def saved_truth(
+    arrays: Mapping[str, NDArray[Any]], layout: FilmLayout
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return the sharp layers that `GroundTruth.arrays` is of, and what metadata should say.
+
+    Raises
+    ------
+    ValueError
+        They do not fit together.
+    """
+    found = {}
+    for name, planes in arrays.items():
+        if name.startswith(SHARP):
+            rows = np.moveaxis(layout.in_rows(planes), 0, -1)
+            found[name.removeprefix(SHARP)] = np.ascontiguousarray(rows if len(planes) > 1 else rows[..., 0])
+    said = json.loads(arrays[SAID].tobytes().decode("utf-32-le")) if SAID in arrays else {}
+    if not isinstance(said, dict):
+        raise ValueError(SAID)
+    return found, said
 
 
 def classes_of(scene: Scene) -> dict[str, Any]:

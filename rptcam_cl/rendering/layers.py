@@ -53,6 +53,11 @@ class LayerPlanes:
                 self.firsts += OWNER_SLOTS * SLOT_PLANES
 
     @property
+    def owners(self) -> tuple[LayerName, ...]:
+        """The layers among them that keep owners apart."""
+        return tuple(name for name in self.names if name in OWNERS)
+
+    @property
     def count(self) -> int:
         """Planes in all."""
         return 2 * self.sums + self.firsts

@@ -18,13 +18,17 @@ from numpy.typing import NDArray
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpoint
 from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout
-from rptcam_cl.rendering.film_part import FilmPart, part_of_facts, pixels_of
-from rptcam_cl.rendering.layers import LayerPlanes
-from rptcam_cl.scene import WHOLE_LAYERS, Film
+from rptcam_cl.rendering.film_part import SHARP, FilmPart, part_of_facts, pixels_of
+from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerPlanes
+from rptcam_cl.scene import SHARP_LAYERS, Film
 
 Arrays = dict[str, NDArray[Any]]
 Planes = NDArray[np.float32]
-BESIDE = ("diffraction_", "ghosts_")  # begin the names of what comes to the film of the samples, the same in all parts
+BESIDE = (
+    "diffraction_",
+    "ghosts_",
+    "truth_",
+)  # begin the names of what comes to the film of the samples, the same in all parts
 PASSED = 0  # plane of the layers with the weight of the rays that pass
 
 # What all parts of one render have in common, and how it is said where they have not.
@@ -82,15 +86,14 @@ def read_part(path: str | os.PathLike[str]) -> SavedPart:
     layers = facts.get("layers") or ()
     if facts.get("noise") is not None or "variance" in layers:
         raise StateError(f"{path}: a render with a noise target or the layer variance cannot be merged")
-    if whole := [name for name in layers if name in WHOLE_LAYERS]:
-        raise StateError(f"{path}: a render with the layer {whole[0]} cannot be merged")
     picture = facts.get("picture") or {}
     if not isinstance(picture.get("metadata"), dict):
         raise StateError(f"{path}: was saved by a version that could not merge (render it again)")
-    for prefix in BESIDE:
-        what = prefix.rstrip("_")
-        wanted = (picture["metadata"].get(what) or {}).get("on", False)
-        if wanted and not any(name.startswith(prefix) for name in saved.arrays):
+    made = {prefix.rstrip("_"): prefix for prefix in BESIDE}
+    wanted = {what: prefix for what, prefix in made.items() if (picture["metadata"].get(what) or {}).get("on", False)}
+    wanted |= {f"the layer {name}": f"{SHARP}{name}" for name in layers if name in SHARP_LAYERS}
+    for what, prefix in wanted.items():
+        if not any(name.startswith(prefix) for name in saved.arrays):
             raise StateError(
                 f"{path}: was saved whole, or by a version that could not merge {what} (render parts again)"
             )
@@ -210,7 +213,10 @@ def merged_arrays(parts: Sequence[SavedPart], layout: FilmLayout) -> Arrays:
         pixels = pixels_of(part.part.tiles(layout.tiles))
         found["film"][PLANES:, pixels] += arrays["film"][PLANES:, pixels]  # what a limit of the samples removed
         _add(found["film"], arrays["film"], pixels, PLANES // 2)
+        _put_sharp(part, arrays, found, pixels)
         if layers.names:
+            for name in layers.owners:
+                _add_owners(found["layers"], arrays["layers"], pixels, 2 * layers.sums + layers.places[name])
             _take_first(found["layers"], arrays["layers"], pixels, 2 * layers.sums)
             _add(found["layers"], arrays["layers"], pixels, layers.sums)
         counts += arrays["counts"]
@@ -223,6 +229,36 @@ def _check_fit(part: SavedPart, arrays: Arrays, found: Arrays, counts: NDArray[n
     for name, shape in shapes.items():
         if name not in arrays or arrays[name].shape != shape:
             raise StateError(f"{part.path}: this saved render is damaged: its array {name} does not fit")
+
+
+def _put_sharp(part: SavedPart, arrays: Arrays, found: Arrays, pixels: NDArray[np.int64]) -> None:
+    """Put the sharp layers of some pixels beside those of others; all parts know the same of each."""
+    for name in (f"{SHARP}{layer}" for layer in part.saved.facts["layers"] if layer in SHARP_LAYERS):
+        own = arrays[name]
+        whole = found.setdefault(name, np.zeros_like(own))
+        if own.shape != (len(whole), found["film"].shape[1]) or own.dtype != whole.dtype:
+            raise StateError(f"{part.path}: this saved render is damaged: its array {name} does not fit")
+        whole[:, pixels] = own[:, pixels]
+
+
+def _add_owners(whole: Planes, part: Planes, pixels: NDArray[np.int64], start: int) -> None:
+    """Add the weights that objects or materials have in some pixels, from plane ``start`` on, as a kernel adds rays.
+
+    Each has a slot from where it comes first; what finds none is left out.
+    """
+    end = start + OWNER_SLOTS * SLOT_PLANES
+    slots, new = (planes[start:end, pixels].reshape(OWNER_SLOTS, SLOT_PLANES, -1) for planes in (whole, part))
+    for owner, weight, less in new:
+        waiting = weight != 0
+        for slot in slots:
+            free = waiting & (slot[1] == 0)
+            slot[:, free] = owner[free], weight[free], less[free]
+            mine = waiting & ~free & (slot[0].view(np.int32) == owner.view(np.int32))
+            exact = slot[1, mine].astype(np.float64) - slot[2, mine] + weight[mine] - less[mine]
+            slot[1, mine] = exact
+            slot[2, mine] = slot[1, mine] - exact
+            waiting &= ~(free | mine)
+    whole[start:end, pixels] = slots.reshape(end - start, -1)
 
 
 def _take_first(whole: Planes, part: Planes, pixels: NDArray[np.int64], start: int) -> None:

@@ -46,8 +46,6 @@ LAYER_NAMES: tuple[LayerName, ...] = get_args(LayerName)
 FILM_LAYERS: tuple[LayerName, ...] = ("samples", "variance", "direct", "ghosts")
 # Of the chief rays alone, without the samples of the picture.
 SHARP_LAYERS: tuple[LayerName, ...] = LAYER_NAMES[LAYER_NAMES.index("sharp_depth") :]
-# That a render in parts cannot have.
-WHOLE_LAYERS: tuple[LayerName, ...] = ("crypto_object", "crypto_material", *SHARP_LAYERS)
 
 
 def _as_list(names: object) -> object:

@@ -108,6 +108,22 @@ def test_part_after_a_measurement_of_speed_has_all_tiles(scene_file: Path, tmp_p
     np.testing.assert_array_equal(whole.pixels, rptcam_cl.render(scene, size=(640, 480), spp=1).pixels)
 
 
+def test_parts_of_a_worker_have_the_sharp_layers_of_their_tiles(scene_file: Path, tmp_path: Path) -> None:
+    layers = ("sharp_depth", "sharp_object_id", "crypto_object")
+    scene, settings = load_scene(scene_file), RenderSettings(size=(24, 16), spp=2, layers=layers)
+    renderer = PartRenderer(scene, settings, None)
+    paths = [tmp_path / f"{number}.rpck" for number in (1, 2)]
+    sizes = []
+    for number, path in enumerate(paths, 1):
+        path.write_bytes(renderer.render(FilmPart(number, 2))[0])
+        sizes.append(path.stat().st_size)
+    merged, whole = merge(paths), rptcam_cl.render(scene, size=(24, 16), spp=2, layers=layers)
+    for name in layers:
+        np.testing.assert_array_equal(merged[name], whole[name])
+    (tmp_path / "all.rpck").write_bytes(renderer.render(FilmPart())[0])
+    assert max(sizes) < 0.7 * (tmp_path / "all.rpck").stat().st_size  # each has its own tiles alone
+
+
 def test_workers_of_this_machine_spend_no_time_on_watching_themselves(monkeypatch: pytest.MonkeyPatch) -> None:
     seen: list[Any] = []
     profiled = "distributed.worker.profile.enabled"

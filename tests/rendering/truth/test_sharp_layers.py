@@ -1,5 +1,6 @@
 """Sharp layers: of the chief rays, so that they lie where the picture shows things; against closed forms."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.cameras import chief_rays, seen_places
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import StateError
 from rptcam_cl.scene import load_scene
 
 GREY = {"kind": "matte", "reflectance": 0.5}
@@ -95,8 +96,44 @@ def test_what_no_chief_ray_meets_is_empty() -> None:
     assert np.isnan(image["occlusion"][0, 0])
 
 
-def test_parts_refuse_layers_that_need_the_whole_film() -> None:
-    scene = world(PINHOLE, panel(-5.0, 0.5))
-    for name in ("sharp_depth", "crypto_object"):
-        with pytest.raises(InputError, match=f"part: the layer {name} needs the whole film"):
-            rptcam_cl.render(scene, layers=[name], part="1/2")
+ALL_SHARP = [
+    "sharp_depth", "sharp_position", "sharp_normal", "sharp_object_id", "sharp_material_id", "sharp_class_id",
+    "occlusion", "flow_forward", "flow_backward", "motion", "ray_origin", "ray_direction",
+]  # fmt: skip
+
+
+def test_parts_by_tiles_have_the_layers_of_one_run_to_the_byte(tmp_path: Path) -> None:
+    scene = world(PINHOLE, {**panel(-5.0, 0.5), "label": "panel"}, panel(-7.0, 2.0))
+    options: dict[str, Any] = {"size": (21, 13), "spp": 3, "layers": [*ALL_SHARP, "crypto_object", "crypto_material"]}
+    parts = [tmp_path / f"{number}.rpck" for number in (1, 2, 3)]
+    for number, path in enumerate(parts, 1):
+        rptcam_cl.render(scene, part=f"{number}/3", checkpoint=path, **options)
+    rptcam_cl.render(scene, **options).save(tmp_path / "whole.exr")
+    merged = rptcam_cl.merge(parts, checkpoint=tmp_path / "all.rpck")
+    merged.save(tmp_path / "merged.exr")
+    assert (tmp_path / "merged.exr").read_bytes() == (tmp_path / "whole.exr").read_bytes()
+    assert merged.metadata["class_names"] == ["", "panel"]
+    again = rptcam_cl.render(scene, resume=True, checkpoint=tmp_path / "all.rpck", **options | {"spp": 5})
+    for name, layer in rptcam_cl.render(scene, **options | {"spp": 5}).layers.items():
+        np.testing.assert_array_equal(again[name], layer)
+
+
+def test_ranges_of_samples_add_up_the_coverage_of_each_object(tmp_path: Path) -> None:
+    scene = world(PINHOLE, *(panel(-4.0 - k, 0.2 * (k + 1)) for k in range(3)))
+    options: dict[str, Any] = {"size": (21, 13), "layers": ["crypto_object", "sharp_depth"]}
+    parts = [tmp_path / f"{first}.rpck" for first in (0, 5, 9)]
+    for path, samples in zip(parts, ((0, 5), (5, 9), (9, 16)), strict=True):
+        rptcam_cl.render(scene, samples=samples, checkpoint=path, **options)
+    whole, merged = rptcam_cl.render(scene, spp=16, **options), rptcam_cl.merge(parts)
+    np.testing.assert_array_equal(merged["sharp_depth"], whole["sharp_depth"])
+    np.testing.assert_array_equal(merged["crypto_object"][..., ::2], whole["crypto_object"][..., ::2])
+    np.testing.assert_allclose(merged["crypto_object"][..., 1::2], whole["crypto_object"][..., 1::2], rtol=3e-7)
+    mixed = np.count_nonzero(whole["crypto_object"][..., 1::2], axis=-1)
+    assert mixed.max() >= 2
+
+
+def test_a_saved_state_without_its_sharp_layers_is_refused_by_its_name(tmp_path: Path) -> None:
+    scene, path = world(PINHOLE, panel(-5.0, 0.5)), tmp_path / "whole.rpck"
+    rptcam_cl.render(scene, spp=2, layers=["sharp_depth"], checkpoint=path, should_stop=lambda: True)
+    with pytest.raises(StateError, match=r"whole.rpck: was saved whole, or .* merge the layer sharp_depth"):
+        rptcam_cl.merge([path])
