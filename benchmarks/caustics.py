@@ -209,7 +209,7 @@ def main() -> None:
     print_table(f"Caustics, {spp} samples a pixel", heads, rows)
     if options.pictures is not None:
         for name in options.scenes:
-            print(name, save_pictures(name, session, (3 * size[0], 3 * size[1]), spp, options.pictures))
+            print(name, save_pictures(name, session, (4 * size[0], 4 * size[1]), spp, options.pictures))
     write_json(options.json, facts, results)
 
 

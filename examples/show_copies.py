@@ -12,7 +12,7 @@ import rptcam_cl
 
 COPIES = ("design", "10%", "50%", "90%")
 PLACES = {"left": (0.12, 0.5), "middle": (0.5, 0.5), "right": (0.88, 0.5)}
-PIXELS = 200  # of the film, along each side of a panel
+PIXELS = 224  # of the film, along each side of a panel
 EDGE, MARGIN = 22, 60  # for words
 
 

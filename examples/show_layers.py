@@ -39,7 +39,7 @@ def main(scene: str = "examples/first_light.yaml", out: str = "docs/images/layer
     """Render the layers and write the picture, whose panels have that size."""
     width, height = map(int, size.split("x"))
     names = ["depth", "normal", "albedo", "object_id", "coc"]
-    shown = panels(rptcam_cl.render(scene, spp=64, size=(width, height), layers=names))
+    shown = panels(rptcam_cl.render(scene, spp=256, size=(width, height), layers=names, denoise=True))
     rows = [np.concatenate(shown[start : start + 3], axis=1) for start in (0, 3)]
     Image.fromarray((255 * np.clip(np.concatenate(rows), 0, 1) + 0.5).astype(np.uint8)).save(out, optimize=True)
 

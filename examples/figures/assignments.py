@@ -63,7 +63,7 @@ def stop_shape(name: str, title: str, aperture: str) -> Figure:
 
 def targets(name: str, title: str, *changes: str) -> Figure:
     """Return the three cards with some changes."""
-    return Figure(f"assignment_{name}", title, "assignment/cards.yaml", changes, (960, 640), 48)
+    return Figure(f"assignment_{name}", title, "assignment/cards.yaml", changes, (960, 640), 256)
 
 
 def focused(metres: str) -> Figure:

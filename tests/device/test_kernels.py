@@ -35,7 +35,7 @@ SOLIDS = ("box", "cylinder", "cone", "sphere")  # of a sphere an ellipsoid
 PATTERNS = {
     "gradient": {"kind": "gradient", "start": 0.1, "end": 0.9},
     "noise": {"kind": "noise", "low": 0.1, "high": 0.9},
-    "image": {"kind": "image", "file": str(Path(__file__).parents[2] / "docs" / "images" / "first_light.png")},
+    "image": {"kind": "image", "file": str(Path(__file__).parents[2] / "docs" / "images" / "boards.png")},
 }
 LIGHTS = [
     {"kind": "spot", "position": [0, 0, 3], "direction": [0, 0, -1], "intensity": 1, "outer_degrees": 30},
