@@ -249,6 +249,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | None = None) -> int:
     """Load the scene, render it, write the outputs and return the exit code; interrupted, a watched one writes none."""
+    ended_well = _open_early(arguments)
     from rptcam_cl.api import load_scene
 
     scene = load_scene(arguments.scene, arguments.overrides, missing=arguments.missing)
@@ -267,7 +268,21 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
         return plan.print_plan(scene, RenderSettings(**_options(arguments, scene)))
     if arguments.frames is not None:
         return frames.render_frames(arguments, scene, _wanted, lambda todo: _frames(arguments, todo, spread))
-    return _one(arguments, scene, should_stop)
+    code = _one(arguments, scene, should_stop)
+    if code == 0:
+        ended_well()
+    return code
+
+
+def _open_early(arguments: argparse.Namespace) -> Callable[[], None]:
+    """Open the device of a single picture, where it is one; return what is to be called when that was rendered."""
+    from rptcam_cl.device import means_one, open_early
+
+    device = _devices(arguments)
+    elsewhere = arguments.plan or arguments.frames is not None or cluster.requested(arguments)
+    if elsewhere or isinstance(device, list) or not means_one(device, arguments.split):
+        return lambda: None
+    return open_early(device, str(arguments.scene.absolute()), arguments.overrides, arguments.layers)
 
 
 def _on_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:

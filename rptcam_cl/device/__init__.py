@@ -3,10 +3,11 @@
 from rptcam_cl.device.at_work import end_work
 from rptcam_cl.device.choose import choose_device, default_device, fitting_devices
 from rptcam_cl.device.devices import DeviceInfo, device_details, list_devices, opencl_version, problem_of
+from rptcam_cl.device.early import open_early
 from rptcam_cl.device.pocl_cache import pocl_cache_folder
 from rptcam_cl.device.program import Program
 from rptcam_cl.device.session import Launch, NotKeptError, Session, open_session
-from rptcam_cl.device.several import Split, Wanted, means_all, open_sessions
+from rptcam_cl.device.several import Split, Wanted, means_all, means_one, open_sessions
 
 __all__ = [
     "DeviceInfo",
@@ -23,6 +24,8 @@ __all__ = [
     "fitting_devices",
     "list_devices",
     "means_all",
+    "means_one",
+    "open_early",
     "open_session",
     "open_sessions",
     "opencl_version",

@@ -11,12 +11,13 @@ import atexit
 import contextlib
 import os
 import secrets
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 _SUFFIX = ".at-work"
 _of_this_process: dict[Path, tuple[int, BinaryIO, Callable[[], bool]]] = {}
+_unfinished: list[None] = []  # one for each piece of work that the end of the process would cut short
 
 
 def left_behind(folder: Path) -> list[Path]:
@@ -68,5 +69,15 @@ def end_work() -> None:
     """Remove the marks of this process, which will do no more work; for those that end without Python's own end."""
     while _of_this_process:
         mark, (owner, _, ended_well) = _of_this_process.popitem()
-        if os.getpid() == owner and ended_well():  # not at the end of a child with the same memory
+        if os.getpid() == owner and not _unfinished and ended_well():  # not at the end of a child with the same memory
             mark.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def unfinished_work() -> Iterator[None]:
+    """Work of a thread that is not waited for: a process that ends meanwhile has not ended well."""
+    _unfinished.append(None)
+    try:
+        yield
+    finally:
+        _unfinished.pop()

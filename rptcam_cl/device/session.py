@@ -6,7 +6,7 @@ import copy
 import threading
 import warnings
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from functools import lru_cache
 from typing import Any
@@ -29,6 +29,7 @@ from rptcam_cl.device.trial import AVX512_ARCH, is_pocl, try_device
 # small enough.
 LLVMPIPE_LOOP_LIMIT = 65535
 MOST_PROGRAMS = 48  # that a session keeps; those used longest ago are let go
+_opening = threading.Lock()
 
 
 class NotKeptError(Exception):
@@ -42,7 +43,8 @@ def is_llvmpipe(handle: Any) -> bool:
 
 def open_session(spec: str | None = None) -> Session:
     """Return the session of the device that ``spec`` names; kept, so that its programs are built only once."""
-    return _session(choose_device(spec).id)
+    with _opening:
+        return _session(choose_device(spec).id)
 
 
 @lru_cache(maxsize=16)
@@ -144,6 +146,8 @@ class Session:
         self._programs: OrderedDict[tuple[Any, ...], Program] = OrderedDict()
         self._finding, self._building = threading.Lock(), threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
+        self.sources: list[str] = []  # of the programs that were requested
+        self._foreseen: dict[str, Program] = {}  # by their sources
         self._is_narrow = self._takes_kept_only = False
 
     @property
@@ -207,12 +211,34 @@ class Session:
             raise NotKeptError
         with self._building, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyopencl reports any text in a build log
-            program = self._known_program(key) or Program(self.context, self.info.handle, source)
+            program = self._known_program(key) or self._foreseen.pop(source, None) or self._built(source)
+            self.sources.append(source)
         with self._finding:
             self._programs[key] = program
             while len(self._programs) > MOST_PROGRAMS:
                 self._programs.popitem(last=False)
         return program
+
+    def _built(self, source: str) -> Program:
+        return Program(self.context, self.info.handle, source)
+
+    def foresee(self, sources: Iterable[str]) -> None:
+        """Build programs that will be requested, in another thread than the one that does so."""
+        for source in sources:
+            with self._building:
+                if source not in self.sources:
+                    self._foreseen[source] = self._built(source)
+
+    def read_library(self, name: str) -> None:
+        """Let PoCL read its built-in functions, which it does for the first program that its cache does not have.
+
+        Parameters
+        ----------
+        name
+            A word that no program before had.
+        """
+        if self.generates_late:
+            self._built(f"__kernel void k{name}(__global float *out) {{ out[0] = sqrt(out[0]); }}\n")
 
     def _known_program(self, key: tuple[Any, ...]) -> Program | None:
         with self._finding:

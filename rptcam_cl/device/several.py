@@ -55,6 +55,13 @@ def means_all(wanted: Wanted) -> bool:
     return not isinstance(wanted, Session) and ALL in ([wanted] if isinstance(wanted, str) else wanted)
 
 
+def means_one(wanted: str | None, split: Split | None = None) -> bool:
+    """Return whether a single device is meant, whichever it is."""
+    if wanted is None:
+        return split is None and several_of_environment() is None
+    return listed(wanted) == [wanted.strip()] and wanted.strip() != ALL
+
+
 def _opened(wanted: Wanted) -> list[Session]:
     if isinstance(wanted, Session):
         return [wanted]

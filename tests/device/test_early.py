@@ -1,0 +1,146 @@
+"""The device opened by a thread: what was built last time is built before it is wanted, and nothing fails there."""
+
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from rptcam_cl.core.errors import DeviceError
+from rptcam_cl.core.resources import CACHE_VARIABLE
+from rptcam_cl.device import Session, at_work, early, means_one, open_early, open_session
+from rptcam_cl.device import session as sessions
+from rptcam_cl.device.program import Program
+
+SOURCES = [f"__kernel void {name}(__global float *out) {{ out[0] = 1.0f; }}\n" for name in ("one", "two")]
+SCENE = """\
+film: {resolution: [8, 8]}
+camera: {kind: pinhole, eye: [0, 0, 5], target: [0, 0, 0], fov_degrees: 40}
+objects: [{shape: sphere, center: [0, 0, 0], radius: 1, material: {kind: matte, reflectance: 0.5}}]
+environment: {kind: constant, radiance: 1}
+"""
+# Renders, and says in which threads programs were built that the picture needed.
+RENDER = """\
+import sys, threading
+from rptcam_cl.device import session
+from rptcam_cl.__main__ import run
+class Noted(session.Program):
+    def __init__(self, *arguments):
+        super().__init__(*arguments)
+        main = threading.current_thread() is threading.main_thread()
+        print("main" if main else "beside", len(arguments[2]) > 10_000, file=sys.stderr)
+session.Program = Noted
+run()
+"""
+
+
+@pytest.fixture
+def session(monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    opened = Session(open_session("cpu").info)
+    monkeypatch.setattr(early, "open_session", lambda spec: opened)
+    return opened
+
+
+def wait():
+    for thread in threading.enumerate():
+        if thread is not threading.current_thread():
+            thread.join(60)
+
+
+def built(monkeypatch):
+    """The sources of programs built from now on."""
+    found = []
+
+    class Counted(Program):
+        def __init__(self, context, device, source):
+            found.append(source)
+            super().__init__(context, device, source)
+
+    monkeypatch.setattr(sessions, "Program", Counted)
+    return found
+
+
+def test_programs_of_the_last_time_are_built_before_they_are_wanted(session, monkeypatch):
+    ended_well = open_early("cpu", "render", "a.yaml")
+    wait()
+    session.sources += SOURCES
+    ended_well()
+    session.sources.clear()
+    found = built(monkeypatch)
+    ended_well = open_early("cpu", "render", "a.yaml")
+    wait()
+    assert found == SOURCES
+    texts = iter(SOURCES)
+    monkeypatch.setattr(sessions, "assemble", lambda *_, **__: next(texts))
+    assert session.bind(session.program(["one"], {}, ""), "one", out=session.allocate(4)) is not None
+    assert session.bind(session.program(["two"], {}, ""), "two", out=session.allocate(4)) is not None
+    assert found == SOURCES  # nothing was built anew
+    assert session.sources == SOURCES
+
+
+def test_what_was_built_already_is_not_built_again(session, monkeypatch):
+    session.sources += SOURCES[:1]
+    found = built(monkeypatch)
+    session.foresee(SOURCES)
+    assert found == SOURCES[1:]
+
+
+@pytest.mark.parametrize(
+    "change", [lambda text: text[:-1], lambda text: b"", lambda text: text[:40] + b"?" + text[41:]]
+)
+def test_what_is_damaged_is_not_built(session, monkeypatch, tmp_path, change):
+    session.sources += SOURCES
+    open_early("cpu", "render", "a.yaml")()
+    wait()
+    [kept] = (tmp_path / early.KEPT).iterdir()
+    kept.write_bytes(change(kept.read_bytes()))
+    session.sources.clear()
+    found = built(monkeypatch)
+    open_early("cpu", "render", "a.yaml")
+    wait()
+    assert not set(SOURCES) & set(found)
+
+
+def test_errors_of_the_thread_are_left_to_who_wants_the_device(monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    failed = []
+    monkeypatch.setattr(threading, "excepthook", failed.append)
+    open_early("no such device")
+    wait()
+    assert not failed
+    with pytest.raises(DeviceError, match="fits no OpenCL device"):
+        open_session("no such device")
+
+
+def test_process_that_ends_amid_the_work_of_a_thread_has_not_ended_well(tmp_path):
+    at_work.mark_work(tmp_path, ended_well=lambda: True)
+    [mark] = tmp_path.iterdir()
+    with at_work.unfinished_work():
+        at_work.end_work()
+    assert mark.exists()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "split", "one"),
+    [
+        (None, None, True), ("cpu", None, True), ("0:0", None, True), ("all", None, False), ("0:0,1:0", None, False),
+        (None, "0:0=0.5,1:0=0.5", False),
+    ],
+)  # fmt: skip
+def test_which_words_mean_a_single_device(monkeypatch, wanted, split, one):
+    monkeypatch.delenv("RPTCAM_DEVICE", raising=False)
+    assert means_one(wanted, split) == one
+
+
+def test_second_render_of_a_scene_finds_its_programs_built(monkeypatch, tmp_path):
+    monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
+    (tmp_path / "scene.yaml").write_text(SCENE)
+    words = ["render", str(tmp_path / "scene.yaml"), "--quiet", "-o", str(tmp_path / "picture.png")]
+
+    def programs():
+        done = subprocess.run([sys.executable, "-c", RENDER, *words], capture_output=True, text=True, check=True)
+        return [line.split() for line in done.stderr.splitlines()]
+
+    assert sorted(programs()) == [["beside", "False"], ["main", "True"]]  # the first is to read PoCL's library
+    assert programs() == [["beside", "True"]]
