@@ -20,7 +20,6 @@ static F blend_error(F a, F b, F c, F b0, F b1, F b2)
 
 #if HAS_INSTANCES
 #define INSTANCE_ROUNDING 2.4e-7f
-#define OF_INSTANCE(member) f4_of_instances(scene, instance, member)
 #define GATHER_ROW(row) (Quad){GATHER(F, scene.instances, instance, .row.x), GATHER(F, scene.instances, instance, .row.y), \
                                GATHER(F, scene.instances, instance, .row.z), GATHER(F, scene.instances, instance, .row.w)}
 typedef struct { F x, y, z, w; } Quad;

@@ -10,7 +10,6 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 STANDARD_C, STANDARD_HPA = 20.0, 1013.25  # of catalogues
-KELVIN = 273.15
 
 
 @dataclass(frozen=True)

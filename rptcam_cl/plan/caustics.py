@@ -101,7 +101,7 @@ def pack_caustics(
         return _without("objects move")
     eye = np.array(scene.camera.eye) * scene.metres_per_unit
     surfaces, areas = _surfaces(primitives, first_triangles, roles, eye)
-    largest = _largest_lamp(surfaces, areas, emitters)
+    largest = _largest_lamp(surfaces, emitters)
     if wanted == "auto" and largest > SMALL_LAMP_SR:
         return _without(f"paths find the brightest lamp, {largest:.2g} sr large as glass or mirrors see it")
     curve, _ = curves(areas[None])
@@ -217,7 +217,7 @@ def _area_of(kind: Kind, linear: NDArray[np.float64]) -> float:
     return float(_AREA[kind] * np.linalg.norm(normals @ cofactors.T, axis=1).mean())
 
 
-def _largest_lamp(surfaces: NDArray[np.void], areas: NDArray[np.float64], emitters: Emitters) -> float:
+def _largest_lamp(surfaces: NDArray[np.void], emitters: Emitters) -> float:
     """Return the solid angle [sr] under which the surfaces see the brightest lamp, 0 where it has no size."""
     records = emitters.records[: emitters.count]
     lamp = records[np.argmax(records["pick"])]

@@ -15,7 +15,6 @@ from rptcam_cl.rendering.waves import seed_words
 
 PHOTON_FLOATS = 8
 MARK = 7  # column of a photon
-EDGES_SHIFT = 24
 MOST_EDGES = 127
 SEED = 0x9E3779B97F4A7C15  # parts the random numbers of photons from those of camera paths
 PILOT, PILOT_PHOTONS = 2**32 - 1, 1 << 14  # the pass that the first radius follows from

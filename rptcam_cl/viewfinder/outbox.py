@@ -102,11 +102,6 @@ class Outbox:
         """Whether the client has all frames that were made for it."""
         return not (self._under_way or self._frames)
 
-    def drop_frames(self) -> None:
-        """Forget the frames that have not left."""
-        with self._lock:
-            self._frames.clear()
-
     def take(self) -> list[str | bytes]:
         """Return what can be sent now."""
         with self._lock:

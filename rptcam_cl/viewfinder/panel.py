@@ -222,13 +222,13 @@ def has_opening(scene: Scene) -> bool:
     return isinstance(camera, LensCamera) or (isinstance(camera, ThinLensCamera) and camera.aperture_radius_m != 0)
 
 
-def read_dials(scene: Scene, resolved: Scene, before: Dials | None = None) -> Dials:
+def read_dials(scene: Scene, before: Dials | None = None) -> Dials:
     """Return the state of the body that a scene stands for.
 
     Parameters
     ----------
-    scene, resolved
-        As requested, and in focus and exposed.
+    scene
+        As requested.
     before
         The state so far, which stays where the scene's exposure and film are what it wrote.
     """

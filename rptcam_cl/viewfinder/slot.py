@@ -55,7 +55,7 @@ class Slot:
         self.name = name
         self.session = session
         self.changes = changes
-        self.dials = read_dials(session.scene, session.resolved) if dials is None else dials
+        self.dials = read_dials(session.scene) if dials is None else dials
         self.pace = Pace()
         self.shown: Shown | None = None
         self.reading_cd_m2: float | None = None
@@ -110,7 +110,7 @@ class Slot:
         if dials is not None:
             self.dials = dials
         elif any(part in _BODY for part in change.keys):
-            self.dials = read_dials(self.scene, self.resolved, self.dials)
+            self.dials = read_dials(self.scene, self.dials)
         self.touched(transient, change)
         return change
 

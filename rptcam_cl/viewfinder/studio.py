@@ -218,7 +218,7 @@ class Studio:
         slot.touched(False, slot.session.replace(self._scene, wait=False))
         wanted, slot.changes = slot.changes.as_dict(), Changes()
         dropped = _apply(slot, wanted)
-        slot.dials = read_dials(slot.scene, slot.resolved, slot.dials)
+        slot.dials = read_dials(slot.scene, slot.dials)
         self._tell_compiling(slot, not slot.compiling)
         try:
             self.set_compare(self.compare)

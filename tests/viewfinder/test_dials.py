@@ -51,7 +51,7 @@ class Body:
         self.reading = reading
         self.messages: tuple[str, ...] = ()
         self._load()
-        self.dials = read_dials(self.scene, self.resolved)
+        self.dials = read_dials(self.scene)
 
     def _load(self, overrides: tuple[str, ...] = ()) -> None:
         self.scene = load_scene(self.data, overrides)
@@ -108,7 +108,7 @@ def test_metered_part_becomes_middle_grey(camera: str, mode: str) -> None:
     body.turn("ev", 1)
     assert math.log2(body.value / 0.18) == pytest.approx(1, abs=1e-4)
     assert body.scene.exposure.ev == (1 if mode == "A" else 0)
-    assert read_dials(body.scene, body.resolved, body.dials) == body.dials
+    assert read_dials(body.scene, body.dials) == body.dials
 
 
 @pytest.mark.parametrize("camera", CAMERAS)
@@ -275,7 +275,7 @@ def test_lens_files_are_those_of_the_scenes_folder(tmp_path: Path) -> None:
     (folder / "link.yaml").symlink_to(tmp_path / "outside.yaml")
     scene = load_scene(folder / "scene.yaml")
     assert [entry.name for entry in lens_entries(scene) if entry.kind == "file"] == ["mine.yaml"]
-    dials = read_dials(scene, scene)
+    dials = read_dials(scene)
     assert turn_dial(dials, scene, scene, "lens", "mine.yaml").changes["camera.lens"] == "mine.yaml"
     for name in ("link.yaml", "../outside.yaml", str(tmp_path / "outside.yaml"), "broken.yaml"):
         with pytest.raises(InputError, match="not one of the list"):
@@ -299,7 +299,7 @@ def test_wheel_zooms_a_zoom_widens_a_pinhole_and_crops_a_prime() -> None:
 
 def test_crop_of_a_prime_outlives_other_changes() -> None:
     body = Body().turn("zoom", 100)
-    again = read_dials(body.scene, body.resolved, body.dials)
+    again = read_dials(body.scene, body.dials)
     assert again.whole_mm == pytest.approx((36, 24))
     body.dials = again
     assert body.listed("zoom")["text"].endswith("× crop")

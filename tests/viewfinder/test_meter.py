@@ -71,7 +71,7 @@ def test_a_session_is_exposed_by_the_dials_as_by_automatic_exposure() -> None:
     with rptcam_cl.RenderSession(scene(exposure={"mode": "auto", "ev": 0.5, "metering": "spot"})) as session:
         frame = session.take(64)
         metered = session.metadata["metered_cd_m2"]
-        dials = read_dials(session.scene, session.resolved)
+        dials = read_dials(session.scene)
         reading = film_reading(frame.pixels, session.resolved, dials.meter)
         assert abs(math.log2(reading / metered)) < AGREEMENT_EV
         for mode in ("S", "P", "A", "M"):  # M comes last: it keeps what was found and lets the compensation go
@@ -83,7 +83,7 @@ def test_a_session_is_exposed_by_the_dials_as_by_automatic_exposure() -> None:
             assert abs(math.log2(reading / metered)) < AGREEMENT_EV
             bright = spot_meter(frame.pixels, session.resolved, 0.5, 0.5).value
             assert abs(math.log2(bright / (0.18 * 2**0.5))) < AGREEMENT_EV, mode
-            assert read_dials(session.scene, session.resolved, dials) == dials
+            assert read_dials(session.scene, dials) == dials
 
 
 def test_spot_meter_reads_a_world_of_known_luminance() -> None:

@@ -50,7 +50,7 @@ def read_gltf(path: Path, find: Find) -> Draft:
     nodes: list[Node] = []
     for mesh, placement, name in placed_meshes(document, data):
         if mesh not in places:
-            found = _surfaces(meshes[mesh], data, materials, path)
+            found = _surfaces(meshes[mesh], data, materials)
             places[mesh] = list(range(len(surfaces), len(surfaces) + len(found)))
             surfaces += found
         nodes += [Node(index, placement, name or surfaces[index].name) for index in places[mesh]]
@@ -81,7 +81,7 @@ def _left_out(document: JsonNode) -> list[str]:
     return [f"{document.place}: {name} are left out{HINTS.get(name, '')}" for name, there in found.items() if there]
 
 
-def _surfaces(mesh: JsonNode, data: Data, materials: GltfMaterials, path: Path) -> list[MeshSurface]:
+def _surfaces(mesh: JsonNode, data: Data, materials: GltfMaterials) -> list[MeshSurface]:
     name = mesh.text("name") or None
     found = [_surface(primitive, data, materials, name) for primitive in mesh.parts("primitives")]
     return [surface for surface in found if surface is not None]

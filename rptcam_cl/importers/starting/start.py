@@ -218,7 +218,7 @@ class _Stage:
     def _lit(self) -> None:
         scene, wishes, lights = self._start.scene, self._wishes, self._subject.lights
         if lights:
-            scene["lights"] = [_light(light, wishes.metres_per_unit) for light in lights]
+            scene["lights"] = [_light(light) for light in lights]
             self._start.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
         if wishes.hdri is not None:
             name = self._start.copies.name_of(wishes.hdri)
@@ -247,7 +247,7 @@ def _three_quarters(up: Array) -> Array:
     return np.asarray(front + 0.45 * side + 0.25 * up)
 
 
-def _light(light: GltfLight, metres_per_unit: float) -> dict[str, Any]:
+def _light(light: GltfLight) -> dict[str, Any]:
     amount = [_digits(value / LUMENS_PER_WATT) for value in light.amount]
     if light.kind == "directional":
         return {"kind": "directional", "direction": _rounded(np.array(light.forward)), "irradiance": amount}
