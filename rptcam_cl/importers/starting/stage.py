@@ -38,6 +38,8 @@ def studio(bounds: tuple[Array, Array], eye: Array, up: Array) -> dict[str, Any]
     low, high = bounds
     size, middle = float(np.linalg.norm(high - low)) or 1.0, (low + high) / 2
     flat = (eye - middle) * (1 - up)
+    if not flat.any():  # straight above the subject or below it no side is in front
+        flat = np.roll(up, 1)
     front = flat / np.linalg.norm(flat)
     left = np.cross(front, up)
     floor = middle * (1 - up) + low * up - 1e-3 * size * up

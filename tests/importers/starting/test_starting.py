@@ -152,6 +152,18 @@ def test_reframe_leaves_the_camera_of_the_file_out(home: Path) -> None:
     assert scene["camera"]["eye"] != [0.2, 0.2, 4]
 
 
+def test_camera_straight_above_the_model_has_a_studio(home: Path) -> None:
+    writer = world("point")
+    writer.json["nodes"][1] = {
+        "camera": 0, "translation": [0.5, 4, 0], "rotation": [-math.sqrt(0.5), 0, 0, math.sqrt(0.5)],
+    }  # fmt: skip
+    del writer.json["nodes"][2], writer.json["extensions"]
+    writer.json["scenes"] = [{"nodes": [0, 1]}]
+    (home / "top.glb").write_bytes(writer.glb())
+    scene = load_scene(starting_scene(Wishes(home / "top.glb"), home).scene, base_dir=home)
+    assert [item.name for item in scene.objects] == ["model", "floor", "soft box"]
+
+
 def test_gltf_without_indices_of_cameras_is_refused(home: Path) -> None:
     writer = world("point")
     writer.json["nodes"][1]["camera"] = 3
