@@ -138,7 +138,7 @@ class Engine:
         else:
             self._reports.inform(clients)
             self._tidy()
-        if self._requests.wait:
+        if self._requests.any_waits:
             timeout = _POLL_S if timeout is None else min(timeout, _POLL_S)
         return timeout if self._inbox.is_empty else 0.0
 

@@ -33,7 +33,7 @@ class Requests:
     def __init__(self, studio: Studio) -> None:
         self._studio = studio
         self._waiting: list[Request] = []
-        self._announced: set[int | None] = set()
+        self._announced: list[Request] = []  # those whose clients know that they wait
         self._handlers: dict[type[messages.Message], Callable[[Client | None, Any], None]] = {
             messages.Set: self._set,
             messages.Dial: self._dial,
@@ -107,14 +107,14 @@ class Requests:
         self._studio.reset("camera" if message.what == "camera" else "")
 
     @property
-    def wait(self) -> bool:
+    def any_waits(self) -> bool:
         """Whether requests wait until their kernels are compiled."""
         return bool(self._waiting)
 
     def answer_waiting(self) -> None:
         """Answer the requests whose kernels have been compiled meanwhile."""
-        waiting, self._waiting = self._waiting, []
-        for request in waiting:
+        self._announced, self._waiting = self._waiting, []
+        for request in self._announced:
             self.answer(request)
 
     def _compiles(self, client: Client | None, message: messages.Focus | messages.Autofocus, **place: Any) -> bool:
@@ -124,11 +124,11 @@ class Requests:
         order = FocusOrder(slot.session.device.info.id, slot.scene, method, place)
         if slot.session.is_carried_out(("focus", method), order.pickled):
             return False
-        if client is not None and message.id not in self._announced:
+        request = Request(client, message)
+        if client is not None and request not in self._announced:
             text = "autofocus: its kernels are being compiled, the picture goes on"
             client.outbox.news("focus", {"type": "notice", "kind": "focus", "ok": True, "text": text})
-        self._announced = {message.id}
-        self._waiting.append(Request(client, message))
+        self._waiting.append(request)
         return True
 
     def _focus(self, client: Client | None, message: messages.Focus) -> None:

@@ -280,8 +280,14 @@ def test_picture_goes_on_while_another_process_compiles_what_autofocus_needs(
     assert 300 not in [message.header.get("id") for message in client.seen]
     (notice,) = [message.header["text"] for message in client.seen if message.type == "notice"]
     assert "the picture goes on" in notice
+    client.send("focus", id=302, x=0.71, y=0.5)
+    for number, tone in enumerate(("srgb", "agx", "srgb"), 303):
+        client.send("dial", id=number, name="tone", value=tone)
+        client.frame(lambda header, number=number: header["answers"] == number)
+    assert len([message for message in client.seen if message.type == "notice"]) == 2  # each says so once
     compiled = True
     assert client.answer(300).header["type"] == "focused"
+    assert client.answer(302).header["type"] == "focused"
 
 
 @pytest.mark.slow
