@@ -64,7 +64,7 @@ def lens_entries(scene: Scene) -> list[LensEntry]:
 def _library() -> tuple[LensEntry, ...]:
     """Return the lenses of the library, as kept from an earlier run: reading them all takes longer than a picture."""
     files = [(path.name, path.stat().st_size, path.stat().st_mtime_ns) for path in sorted(lenses_dir().glob("*.yaml"))]
-    name = name_of(identity_of_code(("optics",)), files)
+    name = name_of(identity_of_code(("optics", "viewfinder")), files)
     if (kept := kept_arrays(KEPT, name)) is not None:
         return tuple(LensEntry(**entry) for entry in kept[1]["lenses"])
     found = tuple(_entry(name, named_lens(name), "library") for name in list_lenses())
