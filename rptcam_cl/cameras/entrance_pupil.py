@@ -36,7 +36,7 @@ class EntrancePupil:
         How far it lies ahead of the eye on the axis [mm]; infinite where it has no place.
     diameter_mm : float
         0 for a point.
-    drift_mm : tuple of (field, drift) or None
+    drift_mm : tuple of (field, drift)
         For places of the film, of how far they are from its middle (1: its corners), the mean distance from `ahead_mm`
         to where chief rays come nearest to the axis [mm], towards the scene; places without chief rays are left out.
     """

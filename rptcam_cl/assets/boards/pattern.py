@@ -62,7 +62,7 @@ class Pattern:
 
     def round_in_square(self, middle: tuple[float, float], radius: float, half: float, sectors: int = 0) -> None:
         """Add a square of half side `half`, light around a disk that is dark, or a star of so many dark sectors."""
-        count = max(2 * sectors * max(-(-ARC // (2 * sectors)), 1), ARC) if sectors else ARC
+        count = 2 * sectors * -(-ARC // (2 * sectors)) if sectors else ARC
         true = radius * math.sqrt(2 * math.pi / count / math.sin(2 * math.pi / count))
         turns = [2 * math.pi * k / count for k in range(count + 1)]
         centre = np.array(middle)
