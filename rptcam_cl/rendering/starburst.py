@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.rendering.diffraction_kernel import fade, shares_of_white
 from rptcam_cl.rendering.patch_blur import quick
+from rptcam_cl.rendering.shares import GOLDEN
 
 Array = NDArray[np.float64]
 
@@ -23,7 +24,6 @@ CELLS, LINE = 8192, 2.5  # of the line that an opening is seen along, and its le
 RESOLVED = 1024.0  # wavelengths times f-number up to which the light is computed; beyond it falls as its cube
 BANDS, SPANS = 448, 384  # radii, evenly in their logarithm, of that light and of the film's
 WAVES_NM = tuple(np.arange(405.0, 700.0, 5.0).tolist())
-GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 AT_ONCE = 128  # directions
 LAMP = 16.0  # times the mean of the film, from which a pixel sends far light
 NARROW = 1e-7  # least width of an edge along the line
