@@ -36,7 +36,14 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
 }
 
 // A source is x, y, z towards it or where it is [mm], w: 1 for a place; then its box: corner and sides; then its weights; then
-// where its lattice begins.
+// where its lattice begins. With GHOST_PENCILS w may be 2, of light whose direction is that of x, y, z at the first vertex;
+// how it changes along x and y stands last.
+#if GHOST_PENCILS
+#define SOURCE_ROWS 6
+#else
+#define SOURCE_ROWS 4
+#endif
+
 static void enter_front(const __global float4 *source, uint number, uint rays, F3 *p, F3 *d, F *weight)
 {
     float4 at = source[0], box = source[1];
@@ -50,6 +57,16 @@ static void enter_front(const __global float4 *source, uint number, uint rays, F
     *d = scale(away, ONE / sqrt(length2));
     float vertex2 = at.x * at.x + at.y * at.y + at.z * at.z;
     *weight = at.w > 0.0f ? d->z * vertex2 / length2 : d->z;            // a lamp's light over that at the first vertex
+#if GHOST_PENCILS
+    if (at.w > 1.0f) {
+        float4 by_x = source[4], by_y = source[5];
+        away = f3(at.x + by_x.x * p->x + by_y.x * p->y, at.y + by_x.y * p->x + by_y.y * p->y,
+                  at.z + by_x.z * p->x + by_y.z * p->y);
+        length2 = dot3(away, away);
+        *d = scale(away, ONE / sqrt(length2));
+        *weight = d->z / length2;
+    }
+#endif
 }
 
 static void add_light(__global uint *sum, float light)
@@ -65,7 +82,7 @@ static void add_light(__global uint *sum, float light)
 __kernel void ghosts(const __global Surface *surfaces,       // in order of travel
                      int                     count,          // surfaces
                      const __global real    *stop,           // shape of the stop
-                     const __global float4  *sources,        // [sources][4]
+                     const __global float4  *sources,        // [sources][SOURCE_ROWS]
                      uint                    source_count,
                      uint                    rays,           // of each source
                      float                   film_distance,  // behind the last vertex [mm]
@@ -78,7 +95,7 @@ __kernel void ghosts(const __global Surface *surfaces,       // in order of trav
     uint source = first / rays;
     if (source >= source_count)
         return;
-    const __global float4 *lamp = sources + 4 * source;
+    const __global float4 *lamp = sources + SOURCE_ROWS * source;
     F3 p, d;
     F weight;
     enter_front(lamp, first - source * rays, rays, &p, &d, &weight);

@@ -86,7 +86,8 @@ class GhostFilm:
         self.to_pixels = np.array([self.columns / 2, across, self.rows / 2, down], np.float32)
         pixel_mm2 = 1e6 * width * height / (self.columns * self.rows)
         self.value = float(plan.camera.metadata["values_per_irradiance"]) / pixel_mm2  # of 1 W/m2 over 1 mm2
-        facts = self.records[0].facts | {"VW": session.lanes, "DOUBLE": 0}
+        pencils = int(self.sources.mirrored > 0)
+        facts = self.records[0].facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
         self.programs = {
             scout: session.program(["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout}, device_declarations())
             for scout in (0, 1)
@@ -96,6 +97,8 @@ class GhostFilm:
     def light(self) -> tuple[Array, dict[str, Any]]:
         """Return the film's values (rows, columns, 3) of all ghosts, and what metadata should say."""
         metadata: dict[str, Any] = {"sources": len(self.sources.places)}
+        if self.sources.mirrored:
+            metadata["mirrored"] = self.sources.mirrored
         if self.sources.left_out:
             metadata["left_out"] = list(self.sources.left_out)
         if not len(self.sources.places):
@@ -111,8 +114,9 @@ class GhostFilm:
 
     def _table(self, places: Array, boxes: Array, weights: Array, first: ArrayLike = (0.5, 0.0)) -> Any:
         """Return sources with their boxes, weights (n, 3) and first points of their lattices on the device."""
-        table = np.zeros((len(boxes), 4, 4), np.float32)
-        table[:, 0], table[:, 1], table[:, 2, :3], table[:, 3, :2] = places, boxes, weights, first
+        table = np.zeros((len(boxes), 3 + places.shape[1] // 4, 4), np.float32)
+        table[:, 0], table[:, 1], table[:, 2, :3], table[:, 3, :2] = places[:, :4], boxes, weights, first
+        table[:, 4:] = places[:, 4:].reshape(len(boxes), -1, 4)
         return self.session.upload(table)
 
     def _launched(self, scout: int, way: Way, record: int, table: Any, count: int, rays: int, out: Any) -> None:

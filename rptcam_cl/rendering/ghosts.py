@@ -117,6 +117,8 @@ def _barrel_share(scene: Scene) -> float:
 def _says(found: dict[str, Any]) -> str:
     """Return a line on what was found."""
     text = f"{found['ways']} pairs of surfaces from {found['sources']} points of light"
+    if "mirrored" in found:
+        text += f", {found['mirrored']} of them mirrored"
     if found["dropped_share"] > 0:
         text += f"; fainter ones with {found['dropped_share']:.1g} of the light are left out"
     if "barrel_share" in found:

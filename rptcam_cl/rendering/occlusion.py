@@ -38,6 +38,8 @@ def occluded(
     targets : (n, 2) array, optional
         Primitive, and triangle of it, that do not count.
     """
+    if not len(origins):
+        return np.zeros(0, np.bool_)
     rays, group = len(origins), GROUP * session.lanes
     count = -(-rays // group) * group
     packed = np.zeros((9, count), np.float32)
