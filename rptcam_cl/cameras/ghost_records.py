@@ -64,14 +64,12 @@ class WayRecords:
 
     def way(self, turns: tuple[int, ...]) -> NDArray[np.void]:
         """Return the records that light meets, reflected at the surfaces of `turns` in order."""
-        records, previous, senses = [], None, self.lens.senses
-        for step in steps(turns, len(self.lens.surfaces)):
-            k = step.surface
-            record = (self.onward if step.forward else self.back)[k].copy()
-            sense = senses[k] if step.forward else -senses[k + 1]
-            record["gap"] = 0.0 if previous is None else sense * (self.lens.vertices[k] - self.lens.vertices[previous])
-            if step.reflects:
-                record["refracts"] = -1.0
-            records.append(record)
-            previous = k
-        return np.array(records, dtype=self.onward.dtype)
+        way = list(steps(turns, len(self.lens.surfaces)))
+        met, forward = np.array([step.surface for step in way]), np.array([step.forward for step in way])
+        records = np.concatenate([self.onward, self.back])[np.where(forward, met, met + len(self.onward))]
+        vertices, senses = np.array(self.lens.vertices), np.array(self.lens.senses)
+        records["gap"] = np.where(forward, senses[met], -senses[met + 1]) * np.diff(
+            vertices[met], prepend=vertices[met[0]]
+        )
+        records["refracts"][[step.reflects for step in way]] = -1.0
+        return records

@@ -30,11 +30,13 @@ Way = tuple[int, ...]
 WAVES_NM = (425.0, 475.0, 525.0, 575.0, 625.0, 675.0)  # where colours differ
 SCOUTS = 1024  # rays of a source over the whole front, for each way
 SECOND_SCOUTS = 4096  # of all sources and wavelengths of a way, where the first have found light
-LEAST_SHARE = 1e-3  # of all ghosts, below which a way is left out
+LEAST_SHARE = 1e-3  # of all ghosts in each colour, below which a way is left out
 CELLS = (24, 16)  # columns and rows of the coarse film by which rays are shared out
 DARK = 0.2  # of the mean light: darker cells are no reason for more rays
-PER_PIXEL, LEAST_RAYS, MOST_RAYS = 44.0, 1 << 20, 1 << 25  # of all ways
-SMOOTH = 1000.0  # rays that the light of a pixel is spread over neighbours for
+PER_PIXEL, LEAST_RAYS, MOST_RAYS = 40.0, 1 << 20, 1 << 25  # of all ways
+SHARING = 0.7  # power to which ways share rays: between alike and by what each needs, found by trial
+WIDTH, FINER = 1.7, 1.6  # of the spread of a way's light [pixels], by trial; ratio of one width to the next
+LEAST_SPREAD = 2  # steps from one pixel, below which the points of a sun would show
 ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
 GROUP = 4
 STEP = 2654435769 / (1 << 32)  # of the lattices, the kernel's
@@ -104,10 +106,10 @@ class GhostFilm:
         if not len(self.sources.places):
             return np.zeros((self.rows, self.columns, 3)), metadata | {"ways": 0, "dropped_share": 0.0}
         scouted = {way: self._scouted(way) for way in _pairs(self.lens)}
-        fluxes = {way: float(found.flux.sum()) for way, found in scouted.items()}
+        fluxes = {way: found.flux.sum(axis=0) for way, found in scouted.items()}
         total = sum(fluxes.values())
-        kept = {way: found for way, found in scouted.items() if fluxes[way] > LEAST_SHARE * total}
-        dropped = 1.0 - sum(fluxes[way] for way in kept) / total if total else 0.0
+        kept = {way: found for way, found in scouted.items() if np.any(fluxes[way] > LEAST_SHARE * total)}
+        dropped = 1.0 - float(sum(fluxes[way].sum() for way in kept) / total.sum()) if kept else 0.0
         dropped = 1.0 - (1.0 - dropped) * (1.0 - self.sources.dropped_share)
         film = self._splatted(kept) if kept else np.zeros((self.rows, self.columns, 3))
         return film, metadata | {"ways": len(kept), "dropped_share": dropped}
@@ -190,39 +192,54 @@ class GhostFilm:
         """Return how many rays each wavelength of each way gets.
 
         The mean square of what light on a pixel errs by, relative to all light there, is least when rays are shared
-        out by flux / light (Cauchy and Schwarz), over the root of the share of the rays that arrive.
+        out by flux / light (Cauchy and Schwarz), over the root of the share of the rays that arrive. Wide faint ways
+        are spread more, and need less.
         """
         light = sum(np.einsum("ijk,kc->ijc", found.cells, found.flux) for found in kept.values())
         light = np.maximum(light, DARK * light.mean(axis=(0, 1)))
         weights = {}
         for way, found in kept.items():
             over = np.einsum("ijk,ijc->kc", found.cells, 1.0 / np.maximum(light, 1e-300) ** 2)
-            weights[way] = np.sqrt(np.sum(found.flux**2 * over, axis=1) / found.arriving)
+            needs = np.sqrt(np.sum(found.flux**2 * over, axis=1))
+            weights[way] = needs * needs.sum() ** (SHARING - 1.0) / np.sqrt(found.arriving)
         total = float(np.clip(PER_PIXEL * self.rows * self.columns, LEAST_RAYS, MOST_RAYS))
         scale = total / sum(float(weight.sum()) for weight in weights.values())
         return {way: scale * weight for way, weight in weights.items()}
 
+    def _spread_steps(self, found: _Scouted, rays: float) -> int:
+        """Return over how many steps of `FINER` from one pixel the light of a way is spread, which has got some rays.
+
+        What is spread over a width w errs at its edges, as the edges' length times w, and has noise, as 1 / rays / w^2:
+        together least where w^3 goes as the root of the area over the rays that arrive on a pixel of it.
+        """
+        shares = found.cells.mean(axis=2)
+        area = shares.sum() ** 2 / np.sum(shares**2) * self.rows * self.columns / shares.size
+        width = WIDTH * np.cbrt(area**1.5 / (rays * found.arriving))
+        return max(round(float(np.log(width) / np.log(FINER))), LEAST_SPREAD)
+
     def _splatted(self, kept: Mapping[Way, _Scouted]) -> Array:
-        """Return the light of ways on the film."""
-        rays = self._rays(kept)
-        words = self.session.allocate(24 * self.rows * self.columns, zeroed=True)
-        launches, largest = [], 0.0
+        """Return the light of ways on the film, each spread by its own width."""
+        rays, largest = self._rays(kept), 0.0
+        launches: dict[int, list[Any]] = {}
         for way, found in kept.items():
             lit = found.boxes[:, 2] > 0
             boxes = found.boxes[lit]
+            alike = launches.setdefault(self._spread_steps(found, float(rays[way].sum())), [])
             for record, shares in enumerate(self.shares):
                 count = self._steps(rays[way][record] / len(boxes))
                 weights = self.sources.irradiance[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None] * shares
                 largest = max(largest, float(weights.max()) * 4.0 * found.largest)  # a ray may bring more than scouts
-                launches.append((way, record, self.sources.places[lit], boxes, weights, count))
-        for way, record, places, boxes, weights, count in launches:
-            first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
-            table = self._table(places, boxes, weights / largest, first)
-            self._launched(0, way, record, table, len(boxes), count, words)
-        units = self.session.read(words, "<u8", 3 * self.rows * self.columns).astype(np.float64)
-        film = units.reshape(self.rows, self.columns, 3) * (largest / ONE_LIGHT * self.value)
-        per_pixel = sum(float(count.sum()) for count in rays.values()) / (self.rows * self.columns)
-        return _spread(film, max(float(np.sqrt(SMOOTH / per_pixel)) / 1.5, 1.0))
+                alike.append((way, record, self.sources.places[lit], boxes, weights, count))
+        film = np.zeros((self.rows, self.columns, 3))
+        for steps, alike in sorted(launches.items()):
+            words = self.session.allocate(8 * film.size, zeroed=True)
+            for way, record, places, boxes, weights, count in alike:
+                first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
+                table = self._table(places, boxes, weights / largest, first)
+                self._launched(0, way, record, table, len(boxes), count, words)
+            units = self.session.read(words, "<u8", film.size).astype(np.float64)
+            film += _spread(units.reshape(film.shape), FINER**steps)
+        return film * (largest / ONE_LIGHT * self.value)
 
 
 def _shifts(numbers: NDArray[np.intp], rays: int) -> Array:
