@@ -9,22 +9,30 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.calibration.view import View
+from rptcam_cl.calibration.view import View, distance_along
 from rptcam_cl.cameras import film_frame, stop_shape
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Beam, Lens, film_chief_rays, passing_beam
+from rptcam_cl.optics import (
+    Beam,
+    Lens,
+    Rays,
+    film_chief_rays,
+    is_steep,
+    passing_beam,
+    passing_from,
+    takes_steep_light,
+)
 from rptcam_cl.scene import RealisticCamera
 
 Array = NDArray[np.float64]
 
 ACROSS = 96  # rays that span a beam each way
 MOST_PX = 129  # of a kernel's side
-STEEPEST = math.cos(math.radians(85.0))
 FAR_MM = 1e8
 
 
@@ -79,7 +87,7 @@ def point_images(
     wavelengths_nm
         That of the camera when empty.
     distances_m
-        From the entrance pupil, along the axis; that of the view when empty.
+        From the entrance pupil, along the axis or of a sphere as the view has it; that of the view when empty.
     pixels
         Side of a kernel, odd; as large as the light needs when absent, up to `MOST_PX`.
     across
@@ -88,7 +96,8 @@ def point_images(
     Raises
     ------
     InputError
-        Of a camera without a lens to trace; of a field more than 85 degrees from the axis; of an even side.
+        Of a camera without a lens to trace; of a field more than 85 degrees from the axis through a first surface that
+        is no sphere; of an even side.
     """
     camera = view.scene.camera
     if not isinstance(camera, RealisticCamera) or view.setting is None:
@@ -141,38 +150,51 @@ class _Sources:
         film[:, 2] = self.film_z + self.lens.sense * film[:, 2]
         self.film = film
         self.chief = film_chief_rays(self.lens, film, view.setting.camera.wavelength_nm)
-        self.pupil_z = self.film_z - view.pupil_ahead_mm
+        self.pupil = np.array([0.0, 0.0, self.film_z - view.pupil_ahead_mm])
+        self.sphere = replace(view, distance_m=1.0).object_shape == "sphere"
 
     def landed(self, cell: int, wavelength_nm: float, distance_m: float, across: int) -> tuple[Array, Array]:
         """Return where rays land beside the chief ray, right and down [pixels], and their shares of the light."""
         nothing = np.zeros((0, 2)), np.zeros(0)
         if not self.chief.found[cell]:
             return nothing
-        beam = self._beam(cell, distance_m * 1e3)
+        away, distance_mm, origin = self._point(cell, distance_m)
+        point = origin + away * distance_mm if math.isfinite(distance_mm) else away
+        steep = is_steep(math.degrees(math.atan2(math.hypot(*point[:2]), -point[2])))
+        if steep and not takes_steep_light(self.lens):
+            raise InputError(
+                f"{self.lens.name}: point images more than 85 degrees from the axis need a first surface that is"
+                " spherical, bulging to the scene"
+            )
         try:
-            points, rays, _ = passing_beam(self.lens, beam, wavelength_nm, across)
-        except InputError:
+            if steep:
+                cosines, rays = passing_from(self.lens, away, distance_mm, origin, wavelength_nm, across)
+            else:
+                far = -float(point[2]) if math.isfinite(distance_mm) else math.inf
+                cosines, rays = self._through_plane(point, far, wavelength_nm, across)
+        except InputError:  # nothing of the light comes through
             return nothing
-        _, incoming = beam.rays(points)
-        cosines = incoming[:, 2] / np.linalg.norm(incoming, axis=1)
         at = self._on_film(rays.origins, rays.directions)
         off = (at - self.frame.on_film(self.film[cell, None, :2])) * self._pixels_per_mm()
         weights = cosines**4
         return off, weights / weights.sum()
 
-    def _beam(self, cell: int, distance_mm: float) -> Beam:
-        """Return the light of the point where a chief ray is at a distance from the entrance pupil."""
+    def _point(self, cell: int, distance_m: float) -> tuple[Array, float, Array]:
+        """Return where the point of a chief ray lies: the direction to it and its distance [mm] from an origin."""
         origin, away = self.chief.origins[cell], self.chief.directions[cell]
-        if -away[2] < STEEPEST:
-            raise InputError(f"{self.lens.name}: point images more than 85 degrees from the axis are not known")
-        if not distance_mm < FAR_MM:
-            slope, azimuth, far = -away[:2] / -away[2], away, math.inf
-        else:
-            step = (distance_mm - (self.pupil_z - origin[2])) / -away[2]
-            point = origin + step * away
-            slope, azimuth, far = -point[:2] / -point[2], point, -float(point[2])
-        tangent = float(np.hypot(*slope))
-        return Beam(math.degrees(math.atan(tangent)), far, math.degrees(math.atan2(-azimuth[1], -azimuth[0])))
+        if not distance_m * 1e3 < FAR_MM:
+            return away, math.inf, origin
+        from_pupil = (origin - self.pupil)[None]
+        return away, float(distance_along(from_pupil, away[None], distance_m * 1e3, sphere=self.sphere)[0]), origin
+
+    def _through_plane(self, point: Array, far: float, wavelength_nm: float, across: int) -> tuple[Array, Rays]:
+        """Return the cosines of the light's angles from the axis, and the rays, spread over the first vertex plane."""
+        tangent = float(np.hypot(*point[:2])) / -float(point[2])
+        azimuth = math.degrees(math.atan2(-point[1], -point[0]))
+        beam = Beam(math.degrees(math.atan(tangent)), far, azimuth)
+        points, rays, _ = passing_beam(self.lens, beam, wavelength_nm, across)
+        _, incoming = beam.rays(points)
+        return incoming[:, 2] / np.linalg.norm(incoming, axis=1), rays
 
     def _on_film(self, origins: Array, directions: Array) -> Array:
         """Return where rays meet the film, on it (n, 2) [mm]."""

@@ -155,12 +155,8 @@ class View:
         """Return where rays meet the object, from the entrance pupil in the camera's axes."""
         if not self.distance_m < FAR_M:
             return directions
-        far = self.distance_m * 1e3
-        if not sphere:
-            return np.asarray(origins + directions * ((far + origins[:, 2]) / -directions[:, 2])[:, None])
-        along = np.sum(origins * directions, axis=1)
-        inside = along**2 - np.sum(origins**2, axis=1) + far**2
-        return np.asarray(origins + directions * (np.sqrt(np.maximum(inside, 0.0)) - along)[:, None])
+        along = distance_along(origins, directions, self.distance_m * 1e3, sphere=sphere)
+        return np.asarray(origins + directions * along[:, None])
 
     @property
     def object_shape(self) -> str | None:
@@ -222,6 +218,15 @@ class View:
         if self.setting is not None:
             found |= {key: self.setting.metadata[key] for key in ("focal_length_mm", "f_number", "focus_distance_m")}
         return found | {"entrance_pupil": pupil_in_world(self.scene, self.pupil.described())}
+
+
+def distance_along(origins: Array, directions: Array, distance_mm: float, *, sphere: bool) -> Array:
+    """Return how far (n,) it is along rays (n, 3) from the entrance pupil to a plane across the axis or to a sphere."""
+    if not sphere:
+        return np.asarray((distance_mm + origins[:, 2]) / -directions[:, 2])
+    along = np.sum(origins * directions, axis=1)
+    inside = along**2 - np.sum(origins**2, axis=1) + distance_mm**2
+    return np.asarray(np.sqrt(np.maximum(inside, 0.0)) - along)
 
 
 def view(scene: Scene, distance_m: float | None = None, shape: str | None = None) -> View:

@@ -96,6 +96,7 @@ from rptcam_cl.optics.wave_image import (
     strehl,
     transfer,
 )
+from rptcam_cl.optics.wide_beam import is_steep, passing_from, takes_steep_light
 
 __all__ = [
     "AIR",
@@ -213,6 +214,7 @@ __all__ = [
     "held_index",
     "image_circle",
     "image_distances",
+    "is_steep",
     "is_tinted",
     "known_nm",
     "known_range",
@@ -232,6 +234,7 @@ __all__ = [
     "on_axis_irradiance",
     "passing",
     "passing_beam",
+    "passing_from",
     "peak_to_valley",
     "plain_glass_name",
     "polygon",
@@ -251,6 +254,7 @@ __all__ = [
     "steps",
     "strehl",
     "system_matrix",
+    "takes_steep_light",
     "thermal_of",
     "trace",
     "transfer",

@@ -1,13 +1,16 @@
 """Maps of a lens: there and back, against chief rays, quadrature and rays from points."""
 
 import json
+import sys
 
 import numpy as np
 import pytest
+import yaml
 
 from rptcam_cl.calibration import coc_map, point_images, st_maps, subject, view, vignetting_map
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.resources import lenses_dir
 from rptcam_cl.optics import film_irradiance
 from rptcam_cl.scene import load_scene
 
@@ -164,3 +167,48 @@ def test_point_images_need_a_lens_and_an_odd_side():
     thick = view(load_scene({"film": FILM, "camera": CAMERA | {"kind": "thick_lens"}}))
     with pytest.raises(InputError, match="needs a lens to trace"):
         point_images(thick)
+
+
+def wide_fisheye(f_number=8, conic=0):
+    """A view of the fisheye of the library with wider fronts, which sees to 95 degrees from its axis."""
+    prescription = yaml.safe_load((lenses_dir() / "fisheye-10mm.yaml").read_text("utf-8"))
+    for surface, diameter in zip(prescription["surfaces"], (60.0, 22.7, 30.0, 16.6), strict=False):
+        surface["diameter"] = diameter
+    prescription["surfaces"][0]["conic"] = conic
+    camera = {
+        "kind": "realistic", "lens": prescription, "f_number": f_number, "eye": [0, 0, 0], "target": [0, 0, -1],
+        "focus": {"distance_m": 2},
+    }  # fmt: skip
+    return view(load_scene({"film": {"resolution": [2000, 200], "size_mm": [40.0, 4.0]}, "camera": camera}))
+
+
+STEEP_CELLS, AWAY_M = (5, 1), (0.3, np.inf)
+
+
+def test_point_images_past_85_degrees_lie_on_their_chief_rays():
+    seen = wide_fisheye()
+    directions, lit = seen.directions(point_images(seen, STEEP_CELLS, across=8).places[0])
+    assert lit.all() and np.degrees(np.arccos(directions[0, 2])) > 92.0
+    wide, closed = (point_images(wide_fisheye(f), STEEP_CELLS, (), AWAY_M, across=48) for f in (8, 45))
+    for found in (wide, closed):
+        assert found.kernels.sum(axis=(-1, -2)) == pytest.approx(1.0, abs=1e-5)
+        assert found.centroids == pytest.approx(found.centroids[:, ::-1] * [-1, 1], abs=1e-6)
+    assert np.abs(closed.centroids).max() < 0.05 < np.abs(wide.centroids[:, 0, ..., 0]).min()  # coma [20 microns]
+
+
+def test_both_ways_of_spreading_rays_make_the_same_point_images(monkeypatch):
+    seen = wide_fisheye()
+    plane = point_images(seen, STEEP_CELLS, (), AWAY_M, 9, across=96)
+    module = sys.modules["rptcam_cl.calibration.point_images"]
+    monkeypatch.setattr(module, "is_steep", lambda degrees: degrees > 5)
+    across = point_images(seen, STEEP_CELLS, (), AWAY_M, 9, across=96)
+    flat = seen.directions(plane.places[0])[0][:, 2] > 0.1  # the outermost go the one way alone
+    assert flat.sum() == 3
+    assert np.abs(plane.centroids - across.centroids)[:, flat].max() < 0.01
+    assert np.abs(plane.kernels - across.kernels)[:, flat].max() < 0.02
+    assert np.abs(plane.centroids - across.centroids)[:, flat].max() > 0
+
+
+def test_steep_point_images_need_a_first_surface_that_is_a_sphere():
+    with pytest.raises(InputError, match="more than 85 degrees from the axis need a first surface that is spherical"):
+        point_images(wide_fisheye(conic=0.01), STEEP_CELLS, across=8)
