@@ -116,7 +116,7 @@ POINTS = 7  # in each
 SMOOTH = 2  # frequencies to each side
 TERMS = 6  # of a quadratic
 BLOCKS = 6  # of the zone each way, whose noise is nearly independent
-SMALLEST = 1e-30  # keeps 0 / 0 away where both halves blur everything
+SMALLEST = 1e-30  # keeps 0 / 0 away where both halves blur everything, and where even light has no noise
 LEAST_GAIN = 150.0  # of the misfit at the best distance against the others, in units of noise
 RIVAL = 0.35  # share of that gain that another distance must lack for the best to be the only one
 UNLIKELY = 4.0  # times the least misfit: then it is no rival, however good
@@ -227,7 +227,7 @@ class PhaseMatch:
         The weight of a frequency in the likelihood of a target with a random picture of that power: where there is
         noise alone, it would otherwise add its own scatter to the misfit, and nothing else.
         """
-        power = np.mean(_square(self._spectra) / self._power[:, None, None], axis=0)
+        power = np.mean(_square(self._spectra) / np.maximum(self._power, SMALLEST)[:, None, None], axis=0)
         near = np.pad(np.fft.fftshift(power, axes=0), SMOOTH, mode="reflect")
         size = 2 * SMOOTH + 1
         windows = np.lib.stride_tricks.sliding_window_view(near, (size, size))

@@ -72,6 +72,13 @@ def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     assert max(errors) < 0.2
 
 
+def test_even_light_without_noise_is_flat():
+    view = HalfView.of(pupil_rays(scene_of([], THIN), places_round((200.0, 90.0))), "x")
+    with np.errstate(divide="raise", invalid="raise"):
+        match = PhaseMatch(Halves(np.ones((2, 96, 96)), np.zeros(2), (24, 24, 24, 24)), view).best(-2.0, 2.0)
+    assert match is None or match.refusal == "flat"
+
+
 def test_halves_of_the_probe_show_the_target_side_by_side():
     probe = probe_of(scene_of([target(4.0, 3.0, noise(100))], DGAUSS))
     state = probe.drive.state_for(4.0, CENTRE) + 4 * probe.drive.depth_of_focus
