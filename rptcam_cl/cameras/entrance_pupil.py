@@ -16,10 +16,11 @@ from typing import Any
 import numpy as np
 
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
-from rptcam_cl.cameras.pupil import ByContent, without_shape
+from rptcam_cl.cameras.pupil import KEPT, ByContent, without_shape
 from rptcam_cl.cameras.setting import LensSetting
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import film_chief_rays
+from rptcam_cl.core.kept import kept_or_found
+from rptcam_cl.optics import Lens, film_chief_rays
 from rptcam_cl.scene import RealisticCamera, Scene, pose_matrix
 
 FIELDS = (0.5, 1.0)  # of the way from the middle of the film to its corners, where the drift is found
@@ -88,14 +89,22 @@ def _drift(scene: Scene, setting: LensSetting, pupil_z: float) -> tuple[tuple[fl
 def _remembered(
     content: ByContent, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return the drift, ready for the next picture with the lens in the same state."""
+    """Return the drift, ready for the next picture with the lens in the same state, in this process or another."""
+    name = content.name_of("drift", film, wavelength_nm, pupil_z)
+    found = kept_or_found(KEPT, name, lambda: _found(content.lens, film, wavelength_nm, pupil_z))
+    return tuple((field, drift) for field, drift in found)
+
+
+def _found(
+    lens: Lens, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
+) -> list[tuple[float, float]]:
     try:
-        rays = film_chief_rays(content.lens, np.array(film), wavelength_nm)
+        rays = film_chief_rays(lens, np.array(film), wavelength_nm)
     except InputError:  # no surface of the lens limits the light
-        return ()
+        return []
     places = np.where(rays.clear, pupil_z - rays.axis_points(), np.nan).reshape(len(FIELDS), -1)
-    return tuple(
+    return [
         (field, float(np.mean(row[np.isfinite(row)])))
         for field, row in zip(FIELDS, places, strict=True)
         if np.isfinite(row).any()
-    )
+    ]

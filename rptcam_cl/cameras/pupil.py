@@ -109,9 +109,10 @@ class ByContent:
 
     lens: Lens
 
-    def pickled(self) -> bytes:
-        """Return bytes from which the content can be made again: they differ where it does."""
-        return pickle.dumps(content_of(self.lens))
+    def name_of(self, *state: object) -> str:
+        """Return the name of what follows from the lens in some state, by this code."""
+        code = identity_of_code(("core", "colour", "optics", "cameras"))
+        return name_of(code, pickle.dumps(content_of(self.lens)), *state)
 
     def __hash__(self) -> int:
         return hash(content_of(self.lens))
@@ -131,7 +132,7 @@ def _remembered(
 ) -> PupilSampling:
     """Return the sampling, ready for the next picture with the lens in the same state, in this process or another."""
     state = (film_distance_mm, half_film_mm, wavelength_nm, tier, *((frame,) if frame.is_moved else ()))
-    name = name_of(identity_of_code(("core", "colour", "optics", "cameras")), content.pickled(), state)
+    name = content.name_of(state)
     kept = kept_arrays(KEPT, name)
     if kept is None:
         sampling = _checked(content.lens, film_distance_mm, half_film_mm, wavelength_nm, tier, frame)

@@ -18,13 +18,14 @@ from rptcam_cl.cameras.geometry import intrinsics
 from rptcam_cl.cameras.lamp_reach import lens_reach
 from rptcam_cl.cameras.model import CameraModel, CameraView, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.movements import check_film, film_frame, movements_metadata, place_film
-from rptcam_cl.cameras.pupil import ByContent, coarse_pupil, has_shape, pupil_sampling
+from rptcam_cl.cameras.pupil import KEPT, ByContent, coarse_pupil, has_shape, pupil_sampling
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
 from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
 from rptcam_cl.cameras.thick_lens import thick_lens_of
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.kept import kept_or_found
 from rptcam_cl.optics import (
     IDEAL,
     Lens,
@@ -181,7 +182,10 @@ def _remembered_axial(content: ByContent, back_mm: float, wavelength_nm: float) 
 
 @lru_cache(maxsize=REMEMBERED)
 def _remembered_on_axis(content: ByContent, back_mm: float, wavelength_nm: float, losses: LensTransmission) -> float:
-    return on_axis_irradiance(content.lens, back_mm, wavelength_nm, losses)
+    def find() -> float:
+        return on_axis_irradiance(content.lens, back_mm, wavelength_nm, losses)
+
+    return find() if losses else float(kept_or_found(KEPT, content.name_of("on axis", back_mm, wavelength_nm), find))
 
 
 def _record(

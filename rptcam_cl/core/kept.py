@@ -13,7 +13,7 @@ import os
 import platform
 import secrets
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -97,6 +97,16 @@ def kept_arrays(kind: str, name: str) -> tuple[dict[str, NDArray[Any]], dict[str
         arrays[key] = np.frombuffer(numbers, dtype, count, place).reshape(shape).copy()
         place += arrays[key].nbytes
     return arrays, found["facts"]
+
+
+def kept_or_found(kind: str, name: str, find: Callable[[], Any]) -> Any:
+    """Return what is kept under a name, else what ``find`` returns, which is kept: what JSON holds, with all bits."""
+    kept = kept_arrays(kind, name)
+    if kept is not None:
+        return kept[1]["found"]
+    found = find()
+    keep_arrays(kind, name, {}, {"found": found})
+    return found
 
 
 @lru_cache(maxsize=16)

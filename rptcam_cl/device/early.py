@@ -14,10 +14,13 @@ import threading
 from collections.abc import Callable
 
 from rptcam_cl.core.errors import DeviceError
-from rptcam_cl.core.kept import keep_arrays, kept_arrays, name_of
+from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.device.at_work import unfinished_work
 from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.program import Parameters
 from rptcam_cl.device.session import open_session
+
+Built = list[tuple[str, Parameters]]  # sources, and the names of their kernels' parameters
 
 KEPT = "commands"  # folder of the cache on disk
 MOST_CHARACTERS = 4 << 20  # of all sources of a command
@@ -33,29 +36,31 @@ def open_early(spec: str | None, *command: object) -> Callable[[], None]:
     command
         What tells commands that build other programs apart.
     """
-    name = name_of(spec, *command)
+    name = name_of(identity_of_code(("device",)), spec, *command)
     kept = kept_arrays(KEPT, name)
-    sources: list[str] = [] if kept is None else kept[1]["sources"]
+    built: Built = [] if kept is None else [tuple(each) for each in kept[1]["built"]]
     try:
         load_opencl()
         from pyopencl import characterize  # noqa: F401 -- wanted by the first build
     except (DeviceError, ImportError):
         return lambda: None
-    threading.Thread(target=_open, args=(spec, name, sources), daemon=True).start()
-    return lambda: _remember(spec, name, sources)
+    threading.Thread(target=_open, args=(spec, name, built), daemon=True).start()
+    return lambda: _remember(spec, name, built)
 
 
-def _open(spec: str | None, name: str, sources: list[str]) -> None:
+def _open(spec: str | None, name: str, built: Built) -> None:
     with unfinished_work(), contextlib.suppress(Exception):  # whatever a driver may raise
         session = open_session(spec)
-        if sources:
-            session.foresee(sources)
+        if built:
+            session.foresee(built)
         else:
             session.read_library(name)
 
 
-def _remember(spec: str | None, name: str, before: list[str]) -> None:
+def _remember(spec: str | None, name: str, before: Built) -> None:
     """Keep what was built, where that is not what was built before."""
-    sources = open_session(spec).sources
-    if sources != before and sum(map(len, sources)) <= MOST_CHARACTERS:
-        keep_arrays(KEPT, name, {}, {"sources": sources})
+    programs = open_session(spec).programs
+    if [program.source for program in programs] == [source for source, _ in before]:
+        return
+    if sum(len(program.source) for program in programs) <= MOST_CHARACTERS:
+        keep_arrays(KEPT, name, {}, {"built": [(program.source, program.parameters) for program in programs]})

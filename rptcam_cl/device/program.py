@@ -13,7 +13,7 @@ import hashlib
 import os
 import re
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
@@ -23,6 +23,8 @@ from rptcam_cl.core.resources import kernels_dir
 from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.signature import kernel_parameters
 from rptcam_cl.device.trial import AVX512_ARCH, first_error, target_pragma
+
+Parameters = Mapping[str, Sequence[str]]  # names of the parameters of each kernel
 
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
 _HASH_BYTES = 32
@@ -94,6 +96,7 @@ class Program:
     ----------
     name : str
         See `program_name`.
+    source : str
 
     Raises
     ------
@@ -107,7 +110,7 @@ class Program:
         self.identity = hashlib.sha256(source.encode()).hexdigest()
         self.name = program_name(device, source)
         self.is_noted = False  # that its code was generated
-        self._source = source
+        self.source = source
         self._idle: dict[str, list[Any]] = {}
         try:
             self.handle = build_program(context, device, source, list(BUILD_OPTIONS))
@@ -122,9 +125,9 @@ class Program:
         return self._idle.setdefault(name, [])
 
     @cached_property
-    def parameters(self) -> dict[str, tuple[str, ...]]:
+    def parameters(self) -> Parameters:
         """The names of the parameters of each kernel, in their order."""
-        return kernel_parameters(self._source)
+        return kernel_parameters(self.source)
 
 
 def build_program(context: Any, device: Any, source: str, options: list[str]) -> Any:

@@ -19,7 +19,7 @@ from rptcam_cl.device.choose import choose_device
 from rptcam_cl.device.devices import DeviceInfo, problem_of
 from rptcam_cl.device.opencl import instead, load_opencl
 from rptcam_cl.device.pocl_cache import is_code_noted, note_code
-from rptcam_cl.device.program import Program, assemble, program_name, source_key
+from rptcam_cl.device.program import Parameters, Program, assemble, program_name, source_key
 from rptcam_cl.device.trial import AVX512_ARCH, is_pocl, try_device
 
 # llvmpipe is the processor as Mesa's rusticl offers it. Its compiler takes eight work items together, and counts the
@@ -146,7 +146,6 @@ class Session:
         self._programs: OrderedDict[tuple[Any, ...], Program] = OrderedDict()
         self._finding, self._building = threading.Lock(), threading.Lock()
         self._launched: list[Program] = []  # whose code is not noted
-        self.sources: list[str] = []  # of the programs that were requested
         self._foreseen: dict[str, Program] = {}  # by their sources
         self._is_narrow = self._takes_kept_only = False
 
@@ -212,7 +211,6 @@ class Session:
         with self._building, warnings.catch_warnings():
             warnings.simplefilter("ignore")  # pyopencl reports any text in a build log
             program = self._known_program(key) or self._foreseen.pop(source, None) or self._built(source)
-            self.sources.append(source)
         with self._finding:
             self._programs[key] = program
             while len(self._programs) > MOST_PROGRAMS:
@@ -222,12 +220,25 @@ class Session:
     def _built(self, source: str) -> Program:
         return Program(self.context, self.info.handle, source)
 
-    def foresee(self, sources: Iterable[str]) -> None:
-        """Build programs that will be requested, in another thread than the one that does so."""
-        for source in sources:
+    @property
+    def programs(self) -> list[Program]:
+        """Those that were requested and are kept."""
+        with self._finding:
+            return list(self._programs.values())
+
+    def foresee(self, programs: Iterable[tuple[str, Parameters]]) -> None:
+        """Build programs that will be requested, in another thread than the one that does so.
+
+        Parameters
+        ----------
+        programs
+            Source and `Program.parameters` of each.
+        """
+        for source, parameters in programs:
             with self._building:
-                if source not in self.sources:
+                if all(program.source != source for program in self.programs):
                     self._foreseen[source] = self._built(source)
+                    self._foreseen[source].parameters = parameters
 
     def read_library(self, name: str) -> None:
         """Let PoCL read its built-in functions, which it does for the first program that its cache does not have.

@@ -8,11 +8,11 @@ import pytest
 
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.device import Session, at_work, early, means_one, open_early, open_session
+from rptcam_cl.device import Session, at_work, early, means_one, open_early, open_session, program
 from rptcam_cl.device import session as sessions
 from rptcam_cl.device.program import Program
 
-SOURCES = [f"__kernel void {name}(__global float *out) {{ out[0] = 1.0f; }}\n" for name in ("one", "two")]
+SOURCES = {f"__kernel void {name}(__global float *out) {{ out[0] = 1.0f; }}\n": name for name in ("one", "two")}
 SCENE = """\
 film: {resolution: [8, 8]}
 camera: {kind: pinhole, eye: [0, 0, 5], target: [0, 0, 0], fov_degrees: 40}
@@ -61,41 +61,49 @@ def built(monkeypatch):
     return found
 
 
+def request(session, monkeypatch, sources):
+    """Request programs as passes do, by what they are made of."""
+    for source in sources:
+        monkeypatch.setattr(sessions, "assemble", lambda *_, source=source, **__: source)
+        session.bind(session.program([source], {}, ""), SOURCES[source], out=session.allocate(4))
+
+
 def test_programs_of_the_last_time_are_built_before_they_are_wanted(session, monkeypatch):
     ended_well = open_early("cpu", "render", "a.yaml")
     wait()
-    session.sources += SOURCES
+    request(session, monkeypatch, SOURCES)
     ended_well()
-    session.sources.clear()
     found = built(monkeypatch)
-    ended_well = open_early("cpu", "render", "a.yaml")
-    wait()
-    assert found == SOURCES
-    texts = iter(SOURCES)
-    monkeypatch.setattr(sessions, "assemble", lambda *_, **__: next(texts))
-    assert session.bind(session.program(["one"], {}, ""), "one", out=session.allocate(4)) is not None
-    assert session.bind(session.program(["two"], {}, ""), "two", out=session.allocate(4)) is not None
-    assert found == SOURCES  # nothing was built anew
-    assert session.sources == SOURCES
+    for again in range(2):
+        session._programs.clear()
+        ended_well = open_early("cpu", "render", "a.yaml")
+        wait()
+        assert found == list(SOURCES) * (again + 1)
+        with monkeypatch.context() as patch:
+            patch.setattr(program, "kernel_parameters", lambda source: 1 / 0)  # these are kept as well
+            request(session, patch, SOURCES)
+        assert found == list(SOURCES) * (again + 1)  # nothing was built twice
+        ended_well()
 
 
 def test_what_was_built_already_is_not_built_again(session, monkeypatch):
-    session.sources += SOURCES[:1]
+    one, two = SOURCES
+    request(session, monkeypatch, [one])
     found = built(monkeypatch)
-    session.foresee(SOURCES)
-    assert found == SOURCES[1:]
+    session.foresee([(one, {"one": ["out"]}), (two, {"two": ["out"]})])
+    assert found == [two]
 
 
 @pytest.mark.parametrize(
     "change", [lambda text: text[:-1], lambda text: b"", lambda text: text[:40] + b"?" + text[41:]]
 )
 def test_what_is_damaged_is_not_built(session, monkeypatch, tmp_path, change):
-    session.sources += SOURCES
+    request(session, monkeypatch, SOURCES)
     open_early("cpu", "render", "a.yaml")()
     wait()
     [kept] = (tmp_path / early.KEPT).iterdir()
     kept.write_bytes(change(kept.read_bytes()))
-    session.sources.clear()
+    session._programs.clear()
     found = built(monkeypatch)
     open_early("cpu", "render", "a.yaml")
     wait()
