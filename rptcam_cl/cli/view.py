@@ -37,6 +37,10 @@ def add_to(commands: Commands) -> None:
 
 
 def _run(arguments: argparse.Namespace) -> int:
+    from rptcam_cl.device import means_one, open_early
+
+    if means_one(arguments.device):
+        open_early(arguments.device)
     from rptcam_cl.viewfinder import Viewfinder, check_server, is_loopback, serve
 
     check_server()

@@ -34,10 +34,10 @@ def open_early(spec: str | None, *command: object) -> Callable[[], None]:
     Parameters
     ----------
     command
-        What tells commands that build other programs apart.
+        What tells commands that build other programs apart; without it, the device is opened and nothing built.
     """
-    name = name_of(identity_of_code(("device",)), spec, *command)
-    kept = kept_arrays(KEPT, name)
+    name = name_of(identity_of_code(("device",)), spec, *command) if command else ""
+    kept = kept_arrays(KEPT, name) if command else None
     built: Built = [] if kept is None else [tuple(each) for each in kept[1]["built"]]
     try:
         load_opencl()
@@ -53,7 +53,7 @@ def _open(spec: str | None, name: str, built: Built) -> None:
         session = open_session(spec)
         if built:
             session.foresee(built)
-        else:
+        elif name:
             session.read_library(name)
 
 

@@ -34,7 +34,8 @@ def srgb_from_linear(linear: NDArray[np.floating]) -> Pixels:
 
     Values outside 0..1 are clipped; not-a-number becomes 0.
     """
-    clipped: Pixels = np.clip(np.nan_to_num(linear, nan=0.0), 0.0, 1.0).astype(np.float32, copy=False)
+    numbers = np.fmax(linear, 0.0)  # 0 where there is none
+    clipped: Pixels = np.fmin(numbers, 1.0).astype(np.float32, copy=False)
     foot = clipped * np.float32(12.92)
     curve = np.float32(1.055) * clipped ** np.float32(1 / 2.4) - np.float32(0.055)
     return np.where(clipped <= np.float32(0.0031308), foot, curve)

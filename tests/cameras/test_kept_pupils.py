@@ -1,17 +1,19 @@
 """Tables of pupils kept on disk: the same bits as those computed, for the same lens in the same state alone."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rptcam_cl.cameras import camera_model, pupil
+from rptcam_cl.cameras import camera_model, pupil, realistic
 from rptcam_cl.cameras.pupil import pupil_sampling
 from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.optics import load_lens
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene import change_scene, load_scene
 
 NAME, BACK_MM, HALF_MM, NM = "dgauss-50mm", 38.0, (18.0, 12.0), 550.0
+entrance_pupil = sys.modules["rptcam_cl.cameras.entrance_pupil"]  # its package has a function of this name
 
 
 class ComputedError(Exception):
@@ -87,3 +89,30 @@ def test_a_lens_in_colour_is_traced_once_for_all_pictures_in_the_same_state(monk
     second = camera_model(scene, lens_colour="on")
     assert second.axial_colour is not None and np.array_equal(first.axial_colour, second.axial_colour)
     assert np.array_equal(first.surfaces, second.surfaces)
+
+
+def test_light_on_the_axis_and_the_drift_of_the_pupil_come_back(monkeypatch):
+    pose = {"eye": [0, 0, 0], "target": [0, 0, -1]}
+    scene = load_scene({"camera": {"kind": "realistic", "lens": NAME, "focus": {"distance_m": 2}, **pose}})
+
+    def forget():
+        realistic._remembered_on_axis.cache_clear()
+        entrance_pupil._remembered.cache_clear()
+
+    forget()
+    made = camera_model(scene)
+    assert len(made.metadata["entrance_pupil"]) > 1
+
+    def refuse(*_):
+        raise ComputedError
+
+    monkeypatch.setattr(realistic, "on_axis_irradiance", refuse)
+    monkeypatch.setattr(entrance_pupil, "film_chief_rays", refuse)
+    forget()
+    kept = camera_model(scene)
+    assert kept.on_axis_irradiance == made.on_axis_irradiance
+    assert kept.metadata == made.metadata
+    forget()
+    with pytest.raises(ComputedError):
+        camera_model(change_scene(scene, camera={"f_number": 4}))
+    forget()
