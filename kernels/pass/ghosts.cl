@@ -71,7 +71,7 @@ static void enter_front(const __global float4 *source, uint number, uint rays, F
 
 static void add_light(__global uint *sum, float light)
 {
-    ulong units = (ulong)(light * ONE_LIGHT);
+    ulong units = (ulong)(long)(light * ONE_LIGHT);          // below 0 as two's complement, whose carry is the same
     uint low = (uint)units, high = (uint)(units >> 32);
     uint before = atomic_add((volatile __global uint *)sum, low);
     high += before + low < before ? 1u : 0u;

@@ -8,6 +8,7 @@ from rptcam_cl.plan.packed_meshes import PackedMeshes, TriangleGroup, shifted
 from rptcam_cl.plan.plan import Plan, aimed, make_plan, may_aim, with_film, with_lens, with_pose
 from rptcam_cl.plan.polish import SPREADING_ALPHA, Lobe, lobes_of
 from rptcam_cl.plan.primitives import object_frame
+from rptcam_cl.plan.spectrum import observer
 
 __all__ = [
     "SPREADING_ALPHA",
@@ -28,6 +29,7 @@ __all__ = [
     "make_plan",
     "may_aim",
     "object_frame",
+    "observer",
     "polished_count",
     "polished_faces",
     "shifted",

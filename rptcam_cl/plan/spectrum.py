@@ -106,7 +106,7 @@ def seen_by(
     glass = materials.facts["HAS_DISPERSION"] > 0
     metadata = {}
     if settings.mode == "spectral" or (settings.mode == "auto" and spectra.colours > 0):
-        metadata["observer"], matching = _observer(scene)
+        metadata["observer"], matching = observer(scene)
         spectrum = _spectral(matching, axial, spectra, (low, high), lens=lens)
     elif settings.mode != "rgb" and (lens or glass):
         spectrum = _dispersive(axial, (low, high), lens=lens)
@@ -135,7 +135,7 @@ def least_noise(spectra: Array) -> Array:
     return np.asarray(np.sqrt(bright**2 + (spectra[:, 0] - bright) ** 2 + (spectra[:, 2] - bright) ** 2))
 
 
-def _observer(scene: Scene) -> tuple[str, Array]:
+def observer(scene: Scene) -> tuple[str, Array]:
     """Return who sees, the scene's sensor or the eye, and the weights (401, 3) that make linear sRGB of spectra."""
     if scene.sensor is not None and scene.sensor.response is not None:
         return scene.sensor.response, response_curves(scene.sensor.response)

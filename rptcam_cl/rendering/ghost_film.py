@@ -13,21 +13,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.cameras import WayRecords, ghost_setting, ghosts_have_colours
-from rptcam_cl.colour import luminance
+from rptcam_cl.cameras import WayRecords, ghost_setting
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session
 from rptcam_cl.optics import Lens
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
-from rptcam_cl.rendering.diffraction_kernel import shares_of_white
+from rptcam_cl.rendering.ghost_colours import bands
 from rptcam_cl.rendering.ghost_sources import Sources, ghost_sources
 from rptcam_cl.scene import Scene
 
 Array = NDArray[np.float64]
 Way = tuple[int, ...]
 
-WAVES_NM = (425.0, 475.0, 525.0, 575.0, 625.0, 675.0)  # where colours differ
 SCOUTS = 1024  # rays of a source over the whole front, for each way
 SECOND_SCOUTS = 4096  # of all sources and wavelengths of a way, where the first have found light
 LEAST_SHARE = 1e-3  # of all ghosts in each colour, below which a way is left out
@@ -78,10 +76,8 @@ class GhostFilm:
         film_z = self.lens.film_z(self.film_distance)
         buffers = SceneBuffers(session, plan)
         self.sources: Sources = ghost_sources(scene, plan, buffers, session, self.lens, film_z)
-        tinted = ghosts_have_colours(setting)
-        waves = WAVES_NM if tinted else (setting.camera.wavelength_nm,)
-        self.shares = shares_of_white(WAVES_NM) if tinted else np.ones((1, 3))
-        self.records = [WayRecords.of(self.lens, nm, setting.transmission) for nm in waves]
+        self.bands = bands(scene, plan, setting, self.sources)
+        self.records = [WayRecords.of(self.lens, band.nm, setting.transmission) for band in self.bands]
         (self.columns, self.rows), (width, height) = scene.film.resolution, scene.film.size_m()
         sense = -1.0 if scene.camera.flip else 1.0
         across, down = sense * self.columns / (1e3 * width), -sense * self.rows / (1e3 * height)
@@ -164,24 +160,29 @@ class GhostFilm:
     def _scouted(self, way: Way) -> _Scouted:
         """Return how much light a way brings at each wavelength, and where."""
         boxes, waves = self._boxes(way), len(self.records)
-        lit = boxes[:, 2] > 0
-        places, own, light = self.sources.places[lit], boxes[lit], self.sources.irradiance[lit]
         flux, cells = np.zeros((waves, 3)), np.zeros((CELLS[1], CELLS[0], waves))
-        if not len(own):
-            return _Scouted(boxes, flux, cells, 0.0, 0.0)
-        rays = self._steps(SECOND_SCOUTS / (len(own) * waves))
-        arrived, largest = 0, 0.0
-        area = (own[:, 2] * own[:, 3] / rays)[:, None]
-        for record, of_white in enumerate(self.shares):
-            x, y, share = self._landed(way, record, places, own, rays)
-            flux[record] = (share.sum(axis=1)[:, None] * area * light).sum(axis=0) * of_white
+        sent, arrived, largest = 0, 0, 0.0
+        for record in range(waves):
+            lit = self._lit(boxes, record)
+            own, light = boxes[lit], self.bands[record].light[lit]
+            if not len(own):
+                continue
+            rays = self._steps(SECOND_SCOUTS / (len(own) * waves))
+            area = (own[:, 2] * own[:, 3] / rays)[:, None]
+            x, y, share = self._landed(way, record, self.sources.places[lit], own, rays)
+            flux[record] = np.abs((share.sum(axis=1)[:, None] * area * light).sum(axis=0))
             hits = share > 0
             at = [(place[hits] * cell / size).astype(int)
                   for place, cell, size in ((y, CELLS[1], self.rows), (x, CELLS[0], self.columns))]  # fmt: skip
-            carried = (share * area * luminance(light)[:, None])[hits]
+            carried = (share * area * np.abs(light).sum(axis=1)[:, None])[hits]
             np.add.at(cells[..., record], tuple(at), carried / max(float(carried.sum()), 1e-300))
-            arrived, largest = arrived + int(hits.sum()), max(largest, float(share.max()))
-        return _Scouted(boxes, flux, cells, max(arrived / (rays * len(own) * waves), 1e-3), largest)
+            sent, arrived = sent + rays * len(own), arrived + int(hits.sum())
+            largest = max(largest, float(share.max()))
+        return _Scouted(boxes, flux, cells, max(arrived / max(sent, 1), 1e-3), largest)
+
+    def _lit(self, boxes: Array, record: int) -> NDArray[np.bool_]:
+        """Return which sources shine at a wavelength and have boxes."""
+        return np.asarray((boxes[:, 2] > 0) & self.bands[record].light.any(axis=1))
 
     def _steps(self, rays: float) -> int:
         """Return a number of rays of a source that fills whole work groups."""
@@ -199,7 +200,7 @@ class GhostFilm:
         light = np.maximum(light, DARK * light.mean(axis=(0, 1)))
         weights = {}
         for way, found in kept.items():
-            over = np.einsum("ijk,ijc->kc", found.cells, 1.0 / np.maximum(light, 1e-300) ** 2)
+            over = np.einsum("ijk,ijc->kc", found.cells, 1.0 / np.maximum(light, 1e-100) ** 2)
             needs = np.sqrt(np.sum(found.flux**2 * over, axis=1))
             weights[way] = needs * needs.sum() ** (SHARING - 1.0) / np.sqrt(found.arriving)
         total = float(np.clip(PER_PIXEL * self.rows * self.columns, LEAST_RAYS, MOST_RAYS))
@@ -222,13 +223,17 @@ class GhostFilm:
         rays, largest = self._rays(kept), 0.0
         launches: dict[int, list[Any]] = {}
         for way, found in kept.items():
-            lit = found.boxes[:, 2] > 0
-            boxes = found.boxes[lit]
             alike = launches.setdefault(self._spread_steps(found, float(rays[way].sum())), [])
-            for record, shares in enumerate(self.shares):
+            for record, band in enumerate(self.bands):
+                lit = self._lit(found.boxes, record)
+                boxes = found.boxes[lit]
+                if not len(boxes):
+                    continue
                 count = self._steps(rays[way][record] / len(boxes))
-                weights = self.sources.irradiance[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None] * shares
-                largest = max(largest, float(weights.max()) * 4.0 * found.largest)  # a ray may bring more than scouts
+                weights = band.light[lit] * (boxes[:, 2] * boxes[:, 3] / count)[:, None]
+                largest = max(
+                    largest, float(np.abs(weights).max()) * 4.0 * found.largest
+                )  # a ray may bring more than scouts
                 alike.append((way, record, self.sources.places[lit], boxes, weights, count))
         film = np.zeros((self.rows, self.columns, 3))
         for steps, alike in sorted(launches.items()):
@@ -237,7 +242,7 @@ class GhostFilm:
                 first = _shifts(len(boxes) * record + np.arange(len(boxes)), count)
                 table = self._table(places, boxes, weights / largest, first)
                 self._launched(0, way, record, table, len(boxes), count, words)
-            units = self.session.read(words, "<u8", film.size).astype(np.float64)
+            units = self.session.read(words, "<i8", film.size).astype(np.float64)
             film += _spread(units.reshape(film.shape), FINER**steps)
         return film * (largest / ONE_LIGHT * self.value)
 

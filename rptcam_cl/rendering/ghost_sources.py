@@ -44,6 +44,8 @@ class Sources:
         Kinds of lamps whose ghosts are not known.
     dropped_share : float
         Of all that light, what fainter sources than the brightest have.
+    known : (n, 2) array
+        Number of the spectrum of a lamp, 0 of one that has none, and how many times it is the irradiance.
     mirrored : int
         How many are mirrored highlights.
     """
@@ -52,6 +54,7 @@ class Sources:
     irradiance: Array
     left_out: tuple[str, ...]
     dropped_share: float
+    known: Array
     mirrored: int = 0
 
     @property
@@ -85,28 +88,36 @@ def ghost_sources(
         points = points_of(record, front.vertex)
         if int(record["kind"]) == EmitterKind.ENVIRONMENT:
             parts = [points_at(*part, record) for part in _parts(scene)]
-            found += parts
+            found += [(*part, _known(record, part[1])) for part in parts]
             left_out.add("dim parts of the surroundings" if parts else "surroundings")
         elif points is None:
             left_out.add(EmitterKind(int(record["kind"])).name.lower())
         else:
-            found.append(points)
+            found.append((*points, _known(record, points[1])))
     if not found:
-        return Sources(np.zeros((0, 4)), np.zeros((0, 3)), tuple(sorted(left_out)), 0.0)
-    at, light, target = (np.concatenate(column) for column in zip(*found, strict=True))
+        return Sources(np.zeros((0, 4)), np.zeros((0, 3)), tuple(sorted(left_out)), 0.0, np.zeros((0, 2)))
+    at, light, target, known = (np.concatenate(column) for column in zip(*found, strict=True))
     places = np.column_stack([at[:, :3] @ turn, at[:, 3]])
     lamps = places[:, 3] > 0
     places[:, :3] = np.where(lamps[:, None], (places[:, :3] - [0.0, 0.0, -film_z * 1e-3]) * 1e3, -places[:, :3])
     seen = _ahead(np.where(lamps[:, None], -places[:, :3], places[:, :3])) & (luminance(light) > 0)
-    places, light, target, at = places[seen], light[seen], target[seen], at[seen]
+    places, light, target, at, known = places[seen], light[seen], target[seen], at[seen], known[seen]
     order = np.argsort(-luminance(light), kind="stable")[:MOST]
     dropped = 1.0 - float(luminance(light[order]).sum() / luminance(light).sum()) if len(order) else 0.0
-    places, light, target, at = places[order], light[order], target[order], at[order]
+    places, light, target, at, known = places[order], light[order], target[order], at[order], known[order]
     visible = _visible(session, plan, buffers, at, target, front)
-    bright = visible > 0
-    direct = Sources(places[bright], light[bright] * visible[bright, None], tuple(sorted(left_out)), dropped)
+    bright, kinds = visible > 0, tuple(sorted(left_out))
+    known[:, 1] *= visible
+    direct = Sources(places[bright], light[bright] * visible[bright, None], kinds, dropped, known[bright])
     pencils = highlights(plan, session, buffers, lamps_among(records, parts, front.vertex), front)
     return direct if pencils is None else _with_pencils(direct, pencils, turn)
+
+
+def _known(record: np.void, irradiance: Array) -> Array:
+    """Return the number of an emitter's spectrum, and how many times it its points give (n, 2)."""
+    brightest = int(np.argmax(record["radiance"][:3]))
+    times = irradiance[:, brightest] / max(float(record["radiance"][brightest]), 1e-300)
+    return np.column_stack([np.full(len(irradiance), float(record["radiance"][3])), times])
 
 
 def _front(lens: Lens, film_z: float, turn: Array) -> Front:
@@ -147,7 +158,8 @@ def _with_pencils(direct: Sources, pencils: Pencils, turn: Array) -> Sources:
         return direct
     every = float(bright[:first].sum()) / (1.0 - direct.dropped_share) + float(bright[first:].sum())
     dropped = 1.0 - float(bright[order].sum()) / every
-    return Sources(places[order], light[order], direct.left_out, dropped, mirrored)
+    known = np.concatenate([direct.known, np.zeros((int(ahead.sum()), 2))])
+    return Sources(places[order], light[order], direct.left_out, dropped, known[order], mirrored)
 
 
 def _visible(session: Session, plan: Plan, buffers: SceneBuffers, at: Array, target: Array, front: Front) -> Array:

@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.colour import luminance
+from rptcam_cl.colour import luminance, srgb_from_spectrum
+from rptcam_cl.colour.spectrum import lines_on_grid
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.device import Session
 from rptcam_cl.optics import (
     MAGNESIUM_FLUORIDE,
     UNCOATED,
@@ -28,9 +30,12 @@ from rptcam_cl.optics import (
     veiling_glare,
     with_coating,
 )
+from rptcam_cl.plan import make_plan
 from rptcam_cl.rendering import ghost_film
 from rptcam_cl.rendering.diffraction_kernel import shares_of_white
-from rptcam_cl.rendering.ghost_film import WAVES_NM
+from rptcam_cl.rendering.ghost_colours import WAVES_NM
+from rptcam_cl.rendering.ghost_film import GhostFilm
+from rptcam_cl.scene import load_scene
 
 FILM = {"resolution": [48, 32], "width_mm": 36}
 PIXEL_MM2 = (36 / 48) ** 2
@@ -163,6 +168,27 @@ def test_layers_colour_ghosts_as_their_closed_form_says(written: Any, coating: C
     colour = IRRADIANCE * sums @ shares_of_white(WAVES_NM) * (1 - image.metadata["ghosts"]["dropped_share"])
     assert image["ghosts"].sum(axis=(0, 1), dtype=np.float64) == pytest.approx(colour, rel=0.01)
     assert bool(colour[2] > colour[1]) is purple  # as coated lenses are
+
+
+@pytest.mark.parametrize("mode", ["auto", "dispersive", "rgb"])
+def test_ghosts_of_a_line_have_the_reflectance_at_its_wavelength(mode: str, session: Session) -> None:
+    line = 589.3
+    text = scene(sun(10.0) | {"irradiance": {"lines_nm": {line: 1.0}, "scale": 800.0}})
+    text["camera"]["transmission"] = {"coating": {"layers": [{"index": 1.38, "thickness_nm": 70}]}}
+    loaded = load_scene(text | {"spectrum": mode})
+    plan = make_plan(loaded)
+    film = GhostFilm(loaded, plan, session)
+    pixels, said = film.light()
+    known = dict(plan.camera.metadata) | {"film_distance_mm": film.film_distance}
+    image = rptcam_cl.Image(pixels.astype(np.float32), metadata=known)
+    lens = with_coating(load_lens("dgauss-50mm"), QuarterWave(1.38, 386.4))
+    total = expected(image, Beam(10.0), lens=lens, wave=line)[0] * (1 - said["dropped_share"])
+    colour = srgb_from_spectrum(800.0 * lines_on_grid([[line, 1.0]]))
+    assert colour[2] < 0  # a line lies outside of sRGB
+    if mode == "rgb":  # by the bands of red and green, where the layer reflects otherwise
+        assert abs(pixels[..., 0].sum() / (colour[0] * total) - 1) > 0.02
+    else:
+        assert pixels.sum(axis=(0, 1)) == pytest.approx(colour * total, rel=0.01)
 
 
 @pytest.mark.slow  # 7 CPU seconds
