@@ -169,7 +169,7 @@ def _remembered_coarse(
     frame: FilmFrame,
 ) -> PupilSampling:
     shapes = pupil_shapes(content.lens, film_distance_mm, half_film_mm, wavelength_nm, COARSE_OUTLINES, frame)
-    sampling = _tight(shapes)
+    sampling = tight_sampling(shapes)
     sampling.table.flags.writeable = False
     return sampling
 
@@ -195,7 +195,7 @@ def _made(
         return _thick(lens, film_distance_mm, half_film_mm, wavelength_nm, frame)
     if tier == "bounds":
         return _bounds(narrowing_probes(lens, film_distance_mm, wavelength_nm, frame), frame.bounds(half_film_mm))
-    return _tight(pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, frame=frame))
+    return tight_sampling(pupil_shapes(lens, film_distance_mm, half_film_mm, wavelength_nm, frame=frame))
 
 
 def _rear(
@@ -320,7 +320,8 @@ def _unfolded(low: Array, high: Array, axis: int) -> tuple[Array, Array]:
     return np.concatenate([other_low, low], axis=axis), np.concatenate([other_high, high], axis=axis)
 
 
-def _tight(shapes: PupilShapes) -> PupilSampling:
+def tight_sampling(shapes: PupilShapes) -> PupilSampling:
+    """Return the sampling of outlines."""
     frames = np.concatenate([shapes.centres, shapes.axes], axis=-1)
     rows = np.stack([shapes.radii, np.roll(shapes.radii, -1, axis=-1)], axis=-1)
     ahead = np.concatenate([rows[:, 1:], rows[:, -1:]], axis=1)

@@ -23,6 +23,7 @@ from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.cameras.pupil_window import Window, paraxial_irradiance, pupil_in_windows
 from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
+from rptcam_cl.cameras.shared_pupil import shared_sampling
 from rptcam_cl.cameras.thick_lens import thick_lens_of
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import kept_or_found
@@ -83,7 +84,7 @@ def model_of(
     balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
-    pupil = _pupil(scene, camera, lens, back_mm, sampled_nm, windows, coarse)
+    pupil = _pupil(scene, camera, setting, lens, sampled_nm, windows, coarse)
     if camera.rays == "fitted":
         through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
     else:
@@ -142,19 +143,22 @@ def _irradiance(
 def _pupil(
     scene: Scene,
     camera: RealisticCamera,
+    setting: LensSetting,
     lens: Lens,
-    back_mm: float,
     sampled_nm: tuple[float, ...],
     windows: Sequence[Window],
     coarse: bool,
 ) -> PupilSampling:
     """Return how rays aim at the pupil that all wavelengths see, from the whole film or from windows of it."""
-    half_film_mm, frame = _half_film_mm(scene), film_frame(camera)
+    half_film_mm, frame, back_mm = _half_film_mm(scene), film_frame(camera), setting.film_distance_mm
     if windows:
         bounds = frame.bounds(half_film_mm)
         return pupil_in_windows(lens, back_mm, bounds, camera.wavelength_nm, windows, frame)
+    if camera.pupil == "shared" and not coarse and (shared := shared_sampling(scene, setting, sampled_nm)) is not None:
+        return shared
     sampling = coarse_pupil if coarse else pupil_sampling
-    return sampling(lens, back_mm, half_film_mm, sampled_nm, camera.pupil, frame)
+    tier = "auto" if camera.pupil == "shared" else camera.pupil
+    return sampling(lens, back_mm, half_film_mm, sampled_nm, tier, frame)
 
 
 def _half_film_mm(scene: Scene) -> tuple[float, float]:

@@ -14,7 +14,7 @@ from rptcam_cl.calibration import COEFFICIENTS, view
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.datasets.draws import Distribution, DistributionError, distribution, seed_of_frame, values_of_frame
-from rptcam_cl.scene import Scene, load_scene, set_keys
+from rptcam_cl.scene import RealisticCamera, Scene, load_scene, set_keys
 
 KEYS = ("scene", "frames", "seed", "set", "vary", "files", "camera_model")
 FORMATS = ("png", "jpg", "tif", "exr", "npz", "npy")
@@ -114,10 +114,25 @@ def read_specification(
         raise InputError(f"{where(('frames',))}frames: is no number of frames (got {count}; allowed: 1 or more)")
     scene = _scene(data, base, where, overrides)
     vary = _vary(data, scene, where)
+    scene = _sharing(scene, vary)
     content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")}
     return DatasetSpecification(
         scene, vary, count, _whole(data, "seed", where, 0), _files(data, where), _model(data, where), content
     )
+
+
+def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
+    """Return the scene, with pupils that states of its lens share where hardly any state comes twice."""
+    camera = scene.camera
+    if not isinstance(camera, RealisticCamera) or camera.pupil != "auto" or camera.rays != "traced":
+        return scene
+    if {"camera", "camera.kind", "camera.pupil", "camera.rays"} & set(vary):
+        return scene
+    states: tuple[str, ...] = ("camera.f_number", "camera.stop_diameter_mm", "camera.focus", "film.")
+    if camera.focus.point is not None or camera.focus.object is not None:
+        states += ("camera.eye", "camera.target", "objects")
+    drawn = [key for key, law in vary.items() if law.kind not in ("choice", "grid")]
+    return set_keys(scene, {"camera.pupil": "shared"}) if any(key.startswith(states) for key in drawn) else scene
 
 
 def _places(document: Document) -> Where:

@@ -61,7 +61,14 @@ from rptcam_cl.optics.placement import SurfacePose
 from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid, narrowed, spread_points
 from rptcam_cl.optics.pupil_boxes import FINE, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.pupil_function import PupilFunction, pupil_function
-from rptcam_cl.optics.pupil_shape import COARSE_OUTLINES, DIRECTIONS, PupilShapes, pupil_shapes, quarters_of
+from rptcam_cl.optics.pupil_shape import (
+    COARSE_OUTLINES,
+    DIRECTIONS,
+    PupilShapes,
+    pupil_shapes,
+    quarters_of,
+    shared_shapes,
+)
 from rptcam_cl.optics.ray_trace import Rays, Status, passing, trace
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.shapes import Biconic, Form, Toroid, short_radius
@@ -245,6 +252,7 @@ __all__ = [
     "radius_of_share",
     "read_glass",
     "rms_waves",
+    "shared_shapes",
     "shift_of",
     "short_radius",
     "singlet",

@@ -12,6 +12,7 @@ a grid of squares would close within a cell. A round lens and a film across its 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -157,19 +158,47 @@ def pupil_shapes(
     return line
 
 
+def shared_shapes(
+    states: Sequence[tuple[Lens, float]], radius_mm: float, wavelength_nm: Wavelengths = LINE_D_NM
+) -> PupilShapes:
+    """Return outlines along one line that hold the pupils of a round lens in several states.
+
+    Parameters
+    ----------
+    states
+        The lens, and its last vertex to film [mm]. A film point of another state than the first stands at the place of
+        the first's that lies in its direction from the last vertex.
+    radius_mm
+        Of the film of the first.
+    """
+    (lens, back_mm), *others = states
+    return _one_line(lens, back_mm, radius_mm, wavelength_nm, FINE_OUTLINES, others)
+
+
 def _one_line(
-    lens: Lens, film_distance_mm: float, radius_mm: float, wavelength_nm: Wavelengths, fineness: Fineness
+    lens: Lens,
+    film_distance_mm: float,
+    radius_mm: float,
+    wavelength_nm: Wavelengths,
+    fineness: Fineness,
+    others: Sequence[tuple[Lens, float]] = (),
 ) -> PupilShapes:
     probes = narrowing_probes(lens, film_distance_mm, wavelength_nm)
+    beside = [(narrowing_probes(other, back, wavelength_nm), back / film_distance_mm) for other, back in others]
     # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
     lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
+    lit = max([lit, *(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in beside)])
     film = _line(lit, fineness.radial_nodes)
     centres, axes = _frames(probes, film, radial=True)
     if fineness is COARSE_OUTLINES and not axes.all():
         lit = _lit_radius(probes, radius_mm, radial=True)
         film = _line(lit, fineness.radial_nodes)
         centres, axes = _frames(probes, film, radial=True)
-    reach = _reach(probes[-1], film, _between(centres), _between(axes), fineness, mirrored=True)
+    reaches = [
+        _reach(of[-1], scale * film, _between(centres), _between(axes), fineness, mirrored=True)
+        for of, scale in ((probes, 1.0), *beside)
+    ]
+    reach = np.max(reaches, axis=0)
     radii = _envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
     if lit < radius_mm:
         radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN

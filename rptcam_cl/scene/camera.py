@@ -260,9 +260,9 @@ class RealisticCamera(LensCamera):
     aperture: Aperture = CircularAperture()
     """Shape of the stop, within the circle of its diameter."""
 
-    pupil: Literal["auto", "rear", "thick", "bounds", "tight"] = "auto"
-    """Where rays aim: the whole rear element, the paraxial exit pupil, a box per film cell or the pupil's true outline;
-    auto takes the last. It changes noise only."""
+    pupil: Literal["auto", "rear", "thick", "bounds", "tight", "shared"] = "auto"
+    """Where rays aim: the whole rear element, the paraxial exit pupil, a box per film cell, the pupil's true outline
+    (auto), or one that the states of a lens nearby share, for many pictures. It changes noise only."""
 
     rays: Literal["traced", "fitted"] = "traced"
     """How rays come through the lens: traced through every surface, or by polynomials fitted to such rays, with

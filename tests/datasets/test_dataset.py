@@ -17,7 +17,9 @@ import pytest
 
 from rptcam_cl import InputError, StateError, dataset, render
 from rptcam_cl.calibration import project
+from rptcam_cl.cameras.shared_pupil import forget_shared
 from rptcam_cl.cli import main
+from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.datasets import read_specification
 from rptcam_cl.imaging import read_film
 
@@ -87,6 +89,25 @@ def test_frames_have_the_same_bytes_alone_together_damaged_and_in_shards(place: 
         for member in shard:
             content = shard.extractfile(member)
             assert content is not None and hashlib.sha256(content.read()).hexdigest() == whole[member.name]
+
+
+def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_are_alone(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = SPECIFICATION.replace("{choice: [2.8, 8]}", "{uniform: [2.8, 3.1]}")
+    (place / "drawn.yaml").write_text(drawn + "  camera.focus.distance_m: {uniform: [3.8, 4.2]}\n", "utf-8")
+    assert read_specification("spec.yaml").scene.camera.pupil == "auto"
+    assert read_specification("drawn.yaml").scene.camera.pupil == "shared"
+    monkeypatch.setenv(CACHE_VARIABLE, str(place / "one"))
+    forget_shared()
+    whole = list(dataset("drawn.yaml", "all"))
+    assert len(list((place / "one/pupils").iterdir())) < len(whole)
+    monkeypatch.setenv(CACHE_VARIABLE, str(place / "two"))
+    forget_shared()
+    [alone] = dataset("drawn.yaml", "some", only=[4])
+    forget_shared()
+    assert alone.record == whole[4].record and alone.image.metadata["pupil"] == "shared"
+    assert np.array_equal(alone.image.pixels, render(read_specification("drawn.yaml").frame(4)[1]).pixels)
 
 
 def test_a_frame_is_the_picture_of_its_scene_and_its_camera_that_of_the_picture(place: Path) -> None:

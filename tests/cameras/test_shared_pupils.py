@@ -1,0 +1,108 @@
+"""Tables of pupils that states of a lens share: they hold each pupil, waste few rays, follow from the state alone."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl.cameras import camera_model, lens_setting, shared_pupil
+from rptcam_cl.cameras.pupil_check import left_out
+from rptcam_cl.cameras.pupil_sampling import PupilSampling
+from rptcam_cl.core.resources import CACHE_VARIABLE
+from rptcam_cl.optics import FilmProbe, spread_points
+from rptcam_cl.scene import Scene, load_scene, set_keys
+
+NM = 587.56
+POSE = {"kind": "realistic", "eye": [0, 0, 3], "target": [0, 0, 0], "wavelength_nm": NM, "pupil": "shared"}
+
+
+def scene_of(lens: str, width_mm: float, distance_m: float, **camera: Any) -> Scene:
+    return load_scene({
+        "film": {"resolution": [48, 32], "width_mm": width_mm},
+        "camera": POSE | {"lens": lens, "focus": {"distance_m": distance_m}} | camera,
+    })  # fmt: skip
+
+
+def shared(scene: Scene) -> PupilSampling:
+    found = shared_pupil.shared_sampling(scene, lens_setting(scene), NM)
+    assert found is not None and found.tier == "shared"
+    return found
+
+
+def lost_and_passing(scene: Scene, sampling: PupilSampling) -> tuple[float, float]:
+    """Share of the passing rays that a table leaves out, and of those that it draws which pass."""
+    setting = lens_setting(scene)
+    radius = float(np.hypot(*scene.film.size_m())) * 500
+    film = np.stack([np.linspace(0.0, radius, 25), np.zeros(25)], axis=1)
+    probe = FilmProbe(setting.lens, setting.film_distance_mm, NM)
+    points = spread_points(probe.windows(film), 6000).reshape(-1, 2)
+    film = np.repeat(film, 6000, axis=0)
+    passes, out = probe.passes(film, points), left_out(sampling, (radius, radius), film, points)
+    return float((passes & out).sum() / passes.sum()), float(passes[~out].mean())
+
+
+@pytest.mark.parametrize(
+    "lens, width_mm, nearest_m",
+    [
+        ("dgauss-50mm", 36, 0.6),
+        ("retrofocus-35mm", 36, 0.5),
+        ("telephoto-250mm", 36, 4),
+        ("double-gauss-50mm-f1.1", 36, 1),
+    ],
+)
+def test_a_cell_holds_the_pupils_of_all_its_states(lens: str, width_mm: float, nearest_m: float) -> None:
+    random = np.random.default_rng(3)
+    base = scene_of(lens, width_mm, nearest_m)
+    widest = lens_setting(base).lens.first_order(NM).f_number
+    for _ in range(2):
+        number, vergence = widest * 2 ** random.uniform(0.02, 2), random.uniform(0.05, 1) / nearest_m
+        scene = set_keys(base, {"camera.f_number": number, "camera.focus.distance_m": 1 / vergence})
+        lost, passing = lost_and_passing(scene, shared(scene))
+        assert lost < 3e-5
+        assert passing > 0.83  # stops differ by 9 % of the area in a cell
+
+
+def test_states_of_a_cell_trace_one_table_and_others_have_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of("dgauss-50mm", 30, 1.5, stop_diameter_mm=8.1)
+    first = shared(scene)
+    monkeypatch.setattr(shared_pupil, "_made", None)  # whatever traces another table fails
+    beside = {"camera.stop_diameter_mm": 8.3, "camera.focus.distance_m": 1.52, "film.width_mm": 29.5}
+    near = shared(set_keys(scene, beside))
+    assert near.table is first.table
+    assert near.parameters != first.parameters  # the film stands elsewhere
+    for key, value in {"camera.stop_diameter_mm": 7.9, "camera.focus.distance_m": 0.9, "film.width_mm": 20}.items():
+        with pytest.raises(TypeError):
+            shared(set_keys(scene, {key: value}))
+
+
+def test_a_cell_is_the_same_from_disk_and_whatever_state_comes_first(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Any
+) -> None:
+    scene = scene_of("dgauss-50mm", 30, 1.5, stop_diameter_mm=8.1)
+    other = set_keys(scene, {"camera.stop_diameter_mm": 8.3})
+    found = []
+    for place, order in (("one", (scene, other)), ("one", (scene,)), ("two", (other, scene))):
+        monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / place))
+        shared_pupil.forget_shared()
+        tables = {id(each): camera_model(each) for each in order}
+        found.append(tables[id(scene)])
+    for model in found[1:]:
+        np.testing.assert_array_equal(model.tables, found[0].tables)
+        assert model.record.tobytes() == found[0].record.tobytes()
+    shared_pupil.forget_shared()
+
+
+@pytest.mark.parametrize(
+    "lens, camera",
+    [
+        ("anamorphic-100mm", {}),
+        ("mirror-500mm", {}),
+        ("dgauss-50mm", {"movements": {"tilt_degrees": 3}}),
+        ("dgauss-50mm", {"focus": {"film_distance_mm": 20.0}}),
+    ],
+    ids=["not round", "mirrors", "tilted", "nowhere sharp"],
+)
+def test_what_shares_no_table_has_its_own(lens: str, camera: dict[str, Any]) -> None:
+    scene = scene_of(lens, 20, 9.0, **camera)
+    assert shared_pupil.shared_sampling(scene, lens_setting(scene), NM) is None
+    assert camera_model(scene).metadata["pupil"] == "tight"
