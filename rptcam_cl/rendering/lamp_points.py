@@ -78,14 +78,16 @@ def _spot_share(record: np.void, away: Array) -> float:
 
 
 def _on_sphere(a: Array, front: Array) -> tuple[Array, Array]:
-    """Return points of the half of a sphere towards the front, and the area that each shows [m2]."""
-    towards = (front - a[:3]) / np.linalg.norm(front - a[:3])
-    first, second = _across(towards)
+    """Return points of the disk as which a sphere shows to the front, and the area that each shows [m2].
+
+    All have the same light there: the square of their distances is that of the centre.
+    """
+    distance = float(np.linalg.norm(front - a[:3]))
+    first, second = _across((front - a[:3]) / distance)
     u, v = lattice(POINTS)
     radius, angle = a[3] * np.sqrt(u)[:, None], 2 * np.pi * v[:, None]
-    height = a[3] * np.sqrt(1 - u)[:, None]
-    places = a[:3] + height * towards + radius * (np.cos(angle) * first + np.sin(angle) * second)
-    return places, np.full(POINTS, np.pi * a[3] ** 2 / POINTS)
+    places = a[:3] + radius * (np.cos(angle) * first + np.sin(angle) * second)
+    return places, np.pi * a[3] ** 2 / POINTS * np.sum((front - places) ** 2, axis=1) / distance**2
 
 
 def _on_flat(record: np.void, kind: EmitterKind, front: Array) -> tuple[Array, Array]:

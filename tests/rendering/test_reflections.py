@@ -1,15 +1,19 @@
-"""Reflections in round and rough mirrors against closed forms and integrals; nothing is rendered."""
+"""Reflections in round and rough mirrors against closed forms and integrals, and what pictures show."""
 
 from typing import Any
 
 import numpy as np
 import pytest
 
+import rptcam_cl
 from rptcam_cl.plan import Faces, lobes_of, make_plan, polished_faces
 from rptcam_cl.rendering import highlights as of_highlights
+from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.highlights import Front, highlights, lamps_among
+from rptcam_cl.rendering.lamp_points import points_of
 from rptcam_cl.rendering.reflections import Reflections, Sights, may_reflect, reflections
 from rptcam_cl.scene import Scene
+from tests.device.probes import open_session
 
 CENTRE, RADIUS = np.array([0.3, -0.2, -1.0]), 0.03
 MIRROR = {"kind": "mirror"}
@@ -65,6 +69,19 @@ def test_a_rod_makes_a_sun_a_line_of_light() -> None:
     assert 0.9 < across * np.linalg.norm(found.points[k]) < 1.0
 
 
+def test_a_near_sphere_has_the_light_of_the_disk_as_which_it_shows() -> None:
+    lamp = {
+        "shape": "sphere",
+        "center": [0, 0, -0.2],
+        "radius": 0.02,
+        "material": {"kind": "emissive", "radiance": 7.0},
+    }
+    places, light, _ = points_of(plan_of(lamp).emitters.records[0], np.zeros(3)) or ()
+    solid_angle = 2 * np.pi * (1 - np.sqrt(1 - 0.1**2))
+    assert light.sum(axis=0) == pytest.approx([7.0 * solid_angle] * 3, rel=0.003)  # 1 + 0.1^2 / 4
+    assert places[:, 2] == pytest.approx(-0.2)
+
+
 def test_metal_and_glass_reflect_as_fresnel_says() -> None:
     gold = {"kind": "conductor", "metal": {"n": [0.2, 0.4, 1.4], "k": [3.0, 2.4, 1.9]}, "alpha": 0.001}
     kinds = gold, {"kind": "dielectric", "index": 1.5}, {"kind": "thin_glass"}, {"kind": "plastic", "reflectance": 0.5}
@@ -112,3 +129,35 @@ def test_polished_metal_brings_the_light_of_its_lobe(monkeypatch: pytest.MonkeyP
     d = alpha**2 / (np.pi * (h * h * (alpha**2 - 1) + 1) ** 2)
     total = np.sum(intensity / far**2 * 0.8 * d / 4 / near**2) * (side[1] - side[0]) ** 2
     assert pencils.irradiance.sum(axis=0) == pytest.approx([total] * 3, rel=0.02)
+
+
+SHAPES = {
+    "ellipsoid": {"shape": "sphere", "center": [0, 0, 0], "radius": 1,
+                  "transform": [{"scale": [0.4, 0.2, 0.3]}, {"rotate": {"axis": [1, 1, 0], "degrees": 40}},
+                                {"translate": [0, 0, -2]}]},
+    "cone": {"shape": "cone", "base": [0, -0.3, -2], "apex": [0.1, 0.4, -2], "radius": 0.3},
+    "disk": {"shape": "disk", "center": [0, -0.3, -2], "normal": [0.15, 0.45, 1.0], "radius": 0.4},
+    "box": {"shape": "box", "min": [-0.6, -0.6, -0.2], "max": [0.6, 0.6, 0.2],
+            "transform": [{"rotate": {"axis": [1, -0.5, 0], "degrees": -20}}, {"translate": [0, 0, -2]}]},
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("shape", SHAPES)
+def test_what_a_mirror_brings_is_what_a_picture_of_it_shows(shape: str) -> None:
+    lamp = {"shape": "sphere", "center": [0.5, 1.2, 0.3], "radius": 0.15,
+            "material": {"kind": "emissive", "radiance": 10.0}}  # fmt: skip
+    camera = {"kind": "pinhole", "eye": [0, 0, 0], "target": [0, -0.1, -1], "fov_degrees": 60}
+    objects = [SHAPES[shape] | {"material": MIRROR}, lamp]
+    text = {"camera": camera, "film": {"resolution": [400, 400]}, "objects": objects,
+            "environment": {"kind": "constant", "radiance": 0}, "render": {"spp": 32, "max_depth": 2}}  # fmt: skip
+    plan, device = make_plan(Scene.model_validate(text)), open_session()
+    spots = 1e-5 * np.stack([np.cos(np.arange(8.0)), np.sin(np.arange(8.0)), np.zeros(8)], axis=1)
+    lamps = lamps_among(plan.emitters.records[: plan.emitters.count], [], np.zeros(3))
+    pencils = highlights(plan, device, SceneBuffers(device, plan), lamps, Front(np.zeros(3), spots, 1e-4))
+    assert pencils is not None
+    side = np.tan(np.radians(30)) * ((np.arange(400) + 0.5) / 200 - 1)
+    x, y = np.meshgrid(side, side)
+    solid = (side[1] - side[0]) ** 2 / (1 + x * x + y * y) ** 1.5
+    light = (rptcam_cl.render(text).pixels * solid[..., None]).sum(axis=(0, 1))
+    assert pencils.irradiance.sum(axis=0) == pytest.approx(light, rel=0.02)
