@@ -20,7 +20,7 @@ from rptcam_cl.cameras.pupil_check import loses_light
 from rptcam_cl.cameras.pupil_sampling import PupilGrid, PupilSampling
 from rptcam_cl.cameras.setting import LensSetting, Method, design_to_focus, focused
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
+from rptcam_cl.core.kept import keep_arrays, kept_arrays
 from rptcam_cl.optics import FilmProbe, Lens, Wavelengths, shared_shapes
 from rptcam_cl.scene import Scene
 
@@ -96,8 +96,7 @@ def _remembered(
     wavelength_nm: Wavelengths,
 ) -> _Shared | None:
     """Return the table of a cell, also from earlier runs; None where it would lose light or cannot be focused."""
-    state = distances_mm, radius_mm, method, focused_nm, wavelength_nm
-    name = name_of(identity_of_code(("core", "colour", "optics", "cameras")), content.pickled(), "shared", state)
+    name = content.name_of("shared", distances_mm, radius_mm, method, focused_nm, wavelength_nm)
     kept = kept_arrays(KEPT, name)
     if kept is not None:
         facts = dict(kept[1])
