@@ -22,6 +22,7 @@ from rptcam_cl.calibration.models import (
     in_reach,
     normal_points,
     project,
+    slopes,
 )
 from rptcam_cl.calibration.view import View
 from rptcam_cl.core.errors import InputError
@@ -165,15 +166,18 @@ def _fitted(model: str, seen: Seen) -> Array:
         bent = distorted(model, parameters[4:], points)
         return np.asarray(bent * parameters[:2] + parameters[2:4] - seen.places).ravel()
 
+    def derivatives(parameters: Array) -> Array:
+        return slopes(model, parameters, points).reshape(2 * len(points), -1)
+
     count = len(COEFFICIENTS[model])
     if count in (4, 5):
-        return least_squares(errors, np.concatenate([start, np.zeros(count)]))
+        return least_squares(errors, derivatives, np.concatenate([start, np.zeros(count)]))
     simpler = _fitted("brown_conrady" if count == 8 else "rational", seen)
     starts = [np.concatenate([simpler, np.zeros(4 + count - len(simpler))])]
     if count == 8:
         starts.append(_rational_start(simpler, points, seen.places))
     square = np.sum(points * points, axis=1)
-    found = [least_squares(errors, begin) for begin in starts]
+    found = [least_squares(errors, derivatives, begin) for begin in starts]
     good = [one for one in found if denominator(one[4:], np.linspace(0.0, 1.1 * square.max(), 200)).min() > 0]
     return min(good or [starts[0]], key=lambda one: float(np.sum(errors(one) ** 2)))
 
@@ -190,13 +194,13 @@ def _rational_start(simpler: Array, points: Array, places: Array) -> Array:
     return np.array([*simpler[:4], k1, k2, 0.0, 0.0, k3, k4, k5, k6])
 
 
-def least_squares(errors: Callable[[Array], Array], start: Array) -> Array:
+def least_squares(errors: Callable[[Array], Array], derivatives: Callable[[Array], Array], start: Array) -> Array:
     """Return the parameters at which the sum of squared errors is least, from a start that is not far."""
     parameters, error = start, errors(start)
     cost, damping = float(error @ error), DAMPING
     for _ in range(ROUNDS):
-        slopes = _slopes(errors, parameters)
-        normal, gradient = slopes.T @ slopes, slopes.T @ error
+        rows = derivatives(parameters)
+        normal, gradient = rows.T @ rows, rows.T @ error
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         while damping < TOO_HIGH:
             scaled = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
@@ -214,13 +218,3 @@ def least_squares(errors: Callable[[Array], Array], start: Array) -> Array:
         if done:
             break
     return parameters
-
-
-def _slopes(errors: Callable[[Array], Array], parameters: Array) -> Array:
-    """Return the derivatives (errors, parameters) by differences; the models are smooth, so that these will do."""
-    columns = []
-    for k in range(len(parameters)):
-        step = np.zeros(len(parameters))
-        step[k] = 1e-6 * max(abs(parameters[k]), 1e-2)
-        columns.append((errors(parameters + step) - errors(parameters - step)) / (2 * step[k]))
-    return np.stack(columns, axis=1)

@@ -79,6 +79,35 @@ def distorted(model: str, coefficients: Array, points: Array) -> Array:
     return np.stack(bent, axis=1)
 
 
+def slopes(model: str, parameters: Array, points: Array) -> Array:
+    """Return the derivatives (n, 2, parameters) of places in the picture, of points of `normal_points` (n, 2)."""
+    focal, coefficients = parameters[:2], parameters[4:]
+    square = np.sum(points * points, axis=1)
+    found = np.zeros((len(points), 2, len(parameters)))
+    found[:, [0, 1], [0, 1]] = distorted(model, coefficients, points)
+    found[:, [0, 1], [2, 3]] = 1.0
+    by = found[:, :, 4:]
+    powers = square[:, None] ** np.arange(1.0, 5.0)
+    if model == BY_ANGLE:
+        by[:] = points[:, :, None] * powers[:, None]
+    elif model != "pinhole":
+        k1, k2, _, _, k3 = coefficients[:5]
+        x, y = points.T
+        along = points
+        if len(coefficients) > 5:
+            below = denominator(coefficients, square)
+            along = points / below[:, None]
+            ratio = (1 + square * (k1 + square * (k2 + square * k3))) / below
+            by[:, :, 5:8] = -(along * ratio[:, None])[:, :, None] * powers[:, None, :3]
+        by[:, :, [0, 1, 4]] = along[:, :, None] * powers[:, None, :3]
+        by[:, 0, 2], by[:, 1, 2] = 2 * x * y, square + 2 * y * y
+        by[:, 0, 3], by[:, 1, 3] = square + 2 * x * x, 2 * x * y
+        if len(coefficients) > 8:
+            by[:, 0, 8:10] = by[:, 1, 10:12] = powers[:, :2]
+    by *= focal[:, None]
+    return found
+
+
 def denominator(coefficients: Array, square: Array) -> Array:
     """Return what the rational model divides by, at squared distances from the axis."""
     k4, k5, k6 = coefficients[5:8]

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.calibration import COEFFICIENTS, calibrate, calibrate_best, project, subject, view
+from rptcam_cl.calibration.models import distorted, slopes
+from rptcam_cl.calibration.view import _round_chief_rays
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import chief_ray, film_chief_rays, load_lens
 from rptcam_cl.scene import load_scene
@@ -249,3 +251,36 @@ def test_fisheye_is_known_past_75_degrees_and_dark_beyond_its_circle():
     found = calibrate(seen, "kannala_brandt")
     assert found.max_px <= ALLOWED_PX
     assert 0.8 < found.lit_share < 1.0
+
+
+@pytest.mark.parametrize("model", COEFFICIENTS)
+def test_slopes_of_a_model_are_those_of_differences(model: str) -> None:
+    random = np.random.default_rng(4)
+    points = random.uniform(-0.6, 0.6, (50, 2))
+    parameters = np.concatenate([[900.0, 950.0, 320.0, 240.0], random.uniform(-0.1, 0.1, len(COEFFICIENTS[model]))])
+
+    def places(values: np.ndarray) -> np.ndarray:
+        return distorted(model, values[4:], points) * values[:2] + values[2:4]
+
+    found = slopes(model, parameters, points)
+    for k, value in enumerate(parameters):
+        step = np.zeros(len(parameters))
+        step[k] = 1e-5 * max(abs(value), 0.1)
+        there = (places(parameters + step) - places(parameters - step)) / (2 * step[k])
+        np.testing.assert_allclose(found[..., k], there, rtol=1e-6, atol=1e-5)
+
+
+def test_chief_rays_of_a_round_lens_are_those_that_are_traced_one_by_one() -> None:
+    scene = load_scene({
+        "film": {"resolution": [48, 32], "width_mm": 36},
+        "camera": {"kind": "realistic", "lens": "dgauss-50mm", "eye": [0, 0, 2], "target": [0, 0, 0],
+                   "focus": {"distance_m": 2}},
+    })  # fmt: skip
+    seen = view(scene)
+    lens, back = seen.setting.lens, seen.setting.film_distance_mm
+    film = seen.film_points(seen.grid(13, 11))
+    each = film_chief_rays(lens, np.column_stack([film[:, :2], np.full(len(film), lens.film_z(back))]), 587.56)
+    together = _round_chief_rays(lens, np.column_stack([film[:, :2], np.full(len(film), lens.film_z(back))]), 587.56)
+    np.testing.assert_allclose(together.directions, each.directions, atol=1e-9)
+    np.testing.assert_allclose(together.origins, each.origins, atol=1e-7)
+    np.testing.assert_array_equal(together.clear, each.clear)
