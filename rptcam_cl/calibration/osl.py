@@ -1,9 +1,9 @@
 """A camera for Cycles: an OSL shader for its custom camera, which traces every ray through the surfaces of the lens.
 
 The shader takes points of the film to points of a disk on the plane of the exit pupil (of the last vertex, where the
-pupil is no help) and on through the lens, as `optics.trace` does: spheres and conics by their roots, refraction by
-Snell's law, one wavelength. It is float32, as Cycles is. The disk holds all light that comes through anywhere on the
-film, as traced in float64 here.
+pupil is no help) and on through the lens, as `optics.trace` does: spheres and conics by their roots, aspheres by
+Newton's iteration from there, refraction by Snell's law, one wavelength. It is float32, as Cycles is. The disk holds
+all light that comes through anywhere on the film, as traced in float64 here.
 """
 
 from __future__ import annotations
@@ -24,9 +24,12 @@ from rptcam_cl.scene import CircularAperture, RealisticCamera
 Array = NDArray[np.float64]
 
 FIELDS = 5  # places across and down the picture from which the pupil is seen
-STEPS = 48  # points across the last surface that rays from each are aimed at
+STEPS = 48  # points across the last surface, and across the pupil, that rays from each are aimed at
+NARROWED = 3  # times that the pupil is narrowed down
 
 FAR_MM = 1e4  # from where on a pupil ahead of the film is as good as infinitely far
+ROUNDS = 12  # of Newton's iteration, which needs three to five
+SMALL = 4e-7  # last step of it, over the size of the place: a few roundings in float32
 AXIS_RAYS = (1024, 64)  # outwards and round the disk, by which the light in the middle of the film is found
 
 PROGRAM = """\
@@ -35,6 +38,24 @@ PROGRAM = """\
 // Millimetres inside; x right, y up, z ahead of the film's middle.
 
 #define COUNT {count}
+// Coefficients of the polynomials of aspheres, of r^0, r^1, ...; 0 without any
+#define TERMS {terms}
+#define COEFFICIENTS {size}
+
+#if TERMS
+// A polynomial's value and its derivative by s = r^2
+void polynomial(float a[COEFFICIENTS], int k, float s, output float value, output float slope)
+{{
+  float r = sqrt(s);
+  value = 0.0;
+  float by_r = 0.0;
+  for (int i = TERMS - 1; i >= 0; i--) {{
+    by_r = by_r * r + value;
+    value = value * r + a[k * TERMS + i];
+  }}
+  slope = r > 0.0 ? by_r / (2.0 * r) : a[k * TERMS + 2];
+}}
+#endif
 
 shader camera(
     float metres_per_unit = 1.0,
@@ -48,6 +69,13 @@ shader camera(
   float shape[COUNT] = {{{shape}}};
   float clear[COUNT] = {{{clear}}};
   float ratio[COUNT] = {{{ratio}}};
+  // 1, or 0 for the axis along which a cylinder is straight
+  float across_x[COUNT] = {{{across_x}}};
+  float across_y[COUNT] = {{{across_y}}};
+#if TERMS
+  int aspheric[COUNT] = {{{aspheric}}};
+  float a[COEFFICIENTS] = {{{coefficients}}};
+#endif
 
   point share = camera_shader_raster_position();
   vector chance = camera_shader_random_sample();
@@ -66,23 +94,69 @@ shader camera(
     float x = p[0] + to_plane * d[0];
     float y = p[1] + to_plane * d[1];
     float c = curvature[k];
-    float f = c * (x * x + y * y);
-    float g = d[2] - c * (d[0] * x + d[1] * y);
-    float a = c * (d[0] * d[0] + d[1] * d[1] + shape[k] * d[2] * d[2]);
-    float discriminant = g * g - a * f;
+    float wx = across_x[k];
+    float wy = across_y[k];
+    float bump = 0.0;
+    float slope = 0.0;
+#if TERMS
+    if (aspheric[k])
+      polynomial(a, k, wx * x * x + wy * y * y, bump, slope);
+#endif
+    // The conic, moved by the polynomial
+    float f = c * (wx * x * x + wy * y * y + shape[k] * bump * bump) + 2.0 * bump;
+    float g = d[2] - c * (wx * d[0] * x + wy * d[1] * y - shape[k] * d[2] * bump);
+    float square_term = c * (wx * d[0] * d[0] + wy * d[1] * d[1] + shape[k] * d[2] * d[2]);
+    float discriminant = g * g - square_term * f;
+    float root = sqrt(max(discriminant, 0.0));
+    float step = f / (g + root);
+#if TERMS
+    if (aspheric[k]) {{
+      if (discriminant < 0.0)
+        step = 0.0;
+      discriminant = -1.0;
+      for (int i = 0; i < {rounds}; i++) {{
+        float u = x + step * d[0];
+        float v = y + step * d[1];
+        float s = wx * u * u + wy * v * v;
+        if (s > 9.0 * clear[k])
+          return;
+        float along_s = 2.0 * (wx * u * d[0] + wy * v * d[1]);
+        polynomial(a, k, s, bump, slope);
+        float w = step * d[2] - bump;
+        float along_w = d[2] - slope * along_s;
+        float side = w - 0.5 * c * (s + shape[k] * w * w);
+        float change = side / (along_w - 0.5 * c * (along_s + 2.0 * shape[k] * w * along_w));
+        step -= change;
+        if (abs(change) <= {small} * (abs(x) + abs(y) + abs(step))) {{
+          discriminant = 1.0;
+          break;
+        }}
+      }}
+    }}
+#endif
     if (discriminant < 0.0)
       return;
-    float root = sqrt(discriminant);
-    float step = f / (g + root);
     float z = step * d[2];
     x += step * d[0];
     y += step * d[1];
-    vector facing = vector(-c * x, -c * y, 1.0 - c * shape[k] * z);
+#if TERMS
+    if (aspheric[k])
+      polynomial(a, k, wx * x * x + wy * y * y, bump, slope);
+#endif
+    float ahead = 1.0 - c * shape[k] * (z - bump);
+    float aside = -(c + 2.0 * slope * ahead);
+    vector facing = vector(wx * x * aside, wy * y * aside, ahead);
     if (facing[2] <= 0.0 || x * x + y * y > clear[k])
       return;
     float size = length(facing);
     facing /= size;
     float cosine = root / size;
+#if TERMS
+    if (aspheric[k])
+      cosine = dot(facing, d);
+    if (cosine <= 0.0)
+      return;
+#endif
     float bent = 1.0 - ratio[k] * ratio[k] * (1.0 - cosine * cosine);
     if (bent < 0.0)
       return;
@@ -112,7 +186,7 @@ def osl_text(view: View) -> str:
     Raises
     ------
     InputError
-        For a camera without surfaces, or a lens that is not all of round spheres and conics about one axis.
+        For a camera without surfaces, or a lens with mirrors, toroids, biconics, or surfaces or openings off its axis.
     """
     setting = view.setting
     if setting is None or not isinstance(view.scene.camera, RealisticCamera):
@@ -133,6 +207,8 @@ def osl_text(view: View) -> str:
     indices = lens.indices(wavelength)
     rows = range(len(lens.surfaces) - 1, -1, -1)
     surfaces = [lens.surfaces[k] for k in rows]
+    axes = [surface.axes() for surface in surfaces]
+    terms = max((max(power, 2) + 1 for surface in surfaces for power, _ in surface.aspheric), default=0)
     return PROGRAM.format(
         about=f"{view.name}, film {setting.film_distance_mm:.6g} mm behind it, {wavelength:g} nm",
         count=len(surfaces),
@@ -141,6 +217,14 @@ def osl_text(view: View) -> str:
         shape=_listed(1.0 + surface.conic for surface in surfaces),
         clear=_listed(min(surface.semi_diameter, 1e6) ** 2 for surface in surfaces),
         ratio=_listed(float(indices[k + 1] / indices[k]) for k in rows),
+        across_x=_listed(x for x, _ in axes),
+        across_y=_listed(y for _, y in axes),
+        terms=terms,
+        size=terms * len(surfaces),
+        aspheric=", ".join(str(int(bool(surface.aspheric))) for surface in surfaces),
+        coefficients=_listed(-dict(surface.aspheric).get(i, 0.0) for surface in surfaces for i in range(terms)),
+        rounds=ROUNDS,
+        small=SMALL,
         corner=_turned(corner, film_z),
         across=_turned(across),
         up=_turned(up),
@@ -158,15 +242,19 @@ def _check(lens: Lens) -> None:
         if fault := _fault(surface):
             raise InputError(
                 f"--osl: {lens.name}: surface {k} {fault}"
-                " (allowed: spheres, conics and planes about one axis, with round openings)"
+                " (allowed: spheres, conics, cylinders, aspheres and planes about one axis, with round openings)"
             )
 
 
 def _fault(surface: Surface) -> str:
     if surface.is_mirror:
         return "is a mirror"
-    if surface.aspheric or not surface.is_rotational:
-        return "is no sphere or conic about the axis"
+    if surface.form is not None:
+        return f"is {surface.form.description}"
+    if surface.pose is not None:
+        return "stands beside the axis or tilted"
+    if surface.region is not None:
+        return "has an opening that is not round"
     return "has an opening that is not round" if surface.stop_shape or surface.inner_semi_diameter else ""
 
 
@@ -179,18 +267,26 @@ def _disk(view: View, setting: LensSetting) -> _Disk:
     film = view.film_points(view.grid(FIELDS, FIELDS))
     film[:, 2] += film_z
     rear = lens.surfaces[-1].semi_diameter
-    line = np.linspace(-rear, rear, STEPS)
+    radius = _reach(lens, film, last, rear, setting.camera.wavelength_nm)
+    if plane != last:
+        spread = float(np.max((film[:, 2] - plane) / (film[:, 2] - last)))
+        radius = radius * spread + abs(spread - 1.0) * float(np.hypot(*film[:, :2].T).max())
+    for _ in range(NARROWED):
+        radius = min(radius, _reach(lens, film, plane, radius, setting.camera.wavelength_nm))
+    return _Disk(float(plane), radius)
+
+
+def _reach(lens: Lens, film: Array, plane: float, half: float, wavelength_nm: float) -> float:
+    """Return how far from the axis light to film points crosses a plane, within a square of half side ``half`` [mm]."""
+    line = np.linspace(-half, half, STEPS)
     x, y = (values.ravel() for values in np.meshgrid(line, line))
     origins = np.repeat(film, x.size, axis=0)
-    targets = np.tile(np.column_stack([x, y, np.full(x.size, last)]), (len(film), 1))
-    through = passing(lens, origins, targets - origins, setting.camera.wavelength_nm)
+    targets = np.tile(np.column_stack([x, y, np.full(x.size, plane)]), (len(film), 1))
+    through = passing(lens, origins, targets - origins, wavelength_nm)
     if not through.any():
         raise InputError(f"--osl: {lens.name}: no light comes through to the film")
     step = float(line[1] - line[0]) * math.sqrt(2)
-    origins, targets = origins[through], targets[through]
-    on_plane = origins + (targets - origins) * ((plane - origins[:, 2:]) / (last - origins[:, 2:]))
-    margin = step * float(np.max(np.abs((plane - origins[:, 2]) / (last - origins[:, 2]))))
-    return _Disk(float(plane), float(np.max(np.hypot(*on_plane[:, :2].T)) + margin))
+    return float(np.max(np.hypot(*targets[through, :2].T)) + step)
 
 
 def _on_axis(lens: Lens, middle: Array, normal: Array, disk: _Disk, wavelength_nm: float) -> float:
