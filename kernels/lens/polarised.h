@@ -1,7 +1,8 @@
 // Polarisation that is carried through a lens, as rptcam_cl/optics/polarised_beam.py does: of two orthogonal polarisations
 // of the source the amplitudes across a ray, along a vector and along direction x vector. Complex with LENS_LAYERS, whose
 // coatings turn the phase; that of total reflection is left out. A surface that reflects a ghost is a mirror whose `eta`
-// says what lies behind it. Facts: LENS_LAYERS, LENS_STACKS.
+// says what lies behind it. Facts: LENS_LAYERS, LENS_STACKS,
+// LENS_DARK_LAYERS.
 #ifndef POLARISED_H
 #define POLARISED_H
 #include "lens/coating.h"
@@ -61,6 +62,16 @@ static Amplitude times(Amplitude a, Amplitude b)
 }
 
 #if LENS_LAYERS
+// The quotient of an amplitude and of one that is given conjugated.
+static Amplitude over(Amplitude a, Amplitude conjugated)
+{
+    F inverse = 1.0f / (conjugated.re * conjugated.re + conjugated.im * conjugated.im);
+    Amplitude quotient = times(a, conjugated);
+    quotient.re *= inverse;
+    quotient.im *= inverse;
+    return quotient;
+}
+
 // What a layer makes of amplitudes r and t at its two faces, with the phase of light that crosses it once (Airy).
 static Amplitude layer_amplitude(F r, F t, F sine, F cosine, int reflects)
 {
@@ -71,11 +82,7 @@ static Amplitude layer_amplitude(F r, F t, F sine, F cosine, int reflects)
     F pass = root((1.0f - r * r) * (1.0f - t * t));
     above.re = reflects ? r + t * cosine2 : pass * cosine;
     above.im = reflects ? t * sine2 : pass * sine;
-    F inverse = 1.0f / (below.re * below.re + below.im * below.im);
-    Amplitude a = times(above, below);
-    a.re *= inverse;
-    a.im *= inverse;
-    return a;
+    return over(above, below);
 }
 #endif
 
@@ -88,11 +95,10 @@ static Amplitude stack_amplitude(Fields a, F front, F behind, int reflects)
     whole.im = -(front * a.one_im + a.other_im);            // conjugated
     above.re = reflects ? front * a.one_re - a.other_re : 2.0f * root(front * behind);
     above.im = reflects ? front * a.one_im - a.other_im : ZERO;
-    F inverse = 1.0f / (whole.re * whole.re + whole.im * whole.im);
-    Amplitude amplitude = times(above, whole);
-    amplitude.re *= inverse;
-    amplitude.im *= inverse;
-    return amplitude;
+#if LENS_DARK_LAYERS
+    above.re = reflects ? above.re : above.re * a.left;
+#endif
+    return over(above, whole);
 }
 #endif
 
@@ -108,6 +114,9 @@ static void surface_amplitudes(const __global Surface *s, F c, int reflects, Amp
     if (s->stacked > 0) {
         real n = s->index, m = n / eta;
         F front = n * c, behind = m * d;
+#if LENS_DARK_LAYERS
+        total = FALSE;
+#endif
         *across = stack_amplitude(through_layers(s, (F)(n), c, ONE, behind, 0), front, behind, reflects);
         front = c / n, behind = d / m;
         *other = stack_amplitude(through_layers(s, (F)(n), c, ONE, behind, 1), front, behind, reflects);

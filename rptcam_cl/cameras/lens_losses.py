@@ -76,7 +76,7 @@ def _coated(lens: Lens, camera: LensCamera) -> Lens:
 
 def _named(coating: str | float | CoatingLayers) -> Coating:
     if isinstance(coating, CoatingLayers):
-        return layered(tuple(Layer(layer.index, layer.thickness_nm) for layer in coating.layers))
+        return layered(tuple(Layer(layer.index, layer.thickness_nm, layer.extinction) for layer in coating.layers))
     return WORDS[coating] if isinstance(coating, str) else constant_reflectance(coating)
 
 
@@ -84,7 +84,8 @@ Array = NDArray[np.float64]
 Values = Callable[[Array], Array]  # of wavelengths [nm]
 
 TABLE_NM = LOSS_TABLE_NM + np.arange(float(LOSS_TABLE_LENGTH))  # catalogues measure at whole nanometres
-NO_LOSSES = {"LENS_FRESNEL": 0, "LENS_LAYERS": 0, "LENS_STACKS": 0, "LENS_ABSORPTION": 0, "LENS_TINTED": 0}
+FACTS = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_STACKS", "LENS_DARK_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
+NO_LOSSES = dict.fromkeys(FACTS, 0)
 
 
 @dataclass
@@ -153,6 +154,7 @@ class LossFiller:
             "LENS_FRESNEL": int(self.transmission.fresnel),
             "LENS_LAYERS": int(layers),
             "LENS_STACKS": int(stacks),
+            "LENS_DARK_LAYERS": int(bool(np.any(records["extinction"] > 0))),
             "LENS_ABSORPTION": int(bool(np.any((records["attenuation"] > 0) | (records["attenuation_table"] >= 0)))),
             "LENS_TINTED": int(self.tables is not None and (layers or bool(self.tables.rows))),
         }
@@ -167,6 +169,7 @@ class LossFiller:
             layers = coating.from_behind(before.index(LINE_D_NM), after.index(LINE_D_NM))
             per = self.wavelength_nm if self.tables is None else 1.0
             record["stack"][: 2 * len(layers)] = [x for f in layers for x in (f.index, f.index * f.thickness_nm / per)]
+            record["extinction"][: len(layers)] = [layer.extinction for layer in layers]
             record["stacked"] = len(layers)
             self._put(record, "index", before.index)
         elif coating != BARE:

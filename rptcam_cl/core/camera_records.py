@@ -40,6 +40,7 @@ SURFACE = Record(
         ("real", "layer"),  # index of a quarter-wave layer, 0 without one; these are for kernels/lens/coating.h
         ("real", "layer_turns"),  # turns of its phase at a right angle; with tables times the wavelength [nm]
         ("real", f"stack[{2 * MOST_LAYERS}]"),  # of layers from behind: index, turns of the phase as above, halved
+        ("real", f"extinction[{MOST_LAYERS}]"),  # of the same layers
         ("real", "index"),  # before the surface
         ("real", "gain"),  # of the transmittance over that of the bare surface
         ("real", "attenuation"),  # before the surface [1/mm], 0 before the first one

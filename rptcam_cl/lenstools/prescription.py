@@ -21,6 +21,7 @@ from rptcam_cl.optics import (
     Coating,
     ConstantIndex,
     Law,
+    Layer,
     LayerStack,
     Lens,
     MeasuredReflectance,
@@ -144,6 +145,11 @@ def _region(region: Region, where: str) -> dict[str, Any]:
     return {"clear": clear} if region.blocks else {"clear": clear, "outside": "pass"}
 
 
+def _layer(layer: Layer) -> dict[str, float]:
+    dark = {"extinction": layer.extinction} if layer.extinction else {}
+    return {"index": layer.index, "thickness_nm": layer.thickness_nm, **dark}
+
+
 def _coating(coating: Coating, where: str) -> Any:
     if coating == BARE:
         return "bare"
@@ -152,7 +158,7 @@ def _coating(coating: Coating, where: str) -> Any:
     if isinstance(coating, QuarterWave):
         return {"quarter_wave": {"index": coating.index, "wavelength_nm": coating.wavelength_nm}}
     if isinstance(coating, LayerStack):
-        return {"layers": [{"index": layer.index, "thickness_nm": layer.thickness_nm} for layer in coating.layers]}
+        return {"layers": [_layer(layer) for layer in coating.layers]}
     if not isinstance(coating, MeasuredReflectance):
         raise InputError(f"{where}: has a coating that a lens file cannot say ({type(coating).__name__})")
     if len(coating.values) == 1:

@@ -158,7 +158,11 @@ class Tree:
         """Return light behind a surface, once what that reflects has been followed."""
         crossing = Crossing(self.lens, arrival, k, forward)
         if crossing.parts:
-            self._reflect(crossing.reflected(), k, forward, way)
+            reflected = crossing.reflected()
+            if crossing.absorbs:
+                left = float(reflected.light.sum()) + float(crossing.onward().light.sum())
+                self.account.absorbed += float(arrival.beam.light.sum()) - left
+            self._reflect(reflected, k, forward, way)
         if crossing.surface.is_mirror:
             self.account.absorbed += float(arrival.beam.light.sum()) * (1.0 - crossing.mirror_share)
         return crossing.onward()

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.optics.coating import Amplitude, Interface, Polarised
 from rptcam_cl.optics.glass import attenuation
+from rptcam_cl.optics.layer_stack import LayerStack
 from rptcam_cl.optics.placement import IN_PLACE
 from rptcam_cl.optics.prescription import Prescription
 from rptcam_cl.optics.ray_trace import reflect, refract
@@ -231,6 +232,12 @@ class Crossing:
     def mirror_share(self) -> float:
         """Share of the light that a mirror reflects."""
         return float(self.lens.transmission.mirror_share(self.surface, self.lens.wavelength_nm))
+
+    @property
+    def absorbs(self) -> bool:
+        """Whether layers on the surface do."""
+        coating = self.lens.transmission.coating_of(self.surface)
+        return isinstance(coating, LayerStack) and coating.absorbs
 
     def onward(self) -> PolarisedBeam:
         """Return the light that goes the way of the lens: what passes, or what a mirror reflects."""

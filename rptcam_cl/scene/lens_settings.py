@@ -185,11 +185,20 @@ _ALLOWED = "bare, mgf2, a reflectance from 0 to below 1, or {layers: [{index: â€
 class CoatingLayer(SceneModel):
     """One layer of a coating."""
 
-    index: Annotated[float, Field(ge=1, le=5), NUMBER]
-    """At every wavelength."""
+    index: Annotated[float, Field(gt=0, le=5), NUMBER]
+    """At every wavelength; at least 1 of a layer that is clear."""
+
+    extinction: Annotated[float, Field(ge=0, le=20), NUMBER] = 0.0
+    """k of its index n + i k, above 0 where it absorbs."""
 
     thickness_nm: Annotated[float, Field(gt=0), NUMBER]
     """Of the layer [nm]."""
+
+    @model_validator(mode="after")
+    def _check(self) -> Self:
+        if self.index < 1 and not self.extinction:
+            raise refuse("is no index of a clear layer", got=self.index, allowed="1 to 5", path=("index",))
+        return self
 
 
 class CoatingLayers(SceneModel):

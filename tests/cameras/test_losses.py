@@ -16,6 +16,7 @@ from tests.cameras.beams import PRECISIONS, film_beam
 TOLERANCE = {"single": 5e-6, "double": 5e-7}
 MEASURED = MeasuredReflectance((385.0, 500.0, 770.0), (0.02, 0.004, 0.01))
 THREE = LayerStack((Layer(1.38, 100.0), Layer(2.1, 131.0), Layer(1.7, 81.0)))
+DARK = LayerStack((Layer(1.46, 70.0), Layer(0.9, 6.0, 2.6), Layer(1.7, 40.0)))
 GLASS_ALONE = LensTransmission(fresnel=False, coatings=False)
 GREY = {"thickness_mm": 10, "wavelengths_nm": [390, 450, 760], "values": [0.7, 0.9, 0.8]}
 HALF = {"clear": {"half_plane_degrees": 90}, "outside": "pass", "diameter": 30}
@@ -45,6 +46,7 @@ LOSSES = {
     "mgf2": (MAGNESIUM_FLUORIDE, COATED),
     "thick layer": (QuarterWave(1.9, 1900.0), COATED),
     "three layers": (THREE, COATED),
+    "a layer of metal": (DARK, COATED),
     "measured": (MEASURED, COATED),
     "glass": (None, GLASS_ALONE),
 }
@@ -134,6 +136,10 @@ def test_what_is_not_asked_for_is_not_compiled():
     assert facts(UNCOATED) == (1, 0, 1, 0)
     assert facts(GLASS_ALONE) == (0, 0, 1, 0)
     assert facts(LensTransmission(absorption=False)) == (1, 1, 0, 0)
+    keys = ("LENS_STACKS", "LENS_DARK_LAYERS")
+    assert facts(COATED, with_coating(lens, THREE)) == (1, 0)
+    assert facts(COATED, with_coating(lens, DARK)) == (1, 1)
+    keys = ("LENS_FRESNEL", "LENS_LAYERS", "LENS_ABSORPTION", "LENS_TINTED")
     clear = load_lens("dgauss-50mm")  # glass whose absorption is not known
     assert facts(UNCOATED, clear) == facts(UNCOATED, clear, dispersive=True) == (1, 0, 0, 0)
     assert facts(GLASS_ALONE, clear) == (0, 0, 0, 0)

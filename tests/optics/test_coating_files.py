@@ -85,6 +85,8 @@ def test_missing_file_is_named(tmp_path):
         ({"quarter_wave": {"index": 0.9, "wavelength_nm": 550}}, r"index of a layer lies between 1 and 5"),
         ({"layers": []}, r"layers: has 1 to 12 layers, not 0"),
         ({"layers": [{"index": 0.2, "thickness_nm": 5}]}, r"layers\[0\]\.index: the index of a layer lies between"),
+        ({"layers": [{"index": 1.4, "thickness_nm": 5, "extinction": -1}]}, r"extinction: lies between 0 and 20"),
+        ({"layers": [{"index": 9, "thickness_nm": 5, "extinction": 1}]}, r"layers\[0\]\.index: the index of a layer"),
         ({"layers": [{"index": 1.4}]}, r"coating\.layers\[0\]: thickness_nm is missing"),
         ({"layers": [{"index": 1.4, "thickness_nm": 0}]}, r"thickness_nm: must be above 0"),
         ({"reflectance": 5}, r"coating\.reflectance: lies between 0 and 1, not in percent"),

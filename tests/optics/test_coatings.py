@@ -123,3 +123,52 @@ def test_measured_coating_has_its_reflectance_and_the_angles_of_bare_glass():
 def test_measured_coating_does_not_guess_beyond_what_was_measured():
     with pytest.raises(InputError, match=r"reflectance of a coating is known from 400 to 700 nm \(requested 720 nm\)"):
         MEASURED.transmittance(Interface(1.0, BK7), 720.0)
+
+
+def through_film(f, thickness_nm, interface, wavelength_nm):
+    """Reflected and passed shares of s and p through one film of complex index: Airy's sum over complex amplitudes."""
+    n, m, c, d = interface
+    inside = np.sqrt(1 - (n / f) ** 2 * (1 - c * c))
+    turn = np.exp(2j * np.pi * f * thickness_nm / wavelength_nm * inside)
+    shares = []
+    for front, film, behind in ((n * c, f * inside, m * d), (c / n, inside / f, d / m)):
+        r, t = (front - film) / (front + film), (film - behind) / (film + behind)
+        through = 4 * front * film / (front + film) / (film + behind) * turn / (1 + r * t * turn**2)
+        back = (r + t * turn**2) / (1 + r * t * turn**2)
+        shares.append((abs(back) ** 2, abs(through) ** 2 * behind / front))
+    return shares
+
+
+@pytest.mark.parametrize("thickness", [3.0, 25.0, 400.0])
+@pytest.mark.parametrize("degrees", [0.0, 40.0, 75.0])
+def test_a_metal_film_has_its_closed_form_from_both_sides(thickness, degrees):
+    film, there = LayerStack((Layer(0.13, thickness, 3.2),)), met_at(degrees, 1.0, BK7)
+    for interface in (there, Interface(there.after, there.before, there.cosine_after, there.cosine_before)):
+        wave, closed = film.polarised(interface, 550.0), through_film(0.13 + 3.2j, thickness, interface, 550.0)
+        for (back, through), r, t in zip(closed, wave[:2], wave[2:], strict=True):
+            assert np.abs(r) ** 2 == pytest.approx(back, abs=1e-12)
+            assert np.abs(t) ** 2 == pytest.approx(through, abs=1e-12)
+        assert film.transmittance(interface, 550.0) == pytest.approx(np.mean([t for _, t in closed]), abs=1e-12)
+    assert film.transmittance(there, 550.0) == pytest.approx(film.transmittance(interface, 550.0), abs=1e-14)
+
+
+def test_what_layers_neither_reflect_nor_pass_they_absorb_and_the_same_either_way_passes():
+    stack = LayerStack((Layer(1.46, 60.0), Layer(2.8, 8.0, 3.1), Layer(1.46, 90.0)))
+    wave = stack.polarised(Interface(1.0, BK7), 550.0)
+    r, t = np.abs(wave.reflected_s) ** 2, np.abs(wave.passed_s) ** 2
+    fields = [1.0 + 0j, BK7 + 0j]  # tangential fields from behind, whose flux falls by what each layer takes
+    flux, taken = BK7, 0.0
+    for layer in reversed(stack.layers):
+        f = layer.complex_index
+        phase = 2 * np.pi * f * layer.thickness_nm / 550.0
+        fields = [np.cos(phase) * fields[0] - 1j * np.sin(phase) / f * fields[1],
+                  -1j * f * np.sin(phase) * fields[0] + np.cos(phase) * fields[1]]  # fmt: skip
+        before = float(np.real(fields[0] * np.conj(fields[1])))
+        taken, flux = taken + before - flux, before
+    entering = abs((fields[0] + fields[1]) / 2) ** 2
+    assert taken / entering > 0.1
+    assert r + t + taken / entering == pytest.approx(1, abs=1e-12)
+    thick = LayerStack((Layer(0.2, 1e7, 4.0),)).polarised(Interface(1.0, BK7), 550.0)  # 10 mm: no overflow
+    assert np.abs(thick.passed_s) == 0
+    bulk = abs((1 - (0.2 + 4j)) / (1 + 0.2 + 4j)) ** 2
+    assert np.abs(thick.reflected_s) ** 2 == pytest.approx(bulk, abs=1e-12)

@@ -118,9 +118,14 @@ def test_the_double_gauss_has_its_known_ghosts() -> None:
     assert total(ghosts_of("dgauss50", f8, "bare")) == pytest.approx(0.081, rel=0.01)
 
 
-@pytest.mark.parametrize(("name", "order"), [("planar-1897", 2), ("achromat-100mm", 4)])
-def test_no_light_is_lost_or_made(name: str, order: int) -> None:
-    lens = with_coating(load_lens(name), QuarterWave(1.38, 550.0))  # whose glass absorbs
+CLEAR, DARK = QuarterWave(1.38, 550.0), LayerStack((Layer(1.46, 70.0), Layer(0.9, 3.0, 2.6)))
+
+
+@pytest.mark.parametrize(
+    ("name", "order", "coating"), [("planar-1897", 2, CLEAR), ("achromat-100mm", 4, CLEAR), ("planar-1897", 2, DARK)]
+)
+def test_no_light_is_lost_or_made(name: str, order: int, coating: QuarterWave | LayerStack) -> None:
+    lens = with_coating(load_lens(name), coating)  # whose glass absorbs
     lit = Lit(lens, lens.first_order().back_focal_distance_mm, Beam(14.0), 440.0, film_reflectance=0.1)
     account = find_ghosts(lit, order).account
     parts = (account.image, account.ghosts, account.absorbed, account.blocked, account.missed, account.out)

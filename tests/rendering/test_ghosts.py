@@ -43,6 +43,8 @@ IRRADIANCE = 800.0
 THREE = {"layers": [{"index": 1.38, "thickness_nm": 99.6}, {"index": 2.1, "thickness_nm": 131.0},
                     {"index": 1.7, "thickness_nm": 80.9}]}  # fmt: skip
 
+METAL = {"layers": [{"index": 1.46, "thickness_nm": 70}, {"index": 0.9, "thickness_nm": 3, "extinction": 2.6}]}
+
 
 def sun(degrees: float, diameter: float = 0.1) -> dict[str, Any]:
     angle = np.radians(degrees)
@@ -155,11 +157,12 @@ def test_ghosts_take_the_shape_of_the_stop() -> None:
     [
         ("mgf2", MAGNESIUM_FLUORIDE, True),
         ({"layers": [{"index": 1.38, "thickness_nm": 70}]}, QuarterWave(1.38, 386.4), False),  # for violet: yellow
+        (METAL, LayerStack((Layer(1.46, 70.0), Layer(0.9, 3.0, 2.6))), True),
         pytest.param(
             THREE, LayerStack((Layer(1.38, 99.6), Layer(2.1, 131.0), Layer(1.7, 80.9))), True, marks=pytest.mark.slow
         ),
     ],
-    ids=["a quarter wave", "thinner", "three layers"],
+    ids=["a quarter wave", "thinner", "metal", "three layers"],
 )
 def test_layers_colour_ghosts_as_their_closed_form_says(written: Any, coating: Coating, purple: bool) -> None:
     image = rptcam_cl.render(scene(sun(10.0), transmission={"coating": written}))

@@ -59,7 +59,7 @@ def _misfit(coating: Coating | None, before: Medium, surface: Surface) -> str:
     least = min(float(medium.index(LINE_D_NM)) for medium in (before, after))
     layers = coating.layers if isinstance(coating, LayerStack) else ()
     layers = (Layer(coating.index, 0.0),) if isinstance(coating, QuarterWave) else layers
-    thinnest = min((layer.index for layer in layers), default=least)
+    thinnest = min((layer.index for layer in layers if not layer.extinction), default=least)
     if thinnest < least:
         return f"a layer of index {thinnest:g} is less dense than both media (from {least:.4g}); cement has none"
     return ""
@@ -94,16 +94,26 @@ def _index(fields: Fields) -> float:
     return index
 
 
+def _layer(fields: Fields) -> Layer:
+    extinction = fields.number("extinction") if "extinction" in fields else 0.0
+    if not 0 <= extinction <= 20:
+        raise fields.fail("extinction", "lies between 0 and 20")
+    index = fields.positive("index") if extinction > 0 else _index(fields)
+    if index > 5:
+        raise fields.fail("index", "the index of a layer that absorbs lies above 0, up to 5")
+    return Layer(index, fields.positive("thickness_nm"), extinction)
+
+
 def _layers(fields: Fields) -> Coating:
     rows = fields.rows("layers", LAYER, "[{index: 1.38, thickness_nm: 99.6}]")
     if not 1 <= len(rows) <= MOST_LAYERS:
         raise fields.fail("layers", f"has 1 to {MOST_LAYERS} layers, not {len(rows)}")
-    return layered(tuple(Layer(_index(row), row.positive("thickness_nm")) for row in rows))
+    return layered(tuple(map(_layer, rows)))
 
 
 def layered(layers: tuple[Layer, ...]) -> Coating:
-    """Return the coating of some layers; a single one is a quarter wave of some wavelength."""
-    if len(layers) == 1:
+    """Return the coating of some layers; a clear single one is a quarter wave of some wavelength."""
+    if len(layers) == 1 and not layers[0].extinction:
         return QuarterWave(layers[0].index, 4 * layers[0].index * layers[0].thickness_nm)
     return LayerStack(layers)
 

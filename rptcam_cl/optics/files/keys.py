@@ -62,7 +62,13 @@ QUARTER_WAVE = {
 }
 
 LAYER = {
-    "index": Key("Index of the layer.", {"type": "number", "minimum": 1, "maximum": HIGHEST_INDEX}),
+    "index": Key(
+        "Index of the layer, from 1 if it is clear.",
+        {"type": "number", "exclusiveMinimum": 0, "maximum": HIGHEST_INDEX},
+    ),
+    "extinction": Key(
+        "k of its index n + i k, above 0 where it absorbs.", {"type": "number", "minimum": 0, "maximum": 20}
+    ),
     "thickness_nm": Key("Of the layer [nm].", POSITIVE),
 }
 
