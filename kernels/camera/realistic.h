@@ -14,11 +14,8 @@ static Underway enter_camera(Lane lane, F4 u, F wavelength, const __global Camer
     Underway ray;
     ray.aimed = aimed_ray(lane, u, wavelength, camera, tables);
     F3 d = scale(ray.aimed.away, ONE / sqrt(ray.aimed.length2));
-#if FILM_MOVED
-    ray.path = enter_lens(f3(ray.aimed.fx, ray.aimed.fy, -ray.aimed.depth), d, wavelength);
-#else
-    ray.path = enter_lens(f3(ray.aimed.fx, ray.aimed.fy, ZERO), d, wavelength);
-#endif
+    // It starts where it aims, on the plane of the first vertex that it meets.
+    ray.path = enter_lens(f3(ray.aimed.at.x, ray.aimed.at.y, (F)(camera->own.realistic.film_distance)), d, wavelength);
     return ray;
 }
 

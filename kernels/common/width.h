@@ -163,6 +163,19 @@ static int first_of(I values, I m)
 static int first_of(I values, I m) { return values; }
 #endif
 
+// A mask that is kept for long: a bit a lane, where the processor has registers of them, else as it comes.
+#if VW == 16 && defined CLANG_AVX512
+typedef ushort Kept;
+#define KEPT(m)        ((Kept)MASK_BITS(m))
+#define MASK_OF(kept)  as_int16(__builtin_ia32_cvtmask2d512(kept))
+#define ANY_KEPT(kept) ((kept) != 0)
+#else
+typedef I Kept;
+#define KEPT(m)        (m)
+#define MASK_OF(kept)  (kept)
+#define ANY_KEPT(kept) ANY(kept)
+#endif
+
 #define FALSE     ((I)(0))
 #define TRUE      NOT(FALSE)
 #define ZERO      ((F)(0.0f))

@@ -27,22 +27,24 @@ static CameraRays kept_rays(uint first, Wave wave, const __global uint *tiles, c
     Lane lane = lane_of(first, wave, tiles);
     uint place = record_of(first, wave);
     for (uint step = 0; step < wave.samples; step += CAMERA_PACKETS) {
-        Draw draws[CAMERA_PACKETS];
-        CameraRay rays[CAMERA_PACKETS];
-#pragma unroll
+        Packet packets[CAMERA_PACKETS];
+#pragma nounroll
         for (uint i = 0; i < CAMERA_PACKETS; ++i) {
             Lane here = lane;
             here.sample = (U)(wave.first_sample + step + i);
             here.inside = step + i < wave.samples ? lane.inside : FALSE;
-            draws[i] = draw_of(here, wave.seed, camera, filter, colours);
+            Draw draw = draw_of(here, wave.seed, camera, filter, colours);
+            packets[i] = enter_packet(draw, camera, tables, surfaces, stop);
         }
-        camera_rays(draws, camera, tables, surfaces, stop, rays);
-#pragma unroll
+        cross_lens(packets, camera, surfaces, stop);
+#pragma nounroll
         for (uint i = 0; i < CAMERA_PACKETS; ++i) {
-            count_stopped(draws[i].lane, rays[i], counters);
+            Draw draw = packets[i].draw;
+            CameraRay ray = leave_packet(&packets[i], camera);
+            count_stopped(draw.lane, ray, counters);
             if (step + i < wave.samples)
-                write_record(into_world(draws[i], rays[i], wave.seed, camera TRAJECTORY),
-                             place + (step + i) * RAYS_TOGETHER, records);
+                write_record(into_world(draw, ray, wave.seed, camera TRAJECTORY), place + (step + i) * RAYS_TOGETHER,
+                             records);
         }
     }
     return start_rays(first, wave, tiles, records);

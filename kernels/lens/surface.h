@@ -1,6 +1,6 @@
 // Where a ray meets one surface of a lens, in the frame of its vertex with z along the travel; the same steps as the
-// float64 reference in rptcam_cl/optics/shapes. Every kind goes to the vertex plane first and then to the surface, so that
-// planes are exact and no large radius is ever subtracted. Facts: LENS_CONIC, LENS_GENERAL, LENS_ODD, LENS_CYLINDER,
+// float64 reference in rptcam_cl/optics/shapes. Every kind goes to the vertex plane first, or near it, and then to the surface,
+// so that no large radius is ever subtracted. Facts: LENS_CONIC, LENS_GENERAL, LENS_ODD, LENS_CYLINDER,
 // LENS_REGION, LENS_RING.
 #ifndef LENS_SURFACE_H
 #define LENS_SURFACE_H
@@ -24,21 +24,20 @@ typedef struct {
 #define WEIGHT_Y(surface) ((real)1)
 #endif
 
-// Tangent-plane form with curvature c = 1/R; the normal (-c x, -c y, 1 - c z) of a sphere has unit length by construction.
+// The ray is followed by the height of its start first, which brings it near the vertex plane without a division; then
+// c |q + t d|^2 = 2 (q + t d).z with the curvature c = 1/R. The normal (-c x, -c y, 1 - c z) has unit length by construction.
 static LensHit meet_sphere(const __global Surface *s, F3 p, F3 d)
 {
     real c = s->curvature;
-    F t0 = -p.z / d.z;
-    F x = p.x + t0 * d.x;
-    F y = p.y + t0 * d.y;
-    F f = c * (x * x + y * y);
-    F g = d.z - c * (x * d.x + y * d.y);
+    F3 q = along(p, d, -p.z);
+    F f = c * dot3(q, q) - 2.0f * q.z;
+    F g = d.z - c * dot3(q, d);
     F discriminant = g * g - c * f;
     LensHit hit;
     hit.cosine = root(discriminant);
     hit.cosine2 = discriminant;
     F t = f / (g + hit.cosine);
-    hit.p = f3(x + t * d.x, y + t * d.y, t * d.z);
+    hit.p = along(q, d, t);
     hit.n = f3(-c * hit.p.x, -c * hit.p.y, 1.0f - c * hit.p.z);
     hit.met = (discriminant >= 0.0f) & (hit.n.z > 0.0f);
     hit.resolved = TRUE;

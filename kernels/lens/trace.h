@@ -47,14 +47,14 @@ static F3 offset_of(const __global Surface *s) { return f3((F)(s->offset[0]), (F
 // Direction after a surface by Snell's law, its cosine, and whether the ray is bent and not totally reflected.
 // 1 - eta^2 (1 - cosine^2) is known before the hit point, so that its root is taken beside the division for that. It is
 // wrong by eta^2 roundings, which weigh more as the critical angle comes near; there the part along the surface comes first.
-static F3 refracted(F3 d, LensHit hit, F eta, I wanted, F *cosine_after, I *bends)
+static F3 refracted(F3 d, LensHit hit, F eta, Kept wanted, F *cosine_after, I *bends)
 {
     F cosine2_after = (1.0f - eta) * (1.0f + eta) + eta * eta * hit.cosine2;
     F after = root(cosine2_after);
     F3 bent = along(scale(d, eta), hit.n, after - eta * hit.cosine);
     I near_critical = cosine2_after < NEAR_CRITICAL;
-    if (ANY(wanted & near_critical)) {
-        F3 along_surface = scale(along(d, hit.n, -hit.cosine), eta);
+    if (ANY_KEPT(wanted & KEPT(near_critical))) {
+        F3 along_surface = along(bent, hit.n, -dot3(bent, hit.n));
         F precise2 = 1.0f - dot3(along_surface, along_surface);
         F precise = root(precise2);
         cosine2_after = near_critical ? precise2 : cosine2_after;
@@ -79,9 +79,9 @@ static F eta_of(const __global Surface *s, F x)
 
 // A ray on its way. Lanes that have failed go on for nothing; masks remember why, and a count how far they came.
 typedef struct {
-    F3 p, d;
-    I  passed, missed, clipped;
-    I  crossed;      // surfaces behind the ray
+    F3   p, d;
+    Kept passed, missed, clipped;
+    I    crossed;      // surfaces behind the ray
 #if LENS_DISPERSION
     F  colour;       // inverse wavelength, as eta_of takes it
 #endif
@@ -91,7 +91,7 @@ typedef struct {
     F  depth;        // optical depth of the glass behind the ray
 #endif
 #if LENS_GENERAL
-    I  undecided;
+    Kept undecided;
 #endif
 #if LENS_REGION
     I  beside;       // lanes that pass beside the half lens at hand
@@ -104,13 +104,13 @@ typedef struct {
 #endif
 } LensPath;
 
-// `wavelength` in nanometres.
+// From a point on the plane of the first vertex, or near it. `wavelength` in nanometres.
 static LensPath enter_lens(F3 p, F3 d, F wavelength)
 {
     LensPath path;
     path.p = p;
     path.d = d;
-    path.passed = TRUE;
+    path.passed = KEPT(TRUE);
 #if LENS_DISPERSION
     path.colour = DISPERSION_SCALE / wavelength - DISPERSION_SHIFT;
 #endif
@@ -119,9 +119,10 @@ static LensPath enter_lens(F3 p, F3 d, F wavelength)
     path.share = ONE;
     path.depth = ZERO;
 #endif
-    path.missed = path.clipped = path.crossed = FALSE;
+    path.missed = path.clipped = KEPT(FALSE);
+    path.crossed = FALSE;
 #if LENS_GENERAL
-    path.undecided = FALSE;
+    path.undecided = KEPT(FALSE);
 #endif
 #if LENS_REGION
     path.beside = FALSE;
@@ -216,16 +217,16 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
     bent = select3(path->beside, v, bent);
     bends = bends | path->beside;
 #endif
-    I passed = path->passed;
-    I met = passed & hit.met & (v.z > 0.0f);
-    I inside = met & within;
+    Kept passed = path->passed;
+    Kept met = passed & KEPT(hit.met & (v.z > 0.0f));
+    Kept inside = met & KEPT(within);
     path->missed |= passed ^ met;
     path->clipped |= met ^ inside;
 #if LENS_GENERAL
-    path->undecided |= (passed ^ met) & NOT(hit.resolved);
+    path->undecided |= (passed ^ met) & KEPT(NOT(hit.resolved));
 #endif
-    path->passed = inside & bends;
-    path->crossed += path->passed & 1;
+    path->passed = inside & KEPT(bends);
+    path->crossed += MASK_OF(path->passed) & 1;
     path->p = hit.p;
     path->d = bent;
 #if LENS_POSE
@@ -248,8 +249,8 @@ static void cross_surface(LensPath *path, const __global Surface *s, const __glo
         path->stopped_d.z = -path->stopped_d.z;
     }
 #endif
-    path->stopped_p = select3(met, path->p, path->stopped_p);
-    path->stopped_d = select3(path->passed, path->d, path->stopped_d);
+    path->stopped_p = select3(MASK_OF(met), path->p, path->stopped_p);
+    path->stopped_d = select3(MASK_OF(path->passed), path->d, path->stopped_d);
 #endif
 }
 
@@ -263,7 +264,7 @@ static LensRay leave_lens(const LensPath *path)
     ray.p = path->p;
     ray.d = normalized(path->d);
 #endif
-    ray.passed = path->passed;
+    ray.passed = MASK_OF(path->passed);
 #if LENS_LOSSES
     F left = path->share;
 #if LENS_ABSORPTION
@@ -271,10 +272,10 @@ static LensRay leave_lens(const LensPath *path)
 #endif
     ray.transmittance = ray.passed ? left : ZERO;
 #endif
-    I reason = path->clipped ? (I)(RAY_CLIPPED) : (I)(RAY_TOTAL_INTERNAL_REFLECTION);
-    reason = path->missed ? (I)(RAY_MISSED) : reason;
+    I reason = MASK_OF(path->clipped) ? (I)(RAY_CLIPPED) : (I)(RAY_TOTAL_INTERNAL_REFLECTION);
+    reason = MASK_OF(path->missed) ? (I)(RAY_MISSED) : reason;
 #if LENS_GENERAL
-    reason = path->undecided ? (I)(RAY_NO_CONVERGENCE) : reason;
+    reason = MASK_OF(path->undecided) ? (I)(RAY_NO_CONVERGENCE) : reason;
 #endif
     ray.status = ray.passed ? (I)(RAY_OK) : reason;
     ray.surface = ray.passed ? (I)(-1) : path->crossed;

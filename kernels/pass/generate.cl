@@ -63,18 +63,22 @@ __kernel void generate(const __global Camera  *camera,
                        TRAJECTORY_PARAMETER TRACED_PARAMETER)
 {
     uint slot = get_global_id(0) * (VW * CAMERA_PACKETS);
-    Draw draws[CAMERA_PACKETS];
-    CameraRay rays[CAMERA_PACKETS];
-#pragma unroll
-    for (uint i = 0; i < CAMERA_PACKETS; ++i)
-        draws[i] = draw_of(lane_of(slot + i * VW, wave, tiles), wave.seed, camera, filter, colours);
 #if LENS_FLOAT64
-    Underway entering = enter_camera(draws[0].lane, draws[0].u, draws[0].wavelength, camera, tables);
-    rays[0] = leave_camera(entering, traced_ray(traced, capacity, slot), camera);
+    Draw draw = draw_of(lane_of(slot, wave, tiles), wave.seed, camera, filter, colours);
+    Underway entering = enter_camera(draw.lane, draw.u, draw.wavelength, camera, tables);
+    CameraRay ray = leave_camera(entering, traced_ray(traced, capacity, slot), camera);
+    start_path(draw, ray, slot, wave, camera, counters, state, capacity TRAJECTORY);
 #else
-    camera_rays(draws, camera, tables, surfaces, stop, rays);
-#endif
-#pragma unroll
+    Packet packets[CAMERA_PACKETS];
+#pragma nounroll
+    for (uint i = 0; i < CAMERA_PACKETS; ++i) {
+        Draw draw = draw_of(lane_of(slot + i * VW, wave, tiles), wave.seed, camera, filter, colours);
+        packets[i] = enter_packet(draw, camera, tables, surfaces, stop);
+    }
+    cross_lens(packets, camera, surfaces, stop);
+#pragma nounroll
     for (uint i = 0; i < CAMERA_PACKETS; ++i)
-        start_path(draws[i], rays[i], slot + i * VW, wave, camera, counters, state, capacity TRAJECTORY);
+        start_path(packets[i].draw, leave_packet(&packets[i], camera), slot + i * VW, wave, camera, counters, state,
+                   capacity TRAJECTORY);
+#endif
 }

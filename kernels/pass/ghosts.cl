@@ -26,7 +26,7 @@ static Landed through_lens(F3 p, F3 d, const __global Surface *surfaces, int cou
     Landed landed;
     landed.x = path.p.x + t * path.d.x;
     landed.y = path.p.y + t * path.d.y;
-    I arrives = path.passed & (path.d.z > 0.0f);
+    I arrives = MASK_OF(path.passed) & (path.d.z > 0.0f);
     F share = power_of(&path.light);
 #if LENS_ABSORPTION
     share *= exponential(-path.depth);

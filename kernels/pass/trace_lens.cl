@@ -10,7 +10,7 @@ static LensPath enter(const __global float *rays, uint capacity, uint i, real fi
     film.z = -LOAD_SINGLE(rays + 5 * capacity, i);
 #endif
     F3 aim = f3(LOAD_SINGLE(rays + 2 * capacity, i), LOAD_SINGLE(rays + 3 * capacity, i), (F)(film_distance));
-    return enter_lens(film, normalized(sub(aim, film)), LOAD_SINGLE(rays + 4 * capacity, i));
+    return enter_lens(aim, normalized(sub(aim, film)), LOAD_SINGLE(rays + 4 * capacity, i));
 }
 
 static void leave(__global float *rays, uint capacity, uint i, LensRay out)

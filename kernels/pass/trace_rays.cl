@@ -3,15 +3,19 @@
 // Facts: LENS_DISPERSION and LENS_TINTED; with either, every ray brings its wavelength [nm] in the row of the status.
 #include "lens/trace.h"
 
-static LensPath load_path(const __global real *rays, uint capacity, uint i)
+// A ray that starts far away is taken to the plane of the first vertex, since surfaces are met from near by.
+static LensPath load_path(const __global real *rays, uint capacity, uint i, const __global Surface *first)
 {
     F3 p = f3(LOAD_F(rays, i), LOAD_F(rays + capacity, i), LOAD_F(rays + 2 * capacity, i));
     F3 d = f3(LOAD_F(rays + 3 * capacity, i), LOAD_F(rays + 4 * capacity, i), LOAD_F(rays + 5 * capacity, i));
 #if LENS_DISPERSION || LENS_TINTED
-    return enter_lens(p, d, LOAD_F(rays + 6 * capacity, i));
+    LensPath path = enter_lens(p, d, LOAD_F(rays + 6 * capacity, i));
 #else
-    return enter_lens(p, d, ONE);
+    LensPath path = enter_lens(p, d, ONE);
 #endif
+    path.p = along(p, d, (first->gap - p.z) / d.z);
+    path.p.z = (F)(first->gap);
+    return path;
 }
 
 static void store_ray(__global real *rays, uint capacity, uint i, LensRay out)
@@ -37,8 +41,8 @@ __kernel void trace_rays(const __global Surface *surfaces,   // in order of trav
                          uint                    capacity)   // padded number of rays
 {
     uint i = get_global_id(0) * (2 * VW);
-    LensPath first = load_path(rays, capacity, i);
-    LensPath second = load_path(rays, capacity, i + VW);
+    LensPath first = load_path(rays, capacity, i, surfaces);
+    LensPath second = load_path(rays, capacity, i + VW, surfaces);
     for (int k = 0; k < count; ++k) {
         cross_surface(&first, surfaces + k, stop);
         cross_surface(&second, surfaces + k, stop);

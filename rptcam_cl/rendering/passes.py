@@ -33,7 +33,7 @@ from rptcam_cl.rendering.precise_lens import BYTES_PER_SLOT, PreciseLens, traces
 from rptcam_cl.scene import RenderSettings
 
 LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
-RAYS_AT_ONCE = 32  # that a work item of a CPU takes through a lens side by side, in packets of its lanes
+PACKETS = 4  # of lanes that a work item of a CPU takes through a lens side by side
 
 Run = Callable[[Launch, int], None]
 """Enqueues a launch over a number of work items."""
@@ -191,7 +191,7 @@ class StreamPass:
         facts: dict[str, int | str] = {"RAYS_FILE": "integrator/read_rays.h"}
         made: dict[str, Any] = {}
         if makes_rays:
-            packets = max(RAYS_AT_ONCE // session.lanes, 1) if plan.camera.crosses_surfaces and session.lanes > 1 else 1
+            packets = PACKETS if plan.camera.crosses_surfaces and session.lanes > 1 else 1
             facts = _camera_facts(plan) | {"CAMERA_PACKETS": packets}
             facts["RAYS_FILE"] = f"integrator/{'kept' if keeps_rays else 'made'}_rays.h"
             made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory}

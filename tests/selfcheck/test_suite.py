@@ -58,7 +58,7 @@ FAULTS = [
     Mutant("infinite is finite", ">= INFINITE; }", "> INFINITE; }", passes("arithmetic")),
     Mutant("loops that end early", "i < outer; ++i)", "i < outer && steps < 65535u; ++i)", passes("loops")),
     Mutant("plain sum", "F3 y = sub(value, s.rest);", "F3 y = value;", passes("film")),
-    Mutant("not y", "F g = d.z - c * (x * d.x + y * d.y);", "F g = d.z - c * x * d.x;", passes("lens surfaces")),
+    Mutant("not y", "F g = d.z - c * dot3(q, d);", "F g = d.z - c * (q.x * d.x + q.z * d.z);", passes("lens surfaces")),
     Mutant("early total reflection", "cosine2_after > CRITICAL;", "cosine2_after > 1e-3f;",
            passes("total reflection")),
     Mutant("another conic", "(1.0f + k) * d.z * d.z);", "(1.001f + k) * d.z * d.z);", passes("stigmatic lenses")),
