@@ -17,8 +17,10 @@ from rptcam_cl.plan.polish import lobes_of
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+ROUND = (Kind.SPHERE, Kind.ELLIPSOID, Kind.CYLINDER, Kind.CONE)
 PART = 1 << 14  # triangles of a mesh at a time
-AROUND, UPWARDS, ALONG = 32, 16, 8  # pieces of round shapes
+AROUND, UPWARDS, ALONG = 24, 12, 8  # pieces of round shapes
+WORTH = 8000  # triangles of meshes that take as long as a round shape
 
 
 class Outline(IntEnum):
@@ -50,8 +52,8 @@ class Faces:
         the frame of the canonical shape, onto which it is then moved.
     normals : (n, 3, 3) array
         At the corner, and what they gain along the two edges; of round pieces they are not used.
-    placement : (n, 3, 4) array
-        Of round pieces, to the world.
+    placement, outwards : (n, 3, 4) and (n, 3, 3) arrays
+        Of round pieces, to the world; and of their normals.
     outline, bend : (n,) arrays
         See `Outline` and `Bend`.
     material, primitive : (n,) arrays
@@ -63,6 +65,7 @@ class Faces:
     second: Array
     normals: Array
     placement: Array
+    outwards: Array
     outline: Indices
     bend: Indices
     material: Indices
@@ -87,9 +90,8 @@ class Faces:
             own = self.bend == bend
             if own.any():
                 on, out = _on_shape(bend, points[own])
-                linear = self.placement[own, :, :3]
-                points[own] = np.einsum("nij,nj->ni", linear, on) + self.placement[own, :, 3]
-                normals[own] = np.einsum("nji,nj->ni", np.linalg.inv(linear), out)
+                points[own] = np.einsum("nij,nj->ni", self.placement[own, :, :3], on) + self.placement[own, :, 3]
+                normals[own] = np.einsum("nij,nj->ni", self.outwards[own], out)
         return points, normals / np.maximum(np.linalg.norm(normals, axis=1), 1e-300)[:, None]
 
     def holds(self, a: Array, b: Array) -> NDArray[np.bool_]:
@@ -123,13 +125,14 @@ def polished_faces(plan: Plan) -> Iterator[Faces]:
 
 
 def polished_count(plan: Plan) -> int:
-    """Return how many pieces `polished_faces` yields, about."""
-    of_round = 2 * AROUND * UPWARDS
-    meshes = [index for index, kind in _polished(plan) if kind is Kind.MESH]
-    others = sum(1 for _ in _polished(plan)) - len(meshes)
-    if plan.meshes is None:
-        return others * of_round
-    return others * of_round + sum(len(_triangles(plan.meshes, plan.primitives[index], index)) for index in meshes)
+    """Return how many triangles take as long to search as all that `polished_faces` yields, about."""
+    count = 0
+    for index, kind in _polished(plan):
+        if kind is Kind.MESH and plan.meshes is not None:
+            count += len(_triangles(plan.meshes, plan.primitives[index], index))
+        else:
+            count += WORTH if kind in ROUND else 1
+    return count
 
 
 def _polished(plan: Plan) -> Iterator[tuple[int, Kind]]:
@@ -164,7 +167,8 @@ def _faces(
     gains = np.stack([normals[:, 0], normals[:, 1] - normals[:, 0], normals[:, 2] - normals[:, 0]], axis=1)
     count = len(corners)
     numbers = (np.full(count, number, np.intp) for number in (outline, bend, material, primitive))
-    return Faces(corners[:, 0], first, second, gains, np.broadcast_to(placement, (count, 3, 4)), *numbers)
+    outwards = np.broadcast_to(np.linalg.inv(placement[:, :3]).T, (count, 3, 3))
+    return Faces(corners[:, 0], first, second, gains, np.broadcast_to(placement, (count, 3, 4)), outwards, *numbers)
 
 
 def _of_shape(record: np.void, kind: Kind) -> tuple[Array, Bend, Outline, Array]:

@@ -17,7 +17,7 @@ from rptcam_cl.plan import Bend, Faces, Outline
 Array = NDArray[np.float64]
 
 ITERATIONS = 12
-CONVERGED = 1e-7
+CONVERGED, EXACT = 1e-7, 1e-10  # what a solution is off by at most, and where steps end
 STEP = 1e-5  # of differences: coordinates of a piece, or in parts of the way
 MARGIN = 0.5  # of a piece's range, by which what is nearly linear over it may leave it
 
@@ -185,11 +185,14 @@ def _solution(sights: Sights) -> tuple[Array, Array, Array, Array]:
     a, b = seeds(sights)
     first, second = _across(sights.faces.at(a, b)[1])
     bound = np.where(sights.faces.outline == Outline.ENDLESS, np.inf, 1.0)
+    rest = np.arange(len(a))
     for _ in range(ITERATIONS):
-        off = _off(sights, a, b, first, second)
-        step = _solved(_slope(sights, a, b, first, second), -off)
-        step = np.clip(np.nan_to_num(step), -bound[:, None], bound[:, None])
-        a, b = a + step[:, 0], b + step[:, 1]
+        own, ways = sights[rest], (first[rest], second[rest])
+        off = _off(own, a[rest], b[rest], *ways)
+        step = _solved(_slope(own, a[rest], b[rest], *ways), -off)
+        step = np.clip(np.nan_to_num(step), -bound[rest, None], bound[rest, None])
+        a[rest], b[rest] = a[rest] + step[:, 0], b[rest] + step[:, 1]
+        rest = rest[np.any(np.abs(off) > EXACT, axis=1)]
     return a, b, first, second
 
 
