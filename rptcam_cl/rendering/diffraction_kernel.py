@@ -19,6 +19,7 @@ Array = NDArray[np.float64]
 
 REACH = 64.0  # half width of a kernel, in wavelength over twice the numerical aperture: 99.7 % of an Airy pattern
 LEAST_REACH, MOST_REACH = 2, 256  # the same in pixels
+KNOWN = 1.5 * REACH  # from where the light is left out: an opening of 144 cells shows its image again 141 away
 TAPER = 0.75  # share of the reach from which the kernel fades, so that no square shows about a bright lamp
 FINE = 2.5  # points per wavelength over twice the numerical aperture; 2 resolve the light exactly
 SHARP, SMOOTH = 1.4, 2.0  # the same in pixels: below the first a pixel averages the light, above the second it samples
@@ -79,15 +80,18 @@ def kernel(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int) -> Array
 
 def of_wavelength(pupil: FilmPupil, pixel_mm: tuple[float, float], reach: int, nm: float) -> Array:
     """Return the light of a wavelength in each pixel, its sum 1."""
-    unit = unit_px(pupil, pixel_mm, nm)
+    unit, size = unit_px(pupil, pixel_mm, nm), 2 * reach + 1
+    if KNOWN * unit < 0.5:  # all of it in the middle one
+        return np.pad(np.ones((1, 1)), reach)
     width = float(np.sqrt(np.clip((SMOOTH - unit) / (SMOOTH - SHARP), 0.0, 1.0)))  # of the square that is averaged
     finer = max(int(np.ceil(FINE / unit * width)), 1)
     within = ((np.arange(finer) + 0.5) / finer - 0.5) * width
     places = (np.arange(-reach, reach + 1)[:, None] + within).ravel()
+    known = np.abs(places) <= KNOWN * unit
     turn = 2j * np.pi * pupil.index / (nm * 1e-6)
-    columns = np.exp(turn * pixel_mm[0] * np.outer(pupil.cosines_x - pupil.cosines_x.mean(), places))
-    rows = np.exp(turn * pixel_mm[1] * np.outer(places, pupil.cosines_y - pupil.cosines_y.mean()))
-    light = np.abs(rows @ pupil.coverage @ columns) ** 2
-    size = 2 * reach + 1
+    columns = np.exp(turn * pixel_mm[0] * np.outer(pupil.cosines_x - pupil.cosines_x.mean(), places[known]))
+    rows = np.exp(turn * pixel_mm[1] * np.outer(places[known], pupil.cosines_y - pupil.cosines_y.mean()))
+    light = np.zeros((len(places), len(places)))
+    light[np.ix_(known, known)] = np.abs(rows @ pupil.coverage @ columns) ** 2
     binned = light.reshape(size, finer, size, finer).sum(axis=(1, 3))
     return np.asarray(binned / binned.sum())

@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.special import j0, j1
 
 import rptcam_cl
 from rptcam_cl.cameras import dirt_edges, edges_of
@@ -46,6 +47,17 @@ def test_kernel_of_a_round_opening_has_the_transfer_of_its_wavelengths(f_number)
             exact = shares @ perfect_mtf(frequency * WAVES_NM * 1e-6 * f_number)
             got = [abs(np.sum(plane.sum(axis=axis) * np.exp(2j * np.pi * frequency * places))) for axis in (0, 1)]
             assert got == pytest.approx([exact, exact], abs=0.01)  # the reach leaves out 0.5 % of the light
+
+
+@pytest.mark.parametrize("pixel_mm", [0.06, 0.14, 1.0])
+def test_a_pixel_much_larger_than_the_airy_disk_keeps_its_light(pixel_mm):
+    found = found_of(width_mm=64 * pixel_mm, f_number=2)
+    _, kernels = found.spread.kernels
+    plane = kernels[len(kernels) // 2][1]
+    v = np.pi * pixel_mm / 2 / (WAVES_NM * 1e-6 * 2)  # to the rim of the largest circle in a pixel
+    inside = white_shares()[:, 1] @ (1 - j0(v) ** 2 - j1(v) ** 2)
+    assert plane[len(plane) // 2, len(plane) // 2] > inside - 0.005  # some of a copy of the image is left
+    assert plane.sum() == pytest.approx(1)
 
 
 def test_spikes_stand_across_the_blades_and_keep_their_handedness():
