@@ -1,4 +1,4 @@
-"""Noise at equal time beside Mitsuba 3: relative mean squared error of scenes A, B and C after the same time.
+"""Noise at equal time beside Mitsuba 3: relative mean squared error of scenes A, A_lens, B and C after the same time.
 
     python -m benchmarks.equal_time [--seconds 20] [--seeds 3] [--mitsuba-python PATH] [--json FILE]
 
@@ -7,7 +7,8 @@ Every renderer with every sampler renders each scene with several seeds, with th
 against the other renderer's pictures, which are independent and in two halves, so that their own noise drops out:
 mean((x - r1) (x - r2) / (r^2 + (0.01 mean r)^2)). It counts noise and bias, and is scaled to the exact time as 1/t:
 Mitsuba's stratified samplers round the number of samples up, so that they get numbers only that they take as they
-are. Beside it stands the noise alone, from the differences between seeds.
+are. Its lens of A_lens is that of `benchmarks.mitsuba_lens`. Beside it stands the noise alone, from the differences
+between seeds.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ from benchmarks.stopwatch import cores
 from benchmarks.worker import Worker, WorkerError
 from rptcam_cl.device import choose_device
 
-GOALS = {"A": 10, "B": 10, "C": 4}  # times less error than Mitsuba with any sampler
+GOALS = {"A": 10, "A_lens": 10, "B": 10, "C": 4}  # times less error than Mitsuba with any sampler
 OURS = ("lattice", "independent")  # the first is the default
 THEIRS = ("independent", "multijitter", "ldsampler")
 PASS = dict.fromkeys(GOALS, 16)  # samples per pixel that Mitsuba takes at once: more would fill the memory

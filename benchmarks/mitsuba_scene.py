@@ -8,12 +8,14 @@ Meshes of files are written anew as flat triangles in the world.
 from __future__ import annotations
 
 import itertools
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.mitsuba_lens import prescription
 from rptcam_cl.plan.meshes import mesh_parts
 from rptcam_cl.scene import Scene
 from tests.support.mesh_scene import write_ply
@@ -63,17 +65,19 @@ def _matrix(*columns: Any) -> dict[str, Any]:
 
 def _sensor(scene: Scene) -> dict[str, Any]:
     camera = scene.camera
-    assert camera.kind in ("pinhole", "thin_lens") and camera.fov_axis == "horizontal"
     world = camera.world_from_camera()[:3]
-    lens = {}
+    lens: dict[str, Any] = {}
+    if camera.kind == "realistic":
+        lens = {"type": "spheres_lens", "prescription": json.dumps(prescription(scene))}
+    else:
+        assert camera.kind in ("pinhole", "thin_lens") and camera.fov_axis == "horizontal"
+        lens = {"type": "perspective", "fov": camera.fov_degrees, "fov_axis": "x"}
     if camera.kind == "thin_lens":
-        lens = {"aperture_radius": camera.aperture_radius_m, "focus_distance": camera.focus_distance_m}
+        lens |= {"type": "thinlens", "aperture_radius": camera.aperture_radius_m}
+        lens |= {"focus_distance": camera.focus_distance_m}
     width, height = scene.film.resolution
     film = {"type": "hdrfilm", "width": width, "height": height, "rfilter": {"type": "box"}}
     return {
-        "type": "thinlens" if lens else "perspective",
-        "fov": camera.fov_degrees,
-        "fov_axis": "x",
         # Mitsuba's cameras look along +z of their own frame and have +x on the left.
         "to_world": _matrix(-world[:, 0], world[:, 1], -world[:, 2], camera.eye),
         "film": film | {"pixel_format": "rgb", "component_format": "float32"},

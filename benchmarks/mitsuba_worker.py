@@ -12,6 +12,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from benchmarks.mitsuba_lens import register
 from benchmarks.stopwatch import timed
 from benchmarks.worker import WorkerError, serve
 
@@ -39,6 +40,7 @@ def ready_mitsuba() -> Any:
         mitsuba.Float([1.0]) + 1.0
     except Exception as error:
         raise WorkerError(f"Mitsuba's variant {VARIANT} does not run ({error}); it needs LLVM. {REMEDY}") from error
+    register(mitsuba)
     return mitsuba
 
 

@@ -10,13 +10,16 @@ import sys
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from benchmarks.equal_time import exact_count
+from benchmarks.mitsuba_lens import prescription
 from benchmarks.mitsuba_scene import describe
 from benchmarks.mitsuba_worker import find_llvm
 from benchmarks.scenes import reference_scene
 from benchmarks.worker import Worker, WorkerError
+from rptcam_cl import load_lens
 from rptcam_cl.device import choose_device
 from tests.support.browsing import CHROMIUM
 
@@ -225,8 +228,8 @@ def test_memory_of_meshes_is_told(checkout: Path, tmp_path: Path) -> None:
 @pytest.mark.skipif(importlib.util.find_spec("mitsuba") is None, reason="mitsuba (extra `bench`) is not installed")
 @pytest.mark.skipif(find_llvm() is None, reason="no LLVM library for mitsuba's llvm variants")
 def test_noise_is_compared_at_equal_time(checkout: Path, tmp_path: Path) -> None:
-    _, results = quick(checkout, tmp_path, "equal_time", "--scenes", "B")
-    assert [found["renderer"] for found in results] == ["ours"] * 2 + ["Mitsuba"] * 3
+    _, results = quick(checkout, tmp_path, "equal_time", "--scenes", "A_lens", "B")
+    assert [found["renderer"] for found in results] == (["ours"] * 2 + ["Mitsuba"] * 3) * 2
     for found in results:
         assert found["relmse"] == pytest.approx(found["noise"], rel=0.5)  # no bias
 
@@ -241,6 +244,22 @@ def test_both_renderers_do_the_same_work(checkout: Path, tmp_path: Path) -> None
         ("B", False),
         ("B", True),
     ]
+
+
+def test_lens_for_mitsuba_aims_at_all_that_passes() -> None:
+    found, lens = prescription(reference_scene("A_lens")), load_lens("dgauss-50mm")
+    rng, count = np.random.default_rng(1), 4000
+    radius, film_z = rng.uniform(0, found["most"], count), lens.length + found["film_distance"]
+    aims = np.stack([*rng.uniform(-20, 20, (2, count)), np.full(count, lens.length - found["pupil_height"])], axis=1)
+    starts = np.stack([radius, np.zeros(count), np.full(count, film_z)], axis=1)
+    ways = aims - starts
+    passed = lens.trace(starts, ways / np.linalg.norm(ways, axis=1, keepdims=True)).passed
+    distances = np.linspace(0, found["most"], len(found["circles"]))
+    centre, reach = (np.interp(radius, distances, column) for column in np.transpose(found["circles"]))
+    inside = np.hypot(aims[:, 0] - centre, aims[:, 1]) <= reach
+    assert passed.sum() > 500
+    assert inside[passed].all()
+    assert passed[inside].mean() > 0.6
 
 
 def test_worker_that_cannot_start_says_why(tmp_path: Path) -> None:
