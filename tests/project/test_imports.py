@@ -241,6 +241,7 @@ NOT_FOR_A_RENDER = {
     "rptcam_cl.tradeoff",
     "rptcam_cl.viewfinder",
     *(f"rptcam_cl.assets.meshes.{form}" for form in ("gltf", "obj", "ply", "stl")),
+    "PIL",
     "matplotlib",
     "scipy",
     "starlette",
