@@ -1,8 +1,9 @@
-"""Few flat primitives and boxes in registers, and flat ones that share a plane: faster ways of which no bit differs."""
+"""Few primitives in registers, and flat ones that share a plane: faster ways of which no bit differs."""
 
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from rptcam_cl.plan import make_plan
 from rptcam_cl.rendering import Wavefront
@@ -41,8 +42,19 @@ def film_of(session, plan, scene):
     return wavefront.planes()
 
 
-def test_tables_of_flat_primitives_and_boxes_change_no_bit(session):
-    scene = load_scene(ROOM)
+def painted(objects):
+    colours = {"kind": "checker", "even": 0.7, "odd": 0.2, "scale": [5, 3]}
+    return [entry | {"material": {"kind": "matte", "reflectance": colours}} for entry in objects]
+
+
+@pytest.mark.parametrize(
+    "objects",
+    [ROOM["objects"], painted(ROOM["objects"][:1]) + ROOM["objects"][1:], painted(ROOM["objects"])],
+    ids=["plain", "painted floor", "all painted"],
+)
+def test_tables_of_few_primitives_change_no_bit(session, objects):
+    lamp = ROOM["objects"][2]
+    scene = load_scene(ROOM | {"objects": [*objects, lamp]})
     plan = make_plan(scene)
     assert plan.facts["FEW_PRIMITIVES"] == 1
     one_by_one = replace(plan, facts={**plan.facts, "FEW_PRIMITIVES": 0})
