@@ -16,6 +16,7 @@ from rptcam_cl.cluster.tasks import survey
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 
 WAIT_S = 10.0  # for a scheduler, and for its first worker
+STARTS = 3  # of workers of this machine, while one is lost before it has begun
 SURVEYS = 3  # of workers, while all are lost before they say anything
 MOST_WORKERS = 256  # of this machine
 # By default an engine looks 100 times a second at what its worker does, and 50 times whether its loop turns: 9 % of a
@@ -114,7 +115,23 @@ def connected(cluster: str | None, workers: int | None, tls: TLS | None, device:
 
 
 def workers_here(workers: int, threads: int) -> Any:
-    """Return a scheduler with workers of this machine, each of which renders by so many threads."""
+    """Return a scheduler with workers of this machine, each of which renders by so many threads.
+
+    Raises
+    ------
+    DeviceError
+        When they do not start.
+    """
+    problem = ""
+    for _ in range(STARTS):
+        try:
+            return _started(workers, threads)
+        except RuntimeError as failure:  # distributed ends the others
+            problem = _reason(failure)
+    raise DeviceError(f"cluster: the workers of this machine do not start ({problem})")
+
+
+def _started(workers: int, threads: int) -> Any:
     import dask
     from distributed import LocalCluster
 

@@ -135,6 +135,21 @@ def test_workers_of_this_machine_spend_no_time_on_watching_themselves(monkeypatc
     assert dask.config.get(profiled) is True  # what others do in this process is theirs
 
 
+def test_workers_that_are_lost_at_their_start_are_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    failures = [RuntimeError("Nanny failed to start."), RuntimeError("Nanny failed to start.")]
+
+    def local_cluster(**words: object) -> str:
+        if failures:
+            raise failures.pop()
+        return "a cluster"
+
+    monkeypatch.setattr(distributed, "LocalCluster", local_cluster)
+    assert client.workers_here(2, threads=1) == "a cluster"
+    failures += [RuntimeError("Nanny failed to start.")] * client.STARTS
+    with pytest.raises(DeviceError, match=r"the workers of this machine do not start \(Nanny failed to start\.\)"):
+        client.workers_here(2, threads=1)
+
+
 def test_stopped_render_keeps_its_parts(address: str, scene_file: Path, tmp_path: Path) -> None:
     done: list[Any] = []
     with pytest.raises(InterruptedError, match="parts"):
