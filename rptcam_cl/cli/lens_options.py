@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rptcam_cl.lenstools import Drawing, Precision, Setting, Tracer
-    from rptcam_cl.optics import Coating, Lens
+    from rptcam_cl.optics import Coating, Layer, Lens
 
 STEEPEST = 130.0  # degrees; fisheyes see up to 110
 FDC = (LINE_F_NM, LINE_D_NM, LINE_C_NM)  # [nm], the F, d and C lines
@@ -143,25 +143,52 @@ def add_catalogue(parser: argparse.ArgumentParser) -> None:
 
 
 def coating(text: str) -> "Coating":
-    """The coating of a word, or of a reflectance such as 0.005."""
-    from rptcam_cl.optics import WORDS, constant_reflectance
+    """The coating of a word, of a reflectance such as 0.005, or of layers such as 1.38:99.6,2.1:131."""
+    from rptcam_cl.optics import WORDS, constant_reflectance, layered
 
     if text in WORDS:
         return WORDS[text]
+    if ":" in text:
+        return layered(_layers(text))
     try:
         share = float(text)
     except ValueError:
         share = math.nan
     if not 0 <= share < 1:
-        raise argparse.ArgumentTypeError(f"got {text}; allowed {', '.join(WORDS)} or a reflectance from 0 to below 1")
+        raise argparse.ArgumentTypeError(
+            f"got {text}; allowed {', '.join(WORDS)}, a reflectance from 0 to below 1, or layers as 1.38:99.6,2.1:131"
+        )
     return constant_reflectance(share)
+
+
+def _layers(text: str) -> "tuple[Layer, ...]":
+    """The layers of ``index:nm`` or ``index:nm:extinction`` with commas between, from the air to the glass."""
+    from rptcam_cl.core.camera_records import MOST_LAYERS
+    from rptcam_cl.optics import Layer
+
+    try:
+        rows = [[float(value) for value in part.split(":")] for part in text.split(",")]
+    except ValueError:
+        rows = []
+    right = [
+        2 <= len(row) <= 3 and 0 <= (k := row[2] if row[2:] else 0) <= 20
+        and (1 <= row[0] <= 5 or (0 < row[0] <= 5 and k > 0)) and 0 < row[1] < math.inf
+        for row in rows
+    ]  # fmt: skip
+    if not 1 <= len(rows) <= MOST_LAYERS or not all(right):
+        raise argparse.ArgumentTypeError(
+            f"got {text}; allowed 1 to {MOST_LAYERS} layers from the air to the glass, each index:nm, as"
+            " 1.38:99.6,2.1:131, with an index from 1 to 5, or index:nm:extinction of one that absorbs"
+        )
+    return tuple(Layer(*row) for row in rows)
 
 
 def add_coating(parser: argparse.ArgumentParser) -> None:
     """Add the coating of the surfaces between glass and air."""
     parser.add_argument(
         "--coating", type=coating, metavar="C",
-        help="of all surfaces between glass and air: bare, mgf2 or a reflectance as 0.005 (default: as in the file)",
+        help="of all surfaces between glass and air: bare, mgf2, multi, a reflectance as 0.005, or "
+        "layers as 1.38:99.6,2.1:131 [nm] (default: as in the file)",
     )  # fmt: skip
 
 

@@ -88,6 +88,9 @@ class LayerStack:
         return of_s, _through([(cosine / f, phase) for f, cosine, phase in layers], c / n, d / m)
 
 
+MULTILAYER = LayerStack((Layer(1.38, 99.6), Layer(2.1, 131.0), Layer(1.7, 80.9)))  # quarter, half, quarter of 550 nm
+
+
 def _through(layers: list[tuple[Amplitude, Amplitude]], front: Array, behind: Array) -> tuple[Amplitude, Amplitude]:
     """Return amplitudes from the admittances and phases of layers, from behind, and the admittances of both media.
 

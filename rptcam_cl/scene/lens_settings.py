@@ -171,7 +171,7 @@ class Stop(SceneModel):
 
 CLEAN = Stop()
 
-COATINGS = ("bare", "mgf2")
+COATINGS = ("bare", "mgf2", "multi")
 WORDS: dict[str, dict[str, bool]] = {
     "ideal": {"fresnel": False, "absorption": False},
     "bare": {"coatings": False},
@@ -179,7 +179,7 @@ WORDS: dict[str, dict[str, bool]] = {
 }
 
 IN_WORDS, LAYERED = "a coating", "a coating of layers"  # forms; not keys
-_ALLOWED = "bare, mgf2, a reflectance from 0 to below 1, or {layers: [{index: …, thickness_nm: …}, …]}"
+_ALLOWED = "bare, mgf2, multi, a reflectance from 0 to below 1, or {layers: [{index: …, thickness_nm: …}, …]}"
 
 
 class CoatingLayer(SceneModel):
@@ -248,7 +248,7 @@ class Transmission(SceneModel):
 
     coating: Coating | None = None
     """What lies on every surface between glass and air, in place of what the lens says: `bare`, `mgf2` (a quarter wave
-    of index 1.38 at 550 nm), a reflectance at normal incidence, or several layers."""
+    of index 1.38 at 550 nm), `multi` (three layers), a reflectance at normal incidence, or several layers."""
 
     @model_validator(mode="before")
     @classmethod

@@ -9,6 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from rptcam_cl.cli.lens_options import coating
+from rptcam_cl.optics import WORDS, Layer, LayerStack, QuarterWave
+from rptcam_cl.scene.lens_settings import COATINGS
+
 Command = Callable[..., Any]
 
 QUICK = {
@@ -151,7 +155,10 @@ def test_wave_optics_of_a_lens_as_numbers_and_as_pictures(rptcam: Command, tmp_p
         (["breathing", "dgauss-50mm", "--distances-m", "0"], "allowed distances above 0"),
         (["breathing", "dgauss-50mm", "--focus-distance-m", "2"], "has no effect on breathing"),
         (["breathing", "anamorphic-100mm"], "not the same from every side"),
-        (["transmittance", "ball", "--coating", "shiny"], "allowed bare, mgf2 or a reflectance"),
+        (["ghosts", "ball", "--coating", "1.38:99.6,2.1"], "allowed 1 to 12 layers"),
+        (["ghosts", "ball", "--coating", "0.5:99"], "with an index from 1 to 5"),
+        (["ghosts", "ball", "--coating", "0.5:nan:1"], "allowed 1 to 12 layers"),
+        (["transmittance", "ball", "--coating", "shiny"], "allowed bare, mgf2, multi, a reflectance"),
         (["transmittance", "planar-1897", "--wavelengths", "1200"], "is known from 300 to 1060 nm"),
         (["info", "ball", "--transmission", "coated"], "does not say how it is coated"),
         (["info", "ball", "--transmission", "bare", "--coating", "mgf2"], "has no effect with --transmission bare"),
@@ -200,3 +207,11 @@ def test_ghosts_refuse_what_they_cannot_know(rptcam: Command, lens: str, words: 
     run = rptcam("lens", "ghosts", lens, *words)
     assert run.code != 0
     assert fault in run.err
+
+
+def test_the_option_takes_the_coatings_that_scenes_take():
+    clear = LayerStack((Layer(1.38, 99.6), Layer(2.1, 131.0), Layer(1.7, 80.9)))
+    assert coating("multi") == coating("1.38:99.6,2.1:131,1.7:80.9") == clear
+    assert coating("1.46:70,0.9:3:2.6") == LayerStack((Layer(1.46, 70.0), Layer(0.9, 3.0, 2.6)))
+    assert coating("1.38:100") == QuarterWave(1.38, 4 * 1.38 * 100)
+    assert set(WORDS) == set(COATINGS)

@@ -78,7 +78,7 @@ def test_missing_file_is_named(tmp_path):
 @pytest.mark.parametrize(
     ("coating", "message"),
     [
-        ("shiny", r"coating: unknown coating; allowed: bare, mgf2, \{quarter_wave: …\}"),
+        ("shiny", r"coating: unknown coating; allowed: bare, mgf2, multi, \{quarter_wave: …\}"),
         (3, r"coating: allowed: bare"),
         ({}, r"coating: needs exactly one of quarter_wave, layers, reflectance"),
         ({"quarter_wave": {"index": 1.38}}, r"coating\.quarter_wave: wavelength_nm is missing"),

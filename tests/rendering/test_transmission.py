@@ -105,7 +105,7 @@ def test_thick_lens_loses_what_its_lens_loses_on_the_axis():
             "clear",
             r"camera\.transmission: is not what a lens lets through .*allowed: ideal, bare, coated, or a mapping",
         ),
-        ({"coating": "shiny"}, r"camera\.transmission\.coating: is no coating .*allowed: bare, mgf2, a reflectance"),
+        ({"coating": "shiny"}, r"camera\.transmission\.coating: is no coating .*allowed: bare, mgf2, multi, a"),
         ({"coating": {"layers": [{"index": 0.5, "thickness_nm": 9}]}}, r"coating\.layers\[0\]\.index: .*1"),
         ({"coating": {"layers": []}}, r"coating\.layers"),
         ({"coating": {"layer": []}}, r"coating\.layer: unknown key"),

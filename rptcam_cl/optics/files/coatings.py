@@ -20,11 +20,11 @@ from rptcam_cl.optics.coating import (
 from rptcam_cl.optics.files.fields import Fields, problem, rises, value_at
 from rptcam_cl.optics.files.keys import COATING, COATING_WORDS, LAYER, QUARTER_WAVE, REFLECTANCE
 from rptcam_cl.optics.glass import Medium
-from rptcam_cl.optics.layer_stack import Layer, LayerStack
+from rptcam_cl.optics.layer_stack import MULTILAYER, Layer, LayerStack
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.transmission import meets_air
 
-WORDS: dict[str, Coating] = dict(zip(COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE), strict=True))
+WORDS: dict[str, Coating] = dict(zip(COATING_WORDS, (BARE, MAGNESIUM_FLUORIDE, MULTILAYER), strict=True))
 FORMS = f"{', '.join(COATING_WORDS)}, {{quarter_wave: …}}, {{layers: …}} or {{reflectance: …}}"
 
 

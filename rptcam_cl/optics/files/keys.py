@@ -84,7 +84,7 @@ COATING = {
                    mapping(REFLECTANCE, ("wavelengths_nm", "values"))]},
     ),
 }  # fmt: skip
-COATING_WORDS = ("bare", "mgf2")
+COATING_WORDS = ("bare", "mgf2", "multi")
 COATING_VALUE = {"$ref": "#/$defs/Coating"}
 
 THERMAL = {
