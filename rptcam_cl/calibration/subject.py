@@ -25,8 +25,13 @@ def is_scene(source: str | Path | Mapping[str, Any]) -> bool:
     if str(source) in list_lenses():
         return False
     path = Path(source)
-    if path.suffix.lower() not in (".yaml", ".yml", ".json") or not path.is_file():
+    if path.suffix.lower() not in (".yaml", ".yml", ".json"):
         return False
+    if not path.is_file():
+        raise InputError(
+            f"{source}: there is no such file (allowed: a scene or lens file, or a lens of rptcam lens list;"
+            " rptcam examples copies scenes)"
+        )
     content = read_yaml(path).data
     return isinstance(content, Mapping) and "camera" in content
 

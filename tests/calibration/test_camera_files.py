@@ -152,6 +152,7 @@ def test_files_say_for_which_object_they_are_right(tmp_path):
         (["dgauss-50mm", "--opencv", "{0}/none/cv.yaml"], "there is no folder", 4),
         (["dgauss-50mm", "--model", "thin_prism", "--ros", "{0}/ros.yaml"], "cannot say thin_prism", 2),
         (["dgaus-50mm"], "did you mean dgauss-50mm", 2),
+        (["examples/none.yaml"], "examples/none.yaml: there is no such file", 2),
         (["dgauss-50mm", "--size", "64x48", "--film", "4000x3000"], "nothing to fit", 2),
         (["biconcave"], "no real image", 2),
     ],
