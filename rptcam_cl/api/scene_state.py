@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.api.frames import Kind
+from rptcam_cl.api.image_layers import truth_of
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report
 from rptcam_cl.imaging import Image
@@ -137,10 +138,12 @@ def image_of(
         What the samples took [s], and when all of it began, by `time.perf_counter` [s].
     """
     rendering = rendering_of(run, start=0, seconds=seconds, new_samples=run.wavefront.camera_rays, interrupted=False)
+    layers = state.scene.render.layers
+    truth = truth_of(state.found.scene, state.plan, run.wavefront, layers, settings)
     prepared = Prepared(
-        settings, state.scene, state.scene.render.layers, state.found.scene, state.found.metadata, plan,
+        settings, state.scene, layers, state.found.scene, state.found.metadata, plan,
         run.wavefront, None, None, begun, {"start": 0.0, "compile": 0.0}, state.found.diffraction,
-        ghosting_of(state.found.ghosts, state.plan, run.wavefront.session),
+        ghosting_of(state.found.ghosts, state.plan, run.wavefront.session), truth,
     )  # fmt: skip
     return report(prepared, rendering)
 

@@ -148,8 +148,7 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
                 focus_drive(changed)  # whether the lens opens so far
         except RptcamError as problem:
             raise type(problem)(f"{title}: {problem}") from None
-        facts = [__version__, changed.content_hash(), changed.render.most_spp, list(mtf_at or ())]
-        facts.append(changed.picture.model_dump(mode="json"))
+        facts = [__version__, changed.picture_hash(), changed.render.most_spp, list(mtf_at or ())]
         key = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
         slug = re.sub(r"[^A-Za-z0-9.+-]+", "_", title.replace("=", "-"))[:80]
         if key in planned:
@@ -246,7 +245,7 @@ def _kept(plan: _Planned, folder: Path | None) -> SweepEntry | None:
         if found["key"] != plan.key:
             return None
         image = read_film(file)
-        if image.metadata.get("scene_hash") != plan.scene.content_hash():
+        if image.metadata.get("picture_hash") != plan.scene.picture_hash():
             return None
         return SweepEntry(plan.values, found["measures"], develop(image), True, file)
     except (OSError, ValueError, KeyError, TypeError, RptcamError):

@@ -9,17 +9,19 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
+from functools import lru_cache
 from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import identity_of_code, keep_bytes, kept_bytes, name_of
+from rptcam_cl.core.resources import kernels_dir
 from rptcam_cl.device import Session
 from rptcam_cl.rendering import resolve_exposure
 from rptcam_cl.scene import Scene, at_rest, change_scene, set_keys
 
 KIND = "frames"
-ROOMS = ("api", "focusing", "rendering", "plan", "cameras", "optics", "scene")
+ROOMS = ("core", "colour", "device", "assets", "scene", "optics", "cameras", "plan", "rendering", "focusing", "api")
 
 
 def needs_tracking(scene: Scene) -> bool:
@@ -117,7 +119,7 @@ class FrameTracker:
 
     def _kept(self, what: str, scene: Scene, measure: Callable[[Session], float | None]) -> float | None:
         """Return what was measured in a frame, here or by an earlier run."""
-        name = name_of(__version__, identity_of_code(ROOMS), what, scene.content_hash())
+        name = name_of(__version__, _code(), what, scene.content_hash())
         if (known := kept_bytes(KIND, name)) is not None:
             try:
                 value = json.loads(known)
@@ -130,6 +132,12 @@ class FrameTracker:
         self.measured += 1
         keep_bytes(KIND, name, json.dumps(found).encode())
         return found
+
+
+@lru_cache(maxsize=1)
+def _code() -> str:
+    """Return what changes with the code that measures."""
+    return identity_of_code(ROOMS, tuple(sorted(path.name for path in kernels_dir().iterdir())))
 
 
 def _is_metered(scene: Scene) -> bool:

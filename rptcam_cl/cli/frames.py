@@ -143,14 +143,14 @@ def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
     return {"frame": frame, "timecode": sequence.timecode(frame), "frames_per_second": rate}
 
 
-def is_there(arguments: argparse.Namespace, scene_hash: str, spp: int | None) -> bool:
+def is_there(arguments: argparse.Namespace, picture_hash: str, spp: int | None) -> bool:
     """Whether all files of a frame are there, of this very scene and as many samples."""
     files = [*arguments.outputs, *arguments.raws]
     if not all(path.is_file() for path in files):
         return False
     known = [found for path in arguments.outputs if (found := _metadata(path)) is not None]
     return bool(known) and all(
-        found.get("scene_hash") == scene_hash and (spp is None or found.get("spp") == spp) for found in known
+        found.get("picture_hash") == picture_hash and (spp is None or found.get("spp") == spp) for found in known
     )
 
 

@@ -308,13 +308,13 @@ def _on_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
 
 
 def _wanted(arguments: argparse.Namespace, scene: "Scene") -> tuple[str, int | None]:
-    """What the files of a finished picture say: the hash of its scene, and its samples if they are known."""
+    """What the files of a finished picture say: the hash of all that changes it, and its samples if they are known."""
     from rptcam_cl.api import RenderSettings
 
     settings = RenderSettings(**_options(arguments, scene))
     applied = settings.applied_to(scene)
     open_end = settings.seconds is not None or applied.render.noise is not None
-    return applied.content_hash(), None if open_end else settings.most_spp(applied)
+    return applied.picture_hash(), None if open_end else settings.most_spp(applied)
 
 
 def _frames(arguments: argparse.Namespace, todo: Iterable[frames.Frame], spread: bool) -> int:

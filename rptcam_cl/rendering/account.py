@@ -192,6 +192,7 @@ def described(
         "software": f"rptcam_cl {__version__}",
         "version": __version__,
         "scene_hash": scene.content_hash(),
+        "picture_hash": scene.picture_hash(),
         "seed": scene.render.seed,
         "spp": spp,
         "device": stats["device"],

@@ -42,6 +42,8 @@ from rptcam_cl.scene.sensor import Sensor
 from rptcam_cl.scene.sequence import FrameSequence
 from rptcam_cl.scene.shape import Object
 
+FOLLOWS_THE_FILM = {"diffraction", "ghosts", "barrel_reflectance", "stop"}  # keys of the camera
+
 
 class Scene(SceneModel):
     """A scene. Made by `load_scene`; attributes are the keys of the file."""
@@ -272,13 +274,13 @@ class Scene(SceneModel):
         """Return the SHA-256 of everything that changes the film.
 
         Left out are the number of samples, layers, the sensor without its response, what follows the film (diffraction,
-        ghosts and how the picture is shown), names and labels. Files count by their content.
+        ghosts and how the picture is shown), names and labels. Files count by their content. `picture_hash` has more.
         """
         left_out = {"name", "label", "file", "mesh", "vertices", "faces", "uvs", "normals"}
         content = self.model_dump(
             mode="json",
             exclude={
-                "picture": True, "sequence": True, "sensor": True, "camera": {"diffraction", "ghosts", "stop"},
+                "picture": True, "sequence": True, "sensor": True, "camera": FOLLOWS_THE_FILM,
                 "materials": True, "meshes": True,
                 "render": {"spp", "layers", "layers_spp"}, "objects": {"__all__": left_out},
             },
@@ -310,8 +312,21 @@ class Scene(SceneModel):
                 for step in rest:
                     part = part[step]
                 part["file"] = self.digest_of(reference)
-        text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
-        return hashlib.sha256(text.encode()).hexdigest()
+        return _hash(content)
+
+    def picture_hash(self) -> str:
+        """Return the SHA-256 of everything that changes a picture but samples and layers.
+
+        That is what changes the film (`content_hash`), and what follows it: diffraction, ghosts, the sensor, and how
+        the picture is shown.
+        """
+        followed: Any = {"camera": FOLLOWS_THE_FILM, "sensor": True, "picture": True}
+        return _hash([self.content_hash(), self.model_dump(mode="json", include=followed)])
+
+
+def _hash(content: Any) -> str:
+    text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()
 
 
 def _check_mesh_name(item: Any, index: int, meshes: Mapping[str, NamedMesh] | None) -> None:

@@ -52,7 +52,7 @@ def test_film_has_the_bits_of_render_after_changes_and_glances(session: RenderSe
     changes: list[dict[str, Any]] = [
         {"camera.eye": [1, -5, 1.2]},
         {"objects.0.radius": 0.7, "materials.grey.reflectance": 0.2},
-        {"exposure.ev": 1, "render.layers": ["depth"]},
+        {"exposure.ev": 1, "render.layers": ["depth", "sharp_depth", "crypto_object"]},
         {"picture.tone": "agx", "film.filter": {"kind": "tent", "radius_px": 1.5}},
     ]
     for change in changes:

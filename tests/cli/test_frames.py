@@ -61,6 +61,9 @@ def test_missing_and_damaged_frames_are_rendered_again_and_others_kept(moving: P
     assert {path.name: path.read_bytes() for path in moving.parent.glob("*.*.*")} == before
     run = rptcam(*WORDS, "--frames", "1-2", "--resume", "--spp", "3")
     assert run.err.count("wrote") == 2  # of other samples
+    changed = ("--set", "picture.ev=1")  # no other film, but another picture
+    assert rptcam(*WORDS, "--frames", "1-2", "--resume", "--spp", "3", *changed).err.count("wrote") == 2
+    assert rptcam(*WORDS, "--frames", "1-2", "--resume", "--spp", "3", *changed).err.count("kept") == 2
 
 
 def test_picture_without_frames_goes_by_the_scene_as_it_stands(moving: Path, rptcam: Command) -> None:

@@ -87,6 +87,15 @@ def test_mistakes_are_named_before_any_work(over, message, tmp_path, monkeypatch
     assert not (tmp_path / "out").exists()
 
 
+def test_what_follows_the_film_is_another_picture(tmp_path):
+    scene = still_life()
+    over = {"camera": [LENS], "camera.f_number": [16], "camera.diffraction": ["off", "on"]}
+    first, second = rptcam_cl.sweep(scene, over, tmp_path / "out", **OPTIONS)
+    assert "diffraction" not in first.image.metadata and "diffraction" in second.image.metadata
+    assert first.image.metadata["scene_hash"] == second.image.metadata["scene_hash"]
+    assert [entry.kept for entry in rptcam_cl.sweep(scene, over, tmp_path / "out", **OPTIONS)] == [True, True]
+
+
 def test_folder_that_cannot_be_written_is_named_before_any_work(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(StateError, match="file: cannot be written"):
