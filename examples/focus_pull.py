@@ -15,8 +15,8 @@ from rptcam_cl import RenderSession
 
 SCENE = "examples/first_light.yaml"
 FILE = Path("docs/images/focus_pull.webp")
-SIZE = (512, 288)
-SAMPLES = 64
+SIZE = (960, 540)
+SAMPLES = 192
 FRAME_MS = 100
 HOLD_MS = 1000
 # Where the focus rests [m from the film]: red pawn in front, gold pawn, blue pawn behind, lamps; then back.
@@ -38,9 +38,9 @@ def labelled(developed: NDArray[np.float32], distance_m: float) -> Image.Image:
     """Return a picture with its focus distance in the corner."""
     picture = Image.fromarray(np.rint(developed * 255).astype(np.uint8))
     draw = ImageDraw.Draw(picture)
-    font = ImageFont.load_default(17)
-    place = (14, SIZE[1] - 30)
-    draw.text(place, f"{distance_m:.2f} m", (255, 255, 255), font, stroke_width=2, stroke_fill=(0, 0, 0))
+    font = ImageFont.load_default(32)
+    place = (26, SIZE[1] - 56)
+    draw.text(place, f"{distance_m:.2f} m", (255, 255, 255), font, stroke_width=3, stroke_fill=(0, 0, 0))
     return picture
 
 
