@@ -89,7 +89,9 @@ def strehl(pupil: PupilFunction) -> Strehl:
         near = np.abs(_field(pupil, xs, ys)) ** 2
         row, column = np.unravel_index(int(np.argmax(near)), near.shape)
         x, y, half = float(xs[column]), float(ys[row]), half / 8
-    return Strehl(float(np.abs(pupil.field.sum()) ** 2 / perfect), float(near.max() / perfect), (x, y))
+    at_chief_ray = float(np.abs(pupil.field.sum()) ** 2)
+    at_peak = max(float(near.max()), at_chief_ray)  # which may be the same point, summed in another order
+    return Strehl(at_chief_ray / perfect, at_peak / perfect, (x, y))
 
 
 def transfer(

@@ -191,7 +191,7 @@ def test_a_run_killed_at_random_goes_on_to_the_same_bytes(place: Path) -> None:
     while not (place / "broken/manifest.jsonl").exists():
         run = subprocess.Popen([*command, "-o", "broken"], start_new_session=True)
         try:
-            run.wait(timeout=chance.uniform(1.5, 6))
+            run.wait(timeout=chance.uniform(1, 4))
         except subprocess.TimeoutExpired:
             os.killpg(run.pid, signal.SIGKILL)
             run.wait()
