@@ -20,7 +20,7 @@ from typing import Any
 AVX512 = frozenset({"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl"})  # what Skylake-X has
 AVX2 = frozenset({"avx2", "fma", "bmi1", "bmi2", "f16c", "movbe"})
 SYMPTOMS = ("unknown target CPU 'generic'", "without 'avx512f' enabled changes the ABI")
-_RECORD_BYTES = 2048  # the pointers lie at 632 and 640 in the wheel's PoCL
+_RECORD_BYTES = 1024  # no more than the wheel's PoCL allocates: behind it lies what others left, triples among it
 _TRIPLE = re.compile(rb"x86_64-[\w-]+")
 _NAME = re.compile(rb"[a-z0-9][a-z0-9_.-]{2,30}")
 _kept: list[Any] = []  # the names' memory: the records point to it until the process ends
