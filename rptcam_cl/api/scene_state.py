@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report
 from rptcam_cl.imaging import Image
 from rptcam_cl.plan import Plan, make_plan, with_film, with_lens, with_pose
-from rptcam_cl.rendering import SMALL, FilmRun, SceneBuffers, ghosting_of, reading_cd_m2, rendering_of, signature
+from rptcam_cl.rendering import FilmRun, SceneBuffers, ghosting_of, reading_cd_m2, rendering_of
 from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene, set_keys
 
 ANOTHER_LENS = ("kind", "lens", "zoom", "focal_length_mm")  # keys of the camera after which a focus found is void
@@ -44,11 +44,6 @@ class SceneState:
     plan: Plan
     buffers: SceneBuffers
     is_final: bool
-
-    @property
-    def programs(self) -> Hashable:
-        """What its kernels follow from."""
-        return signature(self.plan, self.buffers, SMALL, self.scene.render)
 
 
 def focuses_anew(changes: Mapping[str, Any], scene: Scene) -> bool:

@@ -13,6 +13,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.api.ahead import key_of
 from rptcam_cl.api.frames import Change, Frame, NoiseAtHand, Pace
 from rptcam_cl.api.preparation import Preparation, of_glance
 from rptcam_cl.api.scene_state import (
@@ -202,7 +203,8 @@ class RenderSession:
 
     def is_carried_out(self, kind: Hashable, order: Callable[[], bytes]) -> bool:
         """Return whether another process has carried out an order about this scene; see `Ahead.is_carried_out`."""
-        return self._ahead.is_carried_out((kind, self._newest.programs), order)
+        state = self._newest
+        return self._ahead.is_carried_out((kind, key_of(state.plan, state.buffers, state.scene.render)), order)
 
     def take(self, samples: int = 1) -> Frame:
         """Add samples to the film and return it; a sample that was left is the first of them.

@@ -22,6 +22,7 @@ from rptcam_cl.calibration.osl import osl_text
 from rptcam_cl.calibration.usd import usd_text
 from rptcam_cl.calibration.view import View
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.scene import quaternion_of
 
 Array = NDArray[np.float64]
 
@@ -143,7 +144,8 @@ def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str
     width, height = view.size
     values = " ".join(repr(value) for value in [*calibration.parameters[:4].tolist(), *coefficients])
     pose = _camera_from_world(view)
-    turn = " ".join(repr(value) for value in quaternion(pose[:3, :3]))
+    x, y, z, w = quaternion_of(pose[:3, :3]).tolist()
+    turn = " ".join(repr(value) for value in (w, x, y, z))
     move = " ".join(repr(value) for value in pose[:3, 3].tolist())
     return {
         "cameras.txt": f"# {_about(view, calibration)}\n# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n"
@@ -152,22 +154,6 @@ def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str
         f"1 {turn} {move} 1 {picture}\n\n",
         "points3D.txt": "# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[]\n",
     }
-
-
-def quaternion(rotation: Array) -> list[float]:
-    """Return w, x, y, z (w not negative) of a rotation matrix: the eigenvector of Bar-Itzhack (2000)."""
-    r = rotation
-    upper = np.array(
-        [
-            [r[0, 0] - r[1, 1] - r[2, 2], 0.0, 0.0, 0.0],
-            [r[0, 1] + r[1, 0], r[1, 1] - r[0, 0] - r[2, 2], 0.0, 0.0],
-            [r[0, 2] + r[2, 0], r[1, 2] + r[2, 1], r[2, 2] - r[0, 0] - r[1, 1], 0.0],
-            [r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1], np.trace(r)],
-        ]
-    )
-    x, y, z, w = np.linalg.eigh(upper)[1][:, -1].tolist()  # of the lower triangle
-    sign = -1.0 if w < 0 else 1.0
-    return [sign * w, sign * x, sign * y, sign * z]
 
 
 def openlensio_text(view: View, calibration: Calibration) -> str:

@@ -65,12 +65,12 @@ def render_scenes_on_cluster(
     ):
         sent, todo, left = TasksOut(to, parcel), deque(scenes), len(scenes)
         while left:
+            _check(sent, should_stop)
             while todo and sent.under_way < AHEAD * sent.workers:
                 number = todo.popleft()
                 scene = scenes[number]
                 sent.submit(render_scene, Job(words, device), number, plain_data(scene), scene.content_hash())
             came = sent.next()
-            _check(sent, should_stop)
             if came is not None:
                 left -= 1
                 yield came[1].number, _image(came[1], came[0], Path(scratch))

@@ -11,6 +11,7 @@ from PIL import Image
 import rptcam_cl
 from rptcam_cl.cluster import render_scenes_on_cluster
 from rptcam_cl.cluster.run import parts_of
+from rptcam_cl.cluster.tasks_out import TasksOut
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import read_film
 from rptcam_cl.scene import set_keys
@@ -64,6 +65,26 @@ def test_files_that_only_some_frames_name_are_sent_too(scene: Path, address: str
     found = dict(render_scenes_on_cluster({7: given, 9: other}, address, settings={"spp": 1}))
     for number, alone in ((7, given), (9, other)):
         np.testing.assert_array_equal(found[number].pixels, rptcam_cl.render(alone, spp=1).pixels)
+
+
+def test_picture_that_comes_with_the_stop_is_given_out(
+    scene: Path, address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    came: list[Any] = []
+    plain = TasksOut.next
+
+    def noted(tasks: TasksOut) -> Any:
+        found = plain(tasks)
+        came.extend([found] if found else [])
+        return found
+
+    monkeypatch.setattr(TasksOut, "next", noted)
+    given = dict.fromkeys(range(20), rptcam_cl.load_scene(scene))
+    pictures: list[int] = []
+    with pytest.raises(InterruptedError):
+        for number, _ in render_scenes_on_cluster(given, address, settings={"spp": 1}, should_stop=lambda: bool(came)):
+            pictures.append(number)
+    assert len(pictures) == len(came) == 1
 
 
 def test_sweep_on_a_cluster_has_the_films_of_one_machine(
