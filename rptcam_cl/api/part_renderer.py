@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 import time
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import partial
 from typing import Any
 
 from rptcam_cl.api.image_layers import truth_of
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import arrays_beside, check_divisible, devices_of, of_picture, resolve
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import open_session
 from rptcam_cl.imaging import check_sensor
 from rptcam_cl.plan import make_plan

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.api.stages import Resolved, resolve
 from rptcam_cl.core.atomic import check_writable, replacing
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Wanted, open_sessions
 from rptcam_cl.scene import Scene, load_scene, plain, scene_text, set_keys

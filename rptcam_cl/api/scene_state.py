@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from rptcam_cl.api.frames import Kind
 from rptcam_cl.api.image_layers import truth_of
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.imaging import Image
 from rptcam_cl.plan import Plan, make_plan, with_film, with_lens, with_pose
 from rptcam_cl.rendering import FilmRun, SceneBuffers, ghosting_of, reading_cd_m2, rendering_of

@@ -6,9 +6,9 @@ import math
 import os
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Split, Wanted
 from rptcam_cl.rendering import WHOLE, FilmPart, Progress

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.image_layers import named_layers, truth_of
 from rptcam_cl.api.settings import RenderSettings
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, NumericError
 from rptcam_cl.device import Session, means_all, open_sessions
 from rptcam_cl.imaging import (

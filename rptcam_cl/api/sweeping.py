@@ -10,7 +10,6 @@ import json
 import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +20,7 @@ from rptcam_cl.api.contact_sheet import contact_sheet
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.device import Wanted, open_sessions
 from rptcam_cl.focusing import focus_drive

@@ -6,13 +6,13 @@ Intensities in candela become W/sr by the definition of the candela: 683 lm of l
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LUMENS_PER_WATT
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import read_whole
 

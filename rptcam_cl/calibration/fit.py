@@ -7,7 +7,6 @@ at other places than those of the fit.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -25,6 +24,7 @@ from rptcam_cl.calibration.models import (
     slopes,
 )
 from rptcam_cl.calibration.view import View
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
 Array = NDArray[np.float64]

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.calibration.view import View
 from rptcam_cl.cameras import LensSetting
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, Surface, passing
 from rptcam_cl.scene import CircularAperture, RealisticCamera

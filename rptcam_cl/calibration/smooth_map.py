@@ -6,14 +6,13 @@ up to and beyond 90 degrees. Polynomials fitted to chief rays say them; at other
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import NDArray
 
 from rptcam_cl.calibration.models import BY_ANGLE, normal_points
 from rptcam_cl.calibration.view import View
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
 Array = NDArray[np.float64]

@@ -11,7 +11,6 @@ it does not, red and green are -1, which lies outside of every picture.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.calibration.smooth_map import SmoothMap, smooth_map
 from rptcam_cl.calibration.view import View
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
 Array = NDArray[np.float64]

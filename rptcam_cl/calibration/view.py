@@ -8,7 +8,7 @@ pupil. Through a real lens they are those of its chief rays.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -25,6 +25,7 @@ from rptcam_cl.cameras import (
     lens_setting,
     pupil_in_world,
 )
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import ChiefRays, Lens, film_chief_rays, image_circle
 from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, at_opening, pose_matrix

@@ -8,12 +8,13 @@ the magnification depends on the distance when that is not counted from the entr
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics import UNMOVED, FilmFrame, Lens, blur_variances
 from rptcam_cl.scene import Scene
 

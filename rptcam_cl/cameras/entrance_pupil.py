@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -18,6 +17,7 @@ import numpy as np
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
 from rptcam_cl.cameras.pupil import KEPT, ByContent, without_shape
 from rptcam_cl.cameras.setting import LensSetting
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import kept_or_found
 from rptcam_cl.optics import Lens, film_chief_rays

@@ -7,7 +7,7 @@ opening diffracts onto the film is a Fourier integral.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,7 @@ from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
 from rptcam_cl.cameras.thick_lens import thick_lens_of
 from rptcam_cl.cameras.thin_lens import optics_of, radius_of
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, StopMask, StopShape, passing
 from rptcam_cl.scene import RealisticCamera, Scene, ThickLensCamera, ThinLensCamera, at_opening

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.scene import FilmFilter
 
 CELLS = 1024  # of the table: places between its entries are off by less than 1e-3 of the filter's integral

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +11,7 @@ from rptcam_cl.cameras.aperture import stop_shape
 from rptcam_cl.cameras.dispersion import disperses
 from rptcam_cl.cameras.records import lens_records
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, LensTransmission, is_tinted, steps
 from rptcam_cl.scene import RealisticCamera, Scene, at_opening

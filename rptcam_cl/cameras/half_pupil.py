@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.cameras.pupil_rays import PupilRays
+from rptcam_cl.core.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Split = Literal["x", "y"]

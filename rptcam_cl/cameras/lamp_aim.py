@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.lamp_fits import LampFit, Polynomial, SeenLamp, lamp_fits, parts_of_pupil
 from rptcam_cl.cameras.model import CameraModel
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.lamp_reach import LampReach, Reached
+from rptcam_cl.core.dataclass import dataclass
 
 Array = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ millimetres or tangents.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil import content_of
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics import Lens, StopMask, StopShape
 
 Array = NDArray[np.float64]

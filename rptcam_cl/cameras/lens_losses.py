@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import LOSS_TABLE_LENGTH, LOSS_TABLE_NM
 from rptcam_cl.optics import (

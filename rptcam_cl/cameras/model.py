@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.blur import Blur
 from rptcam_cl.cameras.lamp_reach import LampReach
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
 from rptcam_cl.optics import FirstOrder
 from rptcam_cl.scene import Film, Pose

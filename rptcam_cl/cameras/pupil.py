@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pickle
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Literal
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil_check import loses_light
 from rptcam_cl.cameras.pupil_sampling import PupilCircle, PupilGrid, PupilLines, PupilSampling
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import forget, identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import PupilKind

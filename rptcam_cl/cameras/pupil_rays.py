@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,6 +11,7 @@ from rptcam_cl.cameras.rays import allowed_px, fitted_map
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
 from rptcam_cl.cameras.thick_lens import thick_lens_of
 from rptcam_cl.cameras.thin_lens import optics_of, radius_of
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import FilmFrame, Lens, cells, grid, narrowing_probes, pupil_boxes
 from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, ThinLensCamera

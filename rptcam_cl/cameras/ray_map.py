@@ -11,12 +11,13 @@ is the third order of Seidel. (Polynomials in the four coordinates themselves: H
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.optics import Crossings, Lens, crossings, narrowing_probes, pupil_boxes

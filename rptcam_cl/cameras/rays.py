@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import Any
 
@@ -14,6 +14,7 @@ from rptcam_cl.cameras.pupil import ByContent, has_shape, without_shape
 from rptcam_cl.cameras.ray_map import LARGEST_ERROR_PX, RayMap, ray_map
 from rptcam_cl.cameras.records import LensRecords, lens_records
 from rptcam_cl.cameras.setting import LensSetting
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, LensTransmission
 from rptcam_cl.scene import Film, RealisticCamera

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import Any
 
@@ -25,6 +25,7 @@ from rptcam_cl.cameras.rays import allowed_px, fitted_rays, traced_rays
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
 from rptcam_cl.cameras.shared_pupil import shared_sampling
 from rptcam_cl.cameras.thick_lens import thick_lens_of
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import kept_or_found
 from rptcam_cl.optics import (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.dispersion import fill_dispersion, usable_nm
 from rptcam_cl.cameras.lens_losses import LossFiller, LossTables
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.records import EVEN_TERMS, ODD_TERMS, SURFACE, RegionKind, StopKind, SurfaceKind
 from rptcam_cl.optics import IDEAL, Lens, LensTransmission, Region, StopMask, StopShape, Surface, SurfacePose

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -10,6 +9,7 @@ import numpy as np
 from rptcam_cl.cameras.as_made import DESIGN, RealState, real_state
 from rptcam_cl.cameras.lens_losses import as_coated, transmission_of
 from rptcam_cl.cameras.movements import film_frame
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import (
     Lens,

@@ -8,7 +8,7 @@ whatever came before it. Rays that the true pupil blocks change noise and nothin
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -19,6 +19,7 @@ from rptcam_cl.cameras.pupil import KEPT, ByContent, tight_sampling, without_sha
 from rptcam_cl.cameras.pupil_check import loses_light
 from rptcam_cl.cameras.pupil_sampling import PupilGrid, PupilSampling
 from rptcam_cl.cameras.setting import LensSetting, Method, design_to_focus, focused
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import keep_arrays, kept_arrays
 from rptcam_cl.optics import FilmProbe, Lens, Wavelengths, shared_shapes

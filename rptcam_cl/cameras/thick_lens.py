@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from rptcam_cl.cameras.lamp_reach import thick_lens_reach
 from rptcam_cl.cameras.model import CameraModel, camera_record, entrance_pupil_view
 from rptcam_cl.cameras.movements import check_film, movements_metadata, place_film
 from rptcam_cl.cameras.setting import LensSetting, lens_setting
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, axial_transmittance, limiting_surface, system_matrix
 from rptcam_cl.scene import Scene, ThickLensCamera

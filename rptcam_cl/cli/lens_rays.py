@@ -4,9 +4,9 @@ import csv
 import json
 import math
 import sys
-from dataclasses import dataclass
 from typing import Any
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
 COLUMNS = ("x", "y", "z", "dx", "dy", "dz")

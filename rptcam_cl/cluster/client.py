@@ -8,11 +8,11 @@ import logging
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.cluster.tasks import survey
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError, InputError, StateError
 
 WAIT_S = 10.0  # for a scheduler, and for its first worker

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.api import Found
 from rptcam_cl.core.atomic import remove_strays, replacing
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering import SUFFIX, read_part
 

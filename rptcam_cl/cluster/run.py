@@ -8,7 +8,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from rptcam_cl.cluster.parcel import Parcel, packed
 from rptcam_cl.cluster.parts_folder import PartsFolder, PartsPlan
 from rptcam_cl.cluster.tasks import Job, Opened, RenderedPart, open_render, render_part
 from rptcam_cl.cluster.tasks_out import TasksOut
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering import FilmLayout
 from rptcam_cl.scene import Scene

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import threading
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api import Found, PartRenderer, RenderSettings
 from rptcam_cl.cluster.parcel import Parcel, scene_of
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import RptcamError, StateError
 from rptcam_cl.device import choose_device
 from rptcam_cl.rendering import FilmPart

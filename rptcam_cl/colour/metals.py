@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour.spectrum import WAVELENGTHS_NM, Spectrum
+from rptcam_cl.core.dataclass import dataclass
 
 HC = 1239.84198  # photon energy times wavelength [eV nm]
 

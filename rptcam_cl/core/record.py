@@ -8,11 +8,12 @@ multiple of 16 bytes long, so that no compiler pads it. A device test checks thi
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
 
 _MEMBER = re.compile(r"(\w+)(?:\[(\d+)\])?")
 _NUMPY_TYPE: dict[str, tuple[str, tuple[int, ...]]] = {

@@ -13,9 +13,10 @@ import stat
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, MissingFileError, StateError
 
 _NAMED: ContextVar[set[Path] | None] = ContextVar("files that were named", default=None)

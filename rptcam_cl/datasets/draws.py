@@ -11,12 +11,13 @@ import hashlib
 import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from numbers import Real
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
+
+from rptcam_cl.core.dataclass import dataclass
 
 KINDS = {
     "uniform": "[least, most], numbers or lists of equally many numbers",

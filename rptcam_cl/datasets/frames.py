@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.api import load_scene, render, settle
 from rptcam_cl.calibration import COEFFICIENTS, View, calibrate, calibrate_best, view
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.datasets.folder import DatasetFolder
 from rptcam_cl.datasets.specification import DatasetSpecification, read_specification

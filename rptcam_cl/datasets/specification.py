@@ -5,12 +5,13 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl._version import __version__
 from rptcam_cl.calibration import COEFFICIENTS, view
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.datasets.draws import Distribution, DistributionError, distribution, seed_of_frame, values_of_frame

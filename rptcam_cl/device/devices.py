@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.device.opencl import load_opencl, to_install
 from rptcam_cl.device.trial import Trial, first_error, try_device

@@ -16,12 +16,13 @@ import signal
 import subprocess
 import sys
 import warnings
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl._version import __version__
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kept import keep_bytes, kept_bytes
 from rptcam_cl.device.at_work import end_work
 from rptcam_cl.device.opencl import load_opencl

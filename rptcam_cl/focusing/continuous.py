@@ -7,8 +7,9 @@ jumps to what crosses the picture.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.scene import ContinuousFocus
 
 REST = 0.5  # of the band: as little does what has come to rest move

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, PupilRays, lens_to_focus, thin_lens, thin_lens_rays
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing.lens_drive import GroupDrive, WholeLens
 from rptcam_cl.focusing.probe import Drive, Zone, circle_of_confusion

@@ -11,11 +11,12 @@ vignetting and light that falls off smoothly change nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.focusing.probe import ZoneImage
 
 Array = NDArray[np.float64]

@@ -15,13 +15,13 @@ blur, each in its own lopsided way, by defocus and by aberrations.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import PupilLine, PupilRays, Split, pupil_line
+from rptcam_cl.core.dataclass import dataclass
 
 Array = NDArray[np.float64]
 

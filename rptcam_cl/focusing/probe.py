@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, PupilRays
 from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.scene import Scene
 
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, astuple, dataclass, field, replace
+from dataclasses import asdict, astuple, field, replace
 from typing import TYPE_CHECKING, Any, Literal
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing.probe import Zone
 from rptcam_cl.lenstools import INK, add_key, new_figure, series, styled

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.focusing.measures import Measure, Probe
 from rptcam_cl.focusing.probe import Drive, Policy, Zone
 from rptcam_cl.focusing.renderer import ProbeRenderer

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import luminance
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.imaging.tone import aces, agx, reinhard, srgb_from_linear
 from rptcam_cl.imaging.white_balance import WHOLE, Adaptation, Part, WhiteBalance, balance_matrix
 

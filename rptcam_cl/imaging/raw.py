@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from rptcam_cl.core.atomic import check_writable, replacing
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging.dng import LINEAR_RAW, Tag, dng_tags, photometric_of
 from rptcam_cl.imaging.raw_frame import RawFrame, linear_picture

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.imaging.mosaic import check_size, demosaiced, is_mosaic, mosaic
 from rptcam_cl.imaging.sensor import SensorModel, rgb_from_balanced
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import BRADFORD, RGB_FROM_XYZ, SRGB_WHITE, XYZ_FROM_RGB, Matrix, adaptation, xyz_of
+from rptcam_cl.core.dataclass import dataclass
 
 Pixels = NDArray[np.float32]
 Colour = NDArray[np.float64]

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.lenstools.bundles import APPROACH, Bundle, View, bundles, size_of
 from rptcam_cl.lenstools.colours import FAINT, INK, glass_colour
 from rptcam_cl.lenstools.cross_section import blades, glass, lines, medium_behind, obstruction, profile

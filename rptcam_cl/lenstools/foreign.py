@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.fields import default_fields
 from rptcam_cl.lenstools.lens_state import setting

@@ -6,10 +6,11 @@ The same picture always gives the same text.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from html import escape
 from typing import Literal
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.lenstools.colours import INK, PAPER
 
 Point = tuple[float, float]

@@ -6,11 +6,10 @@ distance along that ray [1/mm], counted from where the ray passes nearest to the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.film_frame import UNMOVED, FilmFrame
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.probe import grid

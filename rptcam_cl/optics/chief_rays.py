@@ -8,13 +8,14 @@ need no case of their own, and neither do lenses that are not round or films tha
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.first_order import limiting_surface
 from rptcam_cl.optics.ray_trace import passing, trace
 

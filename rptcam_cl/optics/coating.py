@@ -7,12 +7,12 @@ swapping the two sides changes nothing. `transmittance` is for unpolarised light
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.absorption import interpolated
 
 Array = NDArray[np.float64]

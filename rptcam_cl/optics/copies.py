@@ -7,7 +7,7 @@ copy whose values are all 0 has the numbers of the lens to the last bit.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Literal
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.glass import Law, Melt
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.placement import IN_PLACE, SurfacePose

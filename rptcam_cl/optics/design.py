@@ -7,9 +7,9 @@ biconcave lenses. Its eq. 12 lacks a minus sign: an achromat needs P1 / V1 + P2 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
 CONSTRAINTS = ("r1", "r1=r2", "flat r3", "r2=r3")

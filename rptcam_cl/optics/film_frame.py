@@ -7,11 +7,12 @@ much deeper than the film distance the point lies. A film that is not moved has 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Triple = tuple[float, float, float]

@@ -7,11 +7,12 @@ through 5 and 4, is reflected at 3 and passes 4 to the last. Unfolded, such a wa
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.coating import constant_reflectance
 from rptcam_cl.optics.first_order import system_matrix

@@ -5,12 +5,13 @@ What reaches the film after an even number of reflections is the image and its g
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.ghost_entry import Entry
 from rptcam_cl.optics.ghost_path import Way, with_film

@@ -6,11 +6,12 @@ the front whose light takes it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.ghost_path import Way, check_lens, check_order
 from rptcam_cl.optics.ghost_rays import Start, followed

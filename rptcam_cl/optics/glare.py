@@ -7,10 +7,11 @@ film, and what rims behind the stop catch, is light that a film or a barrel that
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.ghost_path import check_lens
 from rptcam_cl.optics.ghost_tree import Lit, Tree

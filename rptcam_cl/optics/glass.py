@@ -5,13 +5,14 @@ Wavelengths are in nanometres in air, indices relative to air. Dispersion formul
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.thermal import Thermal

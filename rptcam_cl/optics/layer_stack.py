@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.coating import Amplitude, Interface, Polarised
 
 Array = NDArray[np.float64]

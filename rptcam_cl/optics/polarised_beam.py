@@ -8,12 +8,13 @@ unpolarised source the light is the mean of both.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.coating import Amplitude, Interface, Polarised
 from rptcam_cl.optics.glass import attenuation
 from rptcam_cl.optics.layer_stack import LayerStack

@@ -9,13 +9,14 @@ characteristic). The field on the film is then a plain Fourier integral, in a wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.ray_trace import Rays
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam

@@ -13,13 +13,13 @@ a grid of squares would close within a cell. A round lens and a film across its 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.film_frame import UNMOVED, FilmFrame
 from rptcam_cl.optics.probe import FilmProbe, Wavelengths

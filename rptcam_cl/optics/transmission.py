@@ -5,13 +5,14 @@ Reflected light is lost here; `ghosts` follows it. Each surface counts with the 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.coating import BARE, Coating, Interface, MeasuredReflectance, QuarterWave
 from rptcam_cl.optics.first_order import first_order
 from rptcam_cl.optics.glass import Medium, attenuation

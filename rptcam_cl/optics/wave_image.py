@@ -6,11 +6,10 @@ ray's point; it is summed for the very points wanted, by two matrices, so no poi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.pupil_function import PupilFunction
 
 Array = NDArray[np.float64]

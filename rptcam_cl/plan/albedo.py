@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.scene import (
     Blend,
     Colour,

@@ -7,12 +7,12 @@ surfaces that scatter light widely. `kernels/pass/photons.cl` traces them.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.curves import curves
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kinds import EmitterKind
 from rptcam_cl.core.records import CAUSTIC_SURFACE, Kind

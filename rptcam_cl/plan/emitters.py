@@ -6,13 +6,13 @@ Emissive planes, insides of solids, what moves and what has holes shine as well,
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import luminance
 from rptcam_cl.core.curves import curves
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kinds import EmitterKind, EnvironmentKind
 from rptcam_cl.core.records import EMITTER, Kind
 from rptcam_cl.core.vectors import cross

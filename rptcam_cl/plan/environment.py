@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.core.curves import curves
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kinds import EnvironmentKind, TexelFormat
 from rptcam_cl.core.records import ENVIRONMENT
 from rptcam_cl.plan.optical_constants import KnownSpectra

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import MATERIAL, MaterialKind
 from rptcam_cl.plan.covers import cover_mean, internal_reflectance, rough_cover, smooth_mean
 from rptcam_cl.plan.optical_constants import KnownSpectra, fill_index, metal_constants, metal_spectra

@@ -10,12 +10,12 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import Mesh
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import INSTANCE
 from rptcam_cl.plan.packed_meshes import VERTEX_FLOATS, PackedMeshes, TriangleGroup
 from rptcam_cl.scene import Board, Material, MeshObject, Scene

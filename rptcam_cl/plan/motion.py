@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import SEGMENT
 from rptcam_cl.plan.primitives import Primitive
 from rptcam_cl.scene import Scene, Trajectory, moments, quaternion_of

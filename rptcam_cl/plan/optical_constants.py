@@ -8,7 +8,7 @@ slant.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import lru_cache
 from typing import Any
 
@@ -17,6 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.cameras import fewest_terms, fit_nodes
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM, Spectrum, metal_optics, srgb_from_reflectance
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import DISPERSION_NM, DISPERSION_SCALE, DISPERSION_SHIFT
 from rptcam_cl.optics import held_index, known_range
 from rptcam_cl.scene import Dielectric, MetalSpectrum, SpectralColour

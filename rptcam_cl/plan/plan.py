@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,7 @@ from rptcam_cl.cameras import (
     filter_table,
     turned,
 )
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import Kind
 from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
 from rptcam_cl.plan.caustics import Caustics, pack_caustics

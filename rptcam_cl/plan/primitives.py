@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import PRIMITIVE, Kind
 from rptcam_cl.core.vectors import cross
 from rptcam_cl.plan.meshes import Mesh, MeshPlan, PlacedMesh, mesh_parts, pack_meshes

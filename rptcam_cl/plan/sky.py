@@ -7,12 +7,11 @@ the weak absorption by water vapour and mixed gases is left out. Both are absolu
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LUMENS_PER_WATT, WAVELENGTHS_NM, Spectrum, blackbody, srgb_from_spectrum, srgb_from_xyz
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.scene import SkyEnvironment
 
 Array = NDArray[np.float64]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, camera_model
 from rptcam_cl.colour import LUMINANCE, WAVELENGTHS_NM, cie_1931, daylight_65, response_curves, rgb_basis, srgb_from_xyz
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kinds import SpectrumKind
 from rptcam_cl.plan.materials import Materials

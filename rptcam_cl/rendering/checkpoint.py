@@ -15,7 +15,6 @@ import struct
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +23,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl._version import __version__
 from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart, part_of_facts

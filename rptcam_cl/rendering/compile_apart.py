@@ -17,10 +17,11 @@ import struct
 import subprocess
 import sys
 import threading
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import BinaryIO
 
 from rptcam_cl.cameras import CameraView
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import Session, end_work, open_session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers

@@ -8,7 +8,7 @@ why, and how far that is from the full wave image.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import FilmPupil, FilmPupils, dirt_edges, edges_of, film_frame, film_pupils
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering.diffraction_kernel import kernel, reach_px, unit_px
 from rptcam_cl.rendering.film import FilmLayout

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart

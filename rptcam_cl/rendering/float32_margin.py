@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import LensSetting, film_frame, half_film_mm, lens_setting, stop_shape, thick_lens_of
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session
 from rptcam_cl.optics import UNMOVED, FilmFrame, FilmProbe, Lens, Rays

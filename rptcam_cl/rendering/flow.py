@@ -7,13 +7,13 @@ follows what moves, camera and object alike, whether the point is seen at the ot
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraRays, chief_rays, exposure_timing, seen_places
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.plan import object_frame
 from rptcam_cl.scene import Scene, pose_matrix
 

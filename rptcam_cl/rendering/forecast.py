@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering.film import BLOCK, TILE_PIXELS
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart
 from rptcam_cl.rendering.film_run import FilmRun

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import luminance
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kinds import EmitterKind
 from rptcam_cl.device import Session
 from rptcam_cl.optics import Lens

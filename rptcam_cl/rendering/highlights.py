@@ -7,7 +7,6 @@ nothing hides, is gathered by direction into pencils, which go through the lens 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from functools import partial
 from itertools import groupby
 
@@ -15,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import luminance
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kinds import EmitterKind
 from rptcam_cl.device import Session
 from rptcam_cl.plan import SPREADING_ALPHA, Faces, Lobe, Plan, joined, lobes_of, polished_count, polished_faces

@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpoint
 from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout

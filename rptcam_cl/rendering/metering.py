@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras import camera_model, on_axis_irradiance, values_per_irradiance
 from rptcam_cl.colour import LUMENS_PER_WATT, LUMINANCE
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan

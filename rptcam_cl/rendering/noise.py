@@ -16,13 +16,13 @@ evener than each alone, so the estimate errs to the safe side (see `rptcam_cl.re
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.several import AnyWavefront
 

@@ -17,12 +17,12 @@ stream
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from rptcam_cl.cameras import CameraModel
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import LIMITS, WAVE, device_declarations, floats_per_slot
 from rptcam_cl.device import Launch, Program, Session
 from rptcam_cl.plan import Plan

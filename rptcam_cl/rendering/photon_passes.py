@@ -9,7 +9,8 @@ and Zwicker 2011).
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+from rptcam_cl.core.dataclass import dataclass
 
 SHORT_PASSES = (0, 1, 2, 4, 8)  # first samples, so that few samples have a picture as well
 PASS_SAMPLES = 16  # samples of every later pass

@@ -7,11 +7,12 @@ arrives, and how it moves with the lamp the solid angle under which the lamp app
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.plan import Bend, Faces, Outline
 
 Array = NDArray[np.float64]

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering.account import clamp_text
 from rptcam_cl.rendering.checkpoint import Checkpoint
 from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout

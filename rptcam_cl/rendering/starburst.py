@@ -7,12 +7,12 @@ that of another, scaled; so one table over directions and radii, summed up over 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering.diffraction_kernel import fade, shares_of_white
 from rptcam_cl.rendering.patch_blur import quick
 from rptcam_cl.rendering.shares import GOLDEN

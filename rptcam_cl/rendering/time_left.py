@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering.noise import NoiseEstimate, run_length
 
 RECENT = 2 / 3  # of the time so far, after which the speed counts: fewer tiles use a device less well

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers

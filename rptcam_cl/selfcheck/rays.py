@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import copy
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import Session
 from rptcam_cl.plan import make_plan
 from rptcam_cl.rendering import SceneBuffers, scene_trees

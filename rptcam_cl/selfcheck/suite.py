@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import Session
 from rptcam_cl.selfcheck.check import Check
 from rptcam_cl.selfcheck.geometry_checks import (

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics import Copies, Lens, diffraction_mtf, film_points
 from rptcam_cl.scene import Merit
 from rptcam_cl.tolerances.beams import FieldRays

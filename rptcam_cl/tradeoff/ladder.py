@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import RealisticCamera, Scene, ThinLensCamera, change_scene, with_camera
 from rptcam_cl.tradeoff.tiers.decide import Decision, choose_camera

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.tradeoff.errors import PairErrors
 from rptcam_cl.tradeoff.noise import INDEPENDENT, NoiseLaw, noise_law
 from rptcam_cl.tradeoff.statistics import (

@@ -9,13 +9,13 @@ line through the powers of two is where noise was found. Independent samples are
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from statistics import NormalDist
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.tradeoff.statistics import student_quantile
 
 Array = NDArray[np.float64]

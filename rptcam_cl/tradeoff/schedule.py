@@ -6,12 +6,12 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering import TILE_PIXELS
 from rptcam_cl.tradeoff.errors import LongPictures
 from rptcam_cl.tradeoff.measurement import Timings

@@ -10,12 +10,13 @@ close together, and are widened as those of a normal distribution would have to 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cache
 from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
 
 Array = NDArray[np.float64]
 

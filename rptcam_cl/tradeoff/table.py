@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.tradeoff.comparison import Comparison
 from rptcam_cl.tradeoff.headline import headline
 from rptcam_cl.tradeoff.ladder import REFERENCE

@@ -5,11 +5,10 @@ A picture made smaller would hide what an inaccurate camera does to fine detail;
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering import TILE, TILE_PIXELS, FilmLayout
 
 

@@ -6,9 +6,10 @@ import contextlib
 import math
 import pickle
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple
 from typing import Any
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session
 from rptcam_cl.focusing import FocusReport, autofocus, focus_drive

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.viewfinder.messages import Magnify, View
 from rptcam_cl.viewfinder.outbox import Outbox
 from rptcam_cl.viewfinder.pictures import Format

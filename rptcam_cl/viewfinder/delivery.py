@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.viewfinder import difference, histogram, meter, overlays
 from rptcam_cl.viewfinder.client import Client
 from rptcam_cl.viewfinder.messages import Magnify

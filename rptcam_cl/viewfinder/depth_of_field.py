@@ -9,10 +9,10 @@ that it has pupils: their magnification and a moving group count.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 from rptcam_cl.cameras import camera_model, lens_setting, thick_lens_of
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing import circle_of_confusion, focus_drive
 from rptcam_cl.scene import Focus, LensCamera, Scene, ThinLensCamera, at_opening, change_scene

@@ -9,13 +9,14 @@ on the sensor, and never on the developed picture.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import luminance
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.imaging import RawImage
 
 MIDDLE_GREY = 0.18

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Hashable
-from dataclasses import dataclass
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.viewfinder import messages
 from rptcam_cl.viewfinder.client import Client
 

@@ -6,11 +6,12 @@ A client names a lens of this list and nothing else: no path that it sends is ev
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.references import Folders, References

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras import LensSetting, disperses, lens_setting, stop_shape, usable_nm
 from rptcam_cl.colour import LINE_C_NM, LINE_D_NM, LINE_F_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import Session
 from rptcam_cl.lenstools import LensTracer
 from rptcam_cl.optics import IDEAL, Lens, Rays

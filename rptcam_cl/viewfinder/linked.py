@@ -19,10 +19,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 from rptcam_cl.cameras import values_per_irradiance
+from rptcam_cl.core.dataclass import dataclass
 
 Mode = Literal["M", "A", "S", "P", "relative"]
 Light = Callable[[float], float]

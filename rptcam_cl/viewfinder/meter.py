@@ -8,7 +8,7 @@ over what radiance 1 gives. A reading in EV is that of a reflected-light meter a
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras import values_per_irradiance
 from rptcam_cl.colour import LUMENS_PER_WATT, LUMINANCE
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering import SPOT_AREA, metering_weights, window
 from rptcam_cl.scene import Exposure, Scene
 from rptcam_cl.viewfinder.histogram import MIDDLE_GREY

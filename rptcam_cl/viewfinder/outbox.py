@@ -7,8 +7,10 @@ import math
 import struct
 import threading
 from collections.abc import Callable, Hashable, Mapping
-from dataclasses import asdict, dataclass, is_dataclass
+from dataclasses import asdict, is_dataclass
 from typing import Any
+
+from rptcam_cl.core.dataclass import dataclass
 
 MOST_UNACKNOWLEDGED = 2  # frames on their way to a client
 MOST_ANSWERS = 512  # that a client may leave unread

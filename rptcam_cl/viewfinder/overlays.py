@@ -5,13 +5,14 @@ They are computed from the linear film, before it is developed: white balance an
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import luminance
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import srgb_from_linear
 from rptcam_cl.viewfinder.histogram import MIDDLE_GREY, strongest

@@ -7,7 +7,8 @@ of rounding; what is written on it is the rounded number that cameras write (ISO
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from rptcam_cl.core.dataclass import dataclass
 
 THIRDS = 3  # steps of a stop
 SAME = 1e-6  # relative difference within which a number is the one that is engraved

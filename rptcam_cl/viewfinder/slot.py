@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from rptcam_cl.api import Change, Frame, RenderSession
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.imaging import Image, RawImage, with_picture_settings
 from rptcam_cl.scene import Scene
 from rptcam_cl.viewfinder.dials import Dials, follow_light, read_dials

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import MeshSurface
+from rptcam_cl.core.dataclass import dataclass
 
 Array = NDArray[np.float64]
 Shape = Literal["dark", "light"]

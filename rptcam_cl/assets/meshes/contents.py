@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from itertools import product
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rptcam_cl.assets.meshes.clean import NOTHING_DROPPED, Dropped
 from rptcam_cl.assets.meshes.file_material import FileMaterial
 from rptcam_cl.assets.meshes.mesh import Mesh, MeshSurface, NormalsMode, make_mesh
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.references import open_regular
 

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
+
+from rptcam_cl.core.dataclass import dataclass
 
 Colour = tuple[float, float, float]
 Wrap = Literal["repeat", "clamp", "mirror"]

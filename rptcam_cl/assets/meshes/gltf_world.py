@@ -6,7 +6,7 @@ Sources: glTF 2.0, section 3.10; Khronos, KHR_lights_punctual. Both look along -
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from rptcam_cl.assets.meshes.file_material import Colour
 from rptcam_cl.assets.meshes.gltf import placed_nodes
 from rptcam_cl.assets.meshes.gltf_data import read_container
 from rptcam_cl.assets.meshes.gltf_json import JsonNode
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
 LIGHTS = "KHR_lights_punctual"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property
 from typing import Any, Literal
 
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes.clean import CHUNK, Dropped, sound_faces, used_vertices
 from rptcam_cl.assets.meshes.normals import smooth_normals, unit_normals
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
 NormalsMode = Literal["auto", "smooth", "flat"]

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
 LARGEST_PIXELS = 1 << 26  # 64 million: an equirectangular picture of 8192 x 8192, or 256 MB in 8 bits

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.pictures import read_picture
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.film import DEFAULT_DIAGONAL_MM, Raster, diagonal_mm
 from rptcam_cl.importers.pbrt.frame import MILLIMETRE, Frame, in_millimetres

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.importers.pbrt.files import FileStore

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import tempfile
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.strict_yaml import MAX_NODES
 from rptcam_cl.importers.pbrt.cameras import convert_camera

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.parameters import Parameters
 from rptcam_cl.importers.pbrt.state import Entity

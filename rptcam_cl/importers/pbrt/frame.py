@@ -7,12 +7,12 @@ only if, a picture would be mirrored otherwise; scenes of right-handed programs 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.state import Entity
 from rptcam_cl.importers.pbrt.transforms import Matrix, apply, is_invertible, mean_scale, tidy
 

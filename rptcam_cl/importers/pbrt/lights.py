@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.colours import light, scale_factor
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.frame import Frame

@@ -5,11 +5,12 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.frame import Frame
 from rptcam_cl.importers.pbrt.lights import lamp_radiance

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.source import Place, one_line
 
 # Lines named per message; a scene of ten thousand shapes may break one rule ten thousand times.

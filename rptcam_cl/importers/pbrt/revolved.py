@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.mesh import MeshData
 from rptcam_cl.importers.pbrt.parameters import Parameters
 

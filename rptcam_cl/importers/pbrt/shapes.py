@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt import revolved
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.mesh import MeshData, rectangle_of

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,6 +10,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.assets.pictures import SUFFIXES
 from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.colours import light, scale_factor
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.equal_area import heights, in_longitude_and_latitude

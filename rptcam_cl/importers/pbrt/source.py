@@ -5,7 +5,7 @@ from __future__ import annotations
 import gzip
 import zlib
 from bisect import bisect_right
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 
 # What one file may hold, unpacked: far more than the largest published scenes have in one text file.

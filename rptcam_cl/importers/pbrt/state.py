@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.parameters import Parameter, Parameters
 from rptcam_cl.importers.pbrt.source import Place
 from rptcam_cl.importers.pbrt.transforms import Matrix

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
 
@@ -12,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.pictures import SUFFIXES
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.colours import COLOURS, reflectance
 from rptcam_cl.importers.pbrt.context import Context
 from rptcam_cl.importers.pbrt.parameters import Parameter

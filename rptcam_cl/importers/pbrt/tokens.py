@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.source import Place, Source
 
 _TOKEN = re.compile(

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.importers.pbrt.parameters import Parameters
 from rptcam_cl.importers.pbrt.report import Report
 from rptcam_cl.importers.pbrt.source import Place

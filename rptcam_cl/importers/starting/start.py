@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import GltfCamera, GltfLight
 from rptcam_cl.cameras import LensSetting, lens_setting
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.importers.starting.copies import Copies
 from rptcam_cl.importers.starting.framing import Framing, View

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from rptcam_cl.assets.meshes import (
     read_gltf_world,
     read_mesh_file,
 )
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders, named_files
 from rptcam_cl.scene import load_scene

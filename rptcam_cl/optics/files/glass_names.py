@@ -6,8 +6,8 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.makers import MAKERS, MakersGlass, glasses_of, law_of, plain_glass_name
 from rptcam_cl.optics.glass import Law

@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import json
 import re
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.resources import glass_catalogues_dir
 from rptcam_cl.optics.absorption import Absorption

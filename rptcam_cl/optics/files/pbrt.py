@@ -8,8 +8,9 @@ a lens, so the older files start with 0 and the newer ones end with 0 or with th
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.checks import check_lens
 from rptcam_cl.optics.glass import AIR, ConstantIndex, Medium

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 import re
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_names import named_glass, near_glass_words, near_names
 from rptcam_cl.optics.files.native import document_of, read_native

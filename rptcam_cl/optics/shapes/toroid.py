@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kinds import SurfaceKind
 from rptcam_cl.optics.files.fields import Fields
 from rptcam_cl.optics.shapes.biconic import Biconic, read_curvature_x

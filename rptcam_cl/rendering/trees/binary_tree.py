@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+
+from rptcam_cl.core.dataclass import dataclass
 
 
 @dataclass(frozen=True, eq=False)

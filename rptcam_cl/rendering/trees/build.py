@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import Session
 from rptcam_cl.rendering.trees.binary_tree import binary_tree
 from rptcam_cl.rendering.trees.builder import BINS, Builder

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.core.records import Kind
 from rptcam_cl.device import Session

@@ -6,11 +6,10 @@ axis towards the scene. Millimetres. A stop that is not round counts as its circ
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.tradeoff.tiers.tiers import FirstOrderCamera, Tier
 
 Array = NDArray[np.float64]

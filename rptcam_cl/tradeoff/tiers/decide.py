@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, Literal
 
 from rptcam_cl.cameras import colour_error_px, disperses, lens_setting, lens_tint
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import Accuracy, LensColour, RealisticCamera, Scene, change_scene
 from rptcam_cl.tradeoff.tiers.depths import FAR_MM, depth_range_mm

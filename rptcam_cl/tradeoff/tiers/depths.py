@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import MeshPlacement
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.scene import Box, LoadedMesh, Object, Plane, Rectangle, Scene, Solid
 
 Array = NDArray[np.float64]

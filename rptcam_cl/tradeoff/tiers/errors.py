@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import RayMap
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.tradeoff.tiers.bundles import RayBundle, tier_bundle
 from rptcam_cl.tradeoff.tiers.tiers import TRAITS, Tier, fitted_to
 from rptcam_cl.tradeoff.tiers.truth import FIELDS, FieldPoint, Truth

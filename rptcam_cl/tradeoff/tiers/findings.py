@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
 
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.scene import Accuracy, LensColour
 from rptcam_cl.tradeoff.tiers.errors import EFFECTS, TierError
 from rptcam_cl.tradeoff.tiers.tiers import Tier

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -20,6 +19,7 @@ from rptcam_cl.cameras import (
     thick_lens_of,
     usable_nm,
 )
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene import RealisticCamera, Scene, change_scene, with_camera
 from rptcam_cl.tradeoff.tiers.stops import round_stop

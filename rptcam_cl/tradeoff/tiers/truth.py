@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from rptcam_cl.cameras import (
     stop_shape,
     usable_nm,
 )
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics import Lens, StopMask, StopShape, on_axis_irradiance
 from rptcam_cl.scene import RealisticCamera, Scene
 from rptcam_cl.tradeoff.tiers.bundles import RINGS, RayBundle
