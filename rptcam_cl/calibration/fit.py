@@ -35,6 +35,7 @@ CHECKED = (36, 27)  # places that the residual is measured at
 LEAST_PLACES = 40  # with light, below which nothing can be fitted
 ROUNDS = 120
 DAMPING = 1e-3
+NEAR = 1e-9  # the same for a start that leaves little
 SMALL = 1e-13  # share of the error by which a step has to improve it
 TOO_HIGH = 1e12  # damping at which no step helps any more
 
@@ -157,8 +158,7 @@ def _samples(view: View) -> tuple[Seen, tuple[Array, Array, Mask]]:
 def _fitted(model: str, seen: Seen) -> Array:
     """Return the parameters whose sum of squared errors is least."""
     points = normal_points(model, seen.directions)
-    (fx, cx), (fy, cy) = (np.polyfit(points[:, k], seen.places[:, k], 1).tolist() for k in (0, 1))
-    start = np.array([fx, fy, cx, cy])
+    start = _pinhole(points, seen.places)
     if model == "pinhole":
         return start
 
@@ -171,7 +171,7 @@ def _fitted(model: str, seen: Seen) -> Array:
 
     count = len(COEFFICIENTS[model])
     if count in (4, 5):
-        return least_squares(errors, derivatives, np.concatenate([start, np.zeros(count)]))
+        return least_squares(errors, derivatives, _radial_start(model, points, seen.places), NEAR)
     simpler = _fitted("brown_conrady" if count == 8 else "rational", seen)
     starts = [np.concatenate([simpler, np.zeros(4 + count - len(simpler))])]
     if count == 8:
@@ -180,6 +180,33 @@ def _fitted(model: str, seen: Seen) -> Array:
     found = [least_squares(errors, derivatives, begin) for begin in starts]
     good = [one for one in found if denominator(one[4:], np.linspace(0.0, 1.1 * square.max(), 200)).min() > 0]
     return min(good or [starts[0]], key=lambda one: float(np.sum(errors(one) ** 2)))
+
+
+def _pinhole(points: Array, places: Array) -> Array:
+    """Return fx, fy, cx, cy by a linear fit."""
+    middles, means = points.mean(axis=0), places.mean(axis=0)
+    across = points - middles
+    focal = np.sum(across * (places - means), axis=0) / np.sum(across * across, axis=0)
+    return np.concatenate([focal, means - focal * middles])
+
+
+def _radial_start(model: str, points: Array, places: Array) -> Array:
+    """Return parameters by a linear fit: of places x that are cx and x times a polynomial of the squared distance."""
+    square = np.sum(points * points, axis=1)
+    reach, count = square.max(), len(COEFFICIENTS[model]) - 2 * (model != BY_ANGLE)
+    powers = np.ones((len(points), count + 1))
+    powers[:, 1:] = (square / reach)[:, None]
+    np.multiply.accumulate(powers, axis=1, out=powers)
+    found = []
+    for k in (0, 1):
+        rows = np.column_stack([points[:, k, None] * powers, np.ones(len(points))])
+        found.append(np.linalg.lstsq(rows.T @ rows, rows.T @ places[:, k])[0])
+    (fx, *_, cx), (fy, *_, cy) = found
+    bent = np.mean([values[1:-1] / values[0] for values in found], axis=0) / reach ** np.arange(1, count + 1)
+    if model == BY_ANGLE:
+        return np.array([fx, fy, cx, cy, *bent])
+    k1, k2, k3 = bent
+    return np.array([fx, fy, cx, cy, k1, k2, 0.0, 0.0, k3])
 
 
 def _rational_start(simpler: Array, points: Array, places: Array) -> Array:
@@ -194,17 +221,22 @@ def _rational_start(simpler: Array, points: Array, places: Array) -> Array:
     return np.array([*simpler[:4], k1, k2, 0.0, 0.0, k3, k4, k5, k6])
 
 
-def least_squares(errors: Callable[[Array], Array], derivatives: Callable[[Array], Array], start: Array) -> Array:
+def least_squares(
+    errors: Callable[[Array], Array], derivatives: Callable[[Array], Array], start: Array, damping: float = DAMPING
+) -> Array:
     """Return the parameters at which the sum of squared errors is least, from a start that is not far."""
     parameters, error = start, errors(start)
-    cost, damping = float(error @ error), DAMPING
+    cost = float(error @ error)
     for _ in range(ROUNDS):
         rows = derivatives(parameters)
         normal, gradient = rows.T @ rows, rows.T @ error
         scale = np.sqrt(np.maximum(np.diag(normal), 1e-300))
         while damping < TOO_HIGH:
             scaled = normal / np.outer(scale, scale) + damping * np.eye(len(scale))
-            trial = parameters - np.linalg.solve(scaled, gradient / scale) / scale
+            step = np.linalg.solve(scaled, gradient / scale) / scale
+            if gradient @ step <= SMALL * cost:  # what the step can gain; larger damping gains less
+                return parameters
+            trial = parameters - step
             with np.errstate(all="ignore"):
                 new = errors(trial)
                 improved = float(new @ new)

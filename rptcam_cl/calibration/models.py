@@ -84,10 +84,10 @@ def slopes(model: str, parameters: Array, points: Array) -> Array:
     focal, coefficients = parameters[:2], parameters[4:]
     square = np.sum(points * points, axis=1)
     found = np.zeros((len(points), 2, len(parameters)))
-    found[:, [0, 1], [0, 1]] = distorted(model, coefficients, points)
-    found[:, [0, 1], [2, 3]] = 1.0
+    found[:, 0, 0], found[:, 1, 1] = distorted(model, coefficients, points).T
+    found[:, 0, 2] = found[:, 1, 3] = 1.0
     by = found[:, :, 4:]
-    powers = square[:, None] ** np.arange(1.0, 5.0)
+    powers = np.multiply.accumulate(np.repeat(square[:, None], 4, axis=1), axis=1)
     if model == BY_ANGLE:
         by[:] = points[:, :, None] * powers[:, None]
     elif model != "pinhole":
@@ -99,7 +99,7 @@ def slopes(model: str, parameters: Array, points: Array) -> Array:
             along = points / below[:, None]
             ratio = (1 + square * (k1 + square * (k2 + square * k3))) / below
             by[:, :, 5:8] = -(along * ratio[:, None])[:, :, None] * powers[:, None, :3]
-        by[:, :, [0, 1, 4]] = along[:, :, None] * powers[:, None, :3]
+        by[:, :, :2], by[:, :, 4] = along[:, :, None] * powers[:, None, :2], along * powers[:, 2:3]
         by[:, 0, 2], by[:, 1, 2] = 2 * x * y, square + 2 * y * y
         by[:, 0, 3], by[:, 1, 3] = square + 2 * x * x, 2 * x * y
         if len(coefficients) > 8:

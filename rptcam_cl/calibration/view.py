@@ -27,7 +27,7 @@ from rptcam_cl.cameras import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import ChiefRays, Lens, film_chief_rays, image_circle
+from rptcam_cl.optics import film_chief_rays, image_circle, round_chief_rays
 from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, at_opening, pose_matrix
 
 Array = NDArray[np.float64]
@@ -36,7 +36,6 @@ Mask = NDArray[np.bool_]
 UPRIGHT = np.diag([1.0, -1.0, -1.0])  # from the axes of computer vision to those of the camera's frame
 TURNED = np.diag([-1.0, 1.0, -1.0])  # the same of an inverted picture, which a camera on its head takes
 FAR_M = 1e5  # from where on the object is as good as infinitely far
-TELLS_APART = 10  # decimals of millimetres by which distances of film points from the axis differ
 PROBES = 9  # places across and down that say how wide the field is
 DRIFT_PLACES = (41, 31)  # across and down, whose chief rays say where the pupil lies at which angle
 DRIFT_ANGLES = 33  # of that table
@@ -141,7 +140,7 @@ class View:
         lens, back, wavelength = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
         z = lens.film_z(back) + lens.sense * film[:, 2]
         round_ = lens.is_rotational and film_frame(self.scene.camera).is_flat
-        find = _round_chief_rays if round_ else film_chief_rays
+        find = round_chief_rays if round_ else film_chief_rays
         rays = find(lens, np.column_stack([film[:, :2], z]), wavelength)
         lit = rays.clear
         if not lit.all() and round_:
@@ -266,20 +265,3 @@ def view(scene: Scene, distance_m: float | None = None, shape: str | None = None
     there = replace(found, distance_m=distance_m)
     there.__dict__.update(setting=found.setting, pupil=found.pupil)  # which the distance does not change
     return there
-
-
-def _round_chief_rays(lens: Lens, points: Array, wavelength_nm: float) -> ChiefRays:
-    """Return what `film_chief_rays` does for a round lens and points (n, 3) of one plane: traced once for each distance
-    from the axis, and turned."""
-    distances, turns = np.hypot(*points[:, :2].T), np.arctan2(points[:, 1], points[:, 0])
-    _, first, which = np.unique(np.round(distances, TELLS_APART), return_index=True, return_inverse=True)
-    on_x = np.column_stack([distances[first], np.zeros(len(first)), points[first, 2]])
-    rays = film_chief_rays(lens, on_x, wavelength_nm)
-    cosine, sine = np.cos(turns), np.sin(turns)
-
-    def turned(vectors: Array) -> Array:
-        x, y = vectors[which, 0], vectors[which, 1]
-        return np.column_stack([cosine * x - sine * y, sine * x + cosine * y, vectors[which, 2:]])
-
-    found, clear = rays.found[which], rays.clear[which]
-    return ChiefRays(turned(rays.origins), turned(rays.directions), found, clear, turned(rays.aims))

@@ -8,11 +8,12 @@ elsewhere, which near objects show.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
 from rptcam_cl.cameras.pupil import KEPT, ByContent, without_shape
@@ -20,8 +21,10 @@ from rptcam_cl.cameras.setting import LensSetting
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import kept_or_found
-from rptcam_cl.optics import Lens, film_chief_rays
+from rptcam_cl.optics import ChiefRays, Lens, film_chief_rays, round_chief_rays
 from rptcam_cl.scene import RealisticCamera, Scene, pose_matrix
+
+Array = NDArray[np.float64]
 
 FIELDS = (0.5, 1.0)  # of the way from the middle of the film to its corners, where the drift is found
 REMEMBERED = 64  # lens states whose drift is kept
@@ -89,17 +92,24 @@ def _drift(scene: Scene, setting: LensSetting, pupil_z: float) -> tuple[tuple[fl
 def _remembered(
     content: ByContent, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
 ) -> tuple[tuple[float, float], ...]:
-    """Return the drift, ready for the next picture with the lens in the same state, in this process or another."""
+    """Return the drift, ready for the next picture with the lens in the same state; in another process too where it is
+    not found as fast."""
+    if content.lens.is_rotational and len({z for _, _, z in film}) == 1:
+        return tuple(_found(round_chief_rays, content.lens, film, wavelength_nm, pupil_z))
     name = content.name_of("drift", film, wavelength_nm, pupil_z)
-    found = kept_or_found(KEPT, name, lambda: _found(content.lens, film, wavelength_nm, pupil_z))
+    found = kept_or_found(KEPT, name, lambda: _found(film_chief_rays, content.lens, film, wavelength_nm, pupil_z))
     return tuple((field, drift) for field, drift in found)
 
 
 def _found(
-    lens: Lens, film: tuple[tuple[float, ...], ...], wavelength_nm: float, pupil_z: float
+    chief_rays: Callable[[Lens, Array, float], ChiefRays],
+    lens: Lens,
+    film: tuple[tuple[float, ...], ...],
+    wavelength_nm: float,
+    pupil_z: float,
 ) -> list[tuple[float, float]]:
     try:
-        rays = film_chief_rays(lens, np.array(film), wavelength_nm)
+        rays = chief_rays(lens, np.array(film), wavelength_nm)
     except InputError:  # no surface of the lens limits the light
         return []
     places = np.where(rays.clear, pupil_z - rays.axis_points(), np.nan).reshape(len(FIELDS), -1)

@@ -7,6 +7,7 @@ towards the film; surfaces are listed scene side first.
 from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.blur import blur_variances
+from rptcam_cl.optics.chief_fan import round_chief_rays
 from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays
 from rptcam_cl.optics.coating import (
     BARE,
@@ -252,6 +253,7 @@ __all__ = [
     "radius_of_share",
     "read_glass",
     "rms_waves",
+    "round_chief_rays",
     "shared_shapes",
     "shift_of",
     "short_radius",

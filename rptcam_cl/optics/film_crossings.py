@@ -48,20 +48,37 @@ def crossings(lens: Lens, origins: Array, directions: Array, wavelength_nm: floa
     origins, directions : (n, 3) arrays
         In the frame of the lens [mm], z = 0 at its first vertex and +z to the film; directions of any length, to -z.
     """
-    indices = lens.indices(wavelength_nm)
     p, d = origins.T.astype(np.float64), directions.T / np.linalg.norm(directions, axis=1)
-    heights = np.empty((len(lens.surfaces), len(origins), 2))
-    lost = np.zeros(len(origins), dtype=bool)
+    heights, *out = crossed(lens, range(len(lens.surfaces) - 1, -1, -1), p, d, lens.indices(wavelength_nm))
+    return Crossings(heights, *out)
+
+
+def crossed(
+    lens: Lens, order: range, p: Array, d: Array, indices: Array, *, towards_film: bool = False
+) -> tuple[Array, Array, Array]:
+    """Return where rays cross neighbouring surfaces (surfaces, n, 2), scene side first, and the points (n, 3) and
+    directions with which they leave them.
+
+    Parameters
+    ----------
+    order
+        Surfaces in the order in which the rays meet them.
+    p, d : (3, n) arrays
+        Points [mm] and unit directions in the medium before the first of them.
+    """
+    sense = 1.0 if towards_film else -1.0
+    heights = np.empty((len(lens.surfaces), p.shape[1], 2))
+    lost = np.zeros(p.shape[1], dtype=bool)
     with np.errstate(all="ignore"):
-        for k in range(len(lens.surfaces) - 1, -1, -1):
+        for k in order:
             vertex = np.array([[0.0], [0.0], [lens.vertices[k]]])
             hits = lens.surfaces[k].meet(p - vertex, d)
-            lost |= ~(hits.met & np.isfinite(hits.distances) & (d[2] < 0))
+            lost |= ~(hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0))
             p = hits.points + vertex
             heights[k] = np.where(lost[:, None], np.nan, p[:2].T)
-            ratio = indices[k + 1] / indices[k]
+            ratio = indices[k] / indices[k + 1] if towards_film else indices[k + 1] / indices[k]
             if ratio != 1.0:
                 d, through = refract(d, hits.normals, hits.cosines, ratio)
                 lost |= ~through
-    out = [np.where(lost[:, None], np.nan, values.T) for values in (p, d)]
-    return Crossings(heights, *out)
+    points, directions = (np.where(lost[:, None], np.nan, values.T) for values in (p, d))
+    return heights[min(order, default=0) : max(order, default=-1) + 1], points, directions

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from rptcam_cl.calibration import COEFFICIENTS, calibrate, calibrate_best, project, subject, view
+from rptcam_cl.calibration.fit import FITTED
 from rptcam_cl.calibration.models import distorted, slopes
-from rptcam_cl.calibration.view import _round_chief_rays
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import chief_ray, film_chief_rays, load_lens
+from rptcam_cl.optics import chief_ray, film_chief_rays, load_lens, round_chief_rays
 from rptcam_cl.scene import load_scene
 
 ALLOWED_PX = 0.05
@@ -280,7 +280,25 @@ def test_chief_rays_of_a_round_lens_are_those_that_are_traced_one_by_one() -> No
     lens, back = seen.setting.lens, seen.setting.film_distance_mm
     film = seen.film_points(seen.grid(13, 11))
     each = film_chief_rays(lens, np.column_stack([film[:, :2], np.full(len(film), lens.film_z(back))]), 587.56)
-    together = _round_chief_rays(lens, np.column_stack([film[:, :2], np.full(len(film), lens.film_z(back))]), 587.56)
+    together = round_chief_rays(lens, np.column_stack([film[:, :2], np.full(len(film), lens.film_z(back))]), 587.56)
     np.testing.assert_allclose(together.directions, each.directions, atol=1e-9)
     np.testing.assert_allclose(together.origins, each.origins, atol=1e-7)
     np.testing.assert_array_equal(together.clear, each.clear)
+
+
+@pytest.mark.parametrize(("lens", "model", "size", "film"), LENSES)
+def test_no_other_parameters_leave_less(lens, model, size, film):
+    seen = camera(lens, size, film)
+    found = calibrate(seen, model).parameters
+    places = seen.grid(*FITTED)
+    directions, lit = seen.directions(places)
+
+    def left(parameters):
+        return np.sum((project(model, parameters, directions[lit]) - places[lit]) ** 2)
+
+    least = left(found)
+    for k in range(len(found)):
+        for share in (1e-6, -1e-6):
+            other = found.copy()
+            other[k] += share * max(abs(found[k]), 0.01)
+            assert left(other) >= least

@@ -93,7 +93,8 @@ def test_a_lens_in_colour_is_traced_once_for_all_pictures_in_the_same_state(monk
 
 def test_light_on_the_axis_and_the_drift_of_the_pupil_come_back(monkeypatch):
     pose = {"eye": [0, 0, 0], "target": [0, 0, -1]}
-    scene = load_scene({"camera": {"kind": "realistic", "lens": NAME, "focus": {"distance_m": 2}, **pose}})
+    lens = "anamorphic-100mm"  # the drift of round lenses is found as fast as it is read
+    scene = load_scene({"camera": {"kind": "realistic", "lens": lens, "focus": {"distance_m": 2}, **pose}})
 
     def forget():
         realistic._remembered_on_axis.cache_clear()
@@ -114,5 +115,5 @@ def test_light_on_the_axis_and_the_drift_of_the_pupil_come_back(monkeypatch):
     assert kept.metadata == made.metadata
     forget()
     with pytest.raises(ComputedError):
-        camera_model(change_scene(scene, camera={"f_number": 4}))
+        camera_model(change_scene(scene, camera={"f_number": 8}))
     forget()
