@@ -34,6 +34,7 @@ from rptcam_cl.optics import (
     LensTransmission,
     axial_irradiance,
     axial_transmittance,
+    disk_irradiance,
     is_tinted,
     on_axis_irradiance,
 )
@@ -79,13 +80,16 @@ def model_of(
     check_film(setting.lens, setting.film_distance_mm, scene)
     lens, back_mm = _shaped(scene, camera, setting.lens), setting.film_distance_mm
     losses = setting.transmission
-    irradiance = paraxial_irradiance if windows else _on_axis_soon if coarse else _on_axis
-    clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, irradiance)
     colour = _colour(scene, setting, lens_colour)
-    balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
     low, high = usable_nm(lens, losses if colour.dispersive else IDEAL)
     sampled_nm = (camera.wavelength_nm, low, high) if colour.dispersive else (camera.wavelength_nm,)
-    pupil = _pupil(scene, camera, setting, lens, sampled_nm, windows, coarse)
+    shares = camera.pupil == "shared" and not (windows or coarse)
+    shared = shared_sampling(scene, setting, sampled_nm) if shares else None
+    on_axis_of = _on_axis if shared is None else _on_axis_of_disk
+    irradiance = paraxial_irradiance if windows else _on_axis_soon if coarse else on_axis_of
+    clear, on_axis = _irradiance(lens, back_mm, camera.wavelength_nm, losses, irradiance)
+    balanced = (IDEAL, clear) if shows_losses(scene) else (losses, on_axis)
+    pupil = shared or _pupil(scene, camera, setting, lens, sampled_nm, windows, coarse)
     if camera.rays == "fitted":
         through = fitted_rays(lens, setting, scene.film, (low, high) if colour.dispersive else None, allowed_px(camera))
     else:
@@ -115,7 +119,7 @@ def model_of(
         axial_weight=on_axis,
         usable_nm=(low, high),
         reach=lens_reach(lens, back_mm, camera.wavelength_nm, _half_film_mm(scene)),
-        axial_colour=_axial_colour(lens, back_mm, *balanced, (low, high)) if colour.dispersive else None,
+        axial_colour=_axial_colour(on_axis_of, lens, back_mm, *balanced, (low, high)) if colour.dispersive else None,
     )
 
 
@@ -155,8 +159,6 @@ def _pupil(
     if windows:
         bounds = frame.bounds(half_film_mm)
         return pupil_in_windows(lens, back_mm, bounds, camera.wavelength_nm, windows, frame)
-    if camera.pupil == "shared" and not coarse and (shared := shared_sampling(scene, setting, sampled_nm)) is not None:
-        return shared
     sampling = coarse_pupil if coarse else pupil_sampling
     tier = "auto" if camera.pupil == "shared" else camera.pupil
     return sampling(lens, back_mm, half_film_mm, sampled_nm, tier, frame)
@@ -172,6 +174,12 @@ def _on_axis(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTrans
     if has_shape(lens):
         return on_axis_irradiance(lens, back_mm, wavelength_nm, losses)
     return _remembered_on_axis(ByContent(lens), back_mm, wavelength_nm, losses)
+
+
+def _on_axis_of_disk(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
+    """Return the same where nothing lies apart from the pupil, as the table shows that states share."""
+    found = None if losses else disk_irradiance(lens, back_mm, wavelength_nm)
+    return _on_axis(lens, back_mm, wavelength_nm, losses) if found is None else found
 
 
 def _on_axis_soon(lens: Lens, back_mm: float, wavelength_nm: float, losses: LensTransmission = IDEAL) -> float:
@@ -247,14 +255,19 @@ def lens_tint(scene: Scene, setting: LensSetting) -> float:
 
 
 def _axial_colour(
-    lens: Lens, back_mm: float, losses: LensTransmission, on_axis: float, range_nm: tuple[float, float]
+    irradiance: Callable[..., float],
+    lens: Lens,
+    back_mm: float,
+    losses: LensTransmission,
+    on_axis: float,
+    range_nm: tuple[float, float],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return wavelengths and the irradiance of each on the axis, over that of the camera's wavelength.
 
     Losses vary faster with the wavelength than pupils do, but almost as they do on the axis itself.
     """
     few, wavelengths = np.linspace(*range_nm, AXIAL_SAMPLES), np.linspace(*range_nm, LOSS_SAMPLES)
-    seen = np.array([_on_axis(lens, back_mm, nm, losses) for nm in few.tolist()]) / on_axis
+    seen = np.array([irradiance(lens, back_mm, nm, losses) for nm in few.tolist()]) / on_axis
     if not losses:
         return few, seen
     slow = np.interp(wavelengths, few, seen / axial_transmittance(lens, few, losses))

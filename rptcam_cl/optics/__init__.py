@@ -5,6 +5,7 @@ towards the film; surfaces are listed scene side first.
 """
 
 from rptcam_cl.optics.absorption import Absorption
+from rptcam_cl.optics.axial_beam import disk_irradiance
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.blur import blur_variances
 from rptcam_cl.optics.chief_fan import round_chief_rays
@@ -198,6 +199,7 @@ __all__ = [
     "crossings",
     "diffraction_mtf",
     "digests_of_lens",
+    "disk_irradiance",
     "document_of",
     "doublet",
     "doublet_radii",

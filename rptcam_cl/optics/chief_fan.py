@@ -81,9 +81,7 @@ def _by_fan(lens: Lens, film_points: Array, wavelength_nm: float) -> ChiefRays |
 def _fans_of(lens: Lens, stop: int, wavelength_nm: float) -> tuple[tuple[float, float], dict[int, _Fan | None]]:
     """Return what all states of the film and of the stop share: height on the plane of the last vertex and slope
     behind it over the tangent at the stop, to first order, and the fans by their width."""
-    at = lens.surfaces[stop]
-    of_stop = at.curvature, at.conic, at.aspheric, at.thickness, at.glass
-    key = lens.surfaces[:stop], of_stop, lens.surfaces[stop + 1 :], lens.object_medium, wavelength_nm
+    key = geometry_but_stop(lens, stop, wavelength_nm)
     if key not in _FANS:
         if len(_FANS) >= REMEMBERED:
             _FANS.clear()
@@ -91,6 +89,13 @@ def _fans_of(lens: Lens, stop: int, wavelength_nm: float) -> tuple[tuple[float, 
         (_, height), (_, slope) = (system_matrix(lens, wavelength_nm, stop) * indices[stop]).tolist()
         _FANS[key] = (height, slope / float(indices[-1])), {}
     return _FANS[key]
+
+
+def geometry_but_stop(lens: Lens, stop: int, wavelength_nm: float) -> tuple[object, ...]:
+    """Return all that rays of a wavelength through a round lens follow from, but how wide its stop is."""
+    at = lens.surfaces[stop]
+    of_stop = at.curvature, at.conic, at.aspheric, at.thickness, at.glass
+    return lens.surfaces[:stop], of_stop, lens.surfaces[stop + 1 :], lens.object_medium, wavelength_nm
 
 
 def _traced(lens: Lens, stop: int, wavelength_nm: float, tangent: float) -> _Fan | None:

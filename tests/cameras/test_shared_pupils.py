@@ -92,6 +92,18 @@ def test_a_cell_is_the_same_from_disk_and_whatever_state_comes_first(
     shared_pupil.forget_shared()
 
 
+@pytest.mark.parametrize("colour", ["off", "on"])
+def test_light_on_the_axis_is_that_of_a_state_with_its_own_table(colour: Any) -> None:
+    scene = scene_of("retrofocus-35mm", 30, 1.5, stop_diameter_mm=8.1)
+    own = camera_model(set_keys(scene, {"camera.pupil": "tight"}), lens_colour=colour)
+    model = camera_model(scene, lens_colour=colour)
+    assert model.metadata["pupil"] == "shared"
+    assert model.on_axis_irradiance == pytest.approx(own.on_axis_irradiance, rel=1e-8)
+    if colour == "on":
+        assert model.axial_colour is not None and own.axial_colour is not None
+        np.testing.assert_allclose(model.axial_colour[1], own.axial_colour[1], rtol=2e-8)
+
+
 @pytest.mark.parametrize(
     "lens, camera",
     [
