@@ -3,7 +3,7 @@
     python -m benchmarks.mesh_rays [--rounds 7] [--mitsuba-python PATH] [--json FILE]
 
 All trace the same rays against the same triangles: camera rays, diffuse bounces of what they hit, the same shuffled,
-and shadow rays to the lamp. Ours are the walks that render, one ray per work item, from launch to finish. Embree runs
+and shadow rays to the lamp. Ours are the walks that render, a pack of rays per work item, from launch to finish. Embree runs
 through embreex (`pip install embreex`), ray by ray in one thread, its packing of the rays included. Mitsuba's
 `ray_intersect` (for shadow rays `ray_test`) runs in the variant `llvm_ad_rgb`, from arrays to distances and triangles.
 What is missing is left out. Rates by CPU time are rays per CPU second times the number of cores.
@@ -35,7 +35,7 @@ from rptcam_cl.rendering.trees.scene_trees import scene_trees
 from tests.support.mesh_scene import write_ply
 
 KERNEL = Path(__file__).with_name("ray_queries.cl")
-GROUP = 16
+GROUP = 4
 SIZE = (1024, 576)  # camera rays
 LEAST_AGREEMENT = 0.9995  # share of rays; the rest graze an edge
 CLOSE = 1e-4  # relative difference of distances that are the same
@@ -71,7 +71,7 @@ class Ours:
         launch, _ = self._bound[rays.name]
 
         def work() -> None:
-            launch.enqueue(rays.count, GROUP)
+            launch.enqueue(rays.count // self._session.lanes, GROUP)
             self._session.finish()
 
         return vars(timed(work))

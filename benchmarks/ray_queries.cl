@@ -1,16 +1,6 @@
-// What single rays meet among the triangles of a scene, by the walks that render: the nearest one, or whether there is any.
+// What rays meet among the triangles of a scene, by the walks that render: the nearest one, or whether there is any.
 #include "common/scene.h"
 #include "geometry/mesh.h"
-
-static OneRay ray_at(const __global float *rays, uint i, uint count)
-{
-    OneRay ray;
-    ray.o = (float3)(rays[i], rays[count + i], rays[2 * count + i]);
-    ray.d = (float3)(rays[3 * count + i], rays[4 * count + i], rays[5 * count + i]);
-    ray.origin = NO_PRIMITIVE;
-    ray.triangle = NO_TRIANGLE;
-    return ray;
-}
 
 __kernel void ray_queries(SCENE_PARAMETERS
                           const __global float *rays,      // [7][count]: o, d, reach
@@ -18,20 +8,26 @@ __kernel void ray_queries(SCENE_PARAMETERS
                           int                   shadow,    // whether anything before reach counts, or the nearest
                           uint                  count)
 {
-    uint i = get_global_id(0);
+    uint i = get_global_id(0) * VW;
     Scene scene = SCENE;
-    OneRay ray = ray_at(rays, i, count);
-    float reach = rays[6 * count + i];
+    Ray ray;
+    ray.o = f3(LOAD_F(rays, i), LOAD_F(rays, count + i), LOAD_F(rays, 2 * count + i));
+    ray.d = f3(LOAD_F(rays, 3 * count + i), LOAD_F(rays, 4 * count + i), LOAD_F(rays, 5 * count + i));
+    ray.origin = (I)(NO_PRIMITIVE);
+    ray.triangle = (I)(NO_TRIANGLE);
+    F reach = LOAD_F(rays, 6 * count + i);
     if (shadow) {
-        hits[i] = meets_triangle(ray, in_world(ray), reach, NO_PRIMITIVE, NO_TRIANGLE, scene) ? 1.0f : 0.0f;
+        I blocked = blocked_by_meshes(ray, reach, ray.origin, ray.triangle, TRUE, scene);
+        STORE_F(hits, i, blocked ? ONE : ZERO);
         return;
     }
-    TriangleHit hit;
+    Hit hit;
     hit.t = reach;
-    hit.triangle = NO_TRIANGLE;
-    hit.b1 = 0.0f;
-    hit.b2 = 0.0f;
-    nearest_triangle(ray, in_world(ray), scene, &hit);
-    hits[i] = hit.t;
-    hits[count + i] = as_float(hit.triangle);
+    hit.primitive = (I)(NO_PRIMITIVE);
+    hit.triangle = (I)(NO_TRIANGLE);
+    hit.b1 = ZERO;
+    hit.b2 = ZERO;
+    nearest_in_meshes(ray, TRUE, scene, &hit);
+    STORE_F(hits, i, hit.t);
+    STORE_I((__global int *)hits, count + i, hit.triangle);
 }

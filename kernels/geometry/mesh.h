@@ -1,4 +1,5 @@
-// Rays of a pack against the meshes of the scene, ray by ray: a tree over triangles serves one ray with whole vectors.
+// Rays of a pack against the meshes of the scene. A step of one ray in a tree over triangles takes whole vectors, so that
+// each ray has a walk of its own; the walks of a pack are taken one by one or side by side.
 // Without HAS_INSTANCES all triangles stand in the world and in one tree. With it the tree at mesh_root holds instances
 // (leaf ~index), each with a tree of its own in the frame of its mesh.
 #ifndef MESH_H
@@ -29,15 +30,15 @@ typedef struct {
 #endif
 } OneRay;
 
-static OneRay one_ray(Ray ray, uint k)
+IN_PLACE static OneRay one_ray(const Ray *ray, uint k)
 {
     OneRay r;
-    r.o = (float3)(LANE_OF(float, ray.o.x, k), LANE_OF(float, ray.o.y, k), LANE_OF(float, ray.o.z, k));
-    r.d = (float3)(LANE_OF(float, ray.d.x, k), LANE_OF(float, ray.d.y, k), LANE_OF(float, ray.d.z, k));
-    r.origin = LANE_OF(int, ray.origin, k);
-    r.triangle = LANE_OF(int, ray.triangle, k);
+    r.o = (float3)(LANE_OF(float, ray->o.x, k), LANE_OF(float, ray->o.y, k), LANE_OF(float, ray->o.z, k));
+    r.d = (float3)(LANE_OF(float, ray->d.x, k), LANE_OF(float, ray->d.y, k), LANE_OF(float, ray->d.z, k));
+    r.origin = LANE_OF(int, ray->origin, k);
+    r.triangle = LANE_OF(int, ray->triangle, k);
 #if HAS_MOTION
-    r.time = LANE_OF(float, ray.time, k);
+    r.time = LANE_OF(float, ray->time, k);
 #endif
     return r;
 }
@@ -111,14 +112,14 @@ IN_PLACE static int block_blocks(int index, BoxRay r, int origin, int target, fl
 static BoxRay in_world(OneRay r) { return box_ray(r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z); }
 
 #if VW > 1
-static BoxRay box_ray_of(const BoxRays *all, OneRay ray, uint k)
+IN_PLACE static BoxRay box_ray_of(const BoxRays *all, OneRay ray, uint k)
 {
     BoxRay r;
     r.ox = ray.o.x; r.oy = ray.o.y; r.oz = ray.o.z;
     r.ix = LANE_OF(float, all->ix, k); r.iy = LANE_OF(float, all->iy, k); r.iz = LANE_OF(float, all->iz, k);
-    r.near_x = (r.ix < 0.0f ? 3u : 0u) * BVH_WIDTH; r.far_x = 3u * BVH_WIDTH - r.near_x;
-    r.near_y = (r.iy < 0.0f ? 4u : 1u) * BVH_WIDTH; r.far_y = 5u * BVH_WIDTH - r.near_y;
-    r.near_z = (r.iz < 0.0f ? 5u : 2u) * BVH_WIDTH; r.far_z = 7u * BVH_WIDTH - r.near_z;
+    r.near_x = LANE_OF(uint, all->near_x, k); r.far_x = LANE_OF(uint, all->far_x, k);
+    r.near_y = LANE_OF(uint, all->near_y, k); r.far_y = LANE_OF(uint, all->far_y, k);
+    r.near_z = LANE_OF(uint, all->near_z, k); r.far_z = LANE_OF(uint, all->far_z, k);
     r.row_x = LANE_OF(uint, all->row_x, k); r.row_y = LANE_OF(uint, all->row_y, k); r.row_z = LANE_OF(uint, all->row_z, k);
     r.px = LANE_OF(float, all->px, k); r.py = LANE_OF(float, all->py, k); r.pz = LANE_OF(float, all->pz, k);
     r.sx = LANE_OF(float, all->sx, k); r.sy = LANE_OF(float, all->sy, k); r.sz = LANE_OF(float, all->sz, k);
@@ -167,140 +168,11 @@ static int origin_within(const __global Instance *instance, int origin, int tria
 }
 #endif
 
-// The nearest triangle before hit->t; its instance is returned. `r` is the ray made ready.
-static int nearest_triangle(OneRay ray, BoxRay r, Scene scene, TriangleHit *hit)
-{
-    int   todo[BVH_STACK];
-    float enter[BVH_STACK];
-    int depth = 0;
-    int node = scene.mesh_root;
-    int found = 0;
-    int origin = ray.triangle;
-#if HAS_INSTANCES
-    BoxRay outside = r;
-    int within = -1;            // instance whose tree is being walked
-    int floor_of = 0;           // depth of the stack below it
-#endif
-    for (;;) {
-        if (node >= 0) {
-            const __global float *n = scene.nodes + (size_t)node * NODE_FLOATS;
-            const __global int *child = (const __global int *)(n + 6 * BVH_WIDTH);
-            Row first;
-            uint bits = hit_boxes(n, r, hit->t, &first);
-            if (bits != 0u) {
-                // The nearest child is next, the others wait in order of distance.
-                const float *t = (const float *)&first;
-                uint k = LOWEST_BIT(bits);
-                bits &= bits - 1u;
-                node = child[k];
-                if (bits == 0u)
-                    continue;
-                float nearest = t[k];
-                int base = depth;
-                while (bits != 0u) {
-                    k = LOWEST_BIT(bits);
-                    bits &= bits - 1u;
-                    float tk = t[k];
-                    int ck = child[k];
-                    if (tk < nearest) {
-                        float further = nearest; nearest = tk; tk = further;
-                        int other = node; node = ck; ck = other;
-                    }
-                    int place = depth;
-                    while (place > base && enter[place - 1] < tk) {
-                        enter[place] = enter[place - 1];
-                        todo[place] = todo[place - 1];
-                        --place;
-                    }
-                    enter[place] = tk;
-                    todo[place] = ck;
-                    ++depth;
-                }
-                continue;
-            }
-        }
-#if HAS_INSTANCES
-        else if (within < 0) {
-            within = ~node;
-            const __global Instance *instance = scene.instances + within;
-            floor_of = depth;
-            node = instance->root;
-            origin = origin_within(instance, ray.origin, ray.triangle);
-            r = in_mesh(instance, ray, scene);
-            continue;
-        } else if (hit_block(~node, r, origin, ray, scene.instances[within].first_primitive, scene, hit))
-            found = within;
+#if SIDE_BY_SIDE
+#include "geometry/mesh_side_by_side.h"
 #else
-        else
-            hit_block(~node, r, origin, ray, scene.instances->first_primitive, scene, hit);
+#include "geometry/mesh_one_by_one.h"
 #endif
-        do {
-#if HAS_INSTANCES
-            if (within >= 0 && depth == floor_of) {
-                within = -1;
-                r = outside;
-            }
-#endif
-            if (depth == 0)
-                return found;
-            --depth;
-        } while (enter[depth] >= hit->t);
-        node = todo[depth];
-    }
-}
-
-// Whether a ray meets a triangle before `reach`. `target_triangle` of the primitive `target` does not count either.
-static int meets_triangle(OneRay ray, BoxRay r, float reach, int target, int target_triangle, Scene scene)
-{
-    int todo[BVH_STACK];
-    int depth = 0;
-    int node = scene.mesh_root;
-    int origin = ray.triangle;
-    int other = target_triangle;
-#if HAS_INSTANCES
-    BoxRay outside = r;
-    int within = -1;
-    int floor_of = 0;
-#else
-    const int within = 0;
-#endif
-    for (;;) {
-        if (node >= 0) {
-            const __global float *n = scene.nodes + (size_t)node * NODE_FLOATS;
-            const __global int *child = (const __global int *)(n + 6 * BVH_WIDTH);
-            Row first;
-            uint bits = hit_boxes(n, r, reach, &first);
-            while (bits != 0u) {
-                uint k = LOWEST_BIT(bits);
-                bits &= bits - 1u;
-                todo[depth++] = child[k];
-            }
-        }
-#if HAS_INSTANCES
-        else if (within < 0) {
-            within = ~node;
-            const __global Instance *instance = scene.instances + within;
-            floor_of = depth;
-            node = instance->root;
-            origin = origin_within(instance, ray.origin, ray.triangle);
-            other = origin_within(instance, target, target_triangle);
-            r = in_mesh(instance, ray, scene);
-            continue;
-        }
-#endif
-        else if (block_blocks(~node, r, origin, other, reach, ray, scene.instances[within].first_primitive, scene))
-            return 1;
-#if HAS_INSTANCES
-        if (within >= 0 && depth == floor_of) {
-            within = -1;
-            r = outside;
-        }
-#endif
-        if (depth == 0)
-            return 0;
-        node = todo[--depth];
-    }
-}
 
 // Lanes of `on` whose ray meets the box round all meshes before `reach`, as hit_boxes tests it.
 static I meets_bounds(Ray ray, F reach, I on, Scene scene)
@@ -327,46 +199,16 @@ static I meets_bounds(Ray ray, F reach, I on, Scene scene)
 // Lowers the hits of the lanes `on` to the nearest triangles.
 static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
 {
-    on = meets_bounds(ray, hit->t, on, scene);
-    I lowered = FALSE;
-    BOX_RAYS(ray.o, ray.d);
-    for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
-        uint k = LOWEST_BIT(rest);
-        TriangleHit best;
-        best.t = LANE_OF(float, hit->t, k);
-        best.triangle = NO_TRIANGLE;
-        best.b1 = 0.0f;
-        best.b2 = 0.0f;
-        OneRay one = one_ray(ray, k);
-        int instance = nearest_triangle(one, BOX_RAY_OF(one, k), scene, &best);
-        if (best.triangle >= 0) {
-            SET_LANE(float, hit->t, k, best.t);
-            SET_LANE(int, hit->primitive, k, scene.instances[instance].first_primitive);
-            SET_LANE(int, hit->triangle, k, best.triangle);
-            SET_LANE(float, hit->b1, k, best.b1);
-            SET_LANE(float, hit->b2, k, best.b2);
-            SET_LANE(int, lowered, k, -1);
-        }
-    }
+    I lowered = nearest_of_lanes(ray, meets_bounds(ray, hit->t, on, scene), scene, hit);
     // Which primitive of its instance a triangle is of: far apart in memory, so all lanes wait for theirs together.
     if (ANY(lowered))
         hit->primitive += lowered ? GATHER(I, scene.triangles, lowered ? hit->triangle : FALSE, .w) : FALSE;
 }
 
-// Lanes of `on` whose ray meets a triangle before `reach`.
+// Lanes of `on` whose ray meets a triangle before `reach`. `target_triangle` of the primitive `target` does not count.
 static I blocked_by_meshes(Ray ray, F reach, I target, I target_triangle, I on, Scene scene)
 {
-    I blocked = FALSE;
-    on = meets_bounds(ray, reach, on, scene);
-    BOX_RAYS(ray.o, ray.d);
-    for (uint rest = LANE_BITS(on); rest != 0u; rest &= rest - 1u) {
-        uint k = LOWEST_BIT(rest);
-        OneRay one = one_ray(ray, k);
-        if (meets_triangle(one, BOX_RAY_OF(one, k), LANE_OF(float, reach, k), LANE_OF(int, target, k),
-                           LANE_OF(int, target_triangle, k), scene))
-            SET_LANE(int, blocked, k, -1);
-    }
-    return blocked;
+    return blocked_of_lanes(ray, reach, target, target_triangle, meets_bounds(ray, reach, on, scene), scene);
 }
 
 #endif
