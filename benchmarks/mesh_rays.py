@@ -3,8 +3,8 @@
     python -m benchmarks.mesh_rays [--rounds 7] [--mitsuba-python PATH] [--json FILE]
 
 All trace the same rays against the same triangles: camera rays, diffuse bounces of what they hit, the same shuffled,
-and shadow rays to the lamp. Ours are the walks that render, a pack of rays per work item, from launch to finish. Embree runs
-through embreex (`pip install embreex`), ray by ray in one thread, its packing of the rays included. Mitsuba's
+and shadow rays to the lamp. Ours are the walks that render, a pack of rays per work item, from launch to finish. Embree
+runs through embreex (`pip install embreex`), ray by ray in one thread, its packing of the rays included. Mitsuba's
 `ray_intersect` (for shadow rays `ray_test`) runs in the variant `llvm_ad_rgb`, from arrays to distances and triangles.
 What is missing is left out. Rates by CPU time are rays per CPU second times the number of cores.
 """
