@@ -1,17 +1,23 @@
 """Tables of pupils that states of a lens near each other share: for pictures that each have another focus or f-number.
 
-States lie in cells of stops and of focus. The table of a cell is traced at its widest stop, for its nearest, middle and
-farthest focus, and holds the pupils of all three; so it holds those in between. The cell follows from the state alone,
-whatever came before it. Rays that the true pupil blocks change noise and nothing else.
+States lie in cells of stops and of focus. The table of a cell is that of its widest stop, and holds the pupils of its
+nearest, middle and farthest focus; so it holds those in between. The cell follows from the state alone, whatever came
+before it. Rays that the true pupil blocks change noise and nothing else.
+
+Cells that differ by the stop alone have their tables from one bundle of rays, traced with the stop wide open, where its
+chief rays come through. In other cells each table is traced.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.cameras.as_made import DESIGN
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
@@ -22,7 +28,7 @@ from rptcam_cl.cameras.setting import LensSetting, Method, design_to_focus, focu
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import keep_arrays, kept_arrays
-from rptcam_cl.optics import FilmProbe, Lens, Wavelengths, shared_shapes
+from rptcam_cl.optics import FilmProbe, Lens, PupilShapes, StoppedPupils, Wavelengths, shared_shapes, stopped_pupils
 from rptcam_cl.scene import Scene
 
 CELLS_OF_A_STOP = 8
@@ -31,14 +37,20 @@ FILM_CELLS = 4  # while the film doubles in size
 BEYOND_FILM = 1.02  # for states whose film is farther away
 FAR_MM = 1e12  # stands for infinity
 REMEMBERED = 256  # cells whose tables are kept, of 30 to 150 kB each
+FEW_REMEMBERED = 32  # cells of focus whose rays are kept, of 1 MB each
 
 
 @dataclass(frozen=True)
 class _Shared:
-    """A table, and last vertex to film [mm] in the state that its film points are of."""
+    """A table, last vertex to film [mm] in the state that its film points are of, and how far from the axis they go."""
 
     sampling: PupilSampling
     back_mm: float
+    radius_mm: float = math.inf
+
+    def holds(self, radius_mm: float, back_mm: float) -> bool:
+        """Return whether it goes as far as a film at another distance."""
+        return radius_mm * self.back_mm / back_mm <= self.radius_mm
 
 
 def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengths) -> PupilSampling | None:
@@ -52,8 +64,10 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     if own or not setting.lens.is_rotational or setting.lens.has_mirrors or film_frame(camera).is_moved:
         return None
     assert distance_mm is not None
-    wide_open = design_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None}))
-    lens = _stopped(without_shape(wide_open), setting.lens)
+    wide_open = without_shape(
+        design_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None}))
+    )
+    lens = _stopped(wide_open, setting.lens)
     length_mm = abs(lens.first_order(camera.wavelength_nm).focal_length_mm)
     if not (math.isfinite(length_mm) and distance_mm > 0):
         return None
@@ -61,9 +75,15 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
     width = FOCUS_CELL / 2 ** max(math.ceil(math.log2(length_mm / (2 * setting.film_distance_mm))), 0)
     cell = math.floor(length_mm / distance_mm / width)
     ends = tuple(min(length_mm / max(at * width, 1e-300), FAR_MM) for at in (cell + 0.5, cell, cell + 1))
-    radius_mm = _rounded_up(BEYOND_FILM * float(np.hypot(*half_film_mm(scene))), FILM_CELLS)
-    found = _remembered(ByContent(lens), ends, radius_mm, camera.focus.method, camera.wavelength_nm, wavelength_nm)
-    return None if found is None else _moved(found, setting.film_distance_mm)
+    corner_mm, back_mm = float(np.hypot(*half_film_mm(scene))), setting.film_distance_mm
+    radius_mm = _rounded_up(BEYOND_FILM * corner_mm, FILM_CELLS)
+    found = None
+    if camera.focus.method == "thick" and lens.stop is not None:
+        cell_of_focus = _CellOfFocus(ByContent(wide_open), ends, radius_mm, camera.wavelength_nm, wavelength_nm)
+        found = _with_stop(cell_of_focus, lens.stop.semi_diameter)
+    if found is None or not found.holds(corner_mm, back_mm):
+        found = _remembered(ByContent(lens), ends, radius_mm, camera.focus.method, camera.wavelength_nm, wavelength_nm)
+    return None if found is None else _moved(found, back_mm)
 
 
 def _rounded_up(value: float, cells: int) -> float:
@@ -85,6 +105,69 @@ def _moved(shared: _Shared, back_mm: float) -> PupilSampling:
     assert isinstance(parameters, PupilGrid)
     scaled = parameters._replace(per_mm_across=parameters.per_mm_across * shared.back_mm / back_mm)
     return replace(shared.sampling, parameters=scaled)
+
+
+@dataclass(frozen=True)
+class _CellOfFocus:
+    """What the cells of all stops have in common: the lens with its stop wide open, the distances of its middle,
+    nearest and farthest focus [mm], and the film."""
+
+    content: ByContent
+    distances_mm: tuple[float, ...]
+    radius_mm: float
+    focused_nm: float
+    wavelength_nm: Wavelengths
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _with_stop(cell: _CellOfFocus, semi_diameter_mm: float) -> _Shared | None:
+    """Return the table of a cell for a stop; None where it has to be traced."""
+    opened = _opened(cell)
+    found = None if opened is None else _of_pupils(*opened, semi_diameter_mm)
+    if found is not None:
+        found.sampling.table.flags.writeable = False
+    return found
+
+
+def _of_pupils(pupils: StoppedPupils, back_mm: float, semi_diameter_mm: float) -> _Shared | None:
+    shapes = pupils.shapes(semi_diameter_mm)
+    return None if shapes is None else _Shared(_of_shapes(shapes), back_mm, pupils.radius_mm)
+
+
+def _of_shapes(shapes: PupilShapes) -> PupilSampling:
+    return replace(tight_sampling(shapes), tier="shared")
+
+
+@lru_cache(maxsize=FEW_REMEMBERED)
+def _opened(cell: _CellOfFocus) -> tuple[StoppedPupils, float] | None:
+    """Return the rays that tables of all stops follow from, also from earlier runs, and last vertex to film [mm]."""
+    name = cell.content.name_of("opened", cell.distances_mm, cell.radius_mm, cell.focused_nm, cell.wavelength_nm)
+    if (kept := kept_arrays(KEPT, name)) is None:
+        kept = _rays(cell)
+        keep_arrays(KEPT, name, *kept)
+    arrays, facts = kept
+    if not arrays:
+        return None
+    rays = (arrays[key].astype(np.float64) for key in ("centres", "reach", "heights"))
+    return StoppedPupils(facts["radius_mm"], *rays), facts["back_mm"]
+
+
+def _rays(cell: _CellOfFocus) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return these rays as they are kept; nothing where they do not say what narrower stops let through."""
+    lens, nm = cell.content.lens, cell.wavelength_nm
+    assert lens.stop is not None
+    try:
+        states = [focused(lens, distance, "film", "thick", cell.focused_nm) for distance in cell.distances_mm]
+        pupils = stopped_pupils(states, cell.radius_mm, nm if isinstance(nm, tuple) else (nm,))
+    except InputError:  # an end of the cell is out of reach, or dark
+        return {}, {}
+    back_mm = states[0][1]
+    widest = None if pupils is None else _of_pupils(pupils, back_mm, lens.stop.semi_diameter)
+    if pupils is None or widest is None or _loses_light(widest, states, pupils.radius_mm / BEYOND_FILM, nm):
+        return {}, {}
+    arrays = {"centres": pupils.centres, "reach": pupils.reach, "heights": pupils.heights}
+    facts = {"radius_mm": pupils.radius_mm, "back_mm": back_mm}
+    return {key: values.astype(np.float32) for key, values in arrays.items()}, facts
 
 
 @lru_cache(maxsize=REMEMBERED)
@@ -126,15 +209,23 @@ def _made(
         shapes = shared_shapes(states, radius_mm, wavelength_nm)
     except InputError:  # an end of the cell is out of reach, or dark
         return None
-    found = _Shared(replace(tight_sampling(shapes), tier="shared"), states[0][1])
-    side_mm = radius_mm / BEYOND_FILM / math.sqrt(2.0)
-    for state, back_mm in states:
-        probe = FilmProbe(state, back_mm, wavelength_nm)
-        if loses_light(_moved(found, back_mm), probe, (side_mm, side_mm)):
-            return None
-    return found
+    found = _Shared(_of_shapes(shapes), states[0][1])
+    return None if _loses_light(found, states, radius_mm / BEYOND_FILM, wavelength_nm) else found
+
+
+def _loses_light(
+    shared: _Shared, states: Sequence[tuple[Lens, float]], radius_mm: float, wavelength_nm: Wavelengths
+) -> bool:
+    """Return whether rays of some state pass that lie well outside of the table."""
+    half_mm = radius_mm / math.sqrt(2.0), radius_mm / math.sqrt(2.0)
+    return any(
+        loses_light(_moved(shared, back_mm), FilmProbe(state, back_mm, wavelength_nm), half_mm)
+        for state, back_mm in states
+    )
 
 
 def forget_shared() -> None:
     """Make the next table of every cell be read or traced anew."""
+    _with_stop.cache_clear()
+    _opened.cache_clear()
     _remembered.cache_clear()

@@ -76,6 +76,7 @@ from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.shapes import Biconic, Form, Toroid, short_radius
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
+from rptcam_cl.optics.stopped_pupils import StoppedPupils, stopped_pupils
 from rptcam_cl.optics.summary import image_circle, lens_info
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.thermal import STANDARD_C, STANDARD_HPA, Thermal, air_index
@@ -173,6 +174,7 @@ __all__ = [
     "Status",
     "StopMask",
     "StopShape",
+    "StoppedPupils",
     "Strehl",
     "Surface",
     "SurfacePose",
@@ -264,6 +266,7 @@ __all__ = [
     "spread_points",
     "star",
     "steps",
+    "stopped_pupils",
     "strehl",
     "system_matrix",
     "takes_steep_light",

@@ -188,18 +188,18 @@ def _one_line(
     # Coarse outlines find out by tracing them whether light reaches the corner; fine ones find how far it reaches.
     lit = radius_mm if fineness is COARSE_OUTLINES else _lit_radius(probes, radius_mm, radial=True)
     lit = max([lit, *(_lit_radius(of, radius_mm * scale, radial=True) / scale for of, scale in beside)])
-    film = _line(lit, fineness.radial_nodes)
+    film = film_line(lit, fineness.radial_nodes)
     centres, axes = _frames(probes, film, radial=True)
     if fineness is COARSE_OUTLINES and not axes.all():
         lit = _lit_radius(probes, radius_mm, radial=True)
-        film = _line(lit, fineness.radial_nodes)
+        film = film_line(lit, fineness.radial_nodes)
         centres, axes = _frames(probes, film, radial=True)
     reaches = [
-        _reach(of[-1], scale * film, _between(centres), _between(axes), fineness, mirrored=True)
+        reach_of(of[-1], scale * film, between(centres), between(axes), fineness, mirrored=True)
         for of, scale in ((probes, 1.0), *beside)
     ]
     reach = np.max(reaches, axis=0)
-    radii = _envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
+    radii = envelope(reach[None], fineness.directions) * (1.0 + fineness.margin)
     if lit < radius_mm:
         radii[:, -EDGE_NODES:] *= 1.0 + EDGE_MARGIN
     return PupilShapes(np.array([lit]), centres[None], axes[None], radii)
@@ -230,17 +230,17 @@ def _lines(
     for k in range(0, count, 2):
         other, mirrored = like[k]
         if other == k and reach[k] > 0:
-            centres[k], axes[k] = (_between(values) for values in _frames(probes[k], _closing_line(reach[k], nodes)))
+            centres[k], axes[k] = (between(values) for values in _frames(probes[k], _closing_line(reach[k], nodes)))
         centres[k], axes[k] = centres[other] * (1.0, -1.0 if mirrored else 1.0), axes[other]
     for values in (centres, axes):
         values[1::2] = (values[::2] + np.roll(values[::2], -1, axis=0)) / 2
     edges = np.zeros((count, 2 * nodes - 1, fineness.directions * DIRECTIONS))
     for k, (other, mirrored) in enumerate(like):
         if other == k and axes[k].any():
-            edges[k] = _reach(probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness)
+            edges[k] = reach_of(probes[k][-1], _closing_line(reach[k], nodes), centres[k], axes[k], fineness)
         edges[k] = np.roll(edges[other][:, ::-1], 1, axis=1) if mirrored else edges[other]
     margin = fineness.tilted_margin if lens.is_rotational else fineness.margin
-    radii = _envelope(edges, fineness.directions) * (1.0 + margin)
+    radii = envelope(edges, fineness.directions) * (1.0 + margin)
     radii[(lit < ends)[::2], -EDGE_NODES:] *= 1.0 + LINE_EDGE_MARGIN
     return PupilShapes(reach[::2], centres[::2, ::2], axes[::2, ::2], radii)
 
@@ -285,7 +285,7 @@ def _held(reach: Array) -> Array:
     return held
 
 
-def _line(reach: float, nodes: int) -> Array:
+def film_line(reach: float, nodes: int) -> Array:
     """Return points (2 nodes - 1, 2) on a line of a length: the nodes and the middles between them."""
     x = _with_middles(np.linspace(0.0, reach, nodes))
     return np.stack([x, np.zeros(len(x))], axis=1)
@@ -344,14 +344,14 @@ def _with_middles(nodes: Array) -> Array:
     return np.interp(np.arange(2 * len(nodes) - 1) / 2, np.arange(len(nodes)), nodes)
 
 
-def _between(values: Array) -> Array:
+def between(values: Array) -> Array:
     """Return values at the nodes of a line (nodes, components) and, by interpolation, at the middles."""
     fine = np.empty((2 * len(values) - 1, *values.shape[1:]))
     fine[::2], fine[1::2] = values, (values[1:] + values[:-1]) / 2
     return fine
 
 
-def _reach(
+def reach_of(
     probe: FilmProbe, film: Array, centres: Array, axes: Array, fineness: Fineness, *, mirrored: bool = False
 ) -> Array:
     """Return how far the pupil reaches in its frame, shape (film points, directions); `mirrored`: as above, so below.
@@ -383,7 +383,7 @@ def _reach(
     return np.concatenate([reach, reach[:, -2:0:-1]], axis=1) if mirrored else reach
 
 
-def _envelope(reach: Array, directions: int) -> Array:
+def envelope(reach: Array, directions: int) -> Array:
     """Return radii at the nodes that, interpolated over film and direction, hold the outlines traced at every point.
 
     Parameters
