@@ -125,6 +125,7 @@ def main(folder: str = "") -> None:
     write_ply(out / "gear.ply", shapes.gear())
     write_ply(out / "stone.ply", shapes.stone(31, 64, 96), uvs=False)
     write_ply(out / "cloth.ply", shapes.cloth())
+    write_ply(out / "cushion.ply", shapes.cushion(), uvs=False)
     write_ply(out / "goblet.ply", shapes.lathe(GOBLET, 96, rounds=2), uvs=False)
     write_ply(out / "wine.ply", shapes.lathe(WINE, 96, rounds=2), uvs=False)
     write_ply(out / "candlestick.ply", shapes.lathe(CANDLESTICK, 72, rounds=2), uvs=False)

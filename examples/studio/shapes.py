@@ -1,4 +1,4 @@
-"""Shapes of the studio as grids of points: lathe work, tubes, stones, a gear, a cloth, a hill, leaves."""
+"""Shapes of the studio as grids of points: lathe work, tubes, stones, a gear, a cloth, a cushion, a hill, leaves."""
 
 from dataclasses import dataclass
 
@@ -132,6 +132,19 @@ def cloth(size: float = 34.0, steps: int = 72) -> Shape:
     y += away * 0.5 * (1 - edge) * (1 + np.sin(0.55 * x + 0.32 * reach + 1.5 * np.sin(0.21 * reach)))
     sheet = grid(np.stack([x, y, z], axis=-1))
     return Shape(sheet.positions, sheet.quads, sheet.uvs)
+
+
+def cushion(steps: int = 56) -> Shape:
+    """Return a square cushion 40 wide about the origin, +y its thickness: sides drawn in, creases from the corners."""
+    line = np.sin(np.linspace(-np.pi / 2, np.pi / 2, steps + 1))
+    u, v = np.meshgrid(line, line, indexing="ij")
+    x, z = 20 * u * (1 - 0.09 * (1 - v**2) * u**2), 20 * v * (1 - 0.09 * (1 - u**2) * v**2)
+    full = np.sqrt((1 - u**2) * (1 - v**2))
+    turn, away = np.arctan2(v, u), np.hypot(u, v)
+    crease = np.sin(9 * turn + 2.3 * np.sin(2 * turn) + 1.7 * u) * np.clip((away - 0.35) / 0.6, 0, 1)
+    top = 8.5 * full**0.8 + 1.5 * full**0.7 * crease - 1.6 * np.exp(-((away / 0.16) ** 2))
+    lower = grid(np.stack([x, -8.5 * full**0.8, z], axis=-1)[::-1])
+    return joined([grid(np.stack([x, top, z], axis=-1)[::-1, ::-1]), Shape(lower.positions, lower.quads, lower.uvs)])
 
 
 def hill(x: Array, z: Array) -> Array:

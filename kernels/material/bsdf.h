@@ -25,6 +25,17 @@ static F3 cosine_direction(F u, F v)
     return f3(r * cs, r * sn, z);
 }
 
+#if HAS_SHEEN
+// A direction about (0, 0, 1) of density 1 / (2 pi).
+static F3 even_direction(F u, F v)
+{
+    F sn, cs;
+    sincos_turns(u, &sn, &cs);
+    F r = root(1.0f - v * v);
+    return f3(r * cs, r * sn, v);
+}
+#endif
+
 // The frame about the normal: x along the tangent where a material is brushed.
 static void surface_frame(Vertex vertex, F3 n, F3 *s, F3 *t)
 {

@@ -42,13 +42,18 @@
     WHEN(HAS_METAL,        EACH(F3,    n,            WHITE_3,          coefficient(material->metal_n, scene))) /* n + ik */ \
     WHEN(HAS_METAL,        EACH(F3,    k,            WHITE_3,          coefficient(material->metal_k, scene))) \
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
-    WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material))) /* sends back */ \
+    WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             metallic_of(material, u, v, scene))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             (F)(material->specular))) \
     WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             (F)(material->transmission))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             (F)(material->coat))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat_alpha,   ONE,              (F)(material->coat_alpha))) \
+    WHEN(HAS_SHEEN,        EACH(F3,    sheen,        BLACK_3,          coefficient(material->sheen, scene))) \
+    WHEN(HAS_SHEEN,        EACH(F,     sheen_alpha,  ONE,              (F)(material->sheen_alpha))) \
+    WHEN(HAS_SHEEN,        EACH(F,     sheen_peak,   ZERO,             (F)(material->sheen_peak))) \
+    WHEN(HAS_SHEEN,        EACH(F,     sheen_half,   ZERO,             (F)(material->sheen_half))) \
+    WHEN(HAS_SHEEN,        EACH(Cover, sheen_cover,  no_cover(),       known_cover(material->sheen_cover, material->sheen_last))) \
     WHEN(HAS_ABSORPTION,   EACH(F3,    absorption,   BLACK_3,          coefficient(material->absorption, scene))) /* 1/m */ \
     WHEN(HAS_GLOW,         EACH(F3,    glow,         BLACK_3,          glow_of(material, u, v, scene)))  /* own radiance */
 
@@ -81,15 +86,15 @@ static Alpha alpha_of(const __global Material *material, F u, F v, Scene scene)
 }
 #endif
 
-#if HAS_ROUGH_PLASTIC
-static Cover known_cover(const __global Material *material)
+#if HAS_ROUGH_PLASTIC || HAS_SHEEN
+static Cover known_cover(float4 first, float last)
 {
     Cover e;
-    e.c0 = (F)(material->cover.x);
-    e.c1 = (F)(material->cover.y);
-    e.c2 = (F)(material->cover.z);
-    e.c3 = (F)(material->cover.w);
-    e.c4 = (F)(material->cover_last);
+    e.c0 = (F)(first.x);
+    e.c1 = (F)(first.y);
+    e.c2 = (F)(first.z);
+    e.c3 = (F)(first.w);
+    e.c4 = (F)(last);
     return e;
 }
 #endif

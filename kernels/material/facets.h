@@ -1,9 +1,10 @@
 // Materials of GGX facets: conductor, metal, rough dielectric, rough plastic, principled. Directions in the frame of the
-// normal on the side of `wi`. One facet normal is drawn for all of them; what light takes to leave it, and the diffuse base
-// and the clear coat that some have, are chosen by one number, and the density is that of the whole mixture.
+// normal on the side of `wi`. One facet normal is drawn for all of them; what light takes to leave it, and the diffuse base,
+// the sheen and the clear coat that some have, are chosen by one number, and the density is that of the whole mixture.
 #ifndef FACETS_H
 #define FACETS_H
 #include "material/bsdf.h"
+#include "material/sheen.h"
 
 // What is the same for every `wo`.
 typedef struct {
@@ -14,6 +15,11 @@ typedef struct {
     F3    base;             // diffuse reflectance that the way in leaves
     Cover cover;
     F     under;            // probability of choosing the base
+#endif
+#if HAS_SHEEN
+    F3    fibres;           // colour of the sheen
+    F     sent;             // share of the light from `wi` that it sends back
+    F     sheen;            // probability of choosing it
 #endif
 #if HAS_CLEARCOAT
     Alpha coat_alpha;
@@ -108,8 +114,8 @@ static Facet facet_of(Vertex vertex, Lobes lobes, F c)
 
 #if HAS_BASE
 // The diffuse base (Kelemen and Szirmay-Kalos 2001): rho (1 - E(wi)) (1 - E(wo)) / (pi (1 - mean of E)) is symmetric, and
-// with rho = 1 gives back all that the cover does not. `weight` is about the albedo of all other lobes.
-static void add_base(Lobes *lobes, Vertex vertex)
+// with rho = 1 gives back all that the cover does not. Returns about the albedo of it and of all lobes so far.
+static F add_base(Lobes *lobes, Vertex vertex)
 {
     F3 rho = f3(ZERO, ZERO, ZERO);
     F mean = ZERO;
@@ -144,6 +150,26 @@ static void add_base(Lobes *lobes, Vertex vertex)
     lobes->base = scale(rho, gets / MAX(whole, (F)(1e-6f)));
     F own = max3(lobes->base) * whole;
     lobes->under = own > 0.0f ? own / (own + others) : ZERO;
+    return own + others;
+}
+#endif
+
+#if HAS_SHEEN
+// Share of the light of cosine `mu` that the sheen keeps from the surface below.
+static F sheen_share(Vertex vertex, F3 fibres, F mu)
+{
+    F share = max3(fibres) * sheen_albedo(vertex.closure.sheen_cover, mu);
+    return MIN(share, ONE);
+}
+
+// Sheen over a surface of about the albedo `below`.
+static void add_sheen(Lobes *lobes, Vertex vertex, I behind, F below)
+{
+    I cloth = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes->clear & behind);
+    lobes->fibres = keep3(cloth, vertex.closure.sheen);
+    lobes->sent = sheen_share(vertex, lobes->fibres, lobes->wi.z);
+    F rest = (1.0f - lobes->sent) * below;
+    lobes->sheen = lobes->sent > 0.0f ? lobes->sent / (lobes->sent + rest) : ZERO;
 }
 #endif
 
@@ -162,7 +188,9 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 #if HAS_REFRACTION
     lobes.eta = (lobes.clear & behind) ? 1.0f / lobes.eta : lobes.eta;
 #endif
-#if HAS_BASE
+#if HAS_SHEEN
+    add_sheen(&lobes, vertex, behind, add_base(&lobes, vertex));
+#elif HAS_BASE
     add_base(&lobes, vertex);
 #endif
 #if HAS_CLEARCOAT
@@ -208,6 +236,14 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
     sum = along(sum, lobes.base, up * (1.0f - cover_albedo(lobes.cover, MAX(wo.z, ZERO))));
     density += lobes.under * (up - density);
 #endif
+#if HAS_SHEEN
+    if (ANY(lobes.sent > 0.0f)) {
+        F kept = sheen_share(vertex, lobes.fibres, absolute(wo.z));
+        sum = scale(sum, 1.0f - MAX(lobes.sent, kept));
+        sum = along(sum, lobes.fibres, sheen_reflect(vertex.closure, lobes.wi, wo, h));
+        density += lobes.sheen * ((wo.z > 0.0f ? 0.5f * INV_PI_F : ZERO) - density);
+    }
+#endif
 #if HAS_CLEARCOAT
     sum = add(scale(sum, taken), f3(coat, coat, coat));
 #endif
@@ -238,9 +274,13 @@ static F3 facets_eval(Vertex vertex, F3 wi, F3 wo, I behind, F *pdf)
 // Chooses `wo`; returns BSDF times cosine over the density, zero where nothing goes on.
 static F3 facets_sample(Vertex vertex, F3 wi, I behind, F u, F v, F lobe, F3 *wo, F *pdf)
 {
-    // Choose the base, the coat or the facets by one number.
+    // Choose the sheen, the base, the coat or the facets by one number.
     Lobes lobes = lobes_of(vertex, wi, behind);
     Alpha alpha = vertex.closure.alpha;
+#if HAS_SHEEN
+    I cloth = lobe < lobes.sheen;
+    lobe = cloth ? ONE : (lobe - lobes.sheen) / (1.0f - lobes.sheen);
+#endif
 #if HAS_BASE
     I under = lobe < lobes.under;
     lobe = under ? lobe : (lobe - lobes.under) / (1.0f - lobes.under);
@@ -274,6 +314,13 @@ static F3 facets_sample(Vertex vertex, F3 wi, I behind, F u, F v, F lobe, F3 *wo
         to = select3(under, cosine_direction(u, v), to);
         h = select3(under, facet_normal(lobes, to), h);
         good = good | under;
+    }
+#endif
+#if HAS_SHEEN
+    if (ANY(cloth)) {
+        to = select3(cloth, even_direction(u, v), to);
+        h = select3(cloth, facet_normal(lobes, to), h);
+        good = good | cloth;
     }
 #endif
     // Weigh the direction by the density of the whole mixture.

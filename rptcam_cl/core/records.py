@@ -88,6 +88,11 @@ MATERIAL = Record(
         ("float4", "metal_k"),
         ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
         ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
+        ("float4", "sheen"),  # colour of light that the fibres of a cloth send back
+        (
+            "float4",
+            "sheen_cover",
+        ),  # logarithm of the share of light that a white sheen sends back: a quartic in root cos
         ("float4", "glow"),  # radiance emitted by a surface that also scatters
         ("int", "kind"),
         ("int", "textured"),  # whether texture coordinates are wanted
@@ -101,6 +106,10 @@ MATERIAL = Record(
         ("float", "transmission"),
         ("float", "coat"),
         ("float", "coat_alpha"),
+        ("float", "sheen_last"),  # of `sheen_cover`
+        ("float", "sheen_alpha"),
+        ("float", "sheen_peak"),  # density of normals in the surface
+        ("float", "sheen_half"),  # logarithm of Lambda at 60 degrees
         ("float", "opacity"),
         ("float", "cutoff"),  # of an opacity mask; 0 where rays pass with a probability
         ("float", "factor"),  # of a mix: share of the second material

@@ -11,6 +11,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import MATERIAL, MaterialKind
 from rptcam_cl.plan.covers import cover_mean, internal_reflectance, rough_cover, smooth_mean
 from rptcam_cl.plan.optical_constants import KnownSpectra, fill_index, metal_constants, metal_spectra
+from rptcam_cl.plan.sheen import sheen_lobe
 from rptcam_cl.plan.textures import TextureTable
 from rptcam_cl.scene import (
     LARGEST_RADIANCE,
@@ -141,6 +142,16 @@ class _Filler:
         record["specular"] = material.specular
         record["transmission"], record["coat"] = material.transmission, material.clearcoat
         record["coat_alpha"] = alpha_pair(material.clearcoat_roughness, 0.0)[0]
+        if max(material.sheen) > 0:
+            self._sheen(record, material)
+
+    def _sheen(self, record: np.void, material: Principled) -> None:
+        record["sheen"][:3] = material.sheen
+        record["sheen"][3] = self._spectra.number(material.sheen)
+        alpha = alpha_pair(material.sheen_roughness, 0.0)[0]
+        lobe = sheen_lobe(alpha)
+        record["sheen_cover"], record["sheen_last"] = lobe.albedo[:4], lobe.albedo[4]
+        record["sheen_alpha"], record["sheen_peak"], record["sheen_half"] = alpha, lobe.peak, lobe.half
 
 
 def _cover(record: np.void, material: Plastic) -> None:
@@ -163,6 +174,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0),
         "HAS_CLEARCOAT": np.any(records["coat"][principled] > 0),
+        "HAS_SHEEN": np.any(records["sheen"][principled] > 0),
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
         "HAS_ROUGHNESS_TEXTURE": np.any(records["roughness_texture"] >= 0),

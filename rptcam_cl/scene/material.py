@@ -16,7 +16,7 @@ from rptcam_cl.scene.texture import Emission, Reflectance, Share
 
 
 class Principled(AbsorbingMaterial, BumpyMaterial):
-    """A mixture of a dielectric over a diffuse or transparent base, and a metal; with a clear coat and emission."""
+    """A mixture of a dielectric over a diffuse or transparent base, and a metal; with sheen, a coat and emission."""
 
     kind: Literal["principled"]
     """Kind of material."""
@@ -47,6 +47,12 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
 
     clearcoat_roughness: Fraction = 0.03
     """Roughness of the clear coat, the root of GGX's alpha."""
+
+    sheen: Albedo = (0.0, 0.0, 0.0)
+    """Colour of the light that fibres standing up from a cloth send back at grazing angles: channels 0 to 1."""
+
+    sheen_roughness: Fraction = 0.5
+    """Roughness of the sheen: the smaller, the nearer it keeps to grazing angles."""
 
     emission: Emission = (0.0, 0.0, 0.0)
     """Radiance emitted from the side of the normal [W/(m² sr) per channel]: a colour, or a texture."""

@@ -70,7 +70,8 @@ class _Translation:
     def _solid(self) -> Dielectric | Principled:
         given = self._given
         clear = given.transmission == 1 and min(given.base_color) == 1 and given.base_texture is None
-        if clear and given.roughness == given.metallic == given.clearcoat == max(given.emission) == 0:
+        plain = given.roughness == given.metallic == given.clearcoat == max(*given.emission, *given.sheen) == 0
+        if clear and plain:
             return Dielectric(
                 kind="dielectric", index=_clipped(given.index, 0.2, 5), **self._absorption(), **self._bumps
             )
@@ -99,6 +100,8 @@ class _Translation:
             "anisotropy": given.anisotropy,
             "clearcoat": given.clearcoat,
             "clearcoat_roughness": given.clearcoat_roughness,
+            "sheen": _within(given.sheen, 1.0),
+            "sheen_roughness": given.sheen_roughness,
         }  # fmt: skip
         return Principled(
             kind="principled",

@@ -58,24 +58,26 @@ def test_numbers_carry_over(read: Read) -> None:
             "KHR_materials_transmission": {"transmissionFactor": 0.9},
             "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]},
             "KHR_materials_clearcoat": {"clearcoatFactor": 0.7, "clearcoatRoughnessFactor": 0.1},
+            "KHR_materials_sheen": {"sheenColorFactor": [0.9, 0.5, 0.1], "sheenRoughnessFactor": 0.3},
         },
     })  # fmt: skip
     assert found == FileMaterial(
         name="paint", base_color=(0.1, 0.2, 0.3), metallic=0.5, roughness=0.25, specular=0.6, opacity=0.4,
         opacity_cutoff=0.3, emission=(0, 4, 8), both_sides=True, index=1.33, transmission=0.9, solid=True,
         attenuation=((1, 0.5, 0), 2), clearcoat=0.7, clearcoat_roughness=0.1,
+        sheen=(0.9, 0.5, 0.1), sheen_roughness=0.3,
     )  # fmt: skip
 
 
 EXTENSIONS = (
     "KHR_materials_emissive_strength", "KHR_materials_ior", "KHR_materials_specular", "KHR_materials_transmission",
-    "KHR_materials_volume", "KHR_materials_clearcoat",
+    "KHR_materials_volume", "KHR_materials_clearcoat", "KHR_materials_sheen",
 )  # fmt: skip
 
 
 @pytest.mark.parametrize("name", EXTENSIONS)
 def test_every_extension_has_its_defaults(read: Read, name: str) -> None:
-    """Strength 1, index 1.5, specular 1, no transmission, no volume of an infinite attenuation distance, no coat."""
+    """Strength 1, index 1.5, specular 1, no transmission, no volume of infinite attenuation distance, coat, sheen."""
     assert material_of(read, {"extensions": {name: {}}}) == material_of(read, {})
 
 
@@ -174,7 +176,12 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
 @pytest.mark.parametrize(
     ("material", "parts", "note"),
     [
-        ({"extensions": {"KHR_materials_sheen": {}}}, {}, "materials[0]: KHR_materials_sheen is left out"),
+        ({"extensions": {"KHR_materials_iridescence": {}}}, {}, "materials[0]: KHR_materials_iridescence is left out"),
+        (
+            {"extensions": {"KHR_materials_sheen": {"sheenColorTexture": {"index": 0}}}},
+            {},
+            "KHR_materials_sheen.sheenColorTexture is left out",
+        ),
         (
             {"extensions": {"KHR_materials_clearcoat": {"clearcoatTexture": {"index": 0}}}},
             {},

@@ -76,3 +76,29 @@ def rough_plastic(wi, wo, color, index, alpha):
     base = plastic_base(wi, wo, color, index, lambda cosine: np.interp(cosine, cosines, shares), mean)
     value, cosine = facet_reflection(wi, wo, alpha)
     return base + (value * dielectric(cosine, index))[:, None]
+
+
+def sheen_lambda(cosine, alpha):
+    """Return Smith's Lambda as Estevez and Kulla 2017 fit it (eq. 3, table 1)."""
+    rough = 1 - (1 - alpha) ** 2
+    soft, hard = (25.3245, 3.32435, 0.16801, -1.27393, -4.85967), (21.5473, 3.82987, 0.19823, -1.97760, -4.32054)
+    a, b, c, d, e = ((1 - rough) * p + rough * q for p, q in zip(soft, hard, strict=True))
+
+    def exponent(x):
+        return a / (1 + b * x**c) + d * x + e
+
+    return np.exp(np.where(cosine < 0.5, exponent(cosine), 2 * exponent(0.5) - exponent(1 - cosine)))
+
+
+def sheen_density(sine, alpha):
+    """Return Estevez and Kulla's D of the sine of the normal's angle."""
+    return (2 + 1 / alpha) * sine ** (1 / alpha) / (2 * np.pi)
+
+
+def sheen(wi, wo, alpha):
+    """Return the value of a white sheen."""
+    h = wi + wo
+    h /= np.linalg.norm(h, axis=1, keepdims=True)
+    d = sheen_density(np.hypot(h[:, 0], h[:, 1]), alpha)
+    masking = 1 / (1 + sheen_lambda(wi[:, 2], alpha) + sheen_lambda(wo[:, 2], alpha))
+    return (d * masking / (4 * wi[:, 2]))[:, None]

@@ -16,7 +16,8 @@ from tests.rendering.test_world import still_life
 LANES = 8
 # Every feature, in one program; no pictures, and each vertex of one material.
 FEATURES = ("MATTE", "MIRROR", "CONDUCTOR", "DIELECTRIC", "METAL", "ROUGH_DIELECTRIC", "PLASTIC", "ROUGH_PLASTIC",
-            "THIN_GLASS", "PRINCIPLED", "ANISOTROPY", "TRANSMISSION", "CLEARCOAT", "TANGENT", "SPHERE")  # fmt: skip
+            "THIN_GLASS", "PRINCIPLED", "ANISOTROPY", "TRANSMISSION", "CLEARCOAT", "SHEEN", "TANGENT",
+            "SPHERE")  # fmt: skip
 FACTS = {f"HAS_{name}": 1 for name in FEATURES} | {"HAS_ABSORPTION": 0, "HAS_GLOW": 0, "VW": LANES}
 
 

@@ -24,10 +24,12 @@ MATERIALS = {
     "coated": {
         "kind": "principled", "base_color": WHITE, "clearcoat": 1.0, "clearcoat_roughness": 0.5, "roughness": 0.9,
     },
+    "cloth": {"kind": "principled", "base_color": WHITE, "roughness": 0.8, "sheen": WHITE, "sheen_roughness": 0.4},
+    "fine cloth": {"kind": "principled", "base_color": 0, "specular": 0, "sheen": WHITE, "sheen_roughness": 0.15},
     "clear": {"kind": "principled", "base_color": WHITE, "transmission": 1.0, "roughness": 0.6},
     "all": {
         "kind": "principled", "base_color": WHITE, "transmission": 0.5, "metallic": 0.2, "clearcoat": 0.6,
-        "clearcoat_roughness": 0.5, "roughness": 0.6,
+        "clearcoat_roughness": 0.5, "roughness": 0.6, "sheen": [0.6, 0.3, 0.1],
     },
 }  # fmt: skip
 COSINES = (1.0, 0.6, 0.15)
@@ -97,7 +99,7 @@ def test_weight_of_a_sample_is_value_over_density(session, name):
 
 
 # Least albedo of each material: what single scattering and the fits of covers lose at most at these angles.
-LEAST = {"matte": 1 - 1e-6, "plastic": 0.999, "rough plastic": 0.96, "principled": 0.95}
+LEAST = {"matte": 1 - 1e-6, "plastic": 0.999, "rough plastic": 0.96, "principled": 0.95, "cloth": 0.87, "fine cloth": 0}
 
 
 @pytest.mark.parametrize("name", MATERIALS)

@@ -5,6 +5,7 @@ import pytest
 
 from rptcam_cl.colour import METALS
 from rptcam_cl.plan.optical_constants import metal_colour, metal_constants, reflectance
+from rptcam_cl.plan.sheen import sheen_lobe
 from tests.device import bsdfs
 from tests.device.scattering import direction, scatter
 
@@ -21,6 +22,7 @@ def gold(cosine):
     return reflectance(np.array(GOLD[0]) + 1j * np.array(GOLD[1]), cosine)
 
 
+BLACK_CLOTH = {"kind": "principled", "base_color": 0, "specular": 0, "sheen": RGB}
 FORMULAS = {
     "matte": ({"kind": "matte", "reflectance": RGB}, lambda i, o: o[:, 2:] / np.pi * RGB),
     "conductor": (
@@ -34,6 +36,13 @@ FORMULAS = {
     "gold": (
         {"kind": "conductor", "metal": "gold", "roughness": 0.5},
         lambda i, o: bsdfs.conductor(i, o, (0.25, 0.25), gold),
+    ),
+    "rough sheen": (BLACK_CLOTH | {"sheen_roughness": 1.0}, lambda i, o: bsdfs.sheen(i, o, 1.0) * RGB),
+    "sheen": (BLACK_CLOTH | {"sheen_roughness": 0.5}, lambda i, o: bsdfs.sheen(i, o, 0.25) * RGB),
+    # below a roughness of 0.25 the formula wins energy: it is divided by the largest share that comes back
+    "fine sheen": (
+        BLACK_CLOTH | {"sheen_roughness": 0.15},
+        lambda i, o: sheen_lobe(0.0225).scale * bsdfs.sheen(i, o, 0.0225) * RGB,
     ),
     "plastic": (
         {"kind": "plastic", "reflectance": RGB, "index": 1.4},
@@ -79,6 +88,13 @@ SYMMETRIC = {
     "plastic": {"kind": "plastic", "reflectance": RGB},
     "rough plastic": {"kind": "plastic", "reflectance": RGB, "alpha": 0.3},
     "principled": {"kind": "principled", "base_color": RGB, "metallic": 0.3, "clearcoat": 0.7, "anisotropy": 0.4},
+    "cloth": {
+        "kind": "principled",
+        "base_color": RGB,
+        "sheen": [0.3, 0.6, 0.9],
+        "sheen_roughness": 0.6,
+        "clearcoat": 0.4,
+    },
 }
 
 
@@ -129,7 +145,10 @@ def test_grazing_light_gives_numbers(session, name, alpha):
 def test_principled_gives_numbers_at_grazing_light(session, metallic, roughness):
     cosines = np.array([0, 1e-30, 1e-12, 1e-6, 1e-3, 0.5, 1.0])
     wi, wo, u, lobe = np.meshgrid(cosines, np.r_[-cosines, cosines], [0, 0.3, 1 - 2**-24], [0, 0.5, 1 - 2**-24])
-    material = {"kind": "principled", "roughness": roughness, "metallic": metallic, "transmission": 0.5, "clearcoat": 1}
+    material = {
+        "kind": "principled", "roughness": roughness, "metallic": metallic, "transmission": 0.5, "clearcoat": 1,
+        "sheen": RGB, "sheen_roughness": roughness,
+    }  # fmt: skip
     for side in (1, -1):
         got = scatter(
             session, material, side * direction(wi.ravel(), 0.1), direction(wo.ravel(), 0.6),

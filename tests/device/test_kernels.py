@@ -54,7 +54,7 @@ EVERY_MATERIAL = {
     "rough plastic": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.3},
     "principled": {
         "kind": "principled", "roughness": IMAGE, "metallic": IMAGE, "transmission": 0.5, "clearcoat": 1, "emission": 1,
-        "normal_map": {"file": IMAGE["file"]},
+        "sheen": 0.5, "normal_map": {"file": IMAGE["file"]},
     },
     "mix": {"kind": "mix", "materials": ["metal", "plastic"]},
 }  # fmt: skip

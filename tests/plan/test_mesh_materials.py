@@ -75,6 +75,10 @@ def keys_of(material: Material) -> dict[str, Any]:
             {"kind": "principled", "transmission": 1.0, "roughness": 0.2, "clearcoat": 0.5},
         ),
         (
+            {"sheen": (0.9, 2, 0.1), "sheen_roughness": 0.3},
+            {"kind": "principled", "sheen": (0.9, 1, 0.1), "sheen_roughness": 0.3},
+        ),
+        (
             {"transmission": 1.0, "base_color": (1, 0.5, 1)},
             {"kind": "thin_glass", "transmittance": (1, 0.5, 1), "index": 1.5},
         ),

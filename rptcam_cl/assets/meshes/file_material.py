@@ -71,6 +71,8 @@ class FileMaterial:
         Whether what is transparent is a solid that refracts, and not a pane without thickness.
     attenuation : (colour, distance) or None
         What a transparent solid leaves of white light after a distance [m].
+    sheen : (red, green, blue)
+        Of fibres at grazing angles, linear, 0 to 1.
     anisotropy : float
         Stretch of highlights across u, 0 to 1.
     """
@@ -98,6 +100,8 @@ class FileMaterial:
     attenuation: tuple[Colour, float] | None = None
     clearcoat: float = 0.0
     clearcoat_roughness: float = 0.0
+    sheen: Colour = (0.0, 0.0, 0.0)
+    sheen_roughness: float = 0.0
     anisotropy: float = 0.0
 
     @property

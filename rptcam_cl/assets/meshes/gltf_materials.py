@@ -24,7 +24,8 @@ WEBP = "EXT_texture_webp"
 
 FOLLOWED = (
     "KHR_materials_anisotropy", "KHR_materials_clearcoat", "KHR_materials_emissive_strength", "KHR_materials_ior",
-    "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit", "KHR_materials_volume",
+    "KHR_materials_sheen", "KHR_materials_specular", "KHR_materials_transmission", "KHR_materials_unlit",
+    "KHR_materials_volume",
 )  # fmt: skip
 
 
@@ -128,6 +129,14 @@ class GltfMaterials:
             )
             for key in ("clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"):
                 self._leave_out(coat, key)
+        for sheen in part.extensions("KHR_materials_sheen"):
+            material = replace(
+                material,
+                sheen=_colour(sheen.numbers("sheenColorFactor", (0.0,) * 3)),
+                sheen_roughness=sheen.number("sheenRoughnessFactor", 0.0, 0, 1),
+            )
+            for key in ("sheenColorTexture", "sheenRoughnessTexture"):
+                self._leave_out(sheen, key)
         for stretch in part.extensions("KHR_materials_anisotropy"):
             material = replace(material, **_stretched(material, stretch.number("anisotropyStrength", 0.0, 0, 1)))
             self._leave_out(stretch, "anisotropyTexture")

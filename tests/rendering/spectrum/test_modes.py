@@ -108,7 +108,7 @@ GREYS = (
     {"kind": "plastic", "reflectance": 0.5, "roughness": 0.4},
     {"kind": "conductor", "reflectance": 0.9, "roughness": 0.4},
     {"kind": "dielectric", "index": 1.5, "roughness": 0.3},
-    {"kind": "principled", "base_color": 0.5, "roughness": 0.5},
+    {"kind": "principled", "base_color": 0.5, "roughness": 0.5, "sheen": 0.4},
 )
 
 

@@ -1,0 +1,90 @@
+"""The sheen of cloth: its shadowing, the share that it sends back, and what it leaves of the surface below."""
+
+import numpy as np
+import pytest
+
+from rptcam_cl.plan.sheen import sheen_albedo, sheen_lobe
+from tests.device import bsdfs
+from tests.device.scattering import direction, scatter
+
+WHITE = [1.0, 1.0, 1.0]
+ALPHAS = [0.01, 0.04, 0.16, 0.36, 1.0]
+
+
+def hemisphere(count):
+    """Directions of equal solid angle."""
+    cosine, turn = np.meshgrid((np.arange(count) + 0.5) / count, (np.arange(count) + 0.5) / count)
+    return direction(cosine.ravel(), turn.ravel())
+
+
+def exact_lambda(cosine, alpha):
+    """Smith's Lambda: the area of all normals seen from a direction over that of the surface."""
+    theta = (np.arange(2000) + 0.5) / 2000 * np.pi / 2
+    turn = (np.arange(1000) + 0.5) / 1000 * np.pi
+    seen = np.sqrt(1 - cosine**2) * np.outer(np.sin(theta), np.cos(turn)) + cosine * np.cos(theta)[:, None]
+    around = 2 * np.pi * np.maximum(seen, 0).mean(axis=1)
+    density = bsdfs.sheen_density(np.sin(theta), alpha)
+    return np.sum(around * density * np.sin(theta)) * np.pi / 4000 / cosine - 1
+
+
+@pytest.mark.parametrize("alpha", [0.25, 0.5, 1.0])
+def test_fitted_lambda_is_nearly_smiths(alpha):
+    # the fit by Estevez and Kulla is their own; a wrong digit of it would show
+    for cosine in (0.05, 0.2, 0.5, 0.8):
+        assert bsdfs.sheen_lambda(np.array(cosine), alpha) == pytest.approx(exact_lambda(cosine, alpha), rel=0.2)
+
+
+@pytest.mark.parametrize("alpha", ALPHAS)
+def test_share_sent_back_is_the_integral_of_the_formula(alpha):
+    wo = hemisphere(600)
+    for cosine in (0.1, 0.4, 0.9):
+        expected = 2 * np.pi * bsdfs.sheen(direction(cosine)[None], wo, alpha).mean()
+        assert sheen_albedo(cosine, alpha) == pytest.approx(expected, rel=3e-3)
+
+
+@pytest.mark.parametrize("alpha", ALPHAS)
+def test_fit_of_the_share_is_from_above_and_close(alpha):
+    lobe = sheen_lobe(alpha)
+    roots = np.linspace(0.1, 1, 60)
+    share = lobe.scale * np.array([sheen_albedo(root**2, alpha) for root in roots])
+    fit = np.exp(sum(c * roots**i for i, c in enumerate(lobe.albedo)))
+    off = fit - share
+    assert off.min() > -0.003
+    assert np.average(off, weights=roots**3) < 0.005
+    assert off.max() < 0.08
+
+
+@pytest.mark.parametrize("alpha", ALPHAS)
+def test_no_direction_gets_back_more_than_arrives(alpha):
+    most = max(sheen_albedo(cosine, alpha) for cosine in np.geomspace(1e-4, 1, 60))
+    assert sheen_lobe(alpha).scale * most <= 1 + 1e-3
+    assert (sheen_lobe(alpha).scale == 1) == (alpha > 0.0625)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.6, 1.0])
+def test_base_gets_what_the_sheen_leaves(session, roughness):
+    base = {"kind": "principled", "base_color": [0.8, 0.4, 0.2], "roughness": 0.7}
+    sheen = {"sheen": [0.2, 0.9, 0.5], "sheen_roughness": roughness}
+    rng = np.random.default_rng(5)
+    wi, wo = (direction(rng.uniform(0.05, 1, 2048), rng.uniform(size=2048)) for _ in range(2))
+    both = scatter(session, base | sheen, wi, wo).value
+    alone = scatter(session, base | {"base_color": 0, "specular": 0} | sheen, wi, wo).value
+    below = scatter(session, base, wi, wo).value
+    cosines = np.linspace(0.2, 1, 40) ** 2
+    share = [sheen_albedo(cosine, roughness**2) for cosine in cosines]
+    # of the largest channel, the lower of both directions
+    kept = 0.9 * np.interp(np.minimum(wi[:, 2], wo[:, 2]), cosines, share)
+    off = (both - alone) / below - (1 - kept[:, None])
+    assert np.abs(off).max() < 0.08  # what the fit of the share may be off where it grazes
+    assert np.abs(off).mean() < 0.02
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.5, 1.0])
+def test_white_cloth_over_a_white_base_keeps_its_light(session, roughness):
+    rng = np.random.default_rng(8)
+    cloth = {"kind": "principled", "base_color": WHITE, "specular": 0, "sheen": WHITE, "sheen_roughness": roughness}
+    for cosine in (0.1, 0.4, 1.0):
+        got = scatter(session, cloth, direction(cosine), numbers=rng.uniform(size=(1 << 17, 3))).weight[:, 1]
+        error = got.std() / np.sqrt(len(got))
+        # the base loses at both directions what the larger share of both is
+        assert 0.85 - 4 * error < got.mean() < 1 + 4 * error, (cosine, got.mean())
