@@ -5,6 +5,8 @@ import sys
 import numpy as np
 import pytest
 
+from rptcam_cl.assets.meshes.gltf_json import JsonNode
+from rptcam_cl.assets.meshes.gltf_packed import meshopt_bytes
 from rptcam_cl.core.errors import InputError
 
 from .conftest import Read
@@ -101,6 +103,22 @@ def test_meshoptimizer_gives_positions_and_indices_back(read: Read) -> None:
     turns = [{tuple(map(tuple, np.roll(face, k, axis=0))) for k in range(3)} for face in POSITIONS[FACES]]
     assert len(corners) == 2
     assert all(any(tuple(map(tuple, face)) in turn for turn in turns) for face in corners)
+
+
+def test_filters_of_meshoptimizer_are_undone(read: Read) -> None:
+    # by the words of EXT_meshopt_compression: x, y and one of octahedral normals; mantissa and exponent of numbers
+    library = pytest.importorskip("meshoptimizer")
+    octahedral = np.array([[0, 0, 127, 5], [127, 0, 127, 6], [40, -40, 127, 7]], np.int8)
+    third = 40 / np.sqrt(2 * 40**2 + 47**2) * 127  # z is what x and y leave of one
+    normals = [[0, 0, 127, 5], [127, 0, 0, 6], [round(third), -round(third), round(47 / 40 * third), 7]]
+    exponents = np.array([[3 | 255 << 24], [5 | 2 << 24], [(1 << 24) - 7]], np.uint32)
+    for rows, way, expected, kind in (
+        (octahedral, "OCTAHEDRAL", normals, np.int8),
+        (exponents, "EXPONENTIAL", [[1.5], [20.0], [-7.0]], np.float32),
+    ):
+        packed = library.encode_vertex_buffer(rows.view(np.uint8), 3, 4)
+        words = JsonNode({"count": 3, "byteStride": 4, "mode": "ATTRIBUTES", "filter": way}, "view")
+        assert meshopt_bytes(words, packed).view(kind).reshape(3, -1).tolist() == expected
 
 
 @pytest.mark.parametrize("changes", [{"mode": "POINTS"}, {"filter": "BLUR"}, {"count": 2**30}])
