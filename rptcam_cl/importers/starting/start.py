@@ -30,6 +30,13 @@ LUMENS_PER_WATT = 683.0  # KHR_lights_punctual counts candelas and lux, a scene 
 MOST_OPEN = 2.8  # f-number of a first picture, or the widest of a slower lens
 PLAIN = {"kind": "plastic", "reflectance": 0.5, "roughness": 0.4}  # of a model whose file has no material
 ROUND_TO = 6  # digits
+PLAUSIBLE = (0.01, 20.0)  # [m], the longest side of what one takes a picture of
+UNITS = (
+    0.001,
+    0.01,
+    100.0,
+    1000.0,
+)  # what models are wrong by: millimetres and centimetres taken for metres, or twice so
 
 
 @dataclass(frozen=True)
@@ -111,6 +118,8 @@ class _Stage:
         """Return the scene."""
         start, subject, wishes = self._start, self._subject, self._wishes
         start.report += subject.notes
+        if wishes.model is not None:
+            start.report += _doubts_of_size(subject, wishes.metres_per_unit)
         camera = None if wishes.reframe or not subject.cameras else subject.cameras[0]
         width, height = wishes.size
         if camera is not None and camera.aspect is not None:
@@ -262,6 +271,23 @@ def _light(light: GltfLight) -> dict[str, Any]:
 def _size(subject: Subject, unit: float) -> str:
     low, high = subject.bounds
     return " x ".join(f"{side * unit:.3g}" for side in high - low) + " m"
+
+
+def _doubts_of_size(subject: Subject, unit: float) -> list[str]:
+    """Return what to say of a model that nobody would photograph at that size, so that its unit must be another."""
+    low, high = subject.bounds
+    size = float((high - low).max()) * unit
+    if size == 0 or PLAUSIBLE[0] <= size <= PLAUSIBLE[1]:
+        return []
+    factors = [factor for factor in UNITS if PLAUSIBLE[0] <= size * factor <= PLAUSIBLE[1]]
+    factors = factors or [10.0 ** -math.floor(math.log10(size))]
+    ways = " or ".join(f"--metres-per-unit {unit * factor:g} (then {length(size * factor)})" for factor in factors)
+    return [f"hint: the model is {length(size)} long; if that is not its true size, say {ways}"]
+
+
+def length(metres: float) -> str:
+    """Return a length in words, in millimetres below a tenth of a metre."""
+    return f"{metres:.3g} m" if metres >= 0.1 else f"{1000 * metres:.3g} mm"
 
 
 def _digits(value: float) -> float:

@@ -73,6 +73,28 @@ def test_small_model_is_framed_as_near_as_the_lens_focuses(tmp_path: Path, home:
     assert start.scene["camera"]["focus"]["distance_m"] < 0.4
 
 
+@pytest.mark.parametrize(
+    ("scale", "unit", "said"),
+    [
+        (100, 1, "the model is 200 m long; if that is not its true size, say --metres-per-unit 0.001 (then 0.2 m) or"
+                 " --metres-per-unit 0.01 (then 2 m)"),
+        (1e-3, 1, "the model is 2 mm long; if that is not its true size, say --metres-per-unit 100 (then 0.2 m) or"
+                  " --metres-per-unit 1000 (then 2 m)"),
+        (1e7, 1e-3, "--metres-per-unit 1e-06 (then 20 m)"),
+        (9, 1, ""), (1, 0.005, ""), (5, 1e-3, ""),
+    ],
+)  # fmt: skip
+def test_unlikely_size_of_a_model_is_said_with_the_unit_that_mends_it(
+    tmp_path: Path, home: Path, scale: float, unit: float, said: str
+) -> None:
+    corners = "".join(f"v {scale * x} {scale * y} 0\n" for x, y in ((-1, 0), (1, 0), (0, 1)))
+    (tmp_path / "helmet.obj").write_text(corners + "f 1 2 3\n")
+    report = starting_scene(Wishes(tmp_path / "helmet.obj", metres_per_unit=unit), home).report
+    hints = [line for line in report if line.startswith("hint: ")]
+    assert len(hints) == bool(said)
+    assert all(hint.endswith(said) for hint in hints)
+
+
 def test_files_from_elsewhere_are_copied_and_others_are_not_replaced(model: Path, home: Path) -> None:
     start = starting_scene(Wishes(model), home)
     assert {path.name for path in start.copies.write()} == {"gem.obj", "gem.mtl"}
