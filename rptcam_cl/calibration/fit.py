@@ -6,6 +6,7 @@ at other places than those of the fit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 
@@ -84,10 +85,31 @@ class Calibration:
 
 @dataclass(frozen=True)
 class Seen:
-    """Places of a picture and their directions in the scene, where it has light."""
+    """Places of a picture and their directions in the scene, where it has light.
+
+    Attributes
+    ----------
+    places, directions : (n, 2), (n, 3) arrays
+    weights : (n,) array
+        How many places of the picture each stands for.
+    middle : (2,) array or None
+        Of a picture of which a quarter stands for all.
+    """
 
     places: Array
     directions: Array
+    weights: Array
+    middle: Array | None
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Centres of cells that part a picture, or its upper left quarter, evenly: places (rows, columns, 2), their
+    directions and which have light."""
+
+    places: Array
+    directions: Array
+    lit: Mask
 
 
 def calibrate(view: View, model: str) -> Calibration:
@@ -100,30 +122,43 @@ def calibrate(view: View, model: str) -> Calibration:
     """
     if model not in COEFFICIENTS:
         raise InputError(f"model: unknown camera model (got {model}; allowed {', '.join(COEFFICIENTS)})")
-    seen, (cells, directions, lit) = _samples(view)
-    if len(seen.places) < LEAST_PLACES:
+    seen, cells = _samples(view)
+    count = int(seen.weights.sum())
+    if count < LEAST_PLACES:
         raise InputError(
-            f"{view.name}: the picture shows nothing to fit a camera model to: light reaches {len(seen.places)} of"
+            f"{view.name}: the picture shows nothing to fit a camera model to: light reaches {count} of"
             f" {FITTED[0] * FITTED[1]} places (allowed: a film inside the image circle)"
         )
-    if not in_reach(model, np.concatenate([seen.directions, directions[lit]])).all():
+    directions = cells.directions[cells.lit]
+    if not in_reach(model, np.concatenate([seen.directions, directions])).all():
         widest = np.degrees(np.arccos(seen.directions[:, 2].min()))
         raise InputError(
             f"{view.name}: {model} has no place for a direction {widest:.1f} degrees from the axis"
             f" (allowed: {BY_ANGLE}, or a film with less field)"
         )
     parameters = _fitted(model, seen)
-    errors = np.full_like(cells, np.nan)
-    errors[lit] = project(model, parameters, directions[lit]) - cells[lit]
-    lengths = np.linalg.norm(errors[lit], axis=1)
+    errors = np.full_like(cells.places, np.nan)
+    errors[cells.lit] = project(model, parameters, directions) - cells.places[cells.lit]
+    if seen.middle is not None:
+        for axis, number in enumerate(CHECKED):
+            errors = _unfolded(errors, number, axis)
+    squares = errors[..., 0] ** 2 + errors[..., 1] ** 2
+    lit = np.isfinite(squares)
     return Calibration(
         model,
         parameters,
-        float(lengths.max()),
-        float(np.sqrt(np.mean(lengths**2))),
-        errors.reshape(CHECKED[1], CHECKED[0], 2),
+        math.sqrt(squares[lit].max()),
+        math.sqrt(squares[lit].mean()),
+        errors,
         float(lit.mean()),
     )
+
+
+def _unfolded(errors: Array, count: int, axis: int) -> Array:
+    """Return the errors of some columns (axis 0) or rows, the first half of which is given, by their mirror image."""
+    first = errors[:, : count // 2] if axis == 0 else errors[: count // 2]
+    other = np.flip(first, axis=1 - axis) * np.where(np.arange(2) == axis, -1.0, 1.0)
+    return np.concatenate([errors, other], axis=1 - axis)
 
 
 def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Calibration:
@@ -145,52 +180,70 @@ def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Cali
 
 
 @lru_cache(maxsize=8)
-def _samples(view: View) -> tuple[Seen, tuple[Array, Array, Mask]]:
-    """Return what the fit goes by, and the cells' centres with their directions and which have light."""
-    places = view.grid(*FITTED)
-    x, y = ((np.arange(count) + 0.5) * side / count for count, side in zip(CHECKED, view.size, strict=True))
-    cells = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    found, lit = view.directions(np.concatenate([places, cells]))
+def _samples(view: View) -> tuple[Seen, Cells]:
+    """Return what the fit goes by, and what its residual is measured at."""
+    (width, height), middle = view.size, np.array(view.size) / 2 if view.is_mirrored else None
+    x, y = (np.linspace(0.0, side, n) for side, n in zip((width, height), FITTED, strict=True))
+    at_x, at_y = ((np.arange(n) + 0.5) * side / n for side, n in zip((width, height), CHECKED, strict=True))
+    if middle is not None:
+        x, y, at_x, at_y = (values[: (len(values) + 1) // 2] for values in (x, y, at_x, at_y))
+    places, cells = (np.stack(np.meshgrid(*axes), axis=-1) for axes in ((x, y), (at_x, at_y)))
+    places = places.reshape(-1, 2)
+    weights = np.ones(len(places)) if middle is None else np.prod(np.where(places < middle, 2.0, 1.0), axis=1)
+    found, lit = view.directions(np.concatenate([places, cells.reshape(-1, 2)]))
     n = len(places)
-    return Seen(places[lit[:n]], found[:n][lit[:n]]), (cells, found[n:], lit[n:])
+    seen = Seen(places[lit[:n]], found[:n][lit[:n]], weights[lit[:n]], middle)
+    return seen, Cells(cells, found[n:].reshape(*cells.shape[:2], 3), lit[n:].reshape(cells.shape[:2]))
 
 
 def _fitted(model: str, seen: Seen) -> Array:
     """Return the parameters whose sum of squared errors is least."""
     points = normal_points(model, seen.directions)
-    start = _pinhole(points, seen.places)
+    start = _pinhole(points, seen)
     if model == "pinhole":
         return start
+    names = (*INTRINSICS, *COEFFICIENTS[model])
+    # What does not look the same in a mirror is zero where the picture does.
+    free = [k for k, name in enumerate(names) if seen.middle is None or name[0] in "fk"]
+    fixed, root = np.concatenate([start, np.zeros(len(names) - 4)]), np.sqrt(seen.weights)[:, None]
 
-    def errors(parameters: Array) -> Array:
+    def whole(values: Array) -> Array:
+        parameters = fixed.copy()
+        parameters[free] = values
+        return parameters
+
+    def errors(values: Array) -> Array:
+        parameters = whole(values)
         bent = distorted(model, parameters[4:], points)
-        return np.asarray(bent * parameters[:2] + parameters[2:4] - seen.places).ravel()
+        return np.asarray((bent * parameters[:2] + parameters[2:4] - seen.places) * root).ravel()
 
-    def derivatives(parameters: Array) -> Array:
-        return slopes(model, parameters, points).reshape(2 * len(points), -1)
+    def derivatives(values: Array) -> Array:
+        return (slopes(model, whole(values), points)[..., free] * root[..., None]).reshape(2 * len(points), -1)
 
     count = len(COEFFICIENTS[model])
     if count in (4, 5):
-        return least_squares(errors, derivatives, _radial_start(model, points, seen.places), NEAR)
+        return whole(least_squares(errors, derivatives, _radial_start(model, points, seen)[free], NEAR))
     simpler = _fitted("brown_conrady" if count == 8 else "rational", seen)
     starts = [np.concatenate([simpler, np.zeros(4 + count - len(simpler))])]
     if count == 8:
         starts.append(_rational_start(simpler, points, seen.places))
     square = np.sum(points * points, axis=1)
-    found = [least_squares(errors, derivatives, begin) for begin in starts]
+    found = [whole(least_squares(errors, derivatives, begin[free])) for begin in starts]
     good = [one for one in found if denominator(one[4:], np.linspace(0.0, 1.1 * square.max(), 200)).min() > 0]
-    return min(good or [starts[0]], key=lambda one: float(np.sum(errors(one) ** 2)))
+    return min(good or [starts[0]], key=lambda one: float(np.sum(errors(one[free]) ** 2)))
 
 
-def _pinhole(points: Array, places: Array) -> Array:
+def _pinhole(points: Array, seen: Seen) -> Array:
     """Return fx, fy, cx, cy by a linear fit."""
-    middles, means = points.mean(axis=0), places.mean(axis=0)
-    across = points - middles
-    focal = np.sum(across * (places - means), axis=0) / np.sum(across * across, axis=0)
-    return np.concatenate([focal, means - focal * middles])
+    weights, places, middle = seen.weights[:, None], seen.places, seen.middle
+    none = np.zeros(2)
+    centre, mean = (none, middle) if middle is not None else (points.mean(axis=0), places.mean(axis=0))
+    across = (points - centre) * weights
+    focal = np.sum(across * (places - mean), axis=0) / np.sum(across * (points - centre), axis=0)
+    return np.concatenate([focal, mean - focal * centre])
 
 
-def _radial_start(model: str, points: Array, places: Array) -> Array:
+def _radial_start(model: str, points: Array, seen: Seen) -> Array:
     """Return parameters by a linear fit: of places x that are cx and x times a polynomial of the squared distance."""
     square = np.sum(points * points, axis=1)
     reach, count = square.max(), len(COEFFICIENTS[model]) - 2 * (model != BY_ANGLE)
@@ -200,7 +253,12 @@ def _radial_start(model: str, points: Array, places: Array) -> Array:
     found = []
     for k in (0, 1):
         rows = np.column_stack([points[:, k, None] * powers, np.ones(len(points))])
-        found.append(np.linalg.lstsq(rows.T @ rows, rows.T @ places[:, k])[0])
+        if seen.middle is not None:  # as far to the other side is as much
+            rows[:, -1] = 0.0
+        weighted = rows.T * seen.weights
+        offset = 0.0 if seen.middle is None else seen.middle[k]
+        found.append(np.linalg.lstsq(weighted @ rows, weighted @ (seen.places[:, k] - offset))[0])
+        found[-1][-1] += offset
     (fx, *_, cx), (fy, *_, cy) = found
     bent = np.mean([values[1:-1] / values[0] for values in found], axis=0) / reach ** np.arange(1, count + 1)
     if model == BY_ANGLE:

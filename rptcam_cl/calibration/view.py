@@ -97,6 +97,13 @@ class View:
         return self.window[2:]
 
     @property
+    def is_mirrored(self) -> bool:
+        """Whether left and right, and top and bottom of the picture see the same through a round lens."""
+        camera, whole = self.scene.camera, self.size == self.scene.film.resolution
+        round_ = isinstance(camera, RealisticCamera) and self.setting is not None and self.setting.lens.is_rotational
+        return round_ and whole and not film_frame(camera).is_moved
+
+    @property
     def axes(self) -> Array:
         """Directions of computer vision (columns) in the camera's frame, (3, 3)."""
         return UPRIGHT if self.scene.camera.flip else TURNED

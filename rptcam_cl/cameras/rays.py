@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from functools import lru_cache
 from typing import Any
 
@@ -58,7 +58,10 @@ def traced_rays(
         records = _records(lens, camera.wavelength_nm, film_distance_mm, double, dispersive, losses)
     else:
         content = ByContent(lens)
-        records = _remembered_records(content, camera.wavelength_nm, film_distance_mm, double, dispersive, losses)
+        records = _remembered_records(content, camera.wavelength_nm, double, dispersive, losses)
+        surfaces = records.surfaces.copy()
+        surfaces[0]["gap"] = film_distance_mm
+        records = replace(records, surfaces=surfaces)
     facts = records.facts | ({"LENS_FLOAT64": 1} if double else {})
     return LensRays(
         SURFACE_BY_SURFACE, records.surfaces, records.stop, facts, metadata={"lens_precision": camera.precision}
@@ -77,12 +80,12 @@ def _records(
 def _remembered_records(
     content: ByContent,
     wavelength_nm: float,
-    film_distance_mm: float,
     double: bool,
     dispersive: bool,
     losses: LensTransmission,
 ) -> LensRecords:
-    records = _records(content.lens, wavelength_nm, film_distance_mm, double, dispersive, losses)
+    """Return the records of a lens whose film is yet to be placed."""
+    records = _records(content.lens, wavelength_nm, 0.0, double, dispersive, losses)
     records.surfaces.flags.writeable = records.stop.flags.writeable = False
     return records
 

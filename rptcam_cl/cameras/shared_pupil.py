@@ -68,7 +68,7 @@ def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengt
         design_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None}))
     )
     lens = _stopped(wide_open, setting.lens)
-    length_mm = abs(lens.first_order(camera.wavelength_nm).focal_length_mm)
+    length_mm = abs(wide_open.first_order(camera.wavelength_nm).focal_length_mm)
     if not (math.isfinite(length_mm) and distance_mm > 0):
         return None
     # The film of a lens much shorter than its focal length moves by more of its distance.

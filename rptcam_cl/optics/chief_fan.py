@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 NODES = (20, 40)  # of a fan, where the first are too few
 EXACT = 1e-12  # share of a quantity that its last polynomials may have
+ROUNDING = 3e-15  # share that is left out
 STEPS_OF_TANGENT = 8  # widths of fans while the tangent at the stop doubles
 WIDER = 12  # steps by which a fan may have to be wider than first-order optics says
 PLACES = 65  # at which a search begins
@@ -122,9 +123,11 @@ def _with_nodes(lens: Lens, stop: int, wavelength_nm: float, tangent: float, cou
         return None
     polynomials = 2.0 / count * np.cos(np.outer(np.arange(count), angles)) @ values
     polynomials[0] /= 2
-    if np.any(np.abs(polynomials[-2:]) > EXACT * np.abs(values).max(axis=0)):
+    shares = np.abs(polynomials) / np.maximum(np.abs(values).max(axis=0), 1e-300)
+    if np.any(shares[-2:] > EXACT):
         return None
-    return _Fan(tangent, polynomials)
+    last = int(np.flatnonzero((shares > ROUNDING).any(axis=1))[-1])
+    return _Fan(tangent, polynomials[: max(last, 1) + 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +162,13 @@ class _Fan:
 
     def _terms(self, tangents: Array) -> Array:
         """Return the Chebyshev polynomials (n, nodes) at some tangents."""
-        places = 2 * (tangents / self.tangent) ** 2 - 1
-        return np.asarray(np.polynomial.chebyshev.chebvander(places, len(self.polynomials) - 1), np.float64)
+        places = np.clip(2 * (tangents / self.tangent) ** 2 - 1, -1.0, 1.0)
+        found = np.empty((len(self.polynomials), len(places)))
+        found[0], found[1] = 1.0, places
+        for k in range(2, len(found)):
+            np.multiply(found[k - 1], 2 * places, out=found[k])
+            found[k] -= found[k - 2]
+        return found.T
 
     def chief_rays(self, lens: Lens, radii: Array, back_mm: float) -> ChiefRays | None:
         """Return the chief rays of film points on +x at distances (n,) from the axis; None where it goes not so far."""
