@@ -10,23 +10,23 @@
 
 typedef struct { float4 lower, upper; } Box;
 
-static float4 smaller(float4 a, float4 b) { return a < b ? a : b; }
-static float4 larger(float4 a, float4 b)  { return a > b ? a : b; }
+static inline float4 smaller(float4 a, float4 b) { return a < b ? a : b; }
+static inline float4 larger(float4 a, float4 b)  { return a > b ? a : b; }
 
-static Box empty_box(void)
+static inline Box empty_box(void)
 {
     Box box = { (float4)(BIG), (float4)(-BIG) };
     return box;
 }
 
-static Box joined(Box a, Box b)
+static inline Box joined(Box a, Box b)
 {
     Box box = { smaller(a.lower, b.lower), larger(a.upper, b.upper) };
     return box;
 }
 
 // w is cleared, as an index taken for a float is a denormal number: slow to reckon with.
-static Box read_box(__global const float4 *boxes, int i)
+static inline Box read_box(__global const float4 *boxes, int i)
 {
     Box box = { boxes[2 * i], boxes[2 * i + 1] };
     box.lower.w = 0.0f;
@@ -35,18 +35,18 @@ static Box read_box(__global const float4 *boxes, int i)
 }
 
 // The tiny share of the edges' length tells boxes apart that have no area: those of points on a line.
-static float half_area(Box box, float scale)
+static inline float half_area(Box box, float scale)
 {
     float4 e = (box.upper - box.lower) * scale;
     return e.x * e.y + e.y * e.z + e.z * e.x + 1e-12f * (e.x + e.y + e.z);
 }
 
-static int blocks_of(int count, int leaf_bits) { return (count + (1 << leaf_bits) - 1) >> leaf_bits; }
+static inline int blocks_of(int count, int leaf_bits) { return (count + (1 << leaf_bits) - 1) >> leaf_bits; }
 
-static float component(float4 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
+static inline float component(float4 v, int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
 // `origin` and `scale` span the centroids of a node; the result is the same in every kernel, as nothing can be fused.
-static int bin_of(float centroid, float origin, float scale)
+static inline int bin_of(float centroid, float origin, float scale)
 {
     int bin = (int)((centroid - origin) * scale);
     return bin < 0 ? 0 : bin > BINS - 1 ? BINS - 1 : bin;
@@ -54,7 +54,7 @@ static int bin_of(float centroid, float origin, float scale)
 
 // Bins per unit of centroid; 0 where the centroids coincide, which puts all into bin 0. The factor keeps the last
 // centroid within the last bin.
-static float bin_scale(float low, float high)
+static inline float bin_scale(float low, float high)
 {
     return high - low > CLOSEST ? 0.9999f * (float)BINS / (high - low) : 0.0f;
 }

@@ -10,7 +10,7 @@ typedef struct {
     float            shrink;     // scale of half_area
 } Tree;
 
-static void replace_child(Tree tree, int parent, int old, int node)
+static inline void replace_child(Tree tree, int parent, int old, int node)
 {
     __global int2 *pair = tree.children + (parent - tree.leaves);
     if (pair->x == old)
@@ -40,7 +40,7 @@ static float refit(Tree tree, int node)
 }
 
 // Takes a node's parent, with the node, out of the tree; returns the area won.
-static float take_out(Tree tree, int node)
+static inline float take_out(Tree tree, int node)
 {
     int parent = tree.parents[node], above = tree.parents[parent];
     float won = node_area(tree.boxes, parent, tree.shrink);
@@ -49,7 +49,7 @@ static float take_out(Tree tree, int node)
 }
 
 // Puts a node's parent, with the node, above `place`; returns the area won, which is negative.
-static float put_in(Tree tree, int node, int place)
+static inline float put_in(Tree tree, int node, int place)
 {
     int parent = tree.parents[node], above = tree.parents[place];
     replace_child(tree, above, place, parent);

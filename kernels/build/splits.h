@@ -5,12 +5,12 @@
 #define SPLITS_H
 #include "build/boxes.h"
 
-static float cost_of(Box part, int count, int leaf_bits, float shrink)
+static inline float cost_of(Box part, int count, int leaf_bits, float shrink)
 {
     return count > 0 ? half_area(part, shrink) * (float)blocks_of(count, leaf_bits) : INFINITY;
 }
 
-static void swap_boxes(__global float4 *boxes, int i, int j)
+static inline void swap_boxes(__global float4 *boxes, int i, int j)
 {
     float4 lower = boxes[2 * i], upper = boxes[2 * i + 1];
     boxes[2 * i] = boxes[2 * j];
@@ -20,12 +20,12 @@ static void swap_boxes(__global float4 *boxes, int i, int j)
 }
 
 // Halves made of whole blocks, in the order that is: for primitives whose centroids coincide.
-static int halves(int begin, int end, int leaf_bits)
+static inline int halves(int begin, int end, int leaf_bits)
 {
     return begin + ((blocks_of(end - begin, leaf_bits) + 1) / 2 << leaf_bits);
 }
 
-static float doubled_centroid(__global const float4 *boxes, int i, int axis)
+static inline float doubled_centroid(__global const float4 *boxes, int i, int axis)
 {
     return component(boxes[2 * i], axis) + component(boxes[2 * i + 1], axis);
 }

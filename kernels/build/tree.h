@@ -4,13 +4,13 @@
 #define TREE_H
 #include "build/boxes.h"
 
-static int sibling(__global const int2 *children, int leaves, int parent, int node)
+static inline int sibling(__global const int2 *children, int leaves, int parent, int node)
 {
     int2 pair = children[parent - leaves];
     return pair.x == node ? pair.y : pair.x;
 }
 
-static float node_area(__global const float4 *boxes, int node, float shrink)
+static inline float node_area(__global const float4 *boxes, int node, float shrink)
 {
     return half_area(read_box(boxes, node), shrink);
 }

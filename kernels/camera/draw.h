@@ -19,8 +19,8 @@ typedef struct {
 #endif
 } Draw;
 
-static Draw draw_of(Lane lane, uint2 seed, const __global Camera *camera, const __global float *filter,
-                    const __global float *colours)
+static inline Draw draw_of(Lane lane, uint2 seed, const __global Camera *camera, const __global float *filter,
+                           const __global float *colours)
 {
     Draw draw;
     draw.lane = lane;

@@ -6,19 +6,19 @@
 #include "common/records.h"
 #include "common/sampler.h"
 
-static F film_x(Lane lane, F jitter, const __global Camera *camera)
+static inline F film_x(Lane lane, F jitter, const __global Camera *camera)
 {
     return (2.0f * (TO_F(lane.x) + jitter) - camera->width) * camera->per_width;
 }
 
-static F film_y(Lane lane, F jitter, const __global Camera *camera)
+static inline F film_y(Lane lane, F jitter, const __global Camera *camera)
 {
     return (camera->height - 2.0f * (TO_F(lane.y) + jitter)) * camera->per_height;
 }
 
 #if FILM_MOVED
 // The point of a moved film that shows (x, y) of the picture: to the right, up, and behind where the film's centre stands.
-static F3 moved_film(F x, F y, const __global Camera *camera)
+static inline F3 moved_film(F x, F y, const __global Camera *camera)
 {
     return f3(camera->film_centre.x - x * camera->film_across.x - y * camera->film_up.x,
               camera->film_centre.y - x * camera->film_across.y - y * camera->film_up.y,

@@ -9,7 +9,7 @@
 
 #if FILTER
 // Turns a number in [0, 1) into a place in the pixel, 0.5 being its centre, and returns the weight there.
-static F filter_sign(F *u, const __global float *filter)
+static inline F filter_sign(F *u, const __global float *filter)
 {
     F scaled = *u * (float)FILTER;
     I cell = TO_I(scaled);

@@ -4,9 +4,9 @@
 #include "lens/surface.h"
 #include "lens/ray_map.h"
 
-static CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
-                            const __global float *tables, const __global Surface *surfaces,
-                            const __global float *stop)
+static inline CameraRay camera_ray(Lane lane, F4 u, F wavelength, const __global Camera *camera,
+                                   const __global float *tables, const __global Surface *surfaces,
+                                   const __global float *stop)
 {
     const __global float *map = tables + camera->own.realistic.first_polynomial;
     Aimed ray = aimed_ray(lane, u, wavelength, camera, tables);

@@ -12,7 +12,7 @@
 #define TRAJECTORY
 #endif
 
-static F3 from_camera(const __global Camera *c, F3 v)
+static inline F3 from_camera(const __global Camera *c, F3 v)
 {
     return f3(c->right.x * v.x + c->up.x * v.y + c->back.x * v.z, c->right.y * v.x + c->up.y * v.y + c->back.y * v.z,
               c->right.z * v.x + c->up.z * v.y + c->back.z * v.z);

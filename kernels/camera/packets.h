@@ -15,8 +15,8 @@ typedef struct {
 #endif
 } Packet;
 
-static Packet enter_packet(Draw draw, const __global Camera *camera, const __global float *tables,
-                           const __global Surface *surfaces, const __global float *stop)
+static inline Packet enter_packet(Draw draw, const __global Camera *camera, const __global float *tables,
+                                  const __global Surface *surfaces, const __global float *stop)
 {
     Packet packet;
     packet.draw = draw;
@@ -48,7 +48,7 @@ static void cross_lens(Packet *packets, const __global Camera *camera, const __g
 #endif
 }
 
-static CameraRay leave_packet(const Packet *packet, const __global Camera *camera)
+static inline CameraRay leave_packet(const Packet *packet, const __global Camera *camera)
 {
 #if CAMERA_PACKETS > 1
     return leave_camera(packet->ray, leave_lens(&packet->ray.path), camera);

@@ -9,7 +9,7 @@ typedef struct {
     LensPath path;
 } Underway;
 
-static Underway enter_camera(Lane lane, F4 u, F wavelength, const __global Camera *camera, const __global float *tables)
+static inline Underway enter_camera(Lane lane, F4 u, F wavelength, const __global Camera *camera, const __global float *tables)
 {
     Underway ray;
     ray.aimed = aimed_ray(lane, u, wavelength, camera, tables);
@@ -19,7 +19,7 @@ static Underway enter_camera(Lane lane, F4 u, F wavelength, const __global Camer
     return ray;
 }
 
-static CameraRay leave_camera(Underway ray, LensRay out, const __global Camera *camera)
+static inline CameraRay leave_camera(Underway ray, LensRay out, const __global Camera *camera)
 {
     CameraRay r = behind_lens(ray.aimed, out.p, out.d, out.passed, out.status, camera);
 #if LENS_LOSSES

@@ -8,7 +8,7 @@
 #include "common/records.h"
 
 // `u` chooses a moment of those during which the shutter is open.
-static F moment_of(Lane lane, F u, const __global float4 *trajectory)
+static inline F moment_of(Lane lane, F u, const __global float4 *trajectory)
 {
     float4 shutter = trajectory[0];
     return shutter.y + shutter.z * TO_F(lane.x) + shutter.w * TO_F(lane.y) + shutter.x * u;

@@ -11,7 +11,7 @@
 #define LEAST_COSINE 1e-3f   // of a photon's direction: below, power per area of the surface has no digits
 
 // Whether a vertex takes its caustics from photons.
-static I receives(Vertex vertex, I role)
+static inline I receives(Vertex vertex, I role)
 {
     I kind = vertex.kind;
     I taking = (kind == MATERIAL_MATTE) | (kind == MATERIAL_PLASTIC) | (kind == MATERIAL_ROUGH_PLASTIC)
@@ -20,7 +20,7 @@ static I receives(Vertex vertex, I role)
 }
 
 // What one photon adds to the radiance against d.
-static F3 light_of_photon(Eight photon, Vertex vertex, F3 d, F weight, Scene scene)
+static inline F3 light_of_photon(Eight photon, Vertex vertex, F3 d, F weight, Scene scene)
 {
     F3 way = from_octahedral(AS_I(photon.f[6]));
     F pdf;

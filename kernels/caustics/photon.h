@@ -12,7 +12,7 @@
 #define ROLE_SURFACE   1     // smooth glass or a mirror, where photons start
 #define ROLE_RECEIVER  2     // where they end
 
-static I octahedral(F3 d)
+static inline I octahedral(F3 d)
 {
     F s = 1.0f / (absolute(d.x) + absolute(d.y) + absolute(d.z));
     F x = d.x * s, y = d.y * s;
@@ -23,7 +23,7 @@ static I octahedral(F3 d)
     return TO_I(x * 32767.0f + 32768.0f) | (TO_I(y * 32767.0f + 32768.0f) << 16);
 }
 
-static F3 from_octahedral(I packed)
+static inline F3 from_octahedral(I packed)
 {
     F x = (TO_F(packed & 0xffff) - 32767.5f) * (1.0f / 32767.0f);
     F y = (TO_F((packed >> 16) & 0xffff) - 32767.5f) * (1.0f / 32767.0f);
@@ -36,7 +36,7 @@ static F3 from_octahedral(I packed)
 }
 
 // What a primitive is to caustics, of the lanes `on`.
-static I caustic_role(I on, I primitive, Scene scene)
+static inline I caustic_role(I on, I primitive, Scene scene)
 {
     I known = (on & (primitive >= 0)) ? primitive : FALSE;
     return on ? GATHER(I, scene.caustic_roles, known, ) : FALSE;

@@ -19,7 +19,7 @@ static F turns_of(F x, F y)
 }
 
 // The same from 0 to 1.
-static F turns_around(F x, F y)
+static inline F turns_around(F x, F y)
 {
     F t = turns_of(x, y);
     return t < 0.0f ? t + 1.0f : t;
@@ -27,6 +27,6 @@ static F turns_around(F x, F y)
 
 // How far a direction, at a height above the horizon and this far from the axis, is on the way from straight down to
 // straight up, by angle: 0 to 1.
-static F share_upwards(F height, F aside) { return 0.5f + 2.0f * turns_of(aside, height); }
+static inline F share_upwards(F height, F aside) { return 0.5f + 2.0f * turns_of(aside, height); }
 
 #endif

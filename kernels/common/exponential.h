@@ -4,7 +4,7 @@
 #define EXPONENTIAL_H
 #include "common/math.h"
 
-static F exponential(F x)
+static inline F exponential(F x)
 {
     F bounded = MAX(x, (F)(-87.0f));
     F k = floor(bounded * 1.44269504f + 0.5f);

@@ -9,28 +9,28 @@
 
 typedef struct { F x, y, z; } F3;
 
-static F3 f3(F x, F y, F z)           { F3 r; r.x = x; r.y = y; r.z = z; return r; }
-static F3 f3_of(float4 v)             { return f3((F)(v.x), (F)(v.y), (F)(v.z)); }
-static F3 add(F3 a, F3 b)             { return f3(a.x + b.x, a.y + b.y, a.z + b.z); }
-static F3 sub(F3 a, F3 b)             { return f3(a.x - b.x, a.y - b.y, a.z - b.z); }
-static F3 mul(F3 a, F3 b)             { return f3(a.x * b.x, a.y * b.y, a.z * b.z); }
-static F3 scale(F3 a, F s)            { return f3(a.x * s, a.y * s, a.z * s); }
-static F3 along(F3 o, F3 d, F t)      { return f3(o.x + t * d.x, o.y + t * d.y, o.z + t * d.z); }
-static F  dot3(F3 a, F3 b)            { return a.x * b.x + a.y * b.y + a.z * b.z; }
-static F3 select3(I m, F3 a, F3 b)    { return f3(m ? a.x : b.x, m ? a.y : b.y, m ? a.z : b.z); }
-static F3 keep3(I m, F3 a)            { return select3(m, a, f3(ZERO, ZERO, ZERO)); }
-static F  max3(F3 a)                  { F m = MAX(a.x, a.y); return MAX(m, a.z); }
-static F  root(F x)                   { return sqrt(MAX(x, ZERO)); }
-static F  absolute(F x)               { return AS_F(AS_I(x) & ~SIGN_BIT); }
-static F  with_sign(F x, F s)         { return AS_F((AS_I(x) & ~SIGN_BIT) | (AS_I(s) & SIGN_BIT)); }
-static F3 normalized(F3 a)            { return scale(a, ONE / sqrt(dot3(a, a))); }
-static F3 cross3(F3 a, F3 b)
+static inline F3 f3(F x, F y, F z)           { F3 r; r.x = x; r.y = y; r.z = z; return r; }
+static inline F3 f3_of(float4 v)             { return f3((F)(v.x), (F)(v.y), (F)(v.z)); }
+static inline F3 add(F3 a, F3 b)             { return f3(a.x + b.x, a.y + b.y, a.z + b.z); }
+static inline F3 sub(F3 a, F3 b)             { return f3(a.x - b.x, a.y - b.y, a.z - b.z); }
+static inline F3 mul(F3 a, F3 b)             { return f3(a.x * b.x, a.y * b.y, a.z * b.z); }
+static inline F3 scale(F3 a, F s)            { return f3(a.x * s, a.y * s, a.z * s); }
+static inline F3 along(F3 o, F3 d, F t)      { return f3(o.x + t * d.x, o.y + t * d.y, o.z + t * d.z); }
+static inline F  dot3(F3 a, F3 b)            { return a.x * b.x + a.y * b.y + a.z * b.z; }
+static inline F3 select3(I m, F3 a, F3 b)    { return f3(m ? a.x : b.x, m ? a.y : b.y, m ? a.z : b.z); }
+static inline F3 keep3(I m, F3 a)            { return select3(m, a, f3(ZERO, ZERO, ZERO)); }
+static inline F  max3(F3 a)                  { F m = MAX(a.x, a.y); return MAX(m, a.z); }
+static inline F  root(F x)                   { return sqrt(MAX(x, ZERO)); }
+static inline F  absolute(F x)               { return AS_F(AS_I(x) & ~SIGN_BIT); }
+static inline F  with_sign(F x, F s)         { return AS_F((AS_I(x) & ~SIGN_BIT) | (AS_I(s) & SIGN_BIT)); }
+static inline F3 normalized(F3 a)            { return scale(a, ONE / sqrt(dot3(a, a))); }
+static inline F3 cross3(F3 a, F3 b)
 {
     return f3(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x);
 }
 
 // Integer test: survives compilers that assume finite numbers.
-static I not_finite(F x)              { return (AS_I(x) & ~SIGN_BIT) >= INFINITE; }
+static inline I not_finite(F x)              { return (AS_I(x) & ~SIGN_BIT) >= INFINITE; }
 
 // sin and cos of 2 pi u for u in [0, 1]: quarter turns by rounding, then Taylor polynomials on +-pi/4 (error < 4e-7).
 static void sincos_turns(F u, F *sine, F *cosine)
@@ -49,7 +49,7 @@ static void sincos_turns(F u, F *sine, F *cosine)
 }
 
 // A right-handed frame with z = n: Duff et al. 2017, «Building an orthonormal basis, revisited».
-static void frame(F3 n, F3 *s, F3 *t)
+static inline void frame(F3 n, F3 *s, F3 *t)
 {
     F sign = with_sign(ONE, n.z);
     F a = -1.0f / (sign + n.z);
@@ -58,15 +58,15 @@ static void frame(F3 n, F3 *s, F3 *t)
     *t = f3(b, sign + n.y * n.y * a, -n.y);
 }
 
-static F3 from_frame(F3 s, F3 t, F3 n, F3 v)
+static inline F3 from_frame(F3 s, F3 t, F3 n, F3 v)
 {
     return f3(s.x * v.x + t.x * v.y + n.x * v.z, s.y * v.x + t.y * v.y + n.y * v.z, s.z * v.x + t.z * v.y + n.z * v.z);
 }
 
-static F3 to_frame(F3 s, F3 t, F3 n, F3 v) { return f3(dot3(s, v), dot3(t, v), dot3(n, v)); }
+static inline F3 to_frame(F3 s, F3 t, F3 n, F3 v) { return f3(dot3(s, v), dot3(t, v), dot3(n, v)); }
 
 // An affine map held as three rows: points take the translation, vectors do not.
-static F  row_point(float4 r, F3 p)   { return r.x * p.x + r.y * p.y + r.z * p.z + r.w; }
-static F  row_vector(float4 r, F3 d)  { return r.x * d.x + r.y * d.y + r.z * d.z; }
+static inline F  row_point(float4 r, F3 p)   { return r.x * p.x + r.y * p.y + r.z * p.z + r.w; }
+static inline F  row_vector(float4 r, F3 d)  { return r.x * d.x + r.y * d.y + r.z * d.z; }
 
 #endif

@@ -14,7 +14,7 @@
 typedef struct { I x, y; U pixel, sample; I inside; } Lane;
 
 // The place in the film's buffers of a pixel of the wave.
-static uint film_place(uint pixel, Wave wave, const __global uint *tiles)
+static inline uint film_place(uint pixel, Wave wave, const __global uint *tiles)
 {
     uint index = wave.first_pixel + pixel;
     return (tiles[index >> 6] << 6) | (index & 63u);
@@ -23,7 +23,7 @@ static uint film_place(uint pixel, Wave wave, const __global uint *tiles)
 // Where a stream keeps the camera ray of a slot: those of neighbouring pixels together, one sample after the other.
 #define RAYS_TOGETHER 16u
 
-static uint record_of(uint slot, Wave wave)
+static inline uint record_of(uint slot, Wave wave)
 {
     uint step = slot / wave.pixels;
     uint pixel = slot - step * wave.pixels;

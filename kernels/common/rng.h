@@ -22,9 +22,9 @@ static U4 hash4(U pixel, U sample, U dimension, uint2 seed)
 }
 
 // 24 bits give every float in [0, 1 - 2^-24] exactly.
-static F unit_float(U x) { return TO_F(AS_I(x >> 8)) * 5.9604644775390625e-8f; }
+static inline F unit_float(U x) { return TO_F(AS_I(x >> 8)) * 5.9604644775390625e-8f; }
 
-static F4 unit_floats(U4 x)
+static inline F4 unit_floats(U4 x)
 {
     F4 r;
     r.a = unit_float(x.a); r.b = unit_float(x.b); r.c = unit_float(x.c); r.d = unit_float(x.d);

@@ -19,7 +19,7 @@ typedef struct { F a, b; } Pair;
 // another order, which makes them independent of the rest.
 #define DEEP 6u     // dimension of the third vertex's direction
 
-static U reversed_bits(U x)
+static inline U reversed_bits(U x)
 {
     x = ((x >> 1) & 0x55555555u) | ((x & 0x55555555u) << 1);
     x = ((x >> 2) & 0x33333333u) | ((x & 0x33333333u) << 2);
@@ -30,7 +30,7 @@ static U reversed_bits(U x)
 
 // A random permutation of the binary tree of digits (Laine and Karras 2011, with the multipliers of Vegdahl 2021): every
 // 2^k aligned samples stay together.
-static U nested_permutation(U x, U seed)
+static inline U nested_permutation(U x, U seed)
 {
     x ^= x * 0x3d20adeau;
     x += seed;
@@ -39,7 +39,7 @@ static U nested_permutation(U x, U seed)
     return x ^ (x * 0x53a22864u);
 }
 
-static U component(U dimension, uint camera, uint light, uint first, uint second)
+static inline U component(U dimension, uint camera, uint light, uint first, uint second)
 {
     U direction = dimension == 2u ? (U)(first) : (U)(second);
     return (dimension & 1u) != 0u ? (U)(light) : (dimension == 0u ? (U)(camera) : direction);
@@ -61,7 +61,7 @@ static F4 random4(U pixel, U sample, U dimension, uint2 seed)
 
 // What holds for a whole path: `a` chooses its wavelength, `b` its time. Two components of the lattice more, searched for
 // pairs with all others.
-static Pair path_numbers(U pixel, U sample, uint2 seed)
+static inline Pair path_numbers(U pixel, U sample, uint2 seed)
 {
     U4 x = hash4(pixel, (U)(0u), (U)(1u), seed);
     U phi = reversed_bits(sample);
@@ -72,12 +72,12 @@ static Pair path_numbers(U pixel, U sample, uint2 seed)
 }
 
 #else
-static F4 random4(U pixel, U sample, U dimension, uint2 seed)
+static inline F4 random4(U pixel, U sample, U dimension, uint2 seed)
 {
     return unit_floats(hash4(pixel, sample, dimension, seed));
 }
 
-static Pair path_numbers(U pixel, U sample, uint2 seed)
+static inline Pair path_numbers(U pixel, U sample, uint2 seed)
 {
     U4 x = hash4(pixel, sample, (U)(1u), seed);
     Pair r;

@@ -6,7 +6,7 @@
 typedef struct { F f[8]; } Eight;
 
 #if VW == 1
-static Eight load_eight(const __global float *p, I offset)
+static inline Eight load_eight(const __global float *p, I offset)
 {
     float8 v = vload8(0, p + offset);
     Eight e;
@@ -15,7 +15,7 @@ static Eight load_eight(const __global float *p, I offset)
     return e;
 }
 
-static void store_eight(__global float *p, uint first, Eight e)
+static inline void store_eight(__global float *p, uint first, Eight e)
 {
     vstore8((float8)(e.f[0], e.f[1], e.f[2], e.f[3], e.f[4], e.f[5], e.f[6], e.f[7]), first, p);
 }
@@ -25,7 +25,7 @@ static void store_eight(__global float *p, uint first, Eight e)
 #define QUAD_LO(a, b) ((float8)((a).s0, (a).s1, (b).s0, (b).s1, (a).s4, (a).s5, (b).s4, (b).s5))
 #define QUAD_HI(a, b) ((float8)((a).s2, (a).s3, (b).s2, (b).s3, (a).s6, (a).s7, (b).s6, (b).s7))
 
-static void transpose8(float8 *r)
+static inline void transpose8(float8 *r)
 {
     float8 a = PAIR_LO(r[0], r[1]), b = PAIR_HI(r[0], r[1]), c = PAIR_LO(r[2], r[3]), d = PAIR_HI(r[2], r[3]);
     float8 e = PAIR_LO(r[4], r[5]), f = PAIR_HI(r[4], r[5]), g = PAIR_LO(r[6], r[7]), h = PAIR_HI(r[6], r[7]);
@@ -35,7 +35,7 @@ static void transpose8(float8 *r)
     r[4] = (float8)(p.hi, u.hi); r[5] = (float8)(q.hi, v.hi); r[6] = (float8)(s.hi, w.hi); r[7] = (float8)(t.hi, x.hi);
 }
 
-static void load_rows(const __global float *p, int8 i, float8 *r)
+static inline void load_rows(const __global float *p, int8 i, float8 *r)
 {
     r[0] = vload8(0, p + i.s0); r[1] = vload8(0, p + i.s1); r[2] = vload8(0, p + i.s2); r[3] = vload8(0, p + i.s3);
     r[4] = vload8(0, p + i.s4); r[5] = vload8(0, p + i.s5); r[6] = vload8(0, p + i.s6); r[7] = vload8(0, p + i.s7);
@@ -76,7 +76,7 @@ static void store_eight(__global float *p, uint first, Eight e)
 typedef float8 __attribute__((aligned(4))) EightInMemory;
 
 // Both 8 x 8 squares of eight registers turned at once.
-static Eight turned_squares(float16 r0, float16 r1, float16 r2, float16 r3, float16 r4, float16 r5, float16 r6, float16 r7)
+static inline Eight turned_squares(float16 r0, float16 r1, float16 r2, float16 r3, float16 r4, float16 r5, float16 r6, float16 r7)
 {
     float16 a = LO_FLOATS(r0, r1), b = HI_FLOATS(r0, r1), c = LO_FLOATS(r2, r3), d = HI_FLOATS(r2, r3);
     float16 e = LO_FLOATS(r4, r5), f = HI_FLOATS(r4, r5), g = LO_FLOATS(r6, r7), h = HI_FLOATS(r6, r7);
@@ -88,20 +88,20 @@ static Eight turned_squares(float16 r0, float16 r1, float16 r2, float16 r3, floa
     return out;
 }
 
-static float16 row_pair(const __global float *p, int a, int b)
+static inline float16 row_pair(const __global float *p, int a, int b)
 {
     float8 low = *(const __global EightInMemory *)(p + a), high = *(const __global EightInMemory *)(p + b);
     return __builtin_shufflevector(low, high, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
 }
 
-static Eight load_eight(const __global float *p, I i)
+static inline Eight load_eight(const __global float *p, I i)
 {
     return turned_squares(row_pair(p, i.s0, i.s8), row_pair(p, i.s1, i.s9), row_pair(p, i.s2, i.sa),
                           row_pair(p, i.s3, i.sb), row_pair(p, i.s4, i.sc), row_pair(p, i.s5, i.sd),
                           row_pair(p, i.s6, i.se), row_pair(p, i.s7, i.sf));
 }
 
-static void store_eight(__global float *p, uint first, Eight e)
+static inline void store_eight(__global float *p, uint first, Eight e)
 {
     Eight rows = turned_squares(e.f[0], e.f[1], e.f[2], e.f[3], e.f[4], e.f[5], e.f[6], e.f[7]);
     __global EightInMemory *to = (__global EightInMemory *)(p + (size_t)first * 8);

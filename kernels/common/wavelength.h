@@ -19,7 +19,7 @@
 #endif
 
 #if SPECTRUM
-static F wavelength_sample_of(U pixel, U sample, uint2 seed)
+static inline F wavelength_sample_of(U pixel, U sample, uint2 seed)
 {
     F wavelength_sample = path_numbers(pixel, sample, seed).a;
 #if LENS_SPLITS
@@ -28,7 +28,7 @@ static F wavelength_sample_of(U pixel, U sample, uint2 seed)
     return wavelength_sample;
 }
 
-static F wavelength_of(F wavelength_sample, const __global float *colours)
+static inline F wavelength_of(F wavelength_sample, const __global float *colours)
 {
     F place = absolute(wavelength_sample) * (float)WAVELENGTH_CELLS;
     I cell = TO_I(place);
@@ -38,12 +38,12 @@ static F wavelength_of(F wavelength_sample, const __global float *colours)
 }
 
 // As polynomials of indices take it.
-static F inverse_wavelength(F wavelength_sample, const __global float *colours)
+static inline F inverse_wavelength(F wavelength_sample, const __global float *colours)
 {
     return (float)DISPERSION_SCALE / wavelength_of(wavelength_sample, colours) - (float)DISPERSION_SHIFT;
 }
 
-static F3 cell_weight(I cell, const __global float *colours)
+static inline F3 cell_weight(I cell, const __global float *colours)
 {
     return f3(GATHER(F, colours, cell * 4 + 1, ), GATHER(F, colours, cell * 4 + 2, ),
               GATHER(F, colours, cell * 4 + 3, ));
@@ -53,7 +53,7 @@ static F3 cell_weight(I cell, const __global float *colours)
 // The cells of a path's three wavelengths.
 typedef struct { I x, y, z; } Cells;
 
-static Cells cells_of(F wavelength_sample)
+static inline Cells cells_of(F wavelength_sample)
 {
     Cells c;
     c.x = TO_I(absolute(wavelength_sample) * (float)WAVELENGTH_CELLS);
@@ -65,7 +65,7 @@ static Cells cells_of(F wavelength_sample)
 }
 
 // What a path's light at its three wavelengths adds to the film.
-static F3 film_value(F3 light, F wavelength_sample, const __global float *colours)
+static inline F3 film_value(F3 light, F wavelength_sample, const __global float *colours)
 {
     Cells c = cells_of(wavelength_sample);
     F3 sum = scale(cell_weight(c.x, colours), light.x);
@@ -75,13 +75,13 @@ static F3 film_value(F3 light, F wavelength_sample, const __global float *colour
 }
 #else
 // How much of red, green and blue light has the path's wavelength: 1 in the mean.
-static F3 share_of_wavelength(F wavelength_sample, const __global float *colours)
+static inline F3 share_of_wavelength(F wavelength_sample, const __global float *colours)
 {
     return cell_weight(TO_I(absolute(wavelength_sample) * (float)WAVELENGTH_CELLS), colours);
 }
 
 // What a path's light adds to the film. What glass of the scene has split is weighted already.
-static F3 film_value(F3 light, F wavelength_sample, const __global float *colours)
+static inline F3 film_value(F3 light, F wavelength_sample, const __global float *colours)
 {
 #if LENS_SPLITS
     light = mul(light, share_of_wavelength(wavelength_sample, colours));
@@ -102,13 +102,13 @@ typedef struct {
 #define SURFACE_COLOURS ((WAVELENGTH_CELLS + 1) * 4)
 #define SPECTRA         (SURFACE_COLOURS + WAVELENGTH_CELLS * 4)
 
-static F3 at_cells(Cells c, int stride, int place, const __global float *table)
+static inline F3 at_cells(Cells c, int stride, int place, const __global float *table)
 {
     return f3(GATHER(F, table, c.x * stride + place, ), GATHER(F, table, c.y * stride + place, ),
               GATHER(F, table, c.z * stride + place, ));
 }
 
-static SpectralColours spectral_colours_of(F wavelength_sample, const __global float *colours)
+static inline SpectralColours spectral_colours_of(F wavelength_sample, const __global float *colours)
 {
     SpectralColours h;
     h.cells = cells_of(wavelength_sample);
@@ -120,23 +120,23 @@ static SpectralColours spectral_colours_of(F wavelength_sample, const __global f
 }
 
 // A coefficient or a share of light given as red, green and blue (Mallett and Yuksel 2019).
-static F3 surface_in(SpectralColours h, F3 rgb)
+static inline F3 surface_in(SpectralColours h, F3 rgb)
 {
     return add(add(scale(h.red, rgb.x), scale(h.green, rgb.y)), scale(h.blue, rgb.z));
 }
 
 // Light given as red, green and blue.
-static F3 light_in(SpectralColours h, F3 rgb) { return mul(surface_in(h, rgb), h.white); }
+static inline F3 light_in(SpectralColours h, F3 rgb) { return mul(surface_in(h, rgb), h.white); }
 
 // The same where a spectrum may be known: `number` counts the scene's from 1, and is 0 where there is none.
 #if HAS_SPECTRA
-static F3 known_at(SpectralColours h, int number, const __global float *colours)
+static inline F3 known_at(SpectralColours h, int number, const __global float *colours)
 {
     return at_cells(h.cells, 1, SPECTRA + (number - 1) * WAVELENGTH_CELLS, colours);
 }
 #endif
 
-static F3 surface_colour(SpectralColours h, F3 rgb, float number, const __global float *colours)
+static inline F3 surface_colour(SpectralColours h, F3 rgb, float number, const __global float *colours)
 {
 #if HAS_SPECTRA
     if (number > 0.0f)
@@ -145,7 +145,7 @@ static F3 surface_colour(SpectralColours h, F3 rgb, float number, const __global
     return surface_in(h, rgb);
 }
 
-static F3 light_colour(SpectralColours h, F3 rgb, float number, const __global float *colours)
+static inline F3 light_colour(SpectralColours h, F3 rgb, float number, const __global float *colours)
 {
 #if HAS_SPECTRA
     if (number > 0.0f)
@@ -156,7 +156,7 @@ static F3 light_colour(SpectralColours h, F3 rgb, float number, const __global f
 
 #if HAS_SPECTRA
 // Of lamps that differ between lanes.
-static F3 lamp_colour(SpectralColours h, F3 rgb, F number, const __global float *colours)
+static inline F3 lamp_colour(SpectralColours h, F3 rgb, F number, const __global float *colours)
 {
     F3 light = light_in(h, rgb);
     I known = number > 0.0f;

@@ -153,14 +153,14 @@ static uint mask_bits(I m)
 #define COUNT(m)  ((uint)popcount(MASK_BITS(m)))
 
 // The value of the first true lane.
-static int first_of(I values, I m)
+static inline int first_of(I values, I m)
 {
     uint bits = MASK_BITS(m);
     const LANE_INT *lane = (const LANE_INT *)&values;
     return (int)lane[LOWEST_BIT(bits)];
 }
 #else
-static int first_of(I values, I m) { return values; }
+static inline int first_of(I values, I m) { return values; }
 #endif
 
 // A mask that is kept for long: a bit a lane, where the processor has registers of them, else as it comes.

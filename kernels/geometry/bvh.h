@@ -31,14 +31,14 @@ typedef Block __attribute__((aligned(4))) BlockAnywhere;
 #define ROW_BITS(m)       SIZED(bits_of_, BVH_WIDTH)(m)
 #define BLOCK_BITS(m)     SIZED(bits_of_, LEAF_WIDTH)(m)
 
-static uint bits_of_4(int4 m)
+static inline uint bits_of_4(int4 m)
 {
     int4 b = m & (int4)(1, 2, 4, 8);
     int2 e = b.lo | b.hi;
     return (uint)(e.x | e.y);
 }
 
-static uint bits_of_8(int8 m)
+static inline uint bits_of_8(int8 m)
 {
 #ifdef CLANG_AVX2
     return (uint)__builtin_ia32_movmskps256(as_float8(m));
@@ -47,7 +47,7 @@ static uint bits_of_8(int8 m)
 #endif
 }
 
-static uint bits_of_16(int16 m)
+static inline uint bits_of_16(int16 m)
 {
 #ifdef CLANG_AVX512
     return (uint)(ushort)__builtin_ia32_cvtd2mask512(m);
@@ -76,7 +76,7 @@ typedef struct {
 
 // Infinite for a ray along the planes of a slab. Where it lies in such a plane its distance is 0 * infinity, not a number,
 // and the comparisons of hit_boxes leave that slab out: both boxes beside the plane are met.
-static float inverse_of(float d) { return d < 0.0f ? -1.0f / fabs(d) : 1.0f / fabs(d); }
+static inline float inverse_of(float d) { return d < 0.0f ? -1.0f / fabs(d) : 1.0f / fabs(d); }
 
 static BoxRay box_ray(float ox, float oy, float oz, float dx, float dy, float dz)
 {
@@ -101,7 +101,7 @@ static BoxRay box_ray(float ox, float oy, float oz, float dx, float dy, float dz
     return r;
 }
 
-static F inverse_of_lanes(F d) { return (d < 0.0f ? (F)(-1.0f) : ONE) / absolute(d); }
+static inline F inverse_of_lanes(F d) { return (d < 0.0f ? (F)(-1.0f) : ONE) / absolute(d); }
 
 // The rays of all lanes made ready together, as box_ray makes one.
 typedef struct {

@@ -109,7 +109,7 @@ IN_PLACE static int block_blocks(int index, BoxRay r, int origin, int target, fl
     return 0;
 }
 
-static BoxRay in_world(OneRay r) { return box_ray(r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z); }
+static inline BoxRay in_world(OneRay r) { return box_ray(r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z); }
 
 #if VW > 1
 IN_PLACE static BoxRay box_ray_of(const BoxRays *all, OneRay ray, uint k)
@@ -149,7 +149,7 @@ static OneRay one_at_rest(OneRay r, int primitive, Scene scene)
 #endif
 
 #if HAS_INSTANCES
-static BoxRay in_mesh(const __global Instance *instance, OneRay r, Scene scene)
+static inline BoxRay in_mesh(const __global Instance *instance, OneRay r, Scene scene)
 {
 #if HAS_MOTION
     r = one_at_rest(r, instance->first_primitive, scene);
@@ -161,7 +161,7 @@ static BoxRay in_mesh(const __global Instance *instance, OneRay r, Scene scene)
 }
 
 // The triangle of an instance that does not count for a ray.
-static int origin_within(const __global Instance *instance, int origin, int triangle)
+static inline int origin_within(const __global Instance *instance, int origin, int triangle)
 {
     int slot = origin - instance->first_primitive;
     return slot >= 0 && slot < instance->primitives ? triangle : NO_TRIANGLE;
@@ -197,7 +197,7 @@ static I meets_bounds(Ray ray, F reach, I on, Scene scene)
 }
 
 // Lowers the hits of the lanes `on` to the nearest triangles.
-static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
+static inline void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
 {
     I lowered = nearest_of_lanes(ray, meets_bounds(ray, hit->t, on, scene), scene, hit);
     // Which primitive of its instance a triangle is of: far apart in memory, so all lanes wait for theirs together.
@@ -206,7 +206,7 @@ static void nearest_in_meshes(Ray ray, I on, Scene scene, Hit *hit)
 }
 
 // Lanes of `on` whose ray meets a triangle before `reach`. `target_triangle` of the primitive `target` does not count.
-static I blocked_by_meshes(Ray ray, F reach, I target, I target_triangle, I on, Scene scene)
+static inline I blocked_by_meshes(Ray ray, F reach, I target, I target_triangle, I on, Scene scene)
 {
     return blocked_of_lanes(ray, reach, target, target_triangle, meets_bounds(ray, reach, on, scene), scene);
 }

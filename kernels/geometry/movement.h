@@ -23,7 +23,7 @@ typedef struct {
 #endif
 } Placing;
 
-static int moves(int primitive, Scene scene) { return scene.movement_of[primitive].y > 0; }
+static inline int moves(int primitive, Scene scene) { return scene.movement_of[primitive].y > 0; }
 
 #if MOTION_SEGMENTS == 1
 #define OF_SEGMENT_HERE(member)   ((F)(segments->member))
@@ -65,30 +65,30 @@ static Placing placing_of(int primitive, F time, Scene scene)
 }
 
 #if MOTION_TURNS
-static F3 turned(F3 v, F w, F3 x)
+static inline F3 turned(F3 v, F w, F3 x)
 {
     F3 t = scale(cross3(v, x), (F)(2.0f));
     return add(along(x, t, w), cross3(v, t));
 }
 
-static F3 vector_at_rest(Placing p, F3 d)   { return turned(scale(p.v, (F)(-1.0f)), p.w, d); }
-static F3 vector_in_world(Placing p, F3 d)  { return turned(p.v, p.w, d); }
-static F3 point_at_rest(Placing p, F3 x)
+static inline F3 vector_at_rest(Placing p, F3 d)   { return turned(scale(p.v, (F)(-1.0f)), p.w, d); }
+static inline F3 vector_in_world(Placing p, F3 d)  { return turned(p.v, p.w, d); }
+static inline F3 point_at_rest(Placing p, F3 x)
 {
     return add(p.pivot, vector_at_rest(p, sub(sub(x, p.shift), p.pivot)));
 }
-static F3 point_in_world(Placing p, F3 x)
+static inline F3 point_in_world(Placing p, F3 x)
 {
     return add(add(vector_in_world(p, sub(x, p.pivot)), p.pivot), p.shift);
 }
 #else
-static F3 vector_at_rest(Placing p, F3 d)   { return d; }
-static F3 vector_in_world(Placing p, F3 d)  { return d; }
-static F3 point_at_rest(Placing p, F3 x)    { return sub(x, p.shift); }
-static F3 point_in_world(Placing p, F3 x)   { return add(x, p.shift); }
+static inline F3 vector_at_rest(Placing p, F3 d)   { return d; }
+static inline F3 vector_in_world(Placing p, F3 d)  { return d; }
+static inline F3 point_at_rest(Placing p, F3 x)    { return sub(x, p.shift); }
+static inline F3 point_in_world(Placing p, F3 x)   { return add(x, p.shift); }
 #endif
 
-static Ray ray_at_rest(Ray ray, int primitive, Scene scene)
+static inline Ray ray_at_rest(Ray ray, int primitive, Scene scene)
 {
     if (moves(primitive, scene)) {
         Placing placing = placing_of(primitive, ray.time, scene);
@@ -98,7 +98,7 @@ static Ray ray_at_rest(Ray ray, int primitive, Scene scene)
     return ray;
 }
 
-static F size_of(F3 v) { return absolute(v.x) + absolute(v.y) + absolute(v.z); }
+static inline F size_of(F3 v) { return absolute(v.x) + absolute(v.y) + absolute(v.z); }
 
 static SurfacePoint surface_in_world(Placing placing, SurfacePoint s)
 {

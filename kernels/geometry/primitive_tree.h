@@ -20,7 +20,7 @@ typedef struct {
     uint descends;          // bit k: most rays go down along axis k
 } PackRay;
 
-static F inverse_slope(F d) { return ONE / with_sign(MAX(absolute(d), (F)(LEAST_SLOPE)), d); }
+static inline F inverse_slope(F d) { return ONE / with_sign(MAX(absolute(d), (F)(LEAST_SLOPE)), d); }
 
 static PackRay pack_ray(Ray ray, I on)
 {

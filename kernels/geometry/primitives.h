@@ -12,7 +12,7 @@
 
 // The smaller positive root of a t^2 - 2 b t + c = 0 (and the larger through *far); negative when there is none. Stable:
 // Haines, Guenther, Akenine-Moeller, Ray Tracing Gems ch. 7.
-static F quadratic(F a, F b, F c, F discriminant, F *far)
+static inline F quadratic(F a, F b, F c, F discriminant, F *far)
 {
     F q = b + with_sign(root(discriminant), b);
     F t0 = c / q;
@@ -24,12 +24,12 @@ static F quadratic(F a, F b, F c, F discriminant, F *far)
     return real ? lo : (F)(-1.0f);
 }
 
-static F3 object_point(const __global Primitive *p, F3 o)
+static inline F3 object_point(const __global Primitive *p, F3 o)
 {
     return f3(row_point(p->row_x, o), row_point(p->row_y, o), row_point(p->row_z, o));
 }
 
-static F3 object_vector(const __global Primitive *p, F3 d)
+static inline F3 object_vector(const __global Primitive *p, F3 d)
 {
     return f3(row_vector(p->row_x, d), row_vector(p->row_y, d), row_vector(p->row_z, d));
 }
@@ -55,7 +55,7 @@ static SphereRay near_sphere(const __global Primitive *p, Ray ray, I origin)
 }
 
 // The nearest root above zero, or one below, where the discriminant is not negative.
-static F hit_sphere(SphereRay s)
+static inline F hit_sphere(SphereRay s)
 {
     F q = s.b + with_sign(root(s.discriminant), s.b);
     F other = s.c / q;
@@ -82,13 +82,13 @@ static F hit_ellipsoid(const __global Primitive *p, Ray ray, I origin)
 
 #if HAS_RECTANGLE || HAS_DISK || HAS_PLANE
 // How far a point lies above a plane, the other way round, and how fast a ray nears it: their ratio is the distance.
-static F fall_to(const __global Primitive *p, F3 o)
+static inline F fall_to(const __global Primitive *p, F3 o)
 {
     float4 r = p->row_z;
     return -r.x * o.x - r.w - r.y * o.y - r.z * o.z;
 }
 
-static F hit_plane(const __global Primitive *p, Ray ray) { return fall_to(p, ray.o) / row_vector(p->row_z, ray.d); }
+static inline F hit_plane(const __global Primitive *p, Ray ray) { return fall_to(p, ray.o) / row_vector(p->row_z, ray.d); }
 #endif
 
 #if HAS_RECTANGLE || HAS_DISK
@@ -104,7 +104,7 @@ typedef struct {
     F3  there;
 } PlaneHit;
 
-static void near_plane(const __global Primitive *p, Ray ray, PlaneHit *plane)
+static inline void near_plane(const __global Primitive *p, Ray ray, PlaneHit *plane)
 {
     plane->fall = fall_to(p, ray.o);
     plane->slope = row_vector(p->row_z, ray.d);
@@ -113,7 +113,7 @@ static void near_plane(const __global Primitive *p, Ray ray, PlaneHit *plane)
 
 // Lanes that meet the plane before `reach`, and perhaps a few more, but none whose `target` lies in it: it is of the `count`
 // primitives from i on.
-static I stands_between(const PlaneHit *plane, F reach, I target, int i, int count)
+static inline I stands_between(const PlaneHit *plane, F reach, I target, int i, int count)
 {
     I before = absolute(plane->fall) < reach * LITTLE_MORE * absolute(plane->slope);
     return (plane->fall * plane->slope > 0.0f) & before & (AS_U(target - i) >= (uint)count);
@@ -128,7 +128,7 @@ static I stands_between(const PlaneHit *plane, F reach, I target, int i, int cou
     if (!ANY(NOT(origin)))                                                         \
         continue;
 
-static F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, F *u, F *v)
+static inline F hit_flat(const __global Primitive *p, Ray ray, PlaneHit *plane, F *u, F *v)
 {
     if (!plane->found) {
         plane->t = plane->fall / plane->slope;
@@ -166,7 +166,7 @@ static F hit_box(const __global Primitive *p, Ray ray, I origin, I *met)
 #endif
 
 #if HAS_CYLINDER || HAS_CONE
-static F first_within(F near, F far, F oz, F dz)
+static inline F first_within(F near, F far, F oz, F dz)
 {
     F zn = oz + near * dz;
     F zf = oz + far * dz;

@@ -36,7 +36,7 @@ static SurfacePoint point_on_sphere(const __global Primitive *primitive, F3 p, i
 
 #if HAS_AFFINE
 // The world's normal of an object's normal: the transpose of object_from_world.
-static F3 world_normal(const __global Primitive *q, F3 n)
+static inline F3 world_normal(const __global Primitive *q, F3 n)
 {
     return normalized(f3(q->row_x.x * n.x + q->row_y.x * n.y + q->row_z.x * n.z,
                          q->row_x.y * n.x + q->row_y.y * n.y + q->row_z.y * n.z,
@@ -88,9 +88,9 @@ typedef struct {
     F3 reach;
 } BoxRows;
 
-static float reach_of(float4 row) { return 1.0f / sqrt(row.x * row.x + row.y * row.y + row.z * row.z); }
+static inline float reach_of(float4 row) { return 1.0f / sqrt(row.x * row.x + row.y * row.y + row.z * row.z); }
 
-static BoxRows rows_of_box(const __global Primitive *p)
+static inline BoxRows rows_of_box(const __global Primitive *p)
 {
     BoxRows rows;
     rows.x = f3_of(p->row_x);
@@ -107,7 +107,7 @@ typedef struct {
 } Face;
 
 // The face is the nearest one by distance in the world, so that a thin box has no false side faces near its edges.
-static Face face_of(BoxRows rows, F3 p)
+static inline Face face_of(BoxRows rows, F3 p)
 {
     Face face;
     face.o = f3(dot3(rows.x, p) + rows.w.x, dot3(rows.y, p) + rows.w.y, dot3(rows.z, p) + rows.w.z);
@@ -120,7 +120,7 @@ static Face face_of(BoxRows rows, F3 p)
 }
 
 // Outward unit normal: the row of the coordinate that the face lies across. Without -0, as the sign of z turns frames.
-static F3 normal_of_face(BoxRows rows, Face face)
+static inline F3 normal_of_face(BoxRows rows, Face face)
 {
     F3 row = select3(face.on_x, rows.x, select3(face.on_y, rows.y, rows.z));
     F across = face.on_x ? face.o.x : (face.on_y ? face.o.y : face.o.z);
@@ -128,7 +128,7 @@ static F3 normal_of_face(BoxRows rows, Face face)
     return add(scale(row, with_sign(reach, across)), f3(ZERO, ZERO, ZERO));
 }
 
-static SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)
+static inline SurfacePoint point_on_box(const __global Primitive *primitive, F3 p)
 {
     SurfacePoint s;
     BoxRows rows = rows_of_box(primitive);
@@ -196,7 +196,7 @@ static SurfacePoint point_on_primitive(int index, F3 p, int textured, Scene scen
 }
 
 // `textured` says whether u and v are wanted (those of round shapes are dear).
-static SurfacePoint surface_point(int index, F3 p, int textured, Scene scene)
+static inline SurfacePoint surface_point(int index, F3 p, int textured, Scene scene)
 {
     SurfacePoint s = point_on_primitive(index, p, textured, scene);
     s.ng = s.n;

@@ -7,13 +7,13 @@
 #include "geometry/surface.h"
 
 // A corner as it lies in memory: position, normal (zero: none), texture coordinates.
-static Eight corner(Scene scene, I index) { return load_eight(scene.vertices, index * 8); }
+static inline Eight corner(Scene scene, I index) { return load_eight(scene.vertices, index * 8); }
 
-static F blend(F a, F b, F c, F b0, F b1, F b2) { return b0 * a + b1 * b + b2 * c; }
+static inline F blend(F a, F b, F c, F b0, F b1, F b2) { return b0 * a + b1 * b + b2 * c; }
 
 // Bound of the rounding of a blended coordinate: seven roundings of its terms (Pharr, Jakob, Humphreys 2016, 3.9.4).
 #define BLEND_ROUNDING  4.2e-7f
-static F blend_error(F a, F b, F c, F b0, F b1, F b2)
+static inline F blend_error(F a, F b, F c, F b0, F b1, F b2)
 {
     return BLEND_ROUNDING * (absolute(b0 * a) + absolute(b1 * b) + absolute(b2 * c));
 }
@@ -24,9 +24,9 @@ static F blend_error(F a, F b, F c, F b0, F b1, F b2)
                                GATHER(F, scene.instances, instance, .row.z), GATHER(F, scene.instances, instance, .row.w)}
 typedef struct { F x, y, z, w; } Quad;
 
-static F quad_point(Quad r, F3 p)       { return r.x * p.x + r.y * p.y + r.z * p.z + r.w; }
-static F quad_vector(Quad r, F3 d)      { return r.x * d.x + r.y * d.y + r.z * d.z; }
-static F quad_error(Quad r, F3 p, F3 e)
+static inline F quad_point(Quad r, F3 p)       { return r.x * p.x + r.y * p.y + r.z * p.z + r.w; }
+static inline F quad_vector(Quad r, F3 d)      { return r.x * d.x + r.y * d.y + r.z * d.z; }
+static inline F quad_error(Quad r, F3 p, F3 e)
 {
     F size = absolute(r.x * p.x) + absolute(r.y * p.y) + absolute(r.z * p.z) + absolute(r.w);
     return absolute(r.x) * e.x + absolute(r.y) * e.y + absolute(r.z) * e.z + INSTANCE_ROUNDING * size;

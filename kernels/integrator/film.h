@@ -13,7 +13,7 @@ typedef struct {
 #endif
 } PixelSum;
 
-static PixelSum read_pixels(__global const float *sums, uint pixel, uint pixels)
+static inline PixelSum read_pixels(__global const float *sums, uint pixel, uint pixels)
 {
     PixelSum s;
     s.sum = f3(LOAD_F(sums, pixel), LOAD_F(sums + pixels, pixel), LOAD_F(sums + 2 * pixels, pixel));
@@ -24,7 +24,7 @@ static PixelSum read_pixels(__global const float *sums, uint pixel, uint pixels)
     return s;
 }
 
-static void write_pixels(__global float *sums, uint pixel, uint pixels, PixelSum s)
+static inline void write_pixels(__global float *sums, uint pixel, uint pixels, PixelSum s)
 {
     STORE_F(sums, pixel, s.sum.x);
     STORE_F(sums + pixels, pixel, s.sum.y);

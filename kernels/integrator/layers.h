@@ -15,7 +15,7 @@
 #define SMALLEST_DISTANCE 1e-12f   // [m]; nearer points blur alike
 
 // What a surface reflects of light; a metal, what it reflects head-on.
-static F3 base_color(Vertex vertex)
+static inline F3 base_color(Vertex vertex)
 {
     F3 color = keep3(vertex.kind != MATERIAL_EMISSIVE, vertex.color);
 #if HAS_METAL
@@ -47,7 +47,7 @@ static void write_sums(__global float *planes, uint pixel, uint pixels, LayerSum
     }
 }
 
-static void add_weighted(LayerSums *s, int k, F weight, F value)
+static inline void add_weighted(LayerSums *s, int k, F weight, F value)
 {
     F y = weight * value - s->rest[k];
     F t = s->sum[k] + y;
@@ -55,14 +55,14 @@ static void add_weighted(LayerSums *s, int k, F weight, F value)
     s->sum[k] = t;
 }
 
-static void add_weighted3(LayerSums *s, int k, F weight, F3 value)
+static inline void add_weighted3(LayerSums *s, int k, F weight, F3 value)
 {
     add_weighted(s, k, weight, value.x);
     add_weighted(s, k + 1, weight, value.y);
     add_weighted(s, k + 2, weight, value.z);
 }
 
-static void write_first(__global float *planes, int k, uint pixel, uint pixels, I fresh, F value)
+static inline void write_first(__global float *planes, int k, uint pixel, uint pixels, I fresh, F value)
 {
     __global float *plane = planes + (size_t)(2 * LAYER_SUMS + k) * pixels;
     STORE_F(plane, pixel, fresh ? value : LOAD_F(plane, pixel));
@@ -70,7 +70,7 @@ static void write_first(__global float *planes, int k, uint pixel, uint pixels, 
 
 #if LAYER_OBJECT_ID >= 0 || LAYER_MATERIAL_ID >= 0 || LAYER_CRYPTO_OBJECT >= 0 || LAYER_CRYPTO_MATERIAL >= 0
 // Object (which = 0) or material (which = 1) of what was hit; -1 for nothing.
-static F owner_of(Hit hit, I on, const __global int *owners, int which)
+static inline F owner_of(Hit hit, I on, const __global int *owners, int which)
 {
     I index = on ? hit.primitive * 2 + which : FALSE;
     return AS_F(on ? GATHER(I, owners, index, ) : (I)(-1));
@@ -165,7 +165,7 @@ static BlurHere blur_here(Lane lane, const __global Camera *camera, const __glob
 }
 
 // Diameter of the circle of confusion [pixels] of a point with a vergence [1/m]; rptcam_cl/cameras/blur.py has the formula.
-static F circle_of_confusion(BlurHere here, F vergence, const __global View *view)
+static inline F circle_of_confusion(BlurHere here, F vergence, const __global View *view)
 {
     F away = vergence - view->blur_focus;
     return root(here.a + away * (here.b + away * here.c)) / absolute(view->blur_scale + view->blur_shift * vergence);

@@ -42,10 +42,10 @@ static CameraRays start_rays(uint first, Wave wave, const __global uint *tiles, 
     return rays;
 }
 
-static I rays_left(CameraRays rays) { return rays.lane.sample != rays.end; }
+static inline I rays_left(CameraRays rays) { return rays.lane.sample != rays.end; }
 
 // The next rays of the lanes `start`.
-static WorldRay take_rays(CameraRays *rays, I start)
+static inline WorldRay take_rays(CameraRays *rays, I start)
 {
     rays->lane.sample = start ? rays->lane.sample + 1u : rays->lane.sample;
     Draw draw = draw_of(rays->lane, rays->seed, rays->camera, rays->filter, rays->colours);

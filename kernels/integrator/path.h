@@ -22,7 +22,7 @@ typedef struct {
     uint  max_depth, roulette_depth;
 } Rules;
 
-static Rules rules_of(Wave wave, Limits limits)
+static inline Rules rules_of(Wave wave, Limits limits)
 {
     Rules r;
     r.seed = wave.seed;
@@ -58,7 +58,7 @@ typedef struct {
 } ShadowRay;
 
 // Where a ray along `d` leaves a vertex: just off a mesh, on the side where it goes.
-static F3 departure(Vertex vertex, F3 d)
+static inline F3 departure(Vertex vertex, F3 d)
 {
 #if HAS_MESH
     return along(vertex.p, vertex.ng, with_sign(vertex.offset, dot3(vertex.ng, d)));
@@ -67,7 +67,7 @@ static F3 departure(Vertex vertex, F3 d)
 #endif
 }
 
-static F3 normal_behind(Path path)
+static inline F3 normal_behind(Path path)
 {
 #if LIGHT_TREE
     return path.n;
@@ -78,7 +78,7 @@ static F3 normal_behind(Path path)
 
 #if LIGHT_TREE
 // Normal of a vertex on the side from which a path comes along d; 0 where light from behind counts, too.
-static F3 receiving_normal(Vertex vertex, F3 d)
+static inline F3 receiving_normal(Vertex vertex, F3 d)
 {
     I passes = (vertex.kind == MATERIAL_DIELECTRIC) | (vertex.kind == MATERIAL_ROUGH_DIELECTRIC)
         | (vertex.kind == MATERIAL_THIN_GLASS);
@@ -91,7 +91,7 @@ static F3 receiving_normal(Vertex vertex, F3 d)
 
 #if CAUSTICS
 // Lanes whose light comes by photons: from a receiver by glass and mirrors alone, the last of them one where photons start.
-static I lit_by_photons(Path path, Scene scene)
+static inline I lit_by_photons(Path path, Scene scene)
 {
     I smooth = path.since_receiver == 2;
     return smooth & ((caustic_role(smooth, path.ray.origin, scene) & ROLE_SURFACE) != 0);
@@ -100,7 +100,7 @@ static I lit_by_photons(Path path, Scene scene)
 
 #if HAS_DISPERSION
 // Leaves a path one wavelength, which stands for all, where glass bends each by itself.
-static void leave_one_wavelength(Path *path, Vertex vertex, I on, Scene scene)
+static inline void leave_one_wavelength(Path *path, Vertex vertex, I on, Scene scene)
 {
     I splits = on & vertex.splits & (AS_I(path->wavelength_sample) >= 0);
     if (ANY(splits)) {
@@ -172,7 +172,7 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 
 // Chance of a path to go on after Russian roulette: its throughput, where it has gathered light before this vertex. What has
 // not is all that its sample may get, and ends less often: with what the vertex absorbs, and not above a throughput of 1 / 4.
-static F chance_to_go_on(Path path, F before)
+static inline F chance_to_go_on(Path path, F before)
 {
     F now = max3(path.beta);
     F unlit = MAX(now / MAX(before, (F)(1e-20f)), MOST_UNLIT * now);

@@ -4,7 +4,7 @@
 #include "camera/film_point.h"
 #include "common/transpose.h"
 
-static void write_record(WorldRay ray, uint place, __global float *records)
+static inline void write_record(WorldRay ray, uint place, __global float *records)
 {
     Eight record;
     record.f[0] = ray.o.x; record.f[1] = ray.o.y; record.f[2] = ray.o.z; record.f[3] = ray.weight;
@@ -22,7 +22,7 @@ typedef struct {
     int  home;          // of which there is one in any case
 } CameraRays;
 
-static CameraRays start_rays(uint first, Wave wave, const __global uint *tiles, const __global float *records)
+static inline CameraRays start_rays(uint first, Wave wave, const __global uint *tiles, const __global float *records)
 {
     CameraRays rays;
     rays.records = records;
@@ -34,7 +34,7 @@ static CameraRays start_rays(uint first, Wave wave, const __global uint *tiles, 
     return rays;
 }
 
-static I rays_left(CameraRays rays) { return rays.next < rays.end; }
+static inline I rays_left(CameraRays rays) { return rays.next < rays.end; }
 
 // The next rays of the lanes `start`; those that the lens blocked are passed over.
 static WorldRay take_rays(CameraRays *rays, I start)

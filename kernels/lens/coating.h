@@ -8,7 +8,7 @@
 
 #if LENS_TINTED
 // A value at a wavelength [nm] from the table that begins at `first`; where there is none, one value holds for all.
-static F over_wavelength(real value, int first, const __global real *tables, F wavelength)
+static inline F over_wavelength(real value, int first, const __global real *tables, F wavelength)
 {
     if (first < 0)
         return (F)(value);
@@ -24,7 +24,7 @@ static F over_wavelength(real value, int first, const __global real *tables, F w
 
 #if LENS_FRESNEL
 // Fresnel's equations between media of indices n and m, met at cosines c and d: 1 - (s^2 + p^2) / 2 with one division.
-static F bare_share(F n, F m, F c, F d)
+static inline F bare_share(F n, F m, F c, F d)
 {
     F s = n * c + m * d;
     F p = m * c + n * d;
@@ -136,7 +136,7 @@ static Fields through_layers(const __global Surface *s, F n, F c, F per, F behin
     return a;
 }
 
-static F fields_share(Fields a, F front, F behind)
+static inline F fields_share(Fields a, F front, F behind)
 {
     F re = front * a.one_re + a.other_re, im = front * a.one_im + a.other_im;
     F share = 4.0f * front * behind / (re * re + im * im);

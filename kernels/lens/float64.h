@@ -5,7 +5,7 @@
 #define LENS_FLOAT64_H
 #include "camera/realistic.h"
 
-static void store_aim(__global float *rays, uint capacity, uint slot, Underway ray, F wavelength)
+static inline void store_aim(__global float *rays, uint capacity, uint slot, Underway ray, F wavelength)
 {
     STORE_F(rays, slot, ray.aimed.fx);
     STORE_F(rays + capacity, slot, ray.aimed.fy);
@@ -17,7 +17,7 @@ static void store_aim(__global float *rays, uint capacity, uint slot, Underway r
 #endif
 }
 
-static LensRay traced_ray(const __global float *rays, uint capacity, uint slot)
+static inline LensRay traced_ray(const __global float *rays, uint capacity, uint slot)
 {
     LensRay ray;
     ray.p = f3(LOAD_F(rays, slot), LOAD_F(rays + capacity, slot), LOAD_F(rays + 2 * capacity, slot));

@@ -8,7 +8,7 @@
 #include "common/records.h"
 
 #if HALF_PUPIL
-static F of_half(F weight, F px, F py, F fx, F fy, const __global Camera *camera)
+static inline F of_half(F weight, F px, F py, F fx, F fy, const __global Camera *camera)
 {
     HalfPupil line = camera->half_pupil;
     I beyond = line.normal_x * (px + line.share * fx) + line.normal_y * (py + line.share * fy) > line.offset;

@@ -29,7 +29,7 @@ typedef struct {
     I which;            // place of the chosen lamp in its block, -1 without one
 } LampAim;
 
-static I block_of(Lane lane, const __global Camera *camera)
+static inline I block_of(Lane lane, const __global Camera *camera)
 {
     I x = MIN(lane.x >> camera->lamp_shift, (I)(camera->lamp_across - 1));
     I y = MIN(lane.y >> camera->lamp_shift, (I)(camera->lamp_down - 1));

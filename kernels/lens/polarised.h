@@ -40,7 +40,7 @@ static F power_of(const Polarisation *light)
     return 0.5f * sum;
 }
 
-static Amplitude real_amplitude(F a)
+static inline Amplitude real_amplitude(F a)
 {
     Amplitude r;
     r.re = a;
@@ -48,7 +48,7 @@ static Amplitude real_amplitude(F a)
     return r;
 }
 
-static Amplitude times(Amplitude a, Amplitude b)
+static inline Amplitude times(Amplitude a, Amplitude b)
 {
     Amplitude r;
 #if LENS_LAYERS
@@ -63,7 +63,7 @@ static Amplitude times(Amplitude a, Amplitude b)
 
 #if LENS_LAYERS
 // The quotient of an amplitude and of one that is given conjugated.
-static Amplitude over(Amplitude a, Amplitude conjugated)
+static inline Amplitude over(Amplitude a, Amplitude conjugated)
 {
     F inverse = 1.0f / (conjugated.re * conjugated.re + conjugated.im * conjugated.im);
     Amplitude quotient = times(a, conjugated);
@@ -73,7 +73,7 @@ static Amplitude over(Amplitude a, Amplitude conjugated)
 }
 
 // What a layer makes of amplitudes r and t at its two faces, with the phase of light that crosses it once (Airy).
-static Amplitude layer_amplitude(F r, F t, F sine, F cosine, int reflects)
+static inline Amplitude layer_amplitude(F r, F t, F sine, F cosine, int reflects)
 {
     F sine2 = 2.0f * sine * cosine, cosine2 = 1.0f - 2.0f * sine * sine;
     Amplitude below, above;
@@ -88,7 +88,7 @@ static Amplitude layer_amplitude(F r, F t, F sine, F cosine, int reflects)
 
 #if LENS_STACKS
 // What several layers make of light, from the fields before them (rptcam_cl/optics/layer_stack.py).
-static Amplitude stack_amplitude(Fields a, F front, F behind, int reflects)
+static inline Amplitude stack_amplitude(Fields a, F front, F behind, int reflects)
 {
     Amplitude whole, above;
     whole.re = front * a.one_re + a.other_re;

@@ -16,7 +16,7 @@
 typedef struct { F x, y, inverse_density; } Aim;
 
 #if PUPIL_KIND == PUPIL_CIRCLE
-static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
+static inline Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
 {
     F s, c;
     sincos_turns(u, &s, &c);
@@ -29,7 +29,7 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
 }
 
 #if LAMP_AIM
-static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
+static inline F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
 {
     float radius2 = own->pupil.circle.radius * own->pupil.circle.radius;
     F u = x - own->pupil.circle.shift * fx;
@@ -40,7 +40,7 @@ static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera
 
 #elif PUPIL_KIND == PUPIL_BOXES
 // Tables: u0, v0, width, height per cell
-static I box_of(F fx, F fy, const __global RealisticCamera *own)
+static inline I box_of(F fx, F fy, const __global RealisticCamera *own)
 {
     I ix = TO_I(fx * own->pupil.grid.per_mm_across + 0.5f * own->pupil.grid.across);
     I iy = TO_I(fy * own->pupil.grid.per_mm_down + 0.5f * own->pupil.grid.down);
@@ -49,7 +49,7 @@ static I box_of(F fx, F fy, const __global RealisticCamera *own)
     return (iy * (int)own->pupil.grid.across + ix) * 4;
 }
 
-static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
+static inline Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const __global float *tables)
 {
     I cell = box_of(fx, fy, own);
     F width = GATHER(F, tables + 2, cell, );
@@ -62,7 +62,7 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
 }
 
 #if LAMP_AIM
-static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
+static inline F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
 {
     I cell = box_of(fx, fy, own);
     F width = GATHER(F, tables + 2, cell, );
@@ -78,7 +78,7 @@ static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera
 // in the next direction, and both again at the next node along x.
 typedef struct { F u, v, a, b, r; } Outline;
 
-static F midway(F p, F q, F t) { return p + t * (q - p); }
+static inline F midway(F p, F q, F t) { return p + t * (q - p); }
 
 // Between a node and the next one along x.
 static Outline outline_at(const __global float *tables, int nodes, I node, F share, I direction, F between)
@@ -180,7 +180,7 @@ static Aim aim(F fx, F fy, F u, F v, const __global RealisticCamera *own, const 
 
 #if LAMP_AIM
 // A place's direction in the outline gives the radius there; 0 outside.
-static F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
+static inline F inverse_density_at(F fx, F fy, F x, F y, const __global RealisticCamera *own, const __global float *tables)
 {
     OutlinePlace p = outline_place(fx, fy, own, tables);
     Outline o = outline_near(tables, p, own, FALSE, ZERO);

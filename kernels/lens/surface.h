@@ -96,7 +96,7 @@ static void polynomial(const __global Surface *surface, F s, F *value, F *slope)
 }
 
 // z and its slope d/ds of the profile c s / (1 + sqrt(1 - (1 + k) c^2 s)) + polynomial.
-static void profile(const __global Surface *surface, F s, F *z, F *slope)
+static inline void profile(const __global Surface *surface, F s, F *z, F *slope)
 {
     real c = surface->curvature;
     F r = sqrt(1.0f - (1.0f + surface->conic) * c * c * s);
@@ -140,7 +140,7 @@ static void toroid(const __global Surface *surface, F x, F y, F *z, F *zx, F *zy
     *zy = 2.0f * y * slope * w * inverse;
 }
 
-static void sag_and_slopes(const __global Surface *surface, F x, F y, F *z, F *zx, F *zy)
+static inline void sag_and_slopes(const __global Surface *surface, F x, F y, F *z, F *zx, F *zy)
 {
     if (surface->kind == LENS_BICONIC)
         biconic(surface, x, y, z, zx, zy);
@@ -238,7 +238,7 @@ static LensHit meet_general(const __global Surface *surface, F3 p, F3 d)
 }
 #endif
 
-static LensHit meet_surface(const __global Surface *surface, F3 p, F3 d)
+static inline LensHit meet_surface(const __global Surface *surface, F3 p, F3 d)
 {
 #if LENS_GENERAL
     if (surface->kind >= LENS_ASPHERE)
@@ -267,7 +267,7 @@ static I within_outline(const __global real *edges, int count, F3 p)
 
 #if LENS_MASK
 // In an open cell of a square mask of `side` cells, row 0 at +y; half its side is the stop's radius.
-static I within_mask(const __global Surface *surface, const __global real *cells, int side, F3 p)
+static inline I within_mask(const __global Surface *surface, const __global real *cells, int side, F3 p)
 {
     F half_cells = 0.5f * (real)side;
     F column = (p.x / surface->stop_radius + 1.0f) * half_cells;
@@ -279,7 +279,7 @@ static I within_mask(const __global Surface *surface, const __global real *cells
 #endif
 
 // Inside the rim, outside of a hole and, at a stop with a shape, inside that.
-static I within_rim(const __global Surface *surface, const __global real *stop, F3 p)
+static inline I within_rim(const __global Surface *surface, const __global real *stop, F3 p)
 {
     I within = p.x * p.x + p.y * p.y <= surface->semi_diameter2;
 #if LENS_RING
@@ -298,7 +298,7 @@ static I within_rim(const __global Surface *surface, const __global real *stop, 
 
 #if LENS_REGION
 // A rectangle or half plane of the vertex plane, or what lies outside of it.
-static I within_region(const __global Surface *surface, F3 p)
+static inline I within_region(const __global Surface *surface, F3 p)
 {
     if (surface->region == REGION_NONE)
         return TRUE;

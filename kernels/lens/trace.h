@@ -27,19 +27,19 @@ typedef struct {
 } LensRay;
 
 #if LENS_POSE
-static F3 turned_to(const __global real *m, F3 v)
+static inline F3 turned_to(const __global real *m, F3 v)
 {
     return f3(m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
               m[6] * v.x + m[7] * v.y + m[8] * v.z);
 }
 
-static F3 turned_back(const __global real *m, F3 v)
+static inline F3 turned_back(const __global real *m, F3 v)
 {
     return f3(m[0] * v.x + m[3] * v.y + m[6] * v.z, m[1] * v.x + m[4] * v.y + m[7] * v.z,
               m[2] * v.x + m[5] * v.y + m[8] * v.z);
 }
 
-static F3 offset_of(const __global Surface *s) { return f3((F)(s->offset[0]), (F)(s->offset[1]), (F)(s->offset[2])); }
+static inline F3 offset_of(const __global Surface *s) { return f3((F)(s->offset[0]), (F)(s->offset[1]), (F)(s->offset[2])); }
 #endif
 
 #define NEAR_CRITICAL 0.1f     // of cosine^2 behind a surface

@@ -17,7 +17,7 @@
 #endif
 
 // Probability with which sample_emitter picks emitter e, a lamp with a surface, at p on a surface with normal n.
-static F emitter_pick(Scene scene, I e, F3 p, F3 n)
+static inline F emitter_pick(Scene scene, I e, F3 p, F3 n)
 {
 #if LIGHT_TREE
     return pick_of_lamp(scene, e, p, n);
@@ -50,7 +50,7 @@ static F emitter_pdf(const __global Emitter *es, I e, F pick, F3 o, F3 d, F t, F
 }
 
 #if EMITTER_FLATS
-static I is_flat(I kind)
+static inline I is_flat(I kind)
 {
     I flat = (kind == EMITTER_RECTANGLE) | (kind == EMITTER_DISK);
 #if EMITTER_TRIANGLES
@@ -84,7 +84,7 @@ static void place_on_flat(I kind, F u, F v, F *x, F *y)
 }
 
 // Density and weight of the point at the squared distance d2; s->direction leads there.
-static void sample_flat(const __global Emitter *es, I e, F pick, I flat, F d2, LightSample *s, F *weight)
+static inline void sample_flat(const __global Emitter *es, I e, F pick, I flat, F d2, LightSample *s, F *weight)
 {
     F extent = OF_EMITTER(F, a.w);
     F cos_there = -dot3(THREE_OF_EMITTER(normal), s->direction);
@@ -156,7 +156,7 @@ static void sample_point(Scene scene, I e, F pick, I kind, F d2, LightSample *s,
 #endif
 
 #if EMITTER_DIRECTIONS
-static void sample_directional(const __global Emitter *es, I e, F pick, I kind, LightSample *s, F *weight)
+static inline void sample_directional(const __global Emitter *es, I e, F pick, I kind, LightSample *s, F *weight)
 {
     I parallel = kind == EMITTER_DIRECTIONAL;
     s->direction = select3(parallel, THREE_OF_EMITTER(normal), s->direction);

@@ -8,7 +8,7 @@
 #include "material/image.h"
 
 // Light of the environment at the wavelengths of the path, where it has them; `number` is that of its spectrum.
-static F3 environment_colour(F3 rgb, float number, Scene scene)
+static inline F3 environment_colour(F3 rgb, float number, Scene scene)
 {
 #if SPECTRAL_COLOURS
     return light_colour(scene.spectral, rgb, number, scene.colours);
@@ -18,7 +18,7 @@ static F3 environment_colour(F3 rgb, float number, Scene scene)
 }
 
 #if ENVIRONMENT == ENVIRONMENT_GRADIENT
-static F3 environment_radiance(F3 d, Scene scene)
+static inline F3 environment_radiance(F3 d, Scene scene)
 {
     const __global Environment *e = scene.environment;
     F k = 0.5f + 0.5f * (d.x * e->up.x + d.y * e->up.y + d.z * e->up.z);
@@ -27,14 +27,14 @@ static F3 environment_radiance(F3 d, Scene scene)
     return add(bottom, scale(sub(top, bottom), k));
 }
 #elif ENVIRONMENT == ENVIRONMENT_CONSTANT
-static F3 environment_radiance(F3 d, Scene scene)
+static inline F3 environment_radiance(F3 d, Scene scene)
 {
     return environment_colour(f3_of(scene.environment->bottom), scene.environment->bottom.w, scene);
 }
 #elif ENVIRONMENT == ENVIRONMENT_IMAGE
 // Where on the picture a direction lies, 0 to 1 from the left and from the bottom; `aside` is the sine of its angle from the
 // poles.
-static void environment_place(F3 d, const __global Environment *e, F *u, F *v, F *aside)
+static inline void environment_place(F3 d, const __global Environment *e, F *u, F *v, F *aside)
 {
     F right = dot3(d, f3_of(e->right));
     F forward = dot3(d, f3_of(e->forward));
@@ -43,13 +43,13 @@ static void environment_place(F3 d, const __global Environment *e, F *u, F *v, F
     *v = share_upwards(dot3(d, f3_of(e->up)), *aside);
 }
 
-static F3 environment_texel(F u, F v, Scene scene)
+static inline F3 environment_texel(F u, F v, Scene scene)
 {
     const __global Texture *t = scene.textures + scene.environment->texture;
     return mul(image_at(t, scene.texels, u, v), f3_of(t->a));
 }
 
-static F3 environment_radiance(F3 d, Scene scene)
+static inline F3 environment_radiance(F3 d, Scene scene)
 {
     F u, v, aside;
     environment_place(d, scene.environment, &u, &v, &aside);
@@ -62,14 +62,14 @@ static F3 environment_radiance(F3 d, Scene scene)
 #define DENSITIES(e)                (CURVE((e)->rows) + (e)->rows * CURVE((e)->columns))
 
 // Solid-angle density with which environment_sample chooses a direction.
-static F environment_density(I row, I column, F aside, Scene scene)
+static inline F environment_density(I row, I column, F aside, Scene scene)
 {
     const __global Environment *e = scene.environment;
     const __global float *densities = ENVIRONMENT_TABLES(scene) + DENSITIES(e);
     return GATHER(F, densities, row * e->columns + column, ) / MAX(aside, (F)(1e-20f));
 }
 
-static F environment_pdf(F3 d, Scene scene)
+static inline F environment_pdf(F3 d, Scene scene)
 {
     const __global Environment *e = scene.environment;
     F u, v, aside;

@@ -8,14 +8,14 @@
 
 // MIS weight (power heuristic, Veach 1997, ch. 9) of a direction of density `own` that light sampling would have chosen with
 // density `other`; own is 0 where light sampling cannot compete.
-static F against_lights(F own, F other)
+static inline F against_lights(F own, F other)
 {
     F own2 = own * own;
     return own > 0.0f ? own2 / (own2 + other * other) : ONE;
 }
 
 // Probability with which light sampling picks an emitter at infinity, at p on a surface with normal n.
-static F pick_from_afar(int e, F3 p, F3 n, Scene scene)
+static inline F pick_from_afar(int e, F3 p, F3 n, Scene scene)
 {
 #if LIGHT_TREE
     return pick_of_distant(scene, e, p, n);
@@ -50,7 +50,7 @@ static F3 suns_radiance(F3 p, F3 n, F3 d, F own, Scene scene)
 
 // Radiance that a path meets which leaves the scene along d, weighted against light sampling at p, with normal n, where it
 // comes from; without suns in the lanes `sunless`.
-static F3 light_from_infinity(F3 p, F3 n, F3 d, F own, I sunless, Scene scene)
+static inline F3 light_from_infinity(F3 p, F3 n, F3 d, F own, I sunless, Scene scene)
 {
     F3 sum = f3(ZERO, ZERO, ZERO);
 #if ENVIRONMENT

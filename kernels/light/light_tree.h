@@ -36,10 +36,10 @@ IN_PLACE static F light_of_node(Eight node, F3 p, F3 n)
     return node.f[7] * shines * receives * inverse;
 }
 
-static F light_of_tree(Scene scene, F3 p, F3 n) { return light_of_node(load_eight(scene.light_nodes, (I)(8)), p, n); }
+static inline F light_of_tree(Scene scene, F3 p, F3 n) { return light_of_node(load_eight(scene.light_nodes, (I)(8)), p, n); }
 
 // The same of an emitter at infinity.
-static F light_from_afar(Scene scene, int e, F3 n)
+static inline F light_from_afar(Scene scene, int e, F3 n)
 {
     const __global Emitter *emitter = scene.emitters + e;
     F light = (F)(emitter->pick);
@@ -72,13 +72,13 @@ IN_PLACE static Four light_below(Scene scene, I node, F3 p, F3 n)
     return light;
 }
 
-static I lamp_of_leaf(Scene scene, I leaf)
+static inline I lamp_of_leaf(Scene scene, I leaf)
 {
     return AS_I(GATHER(F, scene.light_nodes, leaf + (16 << (2 * scene.environment->light_levels)), ));
 }
 
 // Probability that the tree is asked at all: not the emitters at infinity.
-static F chance_of_tree(Scene scene, F3 p, F3 n)
+static inline F chance_of_tree(Scene scene, F3 p, F3 n)
 {
     if (scene.environment->lamps == scene.emitter_count)
         return ONE;
@@ -104,7 +104,7 @@ static I pick_afar(Scene scene, F3 n, I open, F u, F chance, F *pick)
 }
 
 // What is left of u where it has chosen one of two sides.
-static F rest_of(F u, F share, I second, F taken)
+static inline F rest_of(F u, F share, I second, F taken)
 {
     return MIN((second ? u - share : u) / taken, (F)(BELOW_ONE));
 }
@@ -155,7 +155,7 @@ static F pick_of_lamp(Scene scene, I e, F3 p, F3 n)
 }
 
 // The same of an emitter at infinity.
-static F pick_of_distant(Scene scene, int e, F3 p, F3 n)
+static inline F pick_of_distant(Scene scene, int e, F3 p, F3 n)
 {
     return (ONE - chance_of_tree(scene, p, n)) * light_from_afar(scene, e, n) / light_from_all_afar(scene, n);
 }

@@ -8,7 +8,7 @@
 #if EMITTER_SPOTS
 // Share of the intensity on the axis towards a point that sees the lamp in direction `to`: a smooth step in the cosine. u.w
 // is 1 - cos of the cone, v.w what its fading part takes of it, inverted.
-static F spot_share(const __global Emitter *es, I e, F3 to)
+static inline F spot_share(const __global Emitter *es, I e, F3 to)
 {
     F3 off = f3(to.x + OF_EMITTER(F, normal.x), to.y + OF_EMITTER(F, normal.y), to.z + OF_EMITTER(F, normal.z));
     F x = (OF_EMITTER(F, u.w) - 0.5f * dot3(off, off)) * OF_EMITTER(F, v.w);

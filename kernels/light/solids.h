@@ -31,13 +31,13 @@ static Solid solid_of(const __global Emitter *es, I e, F3 p)
     return s;
 }
 
-static F3 to_world(Solid s, F3 v) { return add(scale(s.x, v.x), add(scale(s.y, v.y), scale(s.z, v.z))); }
+static inline F3 to_world(Solid s, F3 v) { return add(scale(s.x, v.x), add(scale(s.y, v.y), scale(s.z, v.z))); }
 
-static F3 to_object(Solid s, F3 d) { return f3(dot3(s.row_x, d), dot3(s.row_y, d), dot3(s.row_z, d)); }
+static inline F3 to_object(Solid s, F3 d) { return f3(dot3(s.row_x, d), dot3(s.row_y, d), dot3(s.row_z, d)); }
 
-static F length3(F3 v) { return sqrt(dot3(v, v)); }
+static inline F length3(F3 v) { return sqrt(dot3(v, v)); }
 
-static F cubed(F x) { return x * x * x; }
+static inline F cubed(F x) { return x * x * x; }
 
 #if EMITTER_BOXES
 typedef struct {
@@ -46,13 +46,13 @@ typedef struct {
     F  total;       // of above * share, which is about the solid angle of each face: its area * height is 4 det A * above
 } Faces;
 
-static F face_share(Solid s, F3 axis, F side)
+static inline F face_share(Solid s, F3 axis, F side)
 {
     F3 middle = along(s.centre, axis, with_sign(ONE, side));
     return cubed(sqrt(dot3(s.centre, s.centre) / MAX(dot3(middle, middle), (F)(SMALLEST))));
 }
 
-static Faces faces_of(Solid s)
+static inline Faces faces_of(Solid s)
 {
     Faces f;
     f.above = f3(MAX(absolute(s.o.x) - 1.0f, ZERO), MAX(absolute(s.o.y) - 1.0f, ZERO), MAX(absolute(s.o.z) - 1.0f, ZERO));
@@ -62,13 +62,13 @@ static Faces faces_of(Solid s)
 }
 
 // Density of a point at a distance on a face: its pick, by area.
-static F face_pdf(Solid s, Faces f, F share, F distance)
+static inline F face_pdf(Solid s, Faces f, F share, F distance)
 {
     F relative = distance / s.size;
     return f.total > 0.0f ? relative * relative * share * (relative / (4.0f * f.total)) : ZERO;
 }
 
-static F box_pdf(Solid s, F3 d, F t)
+static inline F box_pdf(Solid s, F3 d, F t)
 {
     Faces f = faces_of(s);
     F3 w = to_object(s, d);
@@ -103,13 +103,13 @@ static F3 sample_box(Solid s, F u, F v, F *pdf)
 
 #if EMITTER_ELLIPSOIDS
 // Directions are even over the cone of the unit sphere.
-static F ball_pdf(Solid s, F stretch)
+static inline F ball_pdf(Solid s, F stretch)
 {
     F sin2 = ONE / MAX(dot3(s.o, s.o), (F)(SMALLEST));
     return sin2 < 1.0f ? cubed(stretch) * (1.0f + root(1.0f - sin2)) / (2.0f * PI_F * sin2) : ZERO;
 }
 
-static F ellipsoid_pdf(Solid s, F3 d)
+static inline F ellipsoid_pdf(Solid s, F3 d)
 {
     return ball_pdf(s, ONE / (s.size * length3(to_object(s, d))));
 }
@@ -145,7 +145,7 @@ typedef struct {
     F density;      // of directions, for even angles in x and y and even sines along the line
 } TubeLine;
 
-static F tube_half_angle(F rho2) { return turns_of(root(rho2 - 1.0f), ONE); }       // of the silhouette [turns]
+static inline F tube_half_angle(F rho2) { return turns_of(root(rho2 - 1.0f), ONE); }       // of the silhouette [turns]
 
 static TubeLine tube_line(Solid s, F hx, F hy)
 {
@@ -186,7 +186,7 @@ static F along_tube(TubeLine line, F u)
     return behind ? -t : t;
 }
 
-static F cylinder_pdf(Solid s, F3 d, F t)
+static inline F cylinder_pdf(Solid s, F3 d, F t)
 {
     F3 w = to_object(s, d);
     F x = s.o.x + t * w.x;
@@ -238,7 +238,7 @@ static Generators generators_of(Solid s)
 }
 
 // `x` is the share of `widest`, `shown` how much the generator turns to the point, `distance` that of the point on it.
-static F generator_pdf(Solid s, Generators g, F x, F shown, F distance)
+static inline F generator_pdf(Solid s, Generators g, F x, F shown, F distance)
 {
     F parabola = g.all ? ONE : 1.5f * (1.0f - x * x);
     F relative = distance / s.size;
@@ -246,7 +246,7 @@ static F generator_pdf(Solid s, Generators g, F x, F shown, F distance)
     return ((g.widest > 0.0f) & (shown > 0.0f) & (pdf > 0.0f) & (pdf < NEVER)) ? pdf : ZERO;
 }
 
-static F cone_pdf(Solid s, F3 d, F t)
+static inline F cone_pdf(Solid s, F3 d, F t)
 {
     Generators g = generators_of(s);
     F3 w = to_object(s, d);
@@ -279,7 +279,7 @@ static F3 sample_cone(Solid s, F u, F v, F *pdf)
 #endif
 
 // Density of the direction d, which met the lamp at distance t.
-static F solid_pdf(const __global Emitter *es, I e, I kind, F3 p, F3 d, F t)
+static inline F solid_pdf(const __global Emitter *es, I e, I kind, F3 p, F3 d, F t)
 {
     Solid s = solid_of(es, e, p);
     F pdf = ZERO;

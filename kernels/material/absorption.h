@@ -4,7 +4,7 @@
 #include "common/exponential.h"
 #include "material/vertex.h"
 
-static F3 transmittance(Vertex vertex, F3 d, F length)
+static inline F3 transmittance(Vertex vertex, F3 d, F length)
 {
     I inside = dot3(vertex.ng, d) > 0.0f;
     F3 a = vertex.closure.absorption;

@@ -16,7 +16,7 @@ typedef struct {
 } Scattered;
 
 // A direction about (0, 0, 1) of density z / pi.
-static F3 cosine_direction(F u, F v)
+static inline F3 cosine_direction(F u, F v)
 {
     F sn, cs;
     sincos_turns(u, &sn, &cs);
@@ -27,7 +27,7 @@ static F3 cosine_direction(F u, F v)
 
 #if HAS_SHEEN
 // A direction about (0, 0, 1) of density 1 / (2 pi).
-static F3 even_direction(F u, F v)
+static inline F3 even_direction(F u, F v)
 {
     F sn, cs;
     sincos_turns(u, &sn, &cs);
@@ -37,7 +37,7 @@ static F3 even_direction(F u, F v)
 #endif
 
 // The frame about the normal: x along the tangent where a material is brushed.
-static void surface_frame(Vertex vertex, F3 n, F3 *s, F3 *t)
+static inline void surface_frame(Vertex vertex, F3 n, F3 *s, F3 *t)
 {
     frame(n, s, t);
 #if HAS_ANISOTROPY
@@ -49,6 +49,6 @@ static void surface_frame(Vertex vertex, F3 n, F3 *s, F3 *t)
 }
 
 // The direction of a path after a mirror.
-static F3 mirrored_direction(F3 d, Side side) { return normalized(along(d, side.n, 2.0f * side.cosine)); }
+static inline F3 mirrored_direction(F3 d, Side side) { return normalized(along(d, side.n, 2.0f * side.cosine)); }
 
 #endif

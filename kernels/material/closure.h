@@ -58,7 +58,7 @@
     WHEN(HAS_GLOW,         EACH(F3,    glow,         BLACK_3,          glow_of(material, u, v, scene)))  /* own radiance */
 
 // A coefficient at the wavelengths of the path; w is the number of its spectrum.
-static F3 coefficient(float4 rgb, Scene scene)
+static inline F3 coefficient(float4 rgb, Scene scene)
 {
 #if SPECTRAL_COLOURS
     return surface_colour(scene.spectral, f3_of(rgb), rgb.w, scene.colours);
@@ -87,7 +87,7 @@ static Alpha alpha_of(const __global Material *material, F u, F v, Scene scene)
 #endif
 
 #if HAS_ROUGH_PLASTIC || HAS_SHEEN
-static Cover known_cover(float4 first, float last)
+static inline Cover known_cover(float4 first, float last)
 {
     Cover e;
     e.c0 = (F)(first.x);
@@ -100,7 +100,7 @@ static Cover known_cover(float4 first, float last)
 #endif
 
 #if HAS_PRINCIPLED
-static F metallic_of(const __global Material *material, F u, F v, Scene scene)
+static inline F metallic_of(const __global Material *material, F u, F v, Scene scene)
 {
 #if HAS_METALLIC_TEXTURE
     if (material->metallic_texture >= 0)
@@ -111,7 +111,7 @@ static F metallic_of(const __global Material *material, F u, F v, Scene scene)
 #endif
 
 #if HAS_GLOW
-static F3 glow_of(const __global Material *material, F u, F v, Scene scene)
+static inline F3 glow_of(const __global Material *material, F u, F v, Scene scene)
 {
     F3 glow = f3_of(material->glow);
 #if HAS_TEXTURE
@@ -137,7 +137,7 @@ typedef struct {
     CLOSURE(AS_CLOSURE_MEMBER)
 } Closure;
 
-static Closure empty_closure(void)
+static inline Closure empty_closure(void)
 {
     Closure closure;
     CLOSURE(AS_EMPTY_MEMBER)
@@ -145,7 +145,7 @@ static Closure empty_closure(void)
 }
 
 // Fills the lanes `mine`, which share a material, at texture coordinates.
-static void take_closure(Closure *closure, I mine, const __global Material *material, F u, F v, Scene scene)
+static inline void take_closure(Closure *closure, I mine, const __global Material *material, F u, F v, Scene scene)
 {
     CLOSURE(AS_TAKEN_MEMBER)
 }

@@ -6,14 +6,14 @@
 
 typedef struct { F c0, c1, c2, c3, c4; } Cover;
 
-static Cover no_cover(void)
+static inline Cover no_cover(void)
 {
     Cover e;
     e.c0 = e.c1 = e.c2 = e.c3 = e.c4 = ZERO;
     return e;
 }
 
-static Cover select_Cover(I mine, Cover a, Cover b)
+static inline Cover select_Cover(I mine, Cover a, Cover b)
 {
     a.c0 = mine ? a.c0 : b.c0;
     a.c1 = mine ? a.c1 : b.c1;
@@ -23,7 +23,7 @@ static Cover select_Cover(I mine, Cover a, Cover b)
     return a;
 }
 
-static F cover_albedo(Cover e, F mu)
+static inline F cover_albedo(Cover e, F mu)
 {
     F y = 1.0f - mu;
     F share = e.c0 + y * (e.c1 + y * (e.c2 + y * (e.c3 + y * e.c4)));
@@ -31,14 +31,14 @@ static F cover_albedo(Cover e, F mu)
 }
 
 // The mean of E over a hemisphere of even light: the integral of 2 mu E(mu).
-static F cover_mean(Cover e)
+static inline F cover_mean(Cover e)
 {
     return e.c0 + e.c1 * (1.0f / 3.0f) + e.c2 * (1.0f / 6.0f) + e.c3 * 0.1f + e.c4 * (1.0f / 15.0f);
 }
 
 #if HAS_PLASTIC || HAS_ROUGH_PLASTIC
 // Albedo of a base of reflectance `rho` under a cover that sends the share `internal` of what leaves the base back to it.
-static F3 lit_from_below(F3 rho, F internal)
+static inline F3 lit_from_below(F3 rho, F internal)
 {
     F out = 1.0f - internal;
     return f3(rho.x * out / (1.0f - rho.x * internal), rho.y * out / (1.0f - rho.y * internal),
@@ -49,7 +49,7 @@ static F3 lit_from_below(F3 rho, F internal)
 #if HAS_PRINCIPLED
 #define COAT_REFLECTANCE 0.04f      // of a clear coat of index 1.5 at normal incidence
 
-static F cubic(F q, float a, float b, float c, float d) { return a + q * (b + q * (c + q * d)); }
+static inline F cubic(F q, float a, float b, float c, float d) { return a + q * (b + q * (c + q * d)); }
 
 // Of GGX facets with Schlick's Fresnel, from `f0` at normal incidence, times `weight`: f0 + (1 - f0) G(mu), where G, the
 // share that facets of reflectance (1 - cos)^5 send back, is fitted from above to its quadrature, so that no energy is won:

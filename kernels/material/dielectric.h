@@ -4,7 +4,7 @@
 #include "material/bsdf.h"
 
 #if HAS_DIELECTRIC
-static I dielectric_is(I kind) { return kind == MATERIAL_DIELECTRIC; }
+static inline I dielectric_is(I kind) { return kind == MATERIAL_DIELECTRIC; }
 
 static Scattered dielectric_sample(Vertex vertex, F3 d, Side side, F u, F v, F lobe)
 {

@@ -34,7 +34,7 @@ typedef struct {
 } Facet;
 
 #if HAS_PRINCIPLED
-static F normal_reflectance(F index)
+static inline F normal_reflectance(F index)
 {
     F r = (index - 1.0f) / (index + 1.0f);
     return r * r;
@@ -156,14 +156,14 @@ static F add_base(Lobes *lobes, Vertex vertex)
 
 #if HAS_SHEEN
 // Share of the light of cosine `mu` that the sheen keeps from the surface below.
-static F sheen_share(Vertex vertex, F3 fibres, F mu)
+static inline F sheen_share(Vertex vertex, F3 fibres, F mu)
 {
     F share = max3(fibres) * sheen_albedo(vertex.closure.sheen_cover, mu);
     return MIN(share, ONE);
 }
 
 // Sheen over a surface of about the albedo `below`.
-static void add_sheen(Lobes *lobes, Vertex vertex, I behind, F below)
+static inline void add_sheen(Lobes *lobes, Vertex vertex, I behind, F below)
 {
     I cloth = (vertex.kind == MATERIAL_PRINCIPLED) & NOT(lobes->clear & behind);
     lobes->fibres = keep3(cloth, vertex.closure.sheen);
@@ -252,7 +252,7 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
 }
 
 // The facet normal that takes `wi` to `wo`.
-static F3 facet_normal(Lobes lobes, F3 wo)
+static inline F3 facet_normal(Lobes lobes, F3 wo)
 {
     F3 h = add(lobes.wi, wo);
 #if HAS_REFRACTION
@@ -265,7 +265,7 @@ static F3 facet_normal(Lobes lobes, F3 wo)
     return select3(length2 > SMALLEST, unit, f3(ZERO, ZERO, ONE));      // of light that grazes from the other side
 }
 
-static F3 facets_eval(Vertex vertex, F3 wi, F3 wo, I behind, F *pdf)
+static inline F3 facets_eval(Vertex vertex, F3 wi, F3 wo, I behind, F *pdf)
 {
     Lobes lobes = lobes_of(vertex, wi, behind);
     return lobes_eval(vertex, lobes, wo, facet_normal(lobes, wo), pdf);

@@ -31,7 +31,7 @@ enum {
 
 typedef struct FlatTables { F row[FLAT_ROWS]; } FlatTables;
 
-static int way_of(int i, int texture, const __global int *kind_end)
+static inline int way_of(int i, int texture, const __global int *kind_end)
 {
     if (i >= kind_end[KIND_ELLIPSOID] && i < kind_end[KIND_PLANE])
         return ON_FLAT;

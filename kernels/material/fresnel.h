@@ -5,7 +5,7 @@
 
 // Of a smooth dielectric, with the refracted cosine; exact at total internal reflection. `eta` is the index behind the
 // surface over the index in front, `cos_i` the cosine of incidence (>= 0).
-static F fresnel(F cos_i, F eta, F *cos_t)
+static inline F fresnel(F cos_i, F eta, F *cos_t)
 {
     F sin2_t = (1.0f - cos_i * cos_i) / (eta * eta);
     I total = sin2_t >= 1.0f;
@@ -17,7 +17,7 @@ static F fresnel(F cos_i, F eta, F *cos_t)
 }
 
 // (1 - c)^5: Schlick 1994.
-static F schlick(F c)
+static inline F schlick(F c)
 {
     F x = MAX(1.0f - c, ZERO);
     F x2 = x * x;

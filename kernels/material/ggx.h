@@ -13,7 +13,7 @@ typedef struct {
 #endif
 } Alpha;
 
-static Alpha same_alpha(F alpha)
+static inline Alpha same_alpha(F alpha)
 {
     Alpha a;
     a.x = alpha;
@@ -23,7 +23,7 @@ static Alpha same_alpha(F alpha)
     return a;
 }
 
-static Alpha select_Alpha(I mine, Alpha a, Alpha b)
+static inline Alpha select_Alpha(I mine, Alpha a, Alpha b)
 {
     a.x = mine ? a.x : b.x;
 #if HAS_ANISOTROPY
@@ -38,14 +38,14 @@ static Alpha select_Alpha(I mine, Alpha a, Alpha b)
 #define ACROSS(alpha) ((alpha).x)
 #endif
 
-static F ggx_stretch(F3 w, Alpha alpha)
+static inline F ggx_stretch(F3 w, Alpha alpha)
 {
     F x = w.x * alpha.x;
     F y = w.y * ACROSS(alpha);
     return sqrt(x * x + y * y + w.z * w.z);
 }
 
-static F ggx_density(F3 h, Alpha alpha)
+static inline F ggx_density(F3 h, Alpha alpha)
 {
 #if HAS_ANISOTROPY
     F ratio = alpha.y / alpha.x;
@@ -58,7 +58,7 @@ static F ggx_density(F3 h, Alpha alpha)
     return INV_PI_F * area / (k * k);
 }
 
-static F3 ggx_visible_normal(F3 wi, Alpha alpha, F u, F v)
+static inline F3 ggx_visible_normal(F3 wi, Alpha alpha, F u, F v)
 {
     F3 w = normalized(f3(wi.x * alpha.x, wi.y * ACROSS(alpha), wi.z));
     F s, c;
@@ -71,7 +71,7 @@ static F3 ggx_visible_normal(F3 wi, Alpha alpha, F u, F v)
 
 // What reflection by the facets of normal `h` sends from `wo` to `wi`: BSDF times cosine, without Fresnel's factor, and the
 // density of choosing `wo`; both zero below the surface.
-static F ggx_reflect(F3 wi, F3 wo, F3 h, Alpha alpha, F *pdf)
+static inline F ggx_reflect(F3 wi, F3 wo, F3 h, Alpha alpha, F *pdf)
 {
     I above = (wi.z > 0.0f) & (wo.z > 0.0f);
     F half_density = 0.5f * ggx_density(h, alpha);

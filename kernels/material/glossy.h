@@ -8,14 +8,14 @@
 
 #define AMONG(kind_name) | (kind == MATERIAL_##kind_name)
 
-static I glossy_is(I kind)
+static inline I glossy_is(I kind)
 {
     return FALSE WHEN(HAS_CONDUCTOR, AMONG(CONDUCTOR)) WHEN(HAS_METAL, AMONG(METAL))
         WHEN(HAS_ROUGH_DIELECTRIC, AMONG(ROUGH_DIELECTRIC)) WHEN(HAS_ROUGH_PLASTIC, AMONG(ROUGH_PLASTIC))
         WHEN(HAS_PRINCIPLED, AMONG(PRINCIPLED));
 }
 
-static F3 glossy_eval(Vertex vertex, F3 d, Side side, F3 wo, F *pdf)
+static inline F3 glossy_eval(Vertex vertex, F3 d, Side side, F3 wo, F *pdf)
 {
     F3 s, t;
     surface_frame(vertex, side.n, &s, &t);

@@ -9,7 +9,7 @@
 
 #if HAS_IMAGE || EMITTER_PROFILES || ENVIRONMENT == ENVIRONMENT_IMAGE
 // Linear value of sRGB codes 0 to 1 (IEC 61966-2-1): a fit through 1 to the 256 codes, relative error below 4e-5.
-static F srgb_decoded(F c)
+static inline F srgb_decoded(F c)
 {
     F p = 0.00084768841f + c * (0.035566021f + c * (0.48221895f + c * (0.87610829f + c * (-0.87665248f
         + c * (0.87562668f + c * (-0.53258198f + c * 0.13886686f))))));
@@ -17,9 +17,9 @@ static F srgb_decoded(F c)
 }
 
 // A half without sign: its bits in a float's place are 2^112 too small.
-static F half_decoded(I bits) { return AS_F(bits << 13) * 5.192296858534828e33f; }
+static inline F half_decoded(I bits) { return AS_F(bits << 13) * 5.192296858534828e33f; }
 
-static F3 texel_of(int format, I low, I high)
+static inline F3 texel_of(int format, I low, I high)
 {
     if (format == TEXEL_HALF)
         return f3(half_decoded(low & 0x7fff), half_decoded((low >> 16) & 0x7fff), half_decoded(high & 0x7fff));
@@ -50,7 +50,7 @@ static void load_four(const __global uint *words, I i, I *a, I *b, I *c, I *d)
 }
 
 // The texels at an index and to its right.
-static void texel_pair(const __global uint *texels, int format, I index, F3 *left, F3 *right)
+static inline void texel_pair(const __global uint *texels, int format, I index, F3 *left, F3 *right)
 {
     I a, b, c, d;
     load_four(texels, format == TEXEL_HALF ? 2 * index : index, &a, &b, &c, &d);
@@ -59,7 +59,7 @@ static void texel_pair(const __global uint *texels, int format, I index, F3 *lef
 }
 
 // A coordinate of the picture taken to 0 … 1.
-static F wrapped(F x, int wrap)
+static inline F wrapped(F x, int wrap)
 {
     if (wrap == WRAP_CLAMP)
         return MIN(MAX(x, ZERO), ONE);
@@ -69,10 +69,10 @@ static F wrapped(F x, int wrap)
     return MIN(y, 2.0f - y);
 }
 
-static I within(I i, int count) { return MIN(MAX(i, FALSE), (I)(count - 1)); }
+static inline I within(I i, int count) { return MIN(MAX(i, FALSE), (I)(count - 1)); }
 
 // Where between the centres of texels a coordinate lies: after the centre of texel *before, the share *after of the way.
-static void between(F x, int count, int wrap, I *before, F *after)
+static inline void between(F x, int count, int wrap, I *before, F *after)
 {
     F place = x * (float)count - 0.5f;
     if (wrap == WRAP_REPEAT)
@@ -84,9 +84,9 @@ static void between(F x, int count, int wrap, I *before, F *after)
     *after = place - whole;
 }
 
-static F3 mixed(F3 a, F3 b, F k) { return f3(a.x + k * (b.x - a.x), a.y + k * (b.y - a.y), a.z + k * (b.z - a.z)); }
+static inline F3 mixed(F3 a, F3 b, F k) { return f3(a.x + k * (b.x - a.x), a.y + k * (b.y - a.y), a.z + k * (b.z - a.z)); }
 
-static F3 image_nearest(const __global Texture *t, const __global uint *texels, F x, F y)
+static inline F3 image_nearest(const __global Texture *t, const __global uint *texels, F x, F y)
 {
     I column = within(TO_I(x * (float)t->width), t->width);
     I row = within(TO_I(y * (float)t->height), t->height);
@@ -111,7 +111,7 @@ static F3 image_bilinear(const __global Texture *t, const __global uint *texels,
 }
 
 // The picture at coordinates in which it fills 0 … 1; linear, without its gain.
-static F3 image_at(const __global Texture *t, const __global uint *all_texels, F x, F y)
+static inline F3 image_at(const __global Texture *t, const __global uint *all_texels, F x, F y)
 {
     const __global uint *texels = all_texels + t->first;
     F wx = wrapped(x, t->wrap_u);

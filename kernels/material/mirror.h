@@ -4,9 +4,9 @@
 #include "material/bsdf.h"
 
 #if HAS_MIRROR
-static I mirror_is(I kind) { return kind == MATERIAL_MIRROR; }
+static inline I mirror_is(I kind) { return kind == MATERIAL_MIRROR; }
 
-static Scattered mirror_sample(Vertex vertex, F3 d, Side side, F u, F v, F lobe)
+static inline Scattered mirror_sample(Vertex vertex, F3 d, Side side, F u, F v, F lobe)
 {
     Scattered out;
     out.direction = mirrored_direction(d, side);

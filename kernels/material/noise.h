@@ -20,7 +20,7 @@ static U lattice_hash(U x, U y, uint seed)
 }
 
 // Height, at the offset (x, y), of the plane through a lattice point with slopes of -1 … 1 each.
-static F slope_at(I column, I row, uint seed, F x, F y)
+static inline F slope_at(I column, I row, uint seed, F x, F y)
 {
     U bits = lattice_hash(AS_U(column), AS_U(row), seed);
     F a = TO_F(AS_I(bits & 65535u)) * (1.0f / 32768.0f) - 1.0f;
@@ -28,7 +28,7 @@ static F slope_at(I column, I row, uint seed, F x, F y)
     return a * x + b * y;
 }
 
-static F fade(F t) { return t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f); }
+static inline F fade(F t) { return t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f); }
 
 // Within -1 … 1; standard deviation 0.18.
 static F gradient_noise(F x, F y, uint seed)

@@ -6,12 +6,12 @@
 #include "common/rng.h"
 #include "material/texture.h"
 
-static int has_holes(const __global Material *material)
+static inline int has_holes(const __global Material *material)
 {
     return material->opacity < 1.0f || material->opacity_texture >= 0;
 }
 
-static F ray_chance(F3 o, F3 d, I primitive, I triangle)
+static inline F ray_chance(F3 o, F3 d, I primitive, I triangle)
 {
     U4 h = hash4(AS_U(d.x) ^ AS_U(primitive) * 0x9e3779b9u, AS_U(d.y) ^ AS_U(triangle) * 0x85ebca6bu, AS_U(d.z),
                  (uint2)(0u, 0u));
@@ -19,7 +19,7 @@ static F ray_chance(F3 o, F3 d, I primitive, I triangle)
     return unit_float(h.a);
 }
 
-static I is_there(const __global Material *material, F u, F v, F chance, Scene scene)
+static inline I is_there(const __global Material *material, F u, F v, F chance, Scene scene)
 {
     F opacity = (F)(material->opacity);
 #if HAS_TEXTURE

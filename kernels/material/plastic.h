@@ -4,7 +4,7 @@
 #include "material/bsdf.h"
 
 #if HAS_PLASTIC
-static I plastic_is(I kind) { return kind == MATERIAL_PLASTIC; }
+static inline I plastic_is(I kind) { return kind == MATERIAL_PLASTIC; }
 
 typedef struct {
     F3 base;        // BSDF * pi, without the way out
@@ -27,14 +27,14 @@ static Plastic plastic_of(Vertex vertex, F cosine)
     return plastic;
 }
 
-static F3 plastic_light(Vertex vertex, Plastic plastic, F cos_o)
+static inline F3 plastic_light(Vertex vertex, Plastic plastic, F cos_o)
 {
     F ct;
     F leaves = 1.0f - fresnel(cos_o, vertex.parameter, &ct);
     return scale(plastic.base, leaves * INV_PI_F * cos_o);
 }
 
-static F3 plastic_eval(Vertex vertex, F3 d, Side side, F3 wo, F *pdf)
+static inline F3 plastic_eval(Vertex vertex, F3 d, Side side, F3 wo, F *pdf)
 {
     F cos_o = dot3(side.n, wo);
     Plastic of = plastic_of(vertex, side.cosine);

@@ -30,7 +30,7 @@
     }
 
 // BSDF * cosine, and the density with which scatter_sample would choose `wo`.
-static F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
+static inline F3 scatter_eval(Vertex vertex, F3 d, F3 wo, F *pdf)
 {
     Side side = side_of(vertex, d);
     F3 value = f3(ZERO, ZERO, ZERO);

@@ -25,7 +25,7 @@ static F sheen_lambda(F mu, F alpha, F middle)
 }
 
 // BSDF times cosine of a white sheen, zero below the surface; `h` is the normal between both directions.
-static F sheen_reflect(Closure closure, F3 wi, F3 wo, F3 h)
+static inline F sheen_reflect(Closure closure, F3 wi, F3 wo, F3 h)
 {
     F alpha = closure.sheen_alpha;
     I above = (wi.z > 0.0f) & (wo.z > 0.0f);
@@ -38,7 +38,7 @@ static F sheen_reflect(Closure closure, F3 wi, F3 wo, F3 h)
 }
 
 // Share of light of cosine `mu` that a white sheen sends back: the logarithm is a quartic in the root of mu (plan/sheen.py).
-static F sheen_albedo(Cover e, F mu)
+static inline F sheen_albedo(Cover e, F mu)
 {
     F t = sqrt(mu);
     return exponential(e.c0 + t * (e.c1 + t * (e.c2 + t * (e.c3 + t * e.c4))));

@@ -41,14 +41,14 @@ static Side side_of(Vertex vertex, F3 d)
 
 // Whether `wo` leaves on the same side of the surface itself as of its shading normal: light that would have to pass
 // through the surface to agree with both is left out, when evaluating as when sampling.
-static I consistent(Vertex vertex, Side side, F3 wo)
+static inline I consistent(Vertex vertex, Side side, F3 wo)
 {
     F true_side = dot3(vertex.ng, wo);
     true_side = side.behind ? -true_side : true_side;
     return (true_side > 0.0f) == (dot3(side.n, wo) > 0.0f);
 }
 #else
-static Side side_of(Vertex vertex, F3 d)
+static inline Side side_of(Vertex vertex, F3 d)
 {
     Side side;
     F front = -dot3(vertex.n, d);

@@ -54,11 +54,11 @@ static F3 texture_color(int texture, F u, F v, Scene scene)
 }
 
 // The first channel, of textures that stand for a number.
-static F texture_scalar(int texture, F u, F v, Scene scene) { return texture_color(texture, u, v, scene).x; }
+static inline F texture_scalar(int texture, F u, F v, Scene scene) { return texture_color(texture, u, v, scene).x; }
 #endif
 
 // The colour of a material at texture coordinates: constant where it has no texture.
-static F3 reflectance_at(const __global Material *material, F u, F v, Scene scene)
+static inline F3 reflectance_at(const __global Material *material, F u, F v, Scene scene)
 {
 #if HAS_TEXTURE
     if (material->texture >= 0)

@@ -6,11 +6,11 @@
 #include "material/bsdf.h"
 
 #if HAS_THIN_GLASS
-static I thin_glass_is(I kind) { return kind == MATERIAL_THIN_GLASS; }
+static inline I thin_glass_is(I kind) { return kind == MATERIAL_THIN_GLASS; }
 
 typedef struct { F3 reflected, passed; } Pane;
 
-static void through_pane(F r, F depth, F *reflected, F *passed)
+static inline void through_pane(F r, F depth, F *reflected, F *passed)
 {
     F t = exponential(-depth);
     F once = (1.0f - r) * (1.0f - r) / MAX(1.0f - r * r * t * t, (F)(SMALLEST));
@@ -19,7 +19,7 @@ static void through_pane(F r, F depth, F *reflected, F *passed)
 }
 
 // `depth` is the optical depth at normal incidence.
-static Pane pane_of(F cos_i, F index, F3 depth)
+static inline Pane pane_of(F cos_i, F index, F3 depth)
 {
     F ct;
     F r = fresnel(cos_i, index, &ct);

@@ -112,7 +112,7 @@ static void take_mix(Vertex *vertex, I mine, const __global Material *mix, Surfa
 #endif
 
 // Of a primitive that is no mesh.
-static SurfacePoint other_point(int index, F3 p, int textured, Scene scene)
+static inline SurfacePoint other_point(int index, F3 p, int textured, Scene scene)
 {
     SurfacePoint point = surface_point(index, p, textured, scene);
 #if HAS_TANGENT

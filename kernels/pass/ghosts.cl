@@ -69,7 +69,7 @@ static void enter_front(const __global float4 *source, uint number, uint rays, F
 #endif
 }
 
-static void add_light(__global uint *sum, float light)
+static inline void add_light(__global uint *sum, float light)
 {
     ulong units = (ulong)(long)(light * ONE_LIGHT);          // below 0 as two's complement, whose carry is the same
     uint low = (uint)units, high = (uint)(units >> 32);

@@ -27,7 +27,7 @@ static ShadowRay light_of_start(Vertex vertex, StartPoint start, F4 u, Scene sce
 
 // The share of a photon's power that goes on: a smooth surface gives power, not radiance, its due (no squeeze by
 // refraction), and of shading normals that of Veach 1997, ch. 5.3.
-static F3 share_on(Vertex vertex, F3 d, Scattered next)
+static inline F3 share_on(Vertex vertex, F3 d, Scattered next)
 {
     F3 weight = next.weight;
     I glass = vertex.kind == MATERIAL_DIELECTRIC;

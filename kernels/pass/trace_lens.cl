@@ -3,7 +3,7 @@
 // trace_rays.cl.
 #include "lens/trace.h"
 
-static LensPath enter(const __global float *rays, uint capacity, uint i, real film_distance)
+static inline LensPath enter(const __global float *rays, uint capacity, uint i, real film_distance)
 {
     F3 film = f3(LOAD_SINGLE(rays, i), LOAD_SINGLE(rays + capacity, i), ZERO);
 #if FILM_MOVED
@@ -13,7 +13,7 @@ static LensPath enter(const __global float *rays, uint capacity, uint i, real fi
     return enter_lens(aim, normalized(sub(aim, film)), LOAD_SINGLE(rays + 4 * capacity, i));
 }
 
-static void leave(__global float *rays, uint capacity, uint i, LensRay out)
+static inline void leave(__global float *rays, uint capacity, uint i, LensRay out)
 {
     STORE_SINGLE(rays, i, out.p.x);
     STORE_SINGLE(rays + capacity, i, out.p.y);

@@ -4,7 +4,7 @@
 #include "lens/trace.h"
 
 // A ray that starts far away is taken to the plane of the first vertex, since surfaces are met from near by.
-static LensPath load_path(const __global real *rays, uint capacity, uint i, const __global Surface *first)
+static inline LensPath load_path(const __global real *rays, uint capacity, uint i, const __global Surface *first)
 {
     F3 p = f3(LOAD_F(rays, i), LOAD_F(rays + capacity, i), LOAD_F(rays + 2 * capacity, i));
     F3 d = f3(LOAD_F(rays + 3 * capacity, i), LOAD_F(rays + 4 * capacity, i), LOAD_F(rays + 5 * capacity, i));

@@ -1,8 +1,7 @@
 """What a session does before samples can be taken: focus, exposure, plans, kernels.
 
-Kernels of one lane per work item compile in 0.6 of the time of those of 16 and run 7 times as long. So the glances of a
-session that does not wait have them until another process has compiled the full ones. Films never have: rounding may
-differ between widths, though it does not in any of the examples.
+Quick kernels compile in half the time and run twice as long. So the glances of a session that does not wait have them
+until another process has compiled the full ones.
 """
 
 from __future__ import annotations
@@ -39,14 +38,14 @@ class Preparation:
     def __init__(self, device: Session, *, waits: bool) -> None:
         self._device = device
         self.ahead, self.pool = Ahead(device), WavefrontPool(device)
-        self._narrow: Session | None = None
+        self._quick: Session | None = None
         if not waits and device.generates_late and device.lanes > 1:
-            self._narrow = device.narrow()
-            self._narrow_pool = WavefrontPool(self._narrow)
-        self._narrow_keys: set[Hashable] = set()  # of what narrow kernels were compiled for
+            self._quick = device.quick()
+            self._quick_pool = WavefrontPool(self._quick)
+        self._quick_keys: set[Hashable] = set()  # of what quick kernels were compiled for
 
     def first(self, scene: Scene) -> SceneState:
-        """Return a scene ready to be rendered; not final where its exposure was metered with narrow kernels."""
+        """Return a scene ready to be rendered; not final where its exposure was metered with quick kernels."""
         found, is_final = self._resolved(scene)
         return self._planned(scene, found, make_plan(found.scene), is_final=is_final)
 
@@ -72,12 +71,12 @@ class Preparation:
         """Compile nothing more; let go of everything on the device."""
         self.ahead.close()
         self.pool.close()
-        if self._narrow is not None:
-            self._narrow_pool.close()
+        if self._quick is not None:
+            self._quick_pool.close()
 
     def knows(self, state: SceneState) -> bool:
         """Return whether a state can be shown at once."""
-        return self._key(state) in self._narrow_keys or self.ahead.knows(*self._of_glances(state))
+        return self._key(state) in self._quick_keys or self.ahead.knows(*self._of_glances(state))
 
     def compile(self, state: SceneState) -> None:
         """Compile what showing a state takes, unless it can be shown."""
@@ -85,27 +84,27 @@ class Preparation:
             self.ahead.compile(*self._of_glances(state))
 
     def compile_soonest(self, state: SceneState) -> None:
-        """Compile what glances of a state take: narrow kernels, unless full ones are kept."""
-        if self._narrow is None or not self.is_narrow(state):
+        """Compile what glances of a state take: quick kernels, unless full ones are kept."""
+        if self._quick is None or not self.is_quick(state):
             self.compile(state)
         else:
-            compile_here(self._narrow, *self._of_glances(state))
-            self._narrow_keys.add(self._key(state))
+            compile_here(self._quick, *self._of_glances(state))
+            self._quick_keys.add(self._key(state))
 
     def begin(self, state: SceneState) -> None:
         """Compile it in the background."""
         self.ahead.begin(*self._of_glances(state))
 
-    def is_narrow(self, state: SceneState) -> bool:
-        """Return whether glances of a state have narrow kernels."""
-        return self._narrow is not None and not self.ahead.takes_kept(*self._of_glances(state))
+    def is_quick(self, state: SceneState) -> bool:
+        """Return whether glances of a state have quick kernels."""
+        return self._quick is not None and not self.ahead.takes_kept(*self._of_glances(state))
 
     def pool_of_glances(self, state: SceneState) -> WavefrontPool:
         """Return the wavefronts that glances of a state take."""
-        if not self.is_narrow(state):
+        if not self.is_quick(state):
             return self.pool
-        self._narrow_keys.add(self._key(state))
-        return self._narrow_pool
+        self._quick_keys.add(self._key(state))
+        return self._quick_pool
 
     def is_film_ready(self, state: SceneState, of_film: Callable[[], tuple[Plan, SceneBuffers]]) -> bool:
         """Return whether the film of a state can have samples at once; otherwise its kernels are compiled meanwhile.
@@ -117,15 +116,15 @@ class Preparation:
         of_film
             Returns the plan of its film and the arrays of that.
         """
-        if self._narrow is None:
+        if self._quick is None:
             return True
-        if not state.is_final and self.is_narrow(state):  # full kernels meter for a film
+        if not state.is_final and self.is_quick(state):  # full kernels meter for a film
             return self._begun(self._of_glances(state))
         plan, buffers = of_film()
         wanted = plan, buffers, state.scene.render
         if not self.ahead.takes_kept(*wanted):
             return self._begun(wanted)
-        if self.is_narrow(state):
+        if self.is_quick(state):
             self._begun(self._of_glances(state))
         return True
 
@@ -137,7 +136,7 @@ class Preparation:
 
     def _of_glances(self, state: SceneState) -> tuple[Plan, SceneBuffers, RenderSettings]:
         """Return what has to be compiled before a state is shown."""
-        settings = state.scene.render if self._narrow is None else of_glance(state.scene)
+        settings = state.scene.render if self._quick is None else of_glance(state.scene)
         return state.plan, state.buffers, settings
 
     def _key(self, state: SceneState) -> Hashable:
@@ -151,12 +150,12 @@ class Preparation:
 
         Autofocus takes millions of samples, for which full kernels are worth their time.
         """
-        if self._narrow is None or scene.requested_autofocus is not None:
+        if self._quick is None or scene.requested_autofocus is not None:
             return resolve(scene, self._device), True
         try:
             return resolve(scene, self._device.kept_only()), True
         except NotKeptError:
-            return resolve(scene, self._narrow), False
+            return resolve(scene, self._quick), False
 
 
 def of_glance(scene: Scene) -> RenderSettings:

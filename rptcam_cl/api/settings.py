@@ -10,8 +10,8 @@ from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.device import Split, Wanted
-from rptcam_cl.rendering import WHOLE, FilmPart, Progress
+from rptcam_cl.device import Session, Split, Wanted
+from rptcam_cl.rendering import WHOLE, FilmLayout, FilmPart, Progress, has_ghosts
 from rptcam_cl.scene import ADAPTIVE_SPP, MAX_SPP, Scene, change_scene
 
 
@@ -95,6 +95,13 @@ class RenderSettings:
         if self.noise is not None:
             return ADAPTIVE_SPP
         return None if self.seconds is not None else scene.render.most_spp
+
+    def soonest(self, scene: Scene, sessions: list[Session]) -> list[Session]:
+        """Return the devices, with programs that compile soonest where few samples are all that is to be taken."""
+        spp, takes_more = self.most_spp(scene), scene.requested_autofocus is not None or has_ghosts(scene)
+        if spp is None or scene.render.noise is not None or takes_more or len(sessions) > 1:
+            return sessions
+        return [sessions[0].for_samples(spp * FilmLayout.of(scene.film).pixels)]
 
 
 def _numbers(part: str) -> tuple[int, int]:

@@ -199,6 +199,7 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     saved = saver.load() if saver is not None and settings.resume else None
 
     # Resolve what the scene leaves open, plan, compile
+    sessions = settings.soonest(scene, sessions)
     found = resolve(scene, sessions[0]) if saver is None else _resolved_as_saved(scene, sessions[0], saver)
     plan, buffers = aimed_plan(make_plan(found.scene), sessions[0], scene.render.layers)
     if saver is not None:

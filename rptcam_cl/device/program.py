@@ -27,6 +27,11 @@ from rptcam_cl.device.trial import AVX512_ARCH, first_error, target_pragma
 Parameters = Mapping[str, Sequence[str]]  # names of the parameters of each kernel
 
 BUILD_OPTIONS = ("-cl-std=CL1.2", "-w")  # a program that builds has nothing to say to a user
+# Of a program that compiles soonest: what is declared inline is inlined, all else are calls of small functions. PoCL
+# optimises them before it generates code, until its version 6 also where the program was built without optimisation.
+_QUICK = "#undef inline\n#define inline __attribute__((always_inline))\n"
+_SMALL = "#pragma clang attribute push(__attribute__((minsize)), apply_to=function)\n"
+_NOT_OPTIMISED = "-cl-opt-disable"
 _HASH_BYTES = 32
 _GUARD = re.compile(r"^#ifndef (\w+)\n#define \1$", re.MULTILINE)
 _CONDITION = re.compile(r"^\s*#\s*(if|ifdef|ifndef|endif)\b")
@@ -84,6 +89,18 @@ def assemble(files: list[str], facts: Mapping[str, int | str], declarations: str
     return "\n".join(head) + "\n" + declarations + body + tail
 
 
+def quick_source(source: str) -> str:
+    """Return the text of a program that compiles sooner for PoCL, runs slower and computes the same bits."""
+    return f"{_QUICK}{_SMALL}{source}#pragma clang attribute pop\n"
+
+
+def options_of(device: Any, source: str) -> tuple[str, ...]:
+    """Return the options that a program is built with for a pyopencl device."""
+    version = re.search(r"PoCL (\d+)", device.platform.version)
+    optimises_late = version is not None and int(version[1]) < 7
+    return (*BUILD_OPTIONS, _NOT_OPTIMISED) if optimises_late and source.startswith(_QUICK) else BUILD_OPTIONS
+
+
 def source_key(files: list[str], facts: Mapping[str, int | str], declarations: str) -> tuple[Any, ...]:
     """Return what the text of a program follows from, without reading it."""
     return (kernels_dir(), *files, frozenset(facts.items()), declarations)
@@ -113,7 +130,7 @@ class Program:
         self.source = source
         self._idle: dict[str, list[Any]] = {}
         try:
-            self.handle = build_program(context, device, source, list(BUILD_OPTIONS))
+            self.handle = build_program(context, device, source, list(options_of(device, source)))
         except cl.Error as error:
             raise DeviceError(_build_failure(source, str(error), self.identity)) from error
 
@@ -123,6 +140,11 @@ class Program:
         PoCL 3.0 keeps 2 KB of each kernel that has had an argument, for good.
         """
         return self._idle.setdefault(name, [])
+
+    @property
+    def is_quick(self) -> bool:
+        """Whether it is one of `quick_source`."""
+        return self.source.startswith(_QUICK)
 
     @cached_property
     def parameters(self) -> Parameters:
@@ -150,10 +172,10 @@ def build_program(context: Any, device: Any, source: str, options: list[str]) ->
     return program
 
 
-def program_name(device: Any, source: str, options: Iterable[str] = BUILD_OPTIONS) -> str:
+def program_name(device: Any, source: str, options: Iterable[str] | None = None) -> str:
     """Return a name for a program and all that what a driver makes of it depends on."""
-    platform = device.platform
-    facts = [platform.name, platform.version, device.name, device.version, device.driver_version, *options, source]
+    platform, words = device.platform, options_of(device, source) if options is None else options
+    facts = [platform.name, platform.version, device.name, device.version, device.driver_version, *words, source]
     return hashlib.sha256("\0".join(facts).encode()).hexdigest()
 
 
