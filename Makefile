@@ -8,12 +8,13 @@ demo: $(VENV)/.demo
 	@mkdir -p out
 	$(BIN)/rptcam render examples/first_light.yaml -o out/first_light.png
 	@echo "The picture is $(CURDIR)/out/first_light.png"
+	@echo "Next: . $(BIN)/activate, then docs/tutorial.md"
 
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -q
 
 docs: $(VENV)/.docs
-	$(BIN)/python -m mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
 	@echo "The documentation is $(CURDIR)/out/docs/index.html"
 
 lint: $(VENV)/.lint
