@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from rptcam_cl.api.merging import merge
     from rptcam_cl.api.part_renderer import Found, PartRenderer
     from rptcam_cl.api.resolving import Settlement, settle
+    from rptcam_cl.api.series import SeriesRenderer
     from rptcam_cl.api.session import RenderSession
     from rptcam_cl.api.sweeping import SweepEntry, sweep
     from rptcam_cl.api.tracking import FrameTracker, needs_tracking
@@ -39,6 +40,7 @@ __all__ = [
     "RenderSession",
     "RenderSettings",
     "Scene",
+    "SeriesRenderer",
     "Settlement",
     "SweepEntry",
     "autofocus",
@@ -70,6 +72,7 @@ _LATER = {
     "Frame": "api.frames",
     "PartRenderer": "api.part_renderer",
     "RenderSession": "api.session",
+    "SeriesRenderer": "api.series",
     "Settlement": "api.resolving",
     "SweepEntry": "api.sweeping",
     "autofocus": "focusing",

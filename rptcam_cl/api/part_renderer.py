@@ -10,7 +10,8 @@ from typing import Any
 
 from rptcam_cl.api.image_layers import truth_of
 from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.api.stages import arrays_beside, check_divisible, devices_of, of_picture, resolve
+from rptcam_cl.api.stages import arrays_beside, check_divisible, of_picture, resolve
+from rptcam_cl.api.wavefronts import devices_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import open_session
 from rptcam_cl.imaging import check_sensor

@@ -12,7 +12,7 @@ from rptcam_cl.api.ahead import Ahead, compile_here, key_of
 from rptcam_cl.api.scene_state import SceneState, plan_beside
 from rptcam_cl.api.stages import Resolved, resolve
 from rptcam_cl.device import NotKeptError, Session
-from rptcam_cl.plan import Plan, make_plan
+from rptcam_cl.plan import Plan, PlanParts, make_plan
 from rptcam_cl.rendering import SceneBuffers, WavefrontPool, aimed_plan
 from rptcam_cl.scene import RenderSettings, Scene
 
@@ -38,6 +38,7 @@ class Preparation:
     def __init__(self, device: Session, *, waits: bool) -> None:
         self._device = device
         self.ahead, self.pool = Ahead(device), WavefrontPool(device)
+        self._parts = PlanParts()
         self._quick: Session | None = None
         if not waits and device.generates_late and device.lanes > 1:
             self._quick = device.quick()
@@ -47,20 +48,20 @@ class Preparation:
     def first(self, scene: Scene) -> SceneState:
         """Return a scene ready to be rendered; not final where its exposure was metered with quick kernels."""
         found, is_final = self._resolved(scene)
-        return self._planned(scene, found, make_plan(found.scene), is_final=is_final)
+        return self._planned(scene, found, make_plan(found.scene, parts=self._parts), is_final=is_final)
 
     def beside(self, before: SceneState, scene: Scene, reading: float | None) -> SceneState:
         """Return a scene ready for glances: by the last reading of the meter and coarse tables."""
         found = resolve(scene, self._device, metered_cd_m2=reading)
-        plan = plan_beside(before, scene, found.scene)
+        plan = plan_beside(before, scene, found.scene, self._parts)
         if plan.camera.facts != before.plan.camera.facts:  # coarse tables may be of another kind
-            plan = make_plan(found.scene)
+            plan = make_plan(found.scene, parts=self._parts)
         return self._planned(scene, found, plan, is_final=False)
 
     def final(self, state: SceneState) -> SceneState:
         """Return a state as `render` has it."""
         found = resolve(state.scene, self._device, state.found.focus)
-        return self._planned(state.scene, found, make_plan(found.scene), is_final=True)
+        return self._planned(state.scene, found, make_plan(found.scene, parts=self._parts), is_final=True)
 
     def of_film(self, state: SceneState) -> tuple[Plan, SceneBuffers]:
         """Return the plan of a final state's film, and its arrays: camera rays may aim at lamps."""

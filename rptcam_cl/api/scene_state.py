@@ -14,7 +14,7 @@ from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import Prepared, Resolved, report
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.imaging import Image
-from rptcam_cl.plan import Plan, make_plan, with_film, with_lens, with_pose
+from rptcam_cl.plan import Plan, PlanParts, make_plan, with_film, with_lens, with_pose
 from rptcam_cl.rendering import FilmRun, SceneBuffers, ghosting_of, reading_cd_m2, rendering_of
 from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, Film, Scene, set_keys
 
@@ -84,14 +84,14 @@ def kind_of(before: Plan, after: Plan, compiled: bool, keys: tuple[str, ...]) ->
     return "camera" if before.facts == after.facts and set(keys) <= {"camera", "exposure", "shutter"} else "scene"
 
 
-def plan_beside(before: SceneState, scene: Scene, resolved: Scene) -> Plan:
+def plan_beside(before: SceneState, scene: Scene, resolved: Scene, parts: PlanParts) -> Plan:
     """Return the plan of a scene for glances, made of the plan before where nothing but the lens is another."""
     same_time = before.found.scene.shutter == resolved.shutter  # where things that move are
     if same_time and set(changed_parts(before.scene, scene)) <= OF_THE_LENS:
         if _moves_alone(before, scene, resolved):
-            return with_pose(before.plan, resolved)
+            return with_pose(before.plan, resolved, parts)
         return with_lens(before.plan, resolved, coarse=True)
-    return make_plan(resolved, coarse=True)
+    return make_plan(resolved, coarse=True, parts=parts)
 
 
 def _moves_alone(before: SceneState, scene: Scene, resolved: Scene) -> bool:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from rptcam_cl.api.image_layers import named_layers, truth_of
 from rptcam_cl.api.settings import RenderSettings
+from rptcam_cl.api.wavefronts import Kept, devices_of, saved_shares, wavefront_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, NumericError
-from rptcam_cl.device import Session, means_all, open_sessions
+from rptcam_cl.device import Session, open_sessions
 from rptcam_cl.imaging import (
     GUIDES,
     Image,
@@ -35,14 +36,10 @@ from rptcam_cl.rendering import (
     FilmLayout,
     Ghosting,
     GroundTruth,
-    Part,
     Progress,
     Rendering,
     SavedState,
     Saver,
-    SceneBuffers,
-    SharedWavefront,
-    Wavefront,
     aimed_plan,
     anomalies,
     described,
@@ -56,8 +53,6 @@ from rptcam_cl.rendering import (
     render_plan,
     rendering_of,
     resolve_exposure,
-    split_of,
-    split_text,
     statistics,
     window,
 )
@@ -171,8 +166,15 @@ class Prepared:
     truth: GroundTruth | None = None
 
 
-def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSettings) -> Prepared:
+def prepare(
+    scene: Scene | str | Path | Mapping[str, Any], settings: RenderSettings, kept: Kept | None = None
+) -> Prepared:
     """Return a scene, or anything that `load_scene` takes, ready to be rendered.
+
+    Parameters
+    ----------
+    kept
+        Of the pictures before: what is prepared is good until it is given to the next.
 
     Raises
     ------
@@ -201,15 +203,18 @@ def prepare(scene: Scene | str | Path | Mapping[str, Any], settings: RenderSetti
     # Resolve what the scene leaves open, plan, compile
     sessions = settings.soonest(scene, sessions)
     found = resolve(scene, sessions[0]) if saver is None else _resolved_as_saved(scene, sessions[0], saver)
-    plan, buffers = aimed_plan(make_plan(found.scene), sessions[0], scene.render.layers)
+    plan = make_plan(found.scene, parts=None if kept is None else kept.parts)
+    pool = None if kept is None else kept.pool(plan, sessions, settings)
+    there = None if pool is None else pool.upload(plan)
+    plan, buffers = aimed_plan(plan, sessions[0], scene.render.layers, there)
     if saver is not None:
         saver.of_picture = of_picture(scene, found, plan, settings)
     started = time.perf_counter()
     if settings.on_progress is not None:
         settings.on_progress(Progress("compile", 0, scene.render.spp, 0.0, 0.0, None))
     if shares is None and saver is not None:
-        shares = _saved_shares(saver.parts, sessions)
-    wavefront = _wavefront(scene, plan, sessions, shares, settings, buffers)
+        shares = saved_shares(saver.parts, sessions)
+    wavefront = wavefront_of(scene, plan, sessions, shares, settings, buffers or there, pool)
     if saver is not None:
         first = settings.film_part.first if saved is None else saved.done
         saver.parts_since = lambda done: devices_of(wavefront, first, done)
@@ -354,42 +359,6 @@ def _resolved_as_saved(scene: Scene, session: Session, saver: Saver) -> Resolved
     found = resolve(scene, session, saver.focus, saver.metered_cd_m2)
     saver.metered_cd_m2, saver.focus = found.metered_cd_m2, found.focus
     return found
-
-
-def _wavefront(
-    scene: Scene,
-    plan: Plan,
-    sessions: list[Session],
-    shares: list[float] | None,
-    settings: RenderSettings,
-    buffers: SceneBuffers | None,
-) -> AnyWavefront:
-    """Return what renders the scene, compiled and ready: on one device, or on several that share it.
-
-    ``buffers`` are the scene on the first device, where it is there already.
-    """
-    layout = FilmLayout.of(scene.film)
-    if len(sessions) > 1:
-        return SharedWavefront(
-            sessions, plan, layout, scene.render, settings.wave_size, shares=shares, lenient=means_all(settings.device)
-        )
-    wavefront = Wavefront(sessions[0], plan, layout, scene.render, settings.wave_size, buffers=buffers)
-    wavefront.warm_up()
-    return wavefront
-
-
-def _saved_shares(parts: list[Part], sessions: list[Session]) -> list[float] | None:
-    """Return the shares that the same devices had when the render was saved; None where they were others."""
-    last = split_of(parts[-1]["split"]) if parts else {}
-    ids = [session.info.id for session in sessions]
-    return [last[identity] for identity in ids] if last.keys() == set(ids) else None
-
-
-def devices_of(wavefront: AnyWavefront, first: int, done: int) -> list[Part]:
-    """Return which device has taken which samples since a render began or went on after ``first``."""
-    if isinstance(wavefront, SharedWavefront):
-        return wavefront.parts(done)
-    return [{"samples": [first, done], "split": split_text({wavefront.session.info.id: 1.0})}] if done > first else []
 
 
 def _failed_focus(metadata: Mapping[str, Any]) -> list[str]:

@@ -18,6 +18,7 @@ import numpy as np
 from rptcam_cl._version import __version__
 from rptcam_cl.api.contact_sheet import contact_sheet
 from rptcam_cl.api.interface import render
+from rptcam_cl.api.series import SeriesRenderer
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.dataclass import dataclass
@@ -182,13 +183,15 @@ def _entries(
 ) -> Iterator[SweepEntry]:
     """Render what is not there yet; write table and sheet at the end."""
     sessions: list[Any] = []
+    series: SeriesRenderer | None = None
     rows, thumbnails = [], []
     made = {} if pictures is None else _made_elsewhere(planned, folder, mtf_at, pictures)
     for number, plan in enumerate(planned):
         entry = made.pop(number, None) or _kept(plan, folder)
         if entry is None:
             sessions = sessions or open_sessions(device)[0]
-            image = render(plan.scene, device=sessions[0] if len(sessions) == 1 else device)
+            series = series or (SeriesRenderer(sessions[0]) if len(sessions) == 1 else None)
+            image = render(plan.scene, device=device) if series is None else series.render(plan.scene)
             entry = _made(plan, folder, image, mtf_at)
         if folder is not None:
             rows.append(entry.values | entry.measures | {"file": entry.file.name if entry.file else None})

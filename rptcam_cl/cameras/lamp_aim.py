@@ -9,14 +9,15 @@ are chosen, so that errors of the tables change noise and never the mean.
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable, Sequence
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.lamp_fits import LampFit, Polynomial, SeenLamp, lamp_fits, parts_of_pupil
+from rptcam_cl.cameras.lamp_fits import LampFit, Polynomial, SeenLamp, fits_of_small
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
@@ -36,6 +37,7 @@ MOST_ENTRIES = 20_000
 SEEN_NM = (440.0, 650.0)  # between which colours are taken as a line
 COLOURS = tuple(DISPERSION_SCALE / nm - DISPERSION_SHIFT for nm in SEEN_NM)
 MOST_BLOCKS = 1_000_000  # of a film
+REMEMBERED = 8  # states of camera and lamps whose places are remembered
 GRID = np.stack(np.meshgrid([-1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]), axis=-1).reshape(9, 2)  # of a block
 
 
@@ -238,7 +240,12 @@ class LampTables:
 
 
 def aimed_at_lamps(
-    camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None = None
+    camera: CameraModel,
+    lamps: Sequence[SeenLamp],
+    shows: Shows,
+    sights: str | None = None,
+    *,
+    on_disk: bool = True,
 ) -> CameraModel:
     """Return the camera with tables that aim some of its rays at lamps out of focus; its metadata say at how many.
 
@@ -249,11 +256,16 @@ def aimed_at_lamps(
     shows
         Returns which lines of sight nothing blocks.
     sights
-        Names all that ``shows`` depends on: with a name, tables are kept on disk from one run to the next.
+        Names all that ``shows`` depends on: with a name, what is found is remembered.
+    on_disk
+        Whether tables with a name are kept from one run to the next.
     """
     if camera.reach is None or camera.facts.get("FILM_MOVED"):
         return camera
-    found = _found(camera, lamps, shows) if sights is None else _kept_or_found(camera, lamps, shows, sights)
+    if sights is None or not on_disk:
+        found = _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
+    else:
+        found = _kept_or_found(camera, lamps, shows, sights)
     if not found.lamps:
         return camera
     new = camera.record.copy()
@@ -269,27 +281,60 @@ def aimed_at_lamps(
 NO_LAMPS = LampTables(np.zeros(0, np.float32), 0, (0, 0), 0)
 
 
-def _found(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> LampTables:
-    """Return tables for the lamps that the film sees unsharp, and through which pixels they show."""
+@dataclass(frozen=True)
+class _Seen:
+    """Where the film sees which lamps, by their numbers, whatever these emit."""
+
+    blocks: _Blocks
+    lamps: list[tuple[int, _Entries]]
+
+
+def _seen(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> _Seen:
+    """Return which lamps the film sees unsharp, and through which pixels they show."""
     record, reach = camera.record[0], camera.reach
     assert reach is not None
     resolution = int(record["width"]), int(record["height"])
     flip = 1.0 if record["per_width"] > 0 else -1.0
-    colours_nm = SEEN_NM if camera.bends_colours else None
-    filled = parts_of_pupil(lamps, reach) if lamps else ()
-    lamps = [lamp for lamp, part in zip(lamps, filled, strict=True) if part < FAR_TOO_LARGE * LARGEST_PART]
-    fits = lamp_fits(lamps, reach, colours_nm)
-    blocks = _fine_enough(_Blocks(0, resolution, np.array(reach.film_scale), flip), [fit for _, fit in fits])
-    found = [(lamp, entries) for lamp, fit in fits if len((entries := _entries(lamp, fit, blocks)).blocks)]
-    found = [(lamp, _that_show(entries, lamp, reach.entry_z_m, shows)) for lamp, entries in found]
-    found = [(lamp, entries) for lamp, entries in found if len(entries.blocks)]
-    if not found:
+    fits = fits_of_small(lamps, reach, SEEN_NM if camera.bends_colours else None, FAR_TOO_LARGE * LARGEST_PART)
+    blocks = _fine_enough(_Blocks(0, resolution, np.array(reach.film_scale), flip), list(fits.values()))
+    found = {number: _entries(lamps[number], fit, blocks) for number, fit in fits.items()}
+    shown = [
+        (number, _that_show(entries, lamps[number], reach.entry_z_m, shows))
+        for number, entries in found.items()
+        if len(entries.blocks)
+    ]
+    return _Seen(blocks, [(number, entries) for number, entries in shown if len(entries.blocks)])
+
+
+_known: OrderedDict[Hashable, _Seen] = OrderedDict()  # what was used last comes last
+
+
+def _remembered(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None) -> _Seen:
+    """Return where the film sees lamps: found once for the same places and sights."""
+    if sights is None:
+        return _seen(camera, lamps, shows)
+    assert camera.reach is not None
+    record = camera.record[0]
+    places = tuple((each.centre.tobytes(), each.axes.tobytes(), each.is_round) for each in lamps)
+    film = record["width"], record["height"], record["per_width"] > 0, camera.bends_colours
+    key = sights, pickle.dumps(camera.reach.made_of), film, places
+    found = _known.pop(key, None) or _seen(camera, lamps, shows)
+    _known[key] = found
+    while len(_known) > REMEMBERED:
+        _known.popitem(last=False)
+    return found
+
+
+def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> LampTables:
+    """Return the tables for lamps that emit so much."""
+    if not seen.lamps:
         return NO_LAMPS
-    per_radiance = float(record["exposure"]) * camera.axial_weight
-    values = np.concatenate([entries.part * lamp.radiance * per_radiance for lamp, entries in found])
-    numbers, floats = (np.concatenate([getattr(e, name) for _, e in found]) for name in ("blocks", "floats"))
-    table = np.concatenate([np.array([reach.area], np.float32), _packed(numbers, floats, values, blocks)])
-    return LampTables(table, blocks.shift, blocks.counts, len(found))
+    assert camera.reach is not None
+    per_radiance = float(camera.record[0]["exposure"]) * camera.axial_weight
+    values = np.concatenate([entries.part * lamps[number].radiance * per_radiance for number, entries in seen.lamps])
+    numbers, floats = (np.concatenate([getattr(e, name) for _, e in seen.lamps]) for name in ("blocks", "floats"))
+    table = np.concatenate([np.array([camera.reach.area], np.float32), _packed(numbers, floats, values, seen.blocks)])
+    return LampTables(table, seen.blocks.shift, seen.blocks.counts, len(seen.lamps))
 
 
 def _name(camera: CameraModel, lamps: Sequence[SeenLamp], sights: str) -> str:
@@ -308,7 +353,7 @@ def _kept_or_found(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows,
         arrays, facts = kept
         across, down = facts["counts"]
         return LampTables(arrays["table"], facts["shift"], (across, down), facts["lamps"])
-    found = _found(camera, lamps, shows)
+    found = _tables(camera, lamps, _remembered(camera, lamps, shows, sights))
     facts = {"shift": found.shift, "counts": found.counts, "lamps": found.lamps}
     keep_arrays(KEPT, name, {"table": found.table}, facts)
     return found

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras.lamp_reach import LampReach, Reached
+from rptcam_cl.cameras.lamp_reach import NEAR, LampReach, Reached
 from rptcam_cl.core.dataclass import dataclass
 
 Array = NDArray[np.float64]
@@ -125,13 +125,53 @@ class LampFit:
         return some[cells(places)], everywhere[cells(places)]
 
 
-def parts_of_pupil(lamps: Sequence[SeenLamp], reach: LampReach) -> Array:
+def fits_of_small(
+    lamps: Sequence[SeenLamp], reach: LampReach, colours_nm: tuple[float, float] | None, largest: float
+) -> dict[int, LampFit]:
+    """Return how lamps are seen, by their numbers.
+
+    Left out are those that fill a larger part of the pupil, those of which too little light comes through, and those
+    that a film point sees twice.
+    """
+    if not lamps:
+        return {}
+    points = np.array([[lamp.centre, *(lamp.centre + lamp.axes)] for lamp in lamps])
+    near = reach.near(points.reshape(-1, 3), None).reshape(-1, 3, *NEAR)
+    small = np.flatnonzero(_parts_of_pupil(points, near, reach) < largest)
+    fits = {}
+    for low in range(0, len(small), AT_ONCE):
+        some = small[low : low + AT_ONCE]
+        middles = reach.rays(points[some, 0], ACROSS, None, near[some, 0])
+        enough = np.flatnonzero(middles.passed.sum(axis=1) >= FEWEST)
+        if not len(enough):
+            continue
+        some, middles = some[enough], middles.of(enough)
+        ends, near_ends = _ends([lamps[number] for number in some.tolist()], near[some, 1:], reach)
+        of_ends = reach.rays(ends, FEW_ACROSS, None, near_ends)
+        centres = points[some, 0]
+        colours = [reach.rays(centres, FEW_ACROSS, nm, reach.near(centres, nm)) for nm in colours_nm or ()]
+        for k, number in enumerate(some.tolist()):
+            fit = _fit(middles.of([k]), of_ends.of(range(4 * k, 4 * k + 4)), [each.of([k]) for each in colours])
+            if fit is not None:
+                fits[number] = fit
+    return fits
+
+
+def _parts_of_pupil(points: Array, near: Array, reach: LampReach) -> Array:
     """Return about which part of the pupil each lamp fills (n,), by a few rays; 0 where none come through.
 
     A lamp's image and its disk of defocus share the film, so that the part is the ratio of their areas.
+
+    Parameters
+    ----------
+    points : (n, 3, 3) array
+        Its middle and the ends of its axes.
+    near
+        Where they are seen through the lens, as `LampReach.near` has it.
     """
-    points = np.array([[lamp.centre, *(lamp.centre + lamp.axes)] for lamp in lamps])
-    found = reach.rays(points.reshape(-1, 3), SCANT_ACROSS, None)
+    found = reach.rays(points.reshape(-1, 3), SCANT_ACROSS, None, near.reshape(-1, *NEAR))
+    if not found.passed.any():
+        return np.zeros(len(points))
     film, passed = found.film.reshape(*points.shape[:2], -1, 2), found.passed.reshape(*points.shape[:2], -1)
     count = np.maximum(passed.sum(axis=-1), 1)[..., None]
     middle = np.where(passed[..., None], film, 0.0).sum(axis=2) / count
@@ -142,30 +182,11 @@ def parts_of_pupil(lamps: Sequence[SeenLamp], reach: LampReach) -> Array:
     return np.where(passed.any(axis=-1).all(axis=-1) & np.isfinite(part), part, 0.0)
 
 
-def lamp_fits(
-    lamps: Sequence[SeenLamp], reach: LampReach, colours_nm: tuple[float, float] | None
-) -> list[tuple[SeenLamp, LampFit]]:
-    """Return how lamps are seen, but those of which too little light comes through, or that a film point sees twice."""
-    fits = []
-    for low in range(0, len(lamps), AT_ONCE):
-        some = list(lamps[low : low + AT_ONCE])
-        middles = reach.rays(np.array([lamp.centre for lamp in some]), ACROSS, None)
-        enough = np.flatnonzero(middles.passed.sum(axis=1) >= FEWEST)
-        if not len(enough):
-            continue
-        some, middles = [some[k] for k in enough], middles.of(enough)
-        ends = reach.rays(np.concatenate([_ends(lamp) for lamp in some]), FEW_ACROSS, None)
-        centres = np.array([lamp.centre for lamp in some])
-        colours = [] if colours_nm is None else [reach.rays(centres, FEW_ACROSS, nm) for nm in colours_nm]
-        for k, lamp in enumerate(some):
-            fit = _fit(middles.of([k]), ends.of(range(4 * k, 4 * k + 4)), [each.of([k]) for each in colours])
-            if fit is not None:
-                fits.append((lamp, fit))
-    return fits
-
-
-def _ends(lamp: SeenLamp) -> Array:
-    return np.asarray(lamp.centre + np.concatenate([lamp.axes, -lamp.axes]))
+def _ends(lamps: Sequence[SeenLamp], near: Array, reach: LampReach) -> tuple[Array, Array]:
+    """Return the ends of the axes of lamps (4 n, 3), and where these are seen; of the first two that is known."""
+    ends = np.array([lamp.centre + np.concatenate([lamp.axes, -lamp.axes]) for lamp in lamps])
+    others = reach.near(ends[:, 2:].reshape(-1, 3), None).reshape(near.shape)
+    return ends.reshape(-1, 3), np.concatenate([near, others], axis=1).reshape(-1, *NEAR)
 
 
 def _fit(rays: Reached, ends: Reached, colours: Sequence[Reached]) -> LampFit | None:

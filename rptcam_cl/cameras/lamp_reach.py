@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.pupil import content_of
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.optics import Lens, StopMask, StopShape
+from rptcam_cl.optics import Lens, StopMask, StopShape, passed_rays
 
 Array = NDArray[np.float64]
 
 WIDER = 1.6  # than the paraxial entrance pupil is where the true one is looked for
 COARSE = 14  # rays across it
+NEAR = (2, 2)  # low and high, across and down
 
 
 @dataclass(frozen=True)
@@ -53,8 +54,8 @@ class LampReach:
     Attributes
     ----------
     rays : callable
-        Takes points (n, 3) in the camera's frame [m], how many rays across the pupil, and a wavelength [nm] or None for
-        that of the camera; returns what they reach.
+        Takes points (n, 3) in the camera's frame [m], how many rays across the pupil, a wavelength [nm] or None for
+        that of the camera, and what ``near`` returns of them; returns what they reach.
     film_scale : (float, float)
         Film coordinates of the right and the upper edge of the upright picture.
     entry_z_m : float
@@ -63,13 +64,16 @@ class LampReach:
         All that it follows from; it can be pickled.
     area : float
         Of the pupil, where all film points have the same; 0 elsewhere.
+    near : callable
+        Takes points and a wavelength; returns the corners of boxes of the pupil (n, *NEAR) that they are seen through.
     """
 
-    rays: Callable[[Array, int, float | None], Reached]
+    rays: Callable[[Array, int, float | None, Array], Reached]
     film_scale: tuple[float, float]
     made_of: tuple[object, ...]
     entry_z_m: float = 0.0
     area: float = 0.0
+    near: Callable[[Array, float | None], Array] = lambda points, _: np.zeros((len(points), *NEAR))
 
 
 def _square(across: int) -> Array:
@@ -87,7 +91,7 @@ def thin_lens_reach(
 ) -> LampReach:
     """Return the reach of a thin lens; the film is its tangents, the pupil its opening in radii."""
 
-    def rays(points: Array, across: int, _: float | None) -> Reached:
+    def rays(points: Array, across: int, _: float | None, __: Array) -> Reached:
         disk = _disk(across)
         disk = disk if shape is None else disk[shape.holds(*disk.T)]
         depth = np.where(points[:, 2] < 0, -points[:, 2], np.nan)[:, None, None]
@@ -105,7 +109,7 @@ def thick_lens_reach(
 ) -> LampReach:
     """Return the reach of a thick lens; heights and slopes per millimetre of the film and per radius of the pupil."""
 
-    def rays(points: Array, across: int, _: float | None) -> Reached:
+    def rays(points: Array, across: int, _: float | None, __: Array) -> Reached:
         disk = _disk(across)
         ahead = (first_vertex_m - points[:, 2]) * 1e3
         ahead = np.where(ahead > 0, ahead, np.nan)[:, None, None]
@@ -130,31 +134,40 @@ def lens_reach(
 
     def through(start: Array, aims: Array, nm: float) -> Reached:
         away = np.concatenate([aims, np.full((*aims.shape[:2], 1), pupil.distance_mm)], axis=-1) - start[:, None]
-        ahead = start[:, None, 2] < 0
         away *= np.sign(away[..., 2:])
-        origins = np.broadcast_to(start[:, None], away.shape)
-        rays = lens.trace(origins.reshape(-1, 3), away.reshape(-1, 3), nm, start="scene")
-        p, d = rays.origins.reshape(away.shape), rays.directions.reshape(away.shape)
+        shape, away = away.shape[:2], away.reshape(-1, 3)
+        origins = np.broadcast_to(start[:, None], (*shape, 3)).reshape(-1, 3)
+        rows, p, d = passed_rays(lens, origins, away, nm, "scene")
         with np.errstate(all="ignore"):
-            film, last = (p[..., :2] + d[..., :2] * ((z - p[..., 2:]) / d[..., 2:]) for z in (film_z, last_z))
-            entry = origins[..., :2] - away[..., :2] * (origins[..., 2:] / away[..., 2:])
-        met = np.isfinite(film).all(axis=-1) & np.isfinite(last).all(axis=-1)
-        passed = np.asarray(rays.passed.reshape(away.shape[:2]) & met & ahead)
-        film, last, entry = (np.where(passed[..., None], points, 0.0) for points in (film, last, entry))
-        return Reached(film, last, entry * 1e-3, passed)
+            film, last = (p[:2] + d[:2] * ((z - p[2]) / d[2]) for z in (film_z, last_z))
+        ahead = origins[rows, 2] < 0
+        met = np.isfinite(film).all(axis=0) & np.isfinite(last).all(axis=0) & ahead
+        passed, kept = np.zeros(len(away), np.bool_), rows[met]
+        passed[kept] = True
+        o, a = origins[kept], away[kept]
+        found = np.zeros((3, len(away), 2))
+        found[:, kept] = film.T[met], last.T[met], (o[:, :2] - a[:, :2] * (o[:, 2:] / a[:, 2:])) * 1e-3
+        on_film, on_last, entry = found.reshape(3, *shape, 2)
+        return Reached(on_film, on_last, entry, passed.reshape(shape))
 
-    def rays(points: Array, across: int, nm: float | None) -> Reached:
-        start = points * 1e3 + (0.0, 0.0, film_z)
-        wavelength = wavelength_nm if nm is None else nm
-        coarse = _square(COARSE)
-        wide = np.broadcast_to(coarse * (WIDER * pupil.diameter_mm / 2), (len(start), len(coarse), 2))
-        found = through(start, wide, wavelength).passed[..., None]
-        none = ~found.any(axis=1, keepdims=True)
-        low = np.where(none, 0.0, np.where(found, wide, np.inf).min(axis=1, keepdims=True))
-        high = np.where(none, 0.0, np.where(found, wide, -np.inf).max(axis=1, keepdims=True))
+    def starts(points: Array) -> Array:
+        return np.asarray(points * 1e3 + (0.0, 0.0, film_z))
+
+    def near(points: Array, nm: float | None) -> Array:
+        coarse = _square(COARSE) * (WIDER * pupil.diameter_mm / 2)
+        wide = np.broadcast_to(coarse, (len(points), *coarse.shape))
+        found = through(starts(points), wide, wavelength_nm if nm is None else nm).passed[..., None]
+        none = ~found.any(axis=1)
+        low = np.where(none, 0.0, np.where(found, wide, np.inf).min(axis=1))
+        high = np.where(none, 0.0, np.where(found, wide, -np.inf).max(axis=1))
+        return np.stack([low, high], axis=1)
+
+    def rays(points: Array, across: int, nm: float | None, seen: Array) -> Reached:
+        low, high = seen[:, :1], seen[:, 1:]
         middle, half = (low + high) / 2, (high - low) / 2
         cell = WIDER * pupil.diameter_mm / COARSE
-        return through(start, middle + _square(across) * (half + cell / 2), wavelength)
+        aims = middle + _square(across) * (half + cell / 2)
+        return through(starts(points), aims, wavelength_nm if nm is None else nm)
 
     made_of = (content_of(lens), film_distance_mm, wavelength_nm, half_film_mm)
-    return LampReach(rays, (-half_film_mm[0], -half_film_mm[1]), made_of, -film_z * 1e-3)
+    return LampReach(rays, (-half_film_mm[0], -half_film_mm[1]), made_of, -film_z * 1e-3, near=near)

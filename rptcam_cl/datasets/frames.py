@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl._version import __version__
-from rptcam_cl.api import load_scene, render, settle
+from rptcam_cl.api import SeriesRenderer, load_scene, settle
 from rptcam_cl.calibration import COEFFICIENTS, View, calibrate, calibrate_best, view
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -102,17 +102,17 @@ def dataset(
 def _frames(
     wanted: DatasetSpecification, place: DatasetFolder | None, chosen: Sequence[int], device: Wanted
 ) -> Iterator[DatasetFrame]:
-    session: Any = None
+    renderer: SeriesRenderer | None = None
     cameras = _Cameras(wanted.camera_model)
     for index in chosen:
         if place is not None and (known := place.record(index)) is not None:
             yield DatasetFrame(index, known["values"], known, None)
             continue
         values, scene = wanted.frame(index)
-        session = session or open_sessions(device)[0][0]
+        renderer = renderer or SeriesRenderer(open_sessions(device)[0][0])
         if scene.requested_autofocus is not None:
-            scene = load_scene(settle(scene, device=session).scene, base_dir=scene.base_dir)
-        image = render(scene, device=session)
+            scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
+        image = renderer.render(scene)
         record = {
             "frame": index,
             "version": __version__,

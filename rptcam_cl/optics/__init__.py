@@ -71,7 +71,7 @@ from rptcam_cl.optics.pupil_shape import (
     quarters_of,
     shared_shapes,
 )
-from rptcam_cl.optics.ray_trace import Rays, Status, passing, trace
+from rptcam_cl.optics.ray_trace import Rays, Status, passed_rays, passing, trace
 from rptcam_cl.optics.region import Region
 from rptcam_cl.optics.shapes import Biconic, Form, Toroid, short_radius
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
@@ -244,6 +244,7 @@ __all__ = [
     "narrowing_probes",
     "object_distance",
     "on_axis_irradiance",
+    "passed_rays",
     "passing",
     "passing_beam",
     "passing_from",

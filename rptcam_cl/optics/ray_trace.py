@@ -121,8 +121,48 @@ def passing(lens: Prescription, origins: Array, directions: Array, wavelength_nm
                 good &= through
                 if np.count_nonzero(good) < WORTH_MOVING * len(rows):
                     rows, p, d, beside, good = rows[good], p[:, good], d[:, good], beside[good], good[good]
+                if not len(rows):
+                    break
             passed[rows] = good
     return passed
+
+
+def passed_rays(
+    lens: Prescription, origins: Array, directions: Array, wavelength_nm: float = LINE_D_NM, start: str = "film"
+) -> tuple[NDArray[np.intp], Array, Array]:
+    """Return which rays (n, 3) come through, and their last points and directions (3, m): those of `trace`, sooner."""
+    if not all(surface.is_rotational and not surface.aspheric for surface in lens.surfaces):
+        rays = trace(lens, origins, directions, wavelength_nm, start)
+        passed = np.flatnonzero(rays.passed)
+        return passed, rays.origins[passed].T, rays.directions[passed].T
+    indices, forward, count = lens.indices(wavelength_nm), start == "scene", len(lens.surfaces)
+    rows: NDArray[Any] = np.arange(len(origins))
+    p, d = np.ascontiguousarray(origins.T), np.ascontiguousarray(directions.T)
+    with np.errstate(all="ignore"):
+        d = d / np.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2])
+        for k in range(count) if forward else range(count - 1, -1, -1):
+            surface, shift = lens.surfaces[k], np.array([[0.0], [0.0], [float(lens.vertices[k])]])
+            before, after = (indices[k], indices[k + 1]) if forward else (indices[k + 1], indices[k])
+            sense = lens.senses[k] if forward else -lens.senses[k + 1]
+            hits = surface.meet(p - shift, d)
+            good = hits.met & np.isfinite(hits.distances) & (d[2] * sense > 0)
+            good &= surface.clears(hits.points[0], hits.points[1])
+            rows, at, normal, cosine, d = _kept(good, rows, hits.points, hits.normals, hits.cosines, d)
+            if not len(rows):
+                return rows, at, d
+            p = at + shift
+            if surface.is_mirror:
+                d = reflect(d, normal, cosine)
+            elif before != after:
+                bent, good = refract(d, normal, cosine, before / after)
+                rows, p, d = _kept(good, rows, p, bent)
+    return rows, p, d
+
+
+def _kept(good: Mask, *arrays: NDArray[Any]) -> tuple[NDArray[Any], ...]:
+    """Return arrays over rays, of those of a mask."""
+    kept = np.flatnonzero(good)
+    return arrays if len(kept) == len(good) else tuple(array.take(kept, axis=-1) for array in arrays)
 
 
 def _crossed(
@@ -192,6 +232,8 @@ def _trace_part(
         previous = _region_of(lens, k - 1 if forward else k + 1)
         sense = lens.senses[k] if forward else -lens.senses[k + 1]
         beam.cross(lens.surfaces[k], k, float(lens.vertices[k]), forward, sense, previous)
+        if not len(beam.rows):
+            return
     beam.store(slice(None), Status.ok, -1)
     if losses is not None and rays.transmittance is not None:
         rays.transmittance[beam.rows] = losses.share

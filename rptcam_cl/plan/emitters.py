@@ -198,13 +198,12 @@ def _mesh_emitters(
 
 def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float:
     """Return a radius about the eye that holds all bounded primitives [m]."""
-    reach = 0.0
+    placements = [each.placement[:3] for each in primitives if each.mesh is None and each.kind is not Kind.PLANE]
+    reach = float(np.linalg.norm(placements, ord=2, axis=(1, 2)).max()) if placements else 0.0
     for primitive in primitives:
         if primitive.mesh is not None:
             corners = corners_of_box(*primitive.mesh.bounds(), primitive.placement)
             reach = max(reach, float(np.linalg.norm(corners - eye, axis=1).max()))
-        elif primitive.kind is not Kind.PLANE:
-            reach = max(reach, float(np.linalg.norm(primitive.placement[:3], ord=2)))
     return reach or 1.0
 
 
@@ -237,7 +236,8 @@ def pack_emitters(
     """
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
     chosen, of_primitive = _surface_emitters(primitives, first_triangles, eye, textures, spectra)
-    reach = _scene_reach(primitives, eye)
+    far = surroundings.kind is EnvironmentKind.IMAGE or surroundings.sun is not None or len(scene.lights) > 0
+    reach = _scene_reach(primitives, eye) if far else 1.0
     lights = [light_emitter(light, scene, textures, spectra, reach) for light in scene.lights]
     if surroundings.kind is EnvironmentKind.IMAGE:
         lights.append(_environment(surroundings.flux * np.pi * reach**2))
@@ -253,8 +253,8 @@ def pack_emitters(
         curve, chance = curves(powers[None])
         records["pick"] = chance[0]
         near = ~np.isin(records["kind"], list(FROM_AFAR))
-        lamps = lamps_of(records[near], powers[near])
-        if near.sum() > 1 and variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN:
+        lamps = lamps_of(records[near], powers[near]) if near.sum() > 1 else None
+        if lamps and variance_by_power(lamps, lit_points(primitives, of_primitive, lamps, eye)) > BREAK_EVEN:
             order = np.argsort(~near, kind="stable")  # of_primitive stays: surfaces stand first
             records, powers = records[order], powers[order]
             tree = _with_tree(records, powers, lamps, reach, surroundings)

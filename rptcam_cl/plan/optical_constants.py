@@ -42,6 +42,10 @@ class KnownSpectra:
     colours: int = 0
     _numbers: dict[bytes, int] = field(default_factory=dict)
 
+    def copied(self) -> KnownSpectra:
+        """Return these to be added to."""
+        return KnownSpectra(self.samples.copy(), self.lights.copy(), self.colours, self._numbers.copy())
+
     def number(self, value: Any, *, light: bool = False, gain: float = 1.0) -> int:
         """Return the number of a colour's spectrum, times a gain; 0 for a colour that has none."""
         if not isinstance(value, SpectralColour):

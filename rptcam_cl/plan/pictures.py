@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable
@@ -120,6 +121,12 @@ class PictureTable:
         self._places: dict[str, int] = {}
         self._words: list[NDArray[np.uint32]] = []
         self._count = 0
+
+    def copied(self) -> PictureTable:
+        """Return this table to be added to."""
+        other = copy.copy(self)
+        other._pictures, other._places, other._words = self._pictures.copy(), self._places.copy(), self._words.copy()
+        return other
 
     def colours(self, reference: FileReference, channel: str, space: Literal["auto", "srgb", "linear"]) -> Colours:
         """Return the colours of the picture that a part of the scene names, or one of its channels as a grey.

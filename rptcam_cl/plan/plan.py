@@ -15,6 +15,7 @@ from rptcam_cl.cameras import (
     Shows,
     Sights,
     aimed_at_lamps,
+    camera_model,
     camera_trajectory,
     filter_table,
     turned,
@@ -24,16 +25,17 @@ from rptcam_cl.core.records import Kind
 from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
 from rptcam_cl.plan.caustics import Caustics, pack_caustics
 from rptcam_cl.plan.emitters import Emitters, pack_emitters
-from rptcam_cl.plan.environment import Surroundings, pack_environment
+from rptcam_cl.plan.environment import Surroundings
 from rptcam_cl.plan.lamps_out_of_focus import visible_lamps
-from rptcam_cl.plan.materials import Materials, pack_materials
+from rptcam_cl.plan.materials import Materials
 from rptcam_cl.plan.meshes import MeshPlan
 from rptcam_cl.plan.motion import Movements, pack_movements
 from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.packed_meshes import PackedMeshes
+from rptcam_cl.plan.parts import PlanParts
 from rptcam_cl.plan.primitives import Owners, Primitive, owners_of, pack_primitives, scene_primitives, with_meshes
 from rptcam_cl.plan.spectrum import Spectrum, seen_by
-from rptcam_cl.plan.textures import Textures, TextureTable
+from rptcam_cl.plan.textures import Textures
 from rptcam_cl.scene import Film, Scene, at_opening, exposure_steps
 
 
@@ -84,39 +86,46 @@ def _facts_of_shapes(
     }
 
 
-def make_plan(scene: Scene, camera: CameraModel | None = None, *, coarse: bool = False) -> Plan:
+def make_plan(
+    scene: Scene, camera: CameraModel | None = None, *, coarse: bool = False, parts: PlanParts | None = None
+) -> Plan:
     """Return the plan of a scene, with its own camera unless another one is given; ``coarse`` as for `camera_model`.
 
     Where keys move while the shutter is open, it has a plan for each step of the exposure, unless a camera is given.
+
+    Parameters
+    ----------
+    parts
+        What the last plan was made of; it takes what this one is.
     """
-    plan = _still_plan(at_opening(scene), camera, coarse)
-    return plan if camera is not None else replace(plan, steps=_steps(plan, scene, coarse))
+    parts = parts or PlanParts()
+    plan = _still_plan(at_opening(scene), camera, coarse, parts)
+    return plan if camera is not None else replace(plan, steps=_steps(plan, scene, coarse, parts))
 
 
-def _steps(plan: Plan, scene: Scene, coarse: bool) -> tuple[Plan, ...]:
+def _steps(plan: Plan, scene: Scene, coarse: bool, parts: PlanParts) -> tuple[Plan, ...]:
     """Return the plans of the steps of an exposure; those of the camera alone share all else."""
     of_camera = all(name.partition(".")[0] == "camera" for name in scene.shutter.keys)
     return tuple(
-        with_lens(plan, step, coarse=coarse) if of_camera else _still_plan(at_opening(step), None, coarse)
+        with_lens(plan, step, coarse=coarse) if of_camera else _still_plan(at_opening(step), None, coarse, parts)
         for step in exposure_steps(scene)
     )
 
 
-def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool) -> Plan:
+def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: PlanParts) -> Plan:
     """Return the plan of a scene whose keys hold still."""
     trajectory, segments = camera_trajectory(scene)
-    primitives, meshes = with_meshes(scene_primitives(scene), scene)
+    primitives, meshes = with_meshes(scene_primitives(scene), scene, parts)
     materials = [primitive.material for primitive in primitives]
-    table = TextureTable(scene)
-    spectra = KnownSpectra()
-    shown = pack_materials(materials, table, spectra)
-    surroundings = pack_environment(scene, table, spectra)
+    seen = parts.appearance(scene, materials)
+    table, spectra, shown, surroundings = seen.table, seen.spectra, seen.shown, seen.surroundings
     first_triangles = meshes.first_triangles if meshes else ()
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     lamps = visible_lamps(primitives, eye_m, table)
-    camera, spectrum = seen_by(scene, camera, spectra, shown, coarse=coarse)
-    textures = table.pack()
+    camera = camera or parts.camera(scene, coarse=coarse)
+    spectrum = seen_by(scene, camera, spectra, shown)
+    textures = parts.textures(seen)
     records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
     movements = pack_movements(scene, primitives)
     caustics = pack_caustics(scene, primitives, first_triangles, emitters)
@@ -166,11 +175,14 @@ def with_film(plan: Plan, scene: Scene, film: Film) -> Plan:
     return replace(plan, camera=replace(plan.camera, record=record), trajectory=trajectory)
 
 
-def with_pose(plan: Plan, scene: Scene) -> Plan:
-    """Return the plan of a scene in which nothing but the pose of the camera is another; nothing moves."""
+def with_pose(plan: Plan, scene: Scene, parts: PlanParts | None = None) -> Plan:
+    """Return the plan of a scene in which nothing but the pose of the camera is another; nothing moves.
+
+    ``parts`` is as for `make_plan`.
+    """
     camera = turned(plan.camera, scene.camera)
     if not np.array_equal(np.array(scene.camera.eye) * scene.metres_per_unit, plan.eye_m):
-        return make_plan(scene, camera)
+        return make_plan(scene, camera, parts=parts)
     return replace(plan, camera=camera, trajectory=camera_trajectory(scene)[0])
 
 
@@ -183,7 +195,8 @@ def with_lens(plan: Plan, scene: Scene, *, coarse: bool = False) -> Plan:
     eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
     if plan.facts["MOVES"] or scene.camera.motion or scene.shutter.keys or not np.array_equal(eye_m, plan.eye_m):
         return make_plan(scene, coarse=coarse)
-    camera, spectrum = seen_by(scene, None, *plan.colours, coarse=coarse)
+    camera = camera_model(scene, scene.spectrum.lens_colour, coarse=coarse)
+    spectrum = seen_by(scene, camera, *plan.colours)
     if spectrum.facts.keys() != plan.spectrum.facts.keys():
         return make_plan(scene, coarse=coarse)
     trajectory, _ = camera_trajectory(scene)
@@ -204,7 +217,7 @@ def may_aim(plan: Plan, layers: Iterable[str] = ()) -> bool:
     return bool(plan.lamps) and not (plan.steps or plan.facts["CAMERA_SEGMENTS"] or FIRST_RAY & set(layers))
 
 
-def aimed(plan: Plan, shows: Shows, sights: str | None = None) -> Plan:
+def aimed(plan: Plan, shows: Shows, sights: str | None = None, *, on_disk: bool = True) -> Plan:
     """Return a plan that `may_aim` with camera rays that aim at lamps; without one out of focus, the plan as given.
 
     Parameters
@@ -212,7 +225,9 @@ def aimed(plan: Plan, shows: Shows, sights: str | None = None) -> Plan:
     shows
         Returns which lines of sight, in the world about the eye [m], nothing blocks.
     sights
-        Names all that this depends on; then what is found is kept on disk.
+        Names all that this depends on; then what is found is remembered.
+    on_disk
+        Whether it is kept on disk as well.
     """
     record = plan.camera.record[0]
     turn = np.stack([record[name][:3] for name in ("right", "up", "back")]).astype(np.float64)
@@ -221,5 +236,5 @@ def aimed(plan: Plan, shows: Shows, sights: str | None = None) -> Plan:
         return shows(replace(sights, origins=sights.origins @ turn, targets=sights.targets @ turn))
 
     lamps = [replace(lamp, centre=turn @ lamp.centre, axes=lamp.axes @ turn.T) for lamp in plan.lamps]
-    camera = aimed_at_lamps(plan.camera, lamps, shows_in_world, sights)
+    camera = aimed_at_lamps(plan.camera, lamps, shows_in_world, sights, on_disk=on_disk)
     return plan if camera is plan.camera else replace(plan, camera=camera)

@@ -11,6 +11,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import PRIMITIVE, Kind
 from rptcam_cl.core.vectors import cross
 from rptcam_cl.plan.meshes import Mesh, MeshPlan, PlacedMesh, mesh_parts, pack_meshes
+from rptcam_cl.plan.parts import PlanParts
 from rptcam_cl.scene import Board, Material, MeshObject, PlacedObject, Scene, Trajectory
 from rptcam_cl.scene import shape as shapes
 
@@ -151,7 +152,7 @@ def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
     return placement[:3, 3], float(np.cbrt(abs(np.linalg.det(placement[:3, :3]))))
 
 
-def with_meshes(primitives: list[Primitive], scene: Scene) -> tuple[list[Primitive], MeshPlan | None]:
+def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> tuple[list[Primitive], MeshPlan | None]:
     """Return the primitives with the meshes, which stand last, in the order that their pools need; and the pools."""
     solid = [primitive for primitive in primitives if primitive.mesh is None]
     meshes = [primitive for primitive in primitives if primitive.mesh is not None]
@@ -163,7 +164,9 @@ def with_meshes(primitives: list[Primitive], scene: Scene) -> tuple[list[Primiti
         if primitive.mesh is not None
     ]
     eye = scene.metres_per_unit * np.array(scene.camera.eye)
-    plan = pack_meshes(placed, eye, len(solid))
+    where = tuple((item.mesh, item.placement.tobytes(), item.moves) for item in placed)
+    of = where, eye.tobytes(), len(solid)
+    plan = parts.part("meshes", of, lambda: pack_meshes(placed, eye, len(solid)))
     return solid + [meshes[index] for index in plan.order], plan
 
 

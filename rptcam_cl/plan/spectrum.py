@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import CameraModel, camera_model
+from rptcam_cl.cameras import CameraModel
 from rptcam_cl.colour import LUMINANCE, WAVELENGTHS_NM, cie_1931, daylight_65, response_curves, rgb_basis, srgb_from_xyz
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -88,15 +88,12 @@ def wavelength_table(spectra: Array, density: Array, low_nm: float, high_nm: flo
     return np.concatenate([starts[None], weights]).T.astype(np.float32)
 
 
-def seen_by(
-    scene: Scene, camera: CameraModel | None, spectra: KnownSpectra, materials: Materials, *, coarse: bool = False
-) -> tuple[CameraModel, Spectrum]:
-    """Return the camera of a scene, or the one given, and the kind of light of its paths: as requested, or as needed.
+def seen_by(scene: Scene, camera: CameraModel, spectra: KnownSpectra, materials: Materials) -> Spectrum:
+    """Return the kind of light of the paths that a camera sees: as requested, or as needed.
 
     A mode that nothing in the scene calls for is not compiled: without dispersion, `dispersive` is RGB.
     """
     settings = scene.spectrum
-    camera = camera or camera_model(scene, settings.lens_colour, coarse=coarse)
     lens = camera.bends_colours
     low, high = camera.usable_nm
     if low >= GREEN_NM or high <= GREEN_NM:
@@ -115,7 +112,7 @@ def seen_by(
         spectrum = Spectrum.of(SpectrumKind.RGB, np.zeros(1, np.float32))
     metadata |= {"spectrum": spectrum.kind.name.lower(), "spectrum_requested": settings.mode}
     facts = spectrum.facts | {"HAS_DISPERSION": int(glass and spectrum.kind != SpectrumKind.RGB)}
-    return camera, replace(spectrum, facts=facts, metadata=metadata)
+    return replace(spectrum, facts=facts, metadata=metadata)
 
 
 def _dispersive(axial: AxialColour, range_nm: tuple[float, float], *, lens: bool) -> Spectrum:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,6 +45,20 @@ class TextureTable:
         self._records: list[np.void] = []
         self._index: dict[tuple[int, float], int] = {}
         self._means: list[NDArray[np.float64]] = []
+        self._origin: TextureTable | None = None
+
+    def copied(self) -> TextureTable:
+        """Return this table to be added to; its records are not to be changed."""
+        other = copy.copy(self)
+        other._origin, other.pictures = self, self.pictures.copied()
+        other._records, other._index, other._means = self._records.copy(), self._index.copy(), self._means.copy()
+        return other
+
+    @property
+    def unchanged_from(self) -> TextureTable | None:
+        """The table that it is a copy of, where nothing was added since."""
+        origin = self._origin
+        return origin if origin is not None and len(self._records) == len(origin._records) else None
 
     def slot(self, value: Texture | Colour, *, limit: float) -> tuple[Colour, int]:
         """Return what a material's record holds of a colour: the colour and -1, or black and the index of a texture.

@@ -187,12 +187,12 @@ def described(
 
     ``found_before`` is what was found before the render: focus, camera model and exposure.
     """
-    layers = scene.render.layers
+    layers, content_hash = scene.render.layers, scene.content_hash()
     found = {
         "software": f"rptcam_cl {__version__}",
         "version": __version__,
-        "scene_hash": scene.content_hash(),
-        "picture_hash": scene.picture_hash(),
+        "scene_hash": content_hash,
+        "picture_hash": scene.picture_hash(content_hash),
         "seed": scene.render.seed,
         "spp": spp,
         "device": stats["device"],

@@ -152,7 +152,7 @@ class SceneBuffers:
         self._mesh_trees: SceneTrees | None = None
         if plan.meshes is None:
             return
-        if earlier is not None and earlier._plan.meshes is plan.meshes and earlier._plan.movements is plan.movements:
+        if earlier is not None and earlier._plan.meshes is plan.meshes and _moves_alike(earlier._plan, plan):
             self._mesh_trees = earlier._mesh_trees
         trees = self._mesh_trees = self._mesh_trees or scene_trees(plan.meshes, self._session, plan.movements)
         self.tree_facts |= trees.facts
@@ -185,7 +185,15 @@ def _is_same(one: NDArray[Any], other: NDArray[Any]) -> bool:
     return alike and one.nbytes <= COMPARED_BYTES and one.tobytes() == other.tobytes()
 
 
+def _moves_alike(one: Plan, other: Plan) -> bool:
+    """Return whether what moves in two plans is known to move in the same way."""
+    return not (one.facts["HAS_MOTION"] or other.facts["HAS_MOTION"]) or one.movements is other.movements
+
+
 def _has_same_primitives(one: Plan, other: Plan) -> bool:
     """Return whether the trees over the primitives of two plans are the same."""
-    still = not (one.facts["HAS_MOTION"] or other.facts["HAS_MOTION"]) or one.movements is other.movements
-    return still and _is_same(one.primitives, other.primitives) and _is_same(one.kind_end, other.kind_end)
+    return (
+        _moves_alike(one, other)
+        and _is_same(one.primitives, other.primitives)
+        and _is_same(one.kind_end, other.kind_end)
+    )

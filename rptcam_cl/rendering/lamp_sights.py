@@ -21,7 +21,8 @@ def aimed_plan(
     """Return the plan with camera rays that aim at lamps out of focus, and the scene on the device where it was needed.
 
     Without such a lamp it is the plan that was given. Tables of a scene that is not on the device yet are kept on disk:
-    it is rendered once, and perhaps again by another process. A scene that is there has other tables the next moment.
+    it is rendered once, and perhaps again by another process. A scene that is there has other tables the next moment,
+    or the same lamps in other colours.
 
     Parameters
     ----------
@@ -38,7 +39,7 @@ def aimed_plan(
         scene = held[0] = held[0] or SceneBuffers(session, plan)
         return _open(sights, session, plan, scene)
 
-    new = aimed(plan, shows, None if buffers is not None else _name_of_sights(plan, session))
+    new = aimed(plan, shows, _name_of_sights(plan, session), on_disk=buffers is None)
     scene = held[0]
     return new, scene if new is plan or scene is None else SceneBuffers(session, new, scene)
 

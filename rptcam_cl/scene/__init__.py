@@ -19,7 +19,7 @@ from rptcam_cl.scene.camera import (
 from rptcam_cl.scene.change import apply_overrides, change_scene, with_camera
 from rptcam_cl.scene.dielectric import AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.exposure import LEAST_CD_M2, LEAST_ISO, MOST_CD_M2, MOST_ISO, MOST_STOPS, Exposure, Shutter
-from rptcam_cl.scene.file_reference import FileReference
+from rptcam_cl.scene.file_reference import FileReference, file_references
 from rptcam_cl.scene.film import SIDES_MM, Film, FilmFilter
 from rptcam_cl.scene.focus import Focus
 from rptcam_cl.scene.lens_settings import (
@@ -237,6 +237,7 @@ __all__ = [
     "at_rest",
     "change_scene",
     "exposure_steps",
+    "file_references",
     "grade",
     "has_holes",
     "input_error",

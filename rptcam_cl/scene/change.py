@@ -192,7 +192,7 @@ def with_camera(scene: Scene, keys: Mapping[str, Any]) -> Scene:
 def _checked(scene: Scene, data: dict[str, Any], changed: Iterable[str]) -> Scene:
     made_of = scene.made_of | {name: data[name] for name in changed}
     try:
-        return Scene.model_validate(data, context={"scene": scene, "made_of": made_of})
+        return Scene.model_validate(data, context={"scene": scene, "folders": scene.folders, "made_of": made_of})
     except ValidationError as problem:
         raise input_error(problem, data, lambda path, at_key: "") from None
 

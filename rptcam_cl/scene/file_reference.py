@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, get_args
@@ -28,6 +28,7 @@ def one_pixel(red: int, green: int, blue: int) -> bytes:
 
 GREY = one_pixel(188, 188, 188)  # 0.503 once decoded from sRGB
 LARGEST_FILE = 2 << 30  # bytes, of a picture, the largest kind of file that parts of a scene name
+_PLAIN = {str, int, float, bool}
 FileName = Annotated[str, Field(min_length=1, max_length=1000)]
 
 
@@ -90,18 +91,21 @@ def file_references(
     value: Any, path: tuple[str | int, ...] = ()
 ) -> Iterator[tuple[tuple[str | int, ...], FileReference]]:
     """Yield every part below a value that names a file, with the keys that lead to it."""
-    if isinstance(value, FileReference):
-        yield path, value
     if isinstance(value, SceneModel):
-        for name in _fields_with_files(type(value)):
-            yield from file_references(getattr(value, name), (*path, name))
-    elif isinstance(value, Mapping):
-        for key, item in value.items():
-            yield from file_references(item, (*path, key))
+        if isinstance(value, FileReference):
+            yield path, value
+        items: Iterable[tuple[str | int, Any]] = [
+            (name, getattr(value, name)) for name in _fields_with_files(type(value))
+        ]
     elif isinstance(value, tuple):
-        for index, item in enumerate(value):
-            if isinstance(item, (SceneModel, tuple, Mapping)):
-                yield from file_references(item, (*path, index))
+        items = enumerate(value)
+    elif isinstance(value, Mapping):
+        items = value.items()
+    else:
+        return
+    for key, item in items:
+        if item is not None and type(item) not in _PLAIN:
+            yield from file_references(item, (*path, key))
 
 
 @lru_cache(maxsize=256)

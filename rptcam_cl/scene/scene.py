@@ -143,7 +143,7 @@ class Scene(SceneModel):
         return self
 
     @model_validator(mode="after")
-    def _check_whole(self) -> Self:
+    def _check_whole(self, info: ValidationInfo) -> Self:
         width, height = self.film.resolution
         if self.camera.kind == "environment" and width != 2 * height:
             raise refuse(
@@ -158,8 +158,10 @@ class Scene(SceneModel):
         check_sequence(self.sequence, self.shutter, self.exposure, self.requested_autofocus is not None)
         check_followed(self.camera, self.objects)
         check_keys_of_shutter(self.shutter, self.camera, self.render)
+        given = (info.context or {}).get("scene")
+        checked = set() if given is None else set(map(id, given.objects))
         for index, item in enumerate(self.objects):
-            if not isinstance(item, MeshObject):
+            if not isinstance(item, MeshObject) and id(item) not in checked:
                 check_extent(item, item, path=("objects", index))
         return self
 
@@ -314,14 +316,14 @@ class Scene(SceneModel):
                 part["file"] = self.digest_of(reference)
         return _hash(content)
 
-    def picture_hash(self) -> str:
+    def picture_hash(self, content_hash: str | None = None) -> str:
         """Return the SHA-256 of everything that changes a picture but samples and layers.
 
-        That is what changes the film (`content_hash`), and what follows it: diffraction, ghosts, the sensor, and how
-        the picture is shown.
+        That is what changes the film (`content_hash`, which may be given), and what follows it: diffraction, ghosts,
+        the sensor, and how the picture is shown.
         """
         followed: Any = {"camera": FOLLOWS_THE_FILM, "sensor": True, "picture": True}
-        return _hash([self.content_hash(), self.model_dump(mode="json", include=followed)])
+        return _hash([content_hash or self.content_hash(), self.model_dump(mode="json", include=followed)])
 
 
 def _hash(content: Any) -> str:

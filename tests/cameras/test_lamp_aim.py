@@ -115,6 +115,7 @@ class FoundAnewError(Exception):
 @pytest.mark.parametrize("shows", [True, False])
 def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch, tmp_path, camera, shows):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path))
+    lamp_aim._known.clear()
     lamp, model = round_lamp([0, 0, -3.0]), camera_model(scene_with(camera))
     made = aimed_at_lamps(model, [lamp], lambda sights: everything(sights) & shows, "sights")
     assert (made is not model) == shows
@@ -122,7 +123,8 @@ def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch,
     def refuse(*_):
         raise FoundAnewError
 
-    monkeypatch.setattr(lamp_aim, "_found", refuse)
+    monkeypatch.setattr(lamp_aim, "_seen", refuse)
+    lamp_aim._known.clear()
     kept = aimed_at_lamps(camera_model(scene_with(camera)), [lamp], everything, "sights")
     for name in ("record", "tables"):
         assert getattr(kept, name).tobytes() == getattr(made, name).tobytes()
@@ -140,3 +142,22 @@ def test_tables_are_kept_for_the_same_camera_lamps_and_sights_alone(monkeypatch,
         file.write_bytes(file.read_bytes()[:-1])
     with pytest.raises(FoundAnewError):
         aimed_at_lamps(model, [lamp], everything, "sights")
+
+
+@pytest.mark.parametrize("camera", [THIN, REALISTIC], ids=["thin", "lens"])
+def test_lamps_that_shine_in_another_way_are_found_where_they_were(monkeypatch, camera):
+    lamp_aim._known.clear()
+    lamp, model = round_lamp([0, 0, -3.0]), camera_model(scene_with(camera))
+    dim = [replace(lamp, radiance=1.0)]
+    expected = aimed_at_lamps(model, dim, everything)
+    bright = aimed_at_lamps(model, [lamp], everything, "sights", on_disk=False)
+
+    def refuse(*_):
+        raise FoundAnewError
+
+    monkeypatch.setattr(lamp_aim, "_seen", refuse)
+    found = aimed_at_lamps(model, dim, everything, "sights", on_disk=False)
+    assert found.tables.tobytes() == expected.tables.tobytes() != bright.tables.tobytes()
+    for other, lamps, sights in ((model, [round_lamp([0.1, 0, -3.0])], "sights"), (model, [lamp], "others")):
+        with pytest.raises(FoundAnewError):
+            aimed_at_lamps(other, lamps, everything, sights, on_disk=False)

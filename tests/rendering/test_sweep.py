@@ -8,6 +8,7 @@ import pytest
 from PIL import Image as Pillow
 
 import rptcam_cl
+from rptcam_cl.api import SeriesRenderer
 from rptcam_cl.core.errors import InputError, StateError
 from tests.rendering.test_world import still_life
 
@@ -47,13 +48,13 @@ def test_what_is_there_is_kept_and_the_rest_rendered(swept, tmp_path, monkeypatc
     swept[2].file.write_bytes(swept[2].file.read_bytes()[:500])
     swept[3].file.with_suffix(".json").unlink()
     rendered = []
-    real = rptcam_cl.render
+    real = SeriesRenderer.render
 
-    def counted(scene, **options):
+    def counted(self, scene):
         rendered.append(scene)
-        return real(scene, **options)
+        return real(self, scene)
 
-    monkeypatch.setattr("rptcam_cl.api.sweeping.render", counted)
+    monkeypatch.setattr(SeriesRenderer, "render", counted)
     again = list(rptcam_cl.sweep(still_life(), OVER, tmp_path / "out", mtf_at=(0.5, 0.5), **OPTIONS))
     assert [entry.kept for entry in again] == [True, False, False, False, True, True]
     assert len(rendered) == 3

@@ -57,6 +57,29 @@ def test_what_a_key_does_not_concern_stays_the_same_instances(scene: Scene) -> N
     assert larger.objects[1] is scene.objects[1] and larger.objects[0] is not scene.objects[0]
 
 
+def test_one_material_alone_is_made_anew_with_what_shows_it(scene: Scene) -> None:
+    brighter = set_keys(scene, {"materials.lamp.radiance": 2})
+    assert brighter.materials["grey"] is scene.materials["grey"] and brighter.objects[0] is scene.objects[0]
+    assert brighter.objects[1].material is brighter.materials["lamp"] is not scene.materials["lamp"]
+    moved = set_keys(brighter, {"camera.eye": [0, -4, 1]})
+    assert moved.environment is brighter.environment
+    assert set_keys(moved, {"camera.up": [1, 0, 1]}).environment.up == (1.0, 0.0, 1.0)
+
+
+def test_mixed_materials_take_new_parts() -> None:
+    mixed = {"kind": "mix", "materials": ["grey", {"kind": "mirror"}]}
+    inline = {"shape": "sphere", "center": [0, 0, 3], "radius": 1, "material": mixed}
+    spectrum = {"kind": "matte", "reflectance": {"wavelengths_nm": [400, 700], "values": [0.1, 0.8]}}
+    materials = DATA["materials"] | {"mixed": mixed, "table": spectrum}
+    named = inline | {"material": "mixed"}
+    scene = load_scene(DATA | {"materials": materials, "objects": [*DATA["objects"], inline, named]})
+    changed = set_keys(scene, {"materials.grey.reflectance": 0.25})
+    assert [item.material.materials[0].reflectance for item in changed.objects[2:]] == [(0.25, 0.25, 0.25)] * 2
+    only = load_scene(DATA | {"objects": [*DATA["objects"], inline]})
+    changed = set_keys(only, {"materials.grey.reflectance": 0.25})
+    assert changed.objects[2].material.materials[0].reflectance == (0.25, 0.25, 0.25)
+
+
 def test_scene_and_given_values_stay_as_they_are(scene: Scene) -> None:
     before, value = scene.content_hash(), {"shape": "sphere", "center": [0, 0, 9], "radius": 1, "material": "grey"}
     changed = set_keys(scene, {"objects.1": value})

@@ -1,0 +1,72 @@
+"""Pictures one after the other: the bits of `render`, whatever came before."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rptcam_cl import load_scene, render
+from rptcam_cl.api import SeriesRenderer
+from rptcam_cl.device import Session, open_session
+from rptcam_cl.rendering import Wavefront
+from rptcam_cl.scene import set_keys
+
+SCENE: dict[str, Any] = {
+    "camera": {
+        "kind": "realistic", "lens": "dgauss-50mm", "focus": {"distance_m": 1.6},
+        "eye": [0, 0.5, 1.6], "target": [0, 0.08, 0],
+    },
+    "film": {"resolution": [24, 16], "width_mm": 30},
+    "render": {"spp": 4, "max_depth": 3, "layers": ["depth", "position"]},
+    "materials": {
+        "red": {"kind": "matte", "reflectance": [0.6, 0.06, 0.04]},
+        "lamp": {"kind": "emissive", "radiance": [900, 800, 700]},
+    },
+    "objects": [
+        {"shape": "sphere", "center": [-0.1, 0.1, 0.1], "radius": 0.1, "material": "red"},
+        {"shape": "sphere", "center": [0.2, 0.3, -2], "radius": 0.01, "material": "lamp"},
+    ],
+    "environment": {"kind": "constant", "radiance": 0.5},
+}  # fmt: skip
+CHANGES: list[dict[str, Any]] = [
+    {"camera.eye": [0.1, 0.5, 1.5]},
+    {"materials.lamp.radiance": [500, 800, 900]},
+    {"materials.red.reflectance": 0.3, "render.seed": 3},
+    {"camera.f_number": 5.6},
+    {"objects.1.center": [0.2, 0.3, -1]},
+    {"film.resolution": [16, 24], "render.layers": ["depth"]},
+    {
+        "camera.focus.distance_m": 1,
+        "shutter": {"time_s": 1, "steps": 2, "keys": {"camera.f_number": [{"time_s": 0, "value": 4}]}},
+    },
+]  # fmt: skip
+
+
+@pytest.fixture
+def device(monkeypatch: pytest.MonkeyPatch) -> Session:
+    monkeypatch.setattr(Session, "for_samples", lambda self, samples: self)  # as after many pictures
+    return open_session()
+
+
+def test_pictures_of_a_series_have_the_bits_of_render(device: Session) -> None:
+    series, scene = SeriesRenderer(device), load_scene(SCENE)
+    for changes in ({}, *CHANGES):
+        scene = set_keys(scene, changes)
+        found, alone = series.render(scene), render(scene, device=device)
+        assert found.pixels.tobytes() == alone.pixels.tobytes(), changes
+        assert list(found.layers) == list(alone.layers)
+        assert all(np.array_equal(found[name], alone[name], equal_nan=True) for name in alone.layers), changes
+        assert found.metadata == alone.metadata, changes
+
+
+def test_pictures_of_the_same_kernels_share_a_wavefront(device: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = []
+    plain = Wavefront.__init__
+    monkeypatch.setattr(
+        Wavefront, "__init__", lambda self, *args, **more: (made.append(1), plain(self, *args, **more))[1]
+    )
+    series, scene = SeriesRenderer(device), load_scene(SCENE)
+    for changes in ({}, *CHANGES[:5]):
+        scene = set_keys(scene, changes)
+        series.render(scene)
+    assert len(made) == 1
