@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,6 +120,10 @@ def calibrate(view: View, model: str) -> Calibration:
     InputError
         When the picture has too little light to fit anything to, or shows more than the model has places for.
     """
+    return _tried(view, model).calibration()
+
+
+def _tried(view: View, model: str) -> _Fit:
     if model not in COEFFICIENTS:
         raise InputError(f"model: unknown camera model (got {model}; allowed {', '.join(COEFFICIENTS)})")
     seen, cells = _samples(view)
@@ -139,19 +143,33 @@ def calibrate(view: View, model: str) -> Calibration:
     parameters = _fitted(model, seen)
     errors = np.full_like(cells.places, np.nan)
     errors[cells.lit] = project(model, parameters, directions) - cells.places[cells.lit]
-    if seen.middle is not None:
-        for axis, number in enumerate(CHECKED):
-            errors = _unfolded(errors, number, axis)
-    squares = errors[..., 0] ** 2 + errors[..., 1] ** 2
-    lit = np.isfinite(squares)
-    return Calibration(
-        model,
-        parameters,
-        math.sqrt(squares[lit].max()),
-        math.sqrt(squares[lit].mean()),
-        errors,
-        float(lit.mean()),
-    )
+    return _Fit(model, parameters, errors, seen.middle is not None)
+
+
+@dataclass(frozen=True)
+class _Fit:
+    """Parameters of a model, and its errors at the cells of a picture or of its quarter."""
+
+    model: str
+    parameters: Array
+    errors: Array
+    of_quarter: bool
+
+    @cached_property
+    def max_px(self) -> float:
+        """Largest error."""
+        return math.sqrt(float(np.nanmax(self.errors[..., 0] ** 2 + self.errors[..., 1] ** 2)))
+
+    def calibration(self) -> Calibration:
+        """Return it with the errors over the whole picture."""
+        errors = self.errors
+        if self.of_quarter:
+            for axis, number in enumerate(CHECKED):
+                errors = _unfolded(errors, number, axis)
+        squares = errors[..., 0] ** 2 + errors[..., 1] ** 2
+        rms_px = math.sqrt(float(np.nanmean(squares)))
+        lit_share = float(np.isfinite(squares).mean())
+        return Calibration(self.model, self.parameters, self.max_px, rms_px, errors, lit_share)
 
 
 def _unfolded(errors: Array, count: int, axis: int) -> Array:
@@ -163,37 +181,45 @@ def _unfolded(errors: Array, count: int, axis: int) -> Array:
 
 def calibrate_best(view: View, models: Sequence[str], allowed_px: float) -> Calibration:
     """Return the first model that errs by at most some pixels, or the best of those that fit at all."""
-    found: list[Calibration] = []
+    found: list[_Fit] = []
     refused: InputError | None = None
     for model in models:
         try:
-            found.append(calibrate(view, model))
+            found.append(_tried(view, model))
         except InputError as problem:
             refused = problem
             continue
         if found[-1].max_px <= allowed_px:
-            return found[-1]
+            return found[-1].calibration()
     if not found:
         assert refused is not None
         raise refused
-    return min(found, key=lambda calibration: calibration.max_px)
+    return min(found, key=lambda fit: fit.max_px).calibration()
 
 
 @lru_cache(maxsize=8)
 def _samples(view: View) -> tuple[Seen, Cells]:
     """Return what the fit goes by, and what its residual is measured at."""
-    (width, height), middle = view.size, np.array(view.size) / 2 if view.is_mirrored else None
-    x, y = (np.linspace(0.0, side, n) for side, n in zip((width, height), FITTED, strict=True))
-    at_x, at_y = ((np.arange(n) + 0.5) * side / n for side, n in zip((width, height), CHECKED, strict=True))
-    if middle is not None:
-        x, y, at_x, at_y = (values[: (len(values) + 1) // 2] for values in (x, y, at_x, at_y))
-    places, cells = (np.stack(np.meshgrid(*axes), axis=-1) for axes in ((x, y), (at_x, at_y)))
-    places = places.reshape(-1, 2)
-    weights = np.ones(len(places)) if middle is None else np.prod(np.where(places < middle, 2.0, 1.0), axis=1)
+    places, cells, weights = _places(view.size, mirrored=view.is_mirrored)
     found, lit = view.directions(np.concatenate([places, cells.reshape(-1, 2)]))
     n = len(places)
+    middle = np.array(view.size) / 2 if view.is_mirrored else None
     seen = Seen(places[lit[:n]], found[:n][lit[:n]], weights[lit[:n]], middle)
     return seen, Cells(cells, found[n:].reshape(*cells.shape[:2], 3), lit[n:].reshape(cells.shape[:2]))
+
+
+@lru_cache(maxsize=8)
+def _places(size: tuple[int, int], *, mirrored: bool) -> tuple[Array, Array, Array]:
+    """Return the places (n, 2) of the fit, the cells' centres (rows, columns, 2), and the weights of the places."""
+    x, y = (np.linspace(0.0, side, n) for side, n in zip(size, FITTED, strict=True))
+    at_x, at_y = ((np.arange(n) + 0.5) * side / n for side, n in zip(size, CHECKED, strict=True))
+    if mirrored:
+        x, y, at_x, at_y = (values[: (len(values) + 1) // 2] for values in (x, y, at_x, at_y))
+    places, cells = (np.stack(np.meshgrid(*axes), axis=-1) for axes in ((x, y), (at_x, at_y)))
+    weights = (
+        np.prod(np.where(places < np.array(size) / 2, 2.0, 1.0), axis=-1) if mirrored else np.ones(places.shape[:2])
+    )
+    return places.reshape(-1, 2), cells, weights.ravel()
 
 
 def _fitted(model: str, seen: Seen) -> Array:

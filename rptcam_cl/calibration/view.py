@@ -27,7 +27,7 @@ from rptcam_cl.cameras import (
 )
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import film_chief_rays, image_circle, round_chief_rays
+from rptcam_cl.optics import fan_chief_rays, film_chief_rays, image_circle, round_chief_rays
 from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, at_opening, pose_matrix
 
 Array = NDArray[np.float64]
@@ -102,6 +102,16 @@ class View:
         camera, whole = self.scene.camera, self.size == self.scene.film.resolution
         round_ = isinstance(camera, RealisticCamera) and self.setting is not None and self.setting.lens.is_rotational
         return round_ and whole and not film_frame(camera).is_moved
+
+    @property
+    def is_of_any_stop(self) -> bool:
+        """Whether chief rays come from the corners, and are the same to the last bit however wide the stop is."""
+        if not self.is_mirrored or self.setting is None:
+            return False
+        lens, corner = self.setting.lens, float(np.hypot(*half_film_mm(self.scene)))
+        point = np.array([[corner, 0.0, lens.film_z(self.setting.film_distance_mm)]])
+        rays = fan_chief_rays(lens, point, self.setting.camera.wavelength_nm)
+        return rays is not None and bool(rays.clear.all())
 
     @property
     def axes(self) -> Array:

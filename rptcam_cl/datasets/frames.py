@@ -18,6 +18,8 @@ from rptcam_cl.device import Wanted, open_sessions
 from rptcam_cl.imaging import Image
 from rptcam_cl.scene import Scene
 
+POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
+STOP = ("f_number", "stop_diameter_mm")
 GOOD_PX = 0.05  # residual at which the search for the simplest camera model ends
 
 
@@ -147,25 +149,35 @@ class _Cameras:
     def _fitted(self, seen: View) -> dict[str, Any]:
         if self._model == "none":
             return {}
-        pose = ("kind", "eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso")
-        optics = seen.scene.camera.model_dump(mode="json", exclude=set(pose[1:]))
-        facts = [optics, seen.scene.film.model_dump(mode="json"), seen.distance_m, seen.scene.metres_per_unit]
-        key = hashlib.sha256(repr(facts).encode()).hexdigest()
-        if key not in self._known:
+        of_any_stop, stop = _content(seen)
+        key = of_any_stop + stop
+        known = self._known.get(of_any_stop) or self._known.get(key)
+        if known is None:
             if self._model == "auto":
                 found = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
             else:
                 found = calibrate(seen, self._model)
-            self._known[key] = {
+            known = {
                 "model": found.model,
                 "parameters": found.named,
                 "matrix": _matrix(found.named),
                 "largest_error_px": found.max_px,
                 "rms_error_px": found.rms_px,
             }
+            self._known[of_any_stop if found.lit_share == 1.0 and seen.is_of_any_stop else key] = known
             if len(self._known) > 256:
                 self._known.pop(next(iter(self._known)))
-        return self._known[key]
+        return known
+
+
+def _content(seen: View) -> tuple[str, str]:
+    """Return what says by what a camera model is fitted, but for the stop, and how wide that is."""
+    optics = seen.scene.camera.model_dump(mode="json", exclude=POSE)
+    stop = [optics.pop(key, None) for key in STOP]
+    facts = [optics, seen.scene.film.model_dump(mode="json"), seen.distance_m, seen.scene.metres_per_unit]
+    if seen.setting is not None:
+        facts += [seen.setting.film_distance_mm, seen.setting.lens.vertices.tobytes()]
+    return hashlib.sha256(repr(facts).encode()).hexdigest(), repr(stop)
 
 
 def _matrix(named: Mapping[str, float]) -> list[list[float]]:

@@ -8,7 +8,7 @@ from rptcam_cl.optics.absorption import Absorption
 from rptcam_cl.optics.axial_beam import disk_irradiance
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.blur import blur_variances
-from rptcam_cl.optics.chief_fan import round_chief_rays
+from rptcam_cl.optics.chief_fan import fan_chief_rays, round_chief_rays
 from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays
 from rptcam_cl.optics.coating import (
     BARE,
@@ -206,6 +206,7 @@ __all__ = [
     "doublet",
     "doublet_radii",
     "encircled",
+    "fan_chief_rays",
     "film_behind",
     "film_chief_rays",
     "film_distance",

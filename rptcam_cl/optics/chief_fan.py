@@ -43,7 +43,7 @@ def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE
     distances, turns = np.hypot(*film_points[:, :2].T), np.arctan2(film_points[:, 1], film_points[:, 0])
     _, first, which = np.unique(np.round(distances, TELLS_APART), return_index=True, return_inverse=True)
     on_x = np.column_stack([distances[first], np.zeros(len(first)), film_points[first, 2]])
-    rays = _by_fan(lens, on_x, wavelength_nm) or film_chief_rays(lens, on_x, wavelength_nm)
+    rays = fan_chief_rays(lens, on_x, wavelength_nm) or film_chief_rays(lens, on_x, wavelength_nm)
     cosine, sine = np.cos(turns), np.sin(turns)
 
     def turned(vectors: Array) -> Array:
@@ -54,8 +54,11 @@ def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE
     return ChiefRays(turned(rays.origins), turned(rays.directions), found, clear, turned(rays.aims))
 
 
-def _by_fan(lens: Lens, film_points: Array, wavelength_nm: float) -> ChiefRays | None:
-    """Return the chief rays of film points on +x; None where a fan does not reach or is not smooth enough."""
+def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> ChiefRays | None:
+    """Return the chief rays of film points (n, 3) on +x; None where no fan reaches them that is smooth enough.
+
+    They do not depend on how wide the stop is, to the last bit.
+    """
     if lens.has_mirrors:
         return None
     stop, back_mm, radii = (

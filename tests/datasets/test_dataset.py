@@ -16,11 +16,11 @@ import numpy as np
 import pytest
 
 from rptcam_cl import InputError, StateError, dataset, render
-from rptcam_cl.calibration import project
+from rptcam_cl.calibration import View, calibrate_best, project
 from rptcam_cl.cameras.shared_pupil import forget_shared
 from rptcam_cl.cli import main
 from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.datasets import read_specification
+from rptcam_cl.datasets import frames, read_specification
 from rptcam_cl.imaging import read_film
 
 SCENE = """\
@@ -108,6 +108,27 @@ def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_ar
     forget_shared()
     assert alone.record == whole[4].record and alone.image.metadata["pupil"] == "shared"
     assert np.array_equal(alone.image.pixels, render(read_specification("drawn.yaml").frame(4)[1]).pixels)
+
+
+@pytest.mark.parametrize(("width_mm", "fits"), [(36, 1), (50, 3)], ids=["light in the corners", "dark corners"])
+def test_f_numbers_share_a_camera_model_and_frames_stay_what_they_are_alone(
+    place: Path, width_mm: float, fits: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = {
+        "scene": "scene.yaml",
+        "frames": 3,
+        "set": {"film.width_mm": width_mm},
+        "camera_model": "auto",
+        "vary": {"camera.f_number": {"uniform": [2.8, 16]}},
+    }
+    calls: list[View] = []
+    monkeypatch.setattr(
+        frames, "calibrate_best", lambda seen, *others: calls.append(seen) or calibrate_best(seen, *others)
+    )
+    whole = list(dataset(source))
+    assert len(calls) == fits
+    [alone] = dataset(source, only=[2])
+    assert alone.record == whole[2].record
 
 
 def test_a_frame_is_the_picture_of_its_scene_and_its_camera_that_of_the_picture(place: Path) -> None:
