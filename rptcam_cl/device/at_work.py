@@ -65,6 +65,13 @@ def mark_work(folder: Path, *, ended_well: Callable[[], bool]) -> None:
     atexit.register(end_work)
 
 
+def leave_work() -> None:
+    """Leave the marks to the process that this one was forked from."""
+    for _, file, _ in _of_this_process.values():
+        file.close()
+    _of_this_process.clear()
+
+
 def end_work() -> None:
     """Remove the marks of this process, which will do no more work; for those that end without Python's own end."""
     while _of_this_process:

@@ -16,9 +16,9 @@ from collections.abc import Callable
 from rptcam_cl.core.errors import DeviceError
 from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
 from rptcam_cl.device.at_work import unfinished_work
-from rptcam_cl.device.opencl import load_opencl
 from rptcam_cl.device.program import Parameters
 from rptcam_cl.device.session import open_session
+from rptcam_cl.device.trial import end_trials, prepare_trial
 
 Built = list[tuple[str, Parameters]]  # sources, and the names of their kernels' parameters
 
@@ -40,7 +40,7 @@ def open_early(spec: str | None, *command: object) -> Callable[[], None]:
     kept = kept_arrays(KEPT, name) if command else None
     built: Built = [] if kept is None else [tuple(each) for each in kept[1]["built"]]
     try:
-        load_opencl()
+        prepare_trial()
         from pyopencl import characterize  # noqa: F401 -- wanted by the first build
     except (DeviceError, ImportError):
         return lambda: None
@@ -59,6 +59,7 @@ def _open(spec: str | None, name: str, built: Built) -> None:
 
 def _remember(spec: str | None, name: str, before: Built) -> None:
     """Keep what was built, where that is not what was built before."""
+    end_trials()
     programs = open_session(spec).programs
     if [program.source for program in programs] == [source for source, _ in before]:
         return

@@ -19,8 +19,8 @@ from rptcam_cl.device.choose import choose_device
 from rptcam_cl.device.devices import DeviceInfo, problem_of
 from rptcam_cl.device.opencl import instead, load_opencl
 from rptcam_cl.device.pocl_cache import is_code_noted, note_code
-from rptcam_cl.device.program import Parameters, Program, assemble, program_name, quick_source, source_key
-from rptcam_cl.device.trial import AVX512_ARCH, is_pocl, try_device
+from rptcam_cl.device.program import Parameters, Program, assemble, options_of, program_name, quick_source, source_key
+from rptcam_cl.device.trial import AVX512_ARCH, build_apart, builds_apart, is_pocl, try_device
 
 # llvmpipe is the processor as Mesa's rusticl offers it. Its compiler takes eight work items together, and counts the
 # steps of all their loops in one counter; when that has reached 65535, every loop ends after its step, and the kernel
@@ -224,6 +224,8 @@ class Session:
         return program
 
     def _built(self, source: str) -> Program:
+        if self.generates_late:
+            build_apart(self.info.handle, source, options_of(self.info.handle, source))
         return Program(self.context, self.info.handle, source)
 
     @property
@@ -254,7 +256,7 @@ class Session:
         name
             A word that no program before had.
         """
-        if self.generates_late:
+        if self.generates_late and not builds_apart(self.info.handle):
             self._built(f"__kernel void k{name}(__global float *out) {{ out[0] = sqrt(out[0]); }}\n")
 
     def _known_program(self, key: tuple[Any, ...]) -> Program | None:

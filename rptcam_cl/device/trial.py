@@ -3,6 +3,9 @@
 A driver may fail, crash or never come back. So it is tried in a process of its own, which costs half a second; what
 that one showed of a driver that works is kept, and costs the next run nothing. One that does not come back is tried
 once more: of thousands of trials of a sound driver, one has hung.
+
+In a process that builds programs, PoCL reads its library of built-in functions first, for 0.4 s. Where the process of
+the first trial has done so, it builds for this one, too, which finds the programs in PoCL's cache.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import signal
 import subprocess
 import sys
 import warnings
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
@@ -24,18 +28,25 @@ from typing import Any
 from rptcam_cl._version import __version__
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kept import keep_bytes, kept_bytes
+from rptcam_cl.core.resources import cache_dir
 from rptcam_cl.device.at_work import end_work
+from rptcam_cl.device.likeness import Likeness, LikenessEndedError, fork_likeness
 from rptcam_cl.device.opencl import load_opencl
+from rptcam_cl.device.pocl_cache import make_pocl_cache_usable
 from rptcam_cl.device.pocl_processor import AVX2, AVX512, own_name, processor_flags, rename_as_before, rename_processor
 
 AVX512_ARCH = "skylake-avx512"
 AVX2_ARCH = "haswell"
 PATIENCE = 60  # [s] for a trivial kernel; a busy processor takes ten
 TRIES = 2
+PATIENCE_WITH_PROGRAMS = 600  # [s] for one to be built
 _CHILD = (
     "import json, sys; sys.path[:] = json.loads(sys.argv[1]); from rptcam_cl.device import trial; "
     "trial.print_trial(int(sys.argv[2]), int(sys.argv[3]))"
 )
+
+_likeness: list[Likeness] = []  # one at most
+_tried_there: set[tuple[int, int]] = set()  # places of devices
 
 
 @dataclass(frozen=True)
@@ -107,24 +118,76 @@ def _tried_apart(handle: Any) -> Trial:
     place = _place(handle)
     if place is None or not sys.executable:  # a part of a device, or Python within another program
         return try_here(handle)
+    tries = TRIES
+    if _likeness and _likeness[0].is_there:
+        try:
+            found = _trial_of(_likeness[0].ask("try", *place, patience=PATIENCE))
+        except LikenessEndedError as ended:
+            if ended.code != 0:  # else it has waited too long
+                return Trial(problem=_ending(ended.code, ended.said))
+        except TimeoutError:
+            tries -= 1
+        else:
+            _tried_there.add(place)
+            return found
     try:
-        done = _ended(place)
+        done = _ended(place, tries)
     except OSError:  # no process can be started
         return try_here(handle)
     if done is None:
         return Trial(problem=f"error: the driver did not build a trivial kernel within {PATIENCE} s, {TRIES} times")
     try:
-        found = json.loads(done.stdout.splitlines()[-1])
+        return _trial_of(json.loads(done.stdout.splitlines()[-1]))
     except (ValueError, IndexError):
         return Trial(problem=_ending(done.returncode, done.stderr.decode(errors="replace")))
+
+
+def _trial_of(found: dict[str, Any]) -> Trial:
     renamed = found.pop("renamed")
     return Trial(**found, renamed=None if renamed is None else (renamed[0], renamed[1]))
 
 
-def _ended(place: tuple[int, int]) -> subprocess.CompletedProcess[bytes] | None:
+def prepare_trial() -> None:
+    """Make a process for the first trial, where none is kept; to be called before drivers and threads begin."""
+    load_opencl()
+    has_begun = _likeness or try_device.cache_info().currsize
+    if not has_begun and not any(cache_dir("devices").glob("*.json")):
+        made = fork_likeness(_carry_out)
+        _likeness.extend([] if made is None else [made])
+
+
+def end_trials() -> None:
+    """Have the process of the first trial end, where there is one."""
+    while _likeness:
+        _likeness.pop().close()
+
+
+def builds_apart(handle: Any) -> bool:
+    """Return whether the process of its trial builds programs for a pyopencl device."""
+    return bool(_likeness) and _likeness[0].is_there and _place(handle) in _tried_there
+
+
+def build_apart(handle: Any, source: str, options: Sequence[str]) -> None:
+    """Have a program built into PoCL's cache; what fails there does so again here."""
+    if builds_apart(handle):
+        with contextlib.suppress(LikenessEndedError, TimeoutError):
+            _likeness[0].ask("build", *(_place(handle) or ()), source, *options, patience=PATIENCE_WITH_PROGRAMS)
+
+
+def _carry_out(what: str, platform_number: int, device_number: int, *order: str) -> Any:
+    """Carry out an order in the process that was made for the trial."""
+    handle = load_opencl().get_platforms()[platform_number].get_devices()[device_number]
+    if what == "try":
+        make_pocl_cache_usable()  # with a mark of its own
+        return asdict(try_here(handle))
+    source, *options = order
+    return _build(handle, source, options)
+
+
+def _ended(place: tuple[int, int], tries: int) -> subprocess.CompletedProcess[bytes] | None:
     """Return the process of a trial after its end; None where it does not come to one."""
     command = [sys.executable, "-c", _CHILD, json.dumps(sys.path), *map(str, place)]
-    for _ in range(TRIES):
+    for _ in range(tries):
         with contextlib.suppress(subprocess.TimeoutExpired):
             return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, timeout=PATIENCE, check=False)
     return None
@@ -208,13 +271,13 @@ def _source(arch: str | None, name: str) -> str:
     )
 
 
-def _build(handle: Any, source: str) -> str | None:
+def _build(handle: Any, source: str, options: Sequence[str] = ("-cl-std=CL1.2", "-w")) -> str | None:
     """Return what the compiler says of a program that fails; None when it builds."""
     cl = load_opencl()
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            cl.Program(cl.Context([handle]), source).build(options=["-cl-std=CL1.2", "-w"], devices=[handle])
+            cl.Program(cl.Context([handle]), source).build(options=list(options), devices=[handle])
     except Exception as error:  # a driver may raise anything
         return str(error) or type(error).__name__
     return None

@@ -1,0 +1,134 @@
+"""A process that was made like this one before anything began, and carries out orders.
+
+To start Python and import what a driver takes costs a fifth of a second. A process that is forked has it all.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import sys
+import threading
+import time
+import traceback
+import warnings
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from rptcam_cl.device.at_work import end_work, leave_work
+
+IDLE = 20.0  # [s] after which it ends: it holds what the driver has read
+_ANSWER = b"\n\x02answer "  # before what was found; a driver may print anything else
+
+
+class LikenessEndedError(Exception):
+    """It came to an end: with which exit code, a negative signal as of `subprocess`, and what it had printed."""
+
+    def __init__(self, code: int, said: str) -> None:
+        super().__init__(code, said)
+        self.code, self.said = code, said
+
+
+class Likeness:
+    """What carries out orders in a process that `fork_likeness` has made; it ends with this one, or when it is idle.
+
+    Attributes
+    ----------
+    is_there : bool
+        Whether it has not come to an end.
+    """
+
+    def __init__(self, process: int, orders: int, answers: int) -> None:
+        self._process, self._orders, self._answers = process, orders, answers
+        self._asking = threading.Lock()
+        self.is_there = True
+
+    def ask(self, *order: Any, patience: float) -> Any:
+        """Return what it finds when it carries out an order; both are what JSON holds.
+
+        Raises
+        ------
+        LikenessEndedError
+            It has ended.
+        TimeoutError
+            It did not answer in time [s], and was ended.
+        """
+        with self._asking:
+            if not self.is_there:
+                raise LikenessEndedError(0, "")
+            said, end = b"", time.monotonic() + patience
+            with contextlib.suppress(OSError):  # how it has ended is found below
+                text = json.dumps(order).encode() + b"\n"
+                while text:
+                    text = text[os.write(self._orders, text) :]
+            while not (said.endswith(b"\n") and _ANSWER in said):
+                if not select.select([self._answers], [], [], max(end - time.monotonic(), 0.0))[0]:
+                    os.kill(self._process, signal.SIGKILL)
+                    self._end()
+                    raise TimeoutError
+                piece = os.read(self._answers, 1 << 16)
+                if not piece:
+                    raise LikenessEndedError(self._end(), said.decode(errors="replace"))
+                said += piece
+            return json.loads(said.split(_ANSWER)[1])
+
+    def close(self) -> None:
+        """Have it end."""
+        with self._asking:
+            if self.is_there:
+                self._end()
+
+    def _end(self) -> int:
+        self.is_there = False
+        os.close(self._orders)
+        os.close(self._answers)
+        return os.waitstatus_to_exitcode(os.waitpid(self._process, 0)[1])
+
+
+def fork_likeness(carry_out: Callable[..., Any]) -> Likeness | None:
+    """Return a process like this one that carries out orders; None where making it is unsafe.
+
+    It is safe before other threads and drivers begin, as those would be missing in it.
+    """
+    if not sys.platform.startswith("linux") or threading.active_count() > 1:
+        return None
+    with contextlib.suppress(OSError), warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # numpy's threads end before a fork and begin again when they are wanted
+        orders, to_orders = os.pipe()
+        answers, to_answers = os.pipe()
+        process = os.fork()
+        if process == 0:
+            os.close(to_orders)
+            os.close(answers)
+            _serve(orders, to_answers, carry_out)
+        os.close(orders)
+        os.close(to_answers)
+        return Likeness(process, to_orders, answers)
+    return None
+
+
+def _serve(orders: int, answers: int, carry_out: Callable[..., Any]) -> NoReturn:
+    """Carry out orders in the process that was made, one at a time, until none comes any more, and end it."""
+    code = 1
+    try:
+        leave_work()
+        nothing = os.open(os.devnull, os.O_RDWR)
+        for to, place in ((nothing, 0), (answers, 1), (answers, 2)):
+            os.dup2(to, place)
+        sys.stdout, sys.stderr = os.fdopen(1, "w"), os.fdopen(2, "w")
+        with os.fdopen(orders) as lines:
+            while select.select([lines], [], [], IDLE)[0] and (line := lines.readline()):
+                found = carry_out(*json.loads(line))
+                sys.stdout.flush()
+                sys.stderr.flush()
+                os.write(1, _ANSWER + json.dumps(found).encode() + b"\n")
+        code = 0
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        end_work()
+        sys.stderr.flush()
+        os._exit(code)  # a driver may never come back from tidying up

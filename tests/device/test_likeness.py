@@ -1,0 +1,135 @@
+"""The process that is forked for the first trial of a driver and builds programs then: never in the way."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from rptcam_cl.core.resources import CACHE_VARIABLE
+
+pytestmark = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="it is made on Linux alone")
+
+# Tries the first device after a change of the modules, and more; prints what was found, and how many processes were
+# started.
+TRIAL = """\
+import json, os, subprocess, sys, time
+from dataclasses import asdict
+from rptcam_cl.device import at_work, trial
+from rptcam_cl.device.opencl import load_opencl
+started = []
+run = subprocess.run
+subprocess.run = lambda words, **named: started.extend(w for w in words if w == sys.executable) or run(words, **named)
+{change}
+trial.prepare_trial()
+waiting = len(trial._likeness)
+handle = load_opencl().get_platforms()[0].get_devices()[0]
+found = trial.try_device(handle)
+{more}
+marks = [mark for mark in at_work._of_this_process if mark.exists()]
+print(json.dumps([asdict(found), len(started), waiting, len(marks)]))
+"""
+# Counts the programs in PoCL's cache before and after another is built, in the process that was made and here.
+BUILD = """
+from pathlib import Path
+SOURCE = "__kernel void two(__global float *out) {{ out[0] = 2.0f; }}"
+def built():
+    return len(list(Path(os.environ["POCL_CACHE_DIR"]).rglob("program.bc")))
+counts = [built()]
+{before}
+assert trial.builds_apart(handle) == {apart}
+trial.build_apart(handle, SOURCE, ["-cl-std=CL1.2", "-w"])
+counts.append(built())
+trial._build(handle, SOURCE)
+counts.append(built())
+trial.end_trials()
+print(counts)
+"""
+CRASH = "trial.try_here = lambda handle: os.abort()"
+HANG = """\
+ask = trial.Likeness.ask
+trial.Likeness.ask = lambda self, *order, patience: ask(self, *order, patience=0.5)
+trial.try_here = lambda handle: time.sleep(60)
+"""
+
+
+def ran(cache: Path, script: str) -> list[Any]:
+    environment = os.environ | {CACHE_VARIABLE: str(cache), "POCL_CACHE_DIR": str(cache / "pocl")}
+    done = subprocess.run([sys.executable, "-c", script], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return [json.loads(line) for line in done.stdout.splitlines()]
+
+
+def tried(cache: Path, change: str = "", more: str = "") -> Any:
+    return ran(cache, TRIAL.format(change=change, more=more))[-1]
+
+
+def marks(cache: Path) -> list[Path]:
+    return list(cache.rglob("*.at-work"))
+
+
+def test_first_trial_starts_no_process_and_later_ones_make_none(tmp_path: Path) -> None:
+    found, started, waiting, own = tried(tmp_path, more="trial.end_trials()")
+    assert found["problem"] is None and (started, waiting, own) == (0, 1, 1)
+    assert tried(tmp_path) == [found, 0, 0, 1]  # which is kept
+    assert not marks(tmp_path)
+
+
+def test_driver_that_crashes_is_told_and_leaves_its_mark(tmp_path: Path) -> None:
+    found, started, _, own = tried(tmp_path, CRASH)
+    assert found["problem"] == "error: the driver crashed on a trivial kernel (SIGABRT)" and (started, own) == (0, 1)
+    assert len(marks(tmp_path)) == 1  # so that the next process looks through what it was writing
+
+
+def test_driver_that_ends_it_is_told(tmp_path: Path) -> None:
+    found, *_ = tried(tmp_path, "trial.try_here = lambda handle: sys.exit('LLVM is angry')")
+    assert "LLVM is angry" in found["problem"]
+
+
+def test_driver_that_hangs_is_tried_again_in_a_process_that_is_started(tmp_path: Path) -> None:
+    found, started, *_ = tried(tmp_path / "twice", HANG)
+    assert found["problem"] is None and started == 1
+    found, started, *_ = tried(tmp_path / "once", f"{HANG}trial.TRIES = 1\n")
+    assert "did not build a trivial kernel" in found["problem"] and started == 0
+
+
+def test_one_that_has_waited_too_long_is_not_missed(tmp_path: Path) -> None:
+    change = "from rptcam_cl.device import likeness; likeness.IDLE = 0.0"
+    found, started, *_ = tried(tmp_path, change)
+    assert found["problem"] is None and started == 1
+
+
+def test_programs_come_out_of_the_cache_that_it_has_built(tmp_path: Path) -> None:
+    before, apart, here = ran(tmp_path, TRIAL.format(change="", more=BUILD.format(before="", apart=True)))[0]
+    assert apart == before + 1 == here
+
+
+@pytest.mark.parametrize("end", ["os.kill(trial._likeness[0]._process, 9); time.sleep(0.1)", "trial.end_trials()"])
+def test_programs_are_built_here_where_it_has_ended(tmp_path: Path, end: str) -> None:
+    more = BUILD.format(before=end, apart="trial.builds_apart(handle)")
+    before, apart, here = ran(tmp_path, TRIAL.format(change="", more=more))[0]
+    assert (apart, here) == (before, before + 1)
+
+
+def test_it_builds_nothing_for_a_device_that_it_has_not_tried(tmp_path: Path) -> None:
+    more = BUILD.format(before="trial._tried_there.clear()", apart=False)
+    before, apart, here = ran(tmp_path, TRIAL.format(change="", more=more))[0]
+    assert (apart, here) == (before, before + 1)
+
+
+def test_a_process_that_nobody_asks_ends_with_its_maker(tmp_path: Path) -> None:
+    script = "from rptcam_cl.device import trial; trial.prepare_trial(); print(trial._likeness[0]._process)"
+    (process,) = ran(tmp_path, script)
+    state = Path("/proc") / str(process) / "stat"
+    for _ in range(100_000):
+        try:
+            if state.read_text().split(") ")[1][0] == "Z":
+                return
+        except (FileNotFoundError, ProcessLookupError):
+            return
+        os.sched_yield()
+    pytest.fail("it goes on")
