@@ -7,6 +7,7 @@ millimetres or tangents.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -76,9 +77,12 @@ class LampReach:
     near: Callable[[Array, float | None], Array] = lambda points, _: np.zeros((len(points), *NEAR))
 
 
+@lru_cache(maxsize=8)
 def _square(across: int) -> Array:
     steps = (np.arange(across) + 0.5) * 2 / across - 1
-    return np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    found = np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
+    found.flags.writeable = False
+    return found
 
 
 def _disk(across: int) -> Array:
@@ -157,6 +161,8 @@ def lens_reach(
         coarse = _square(COARSE) * (WIDER * pupil.diameter_mm / 2)
         wide = np.broadcast_to(coarse, (len(points), *coarse.shape))
         found = through(starts(points), wide, wavelength_nm if nm is None else nm).passed[..., None]
+        if not found.any():
+            return np.zeros((len(points), *NEAR))
         none = ~found.any(axis=1)
         low = np.where(none, 0.0, np.where(found, wide, np.inf).min(axis=1))
         high = np.where(none, 0.0, np.where(found, wide, -np.inf).max(axis=1))

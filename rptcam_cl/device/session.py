@@ -111,7 +111,8 @@ class Launch:
                 f"kernel {self.name} has no parameter {', '.join(strangers)} (it has {', '.join(self._index)})"
             )
         for name, value in arguments.items():
-            self._kernel.set_arg(self._index[name], value)
+            if value is not self._arguments.get(name):
+                self._kernel.set_arg(self._index[name], value)
         self._arguments |= arguments
 
     def enqueue(self, items: int, group: int) -> Any:

@@ -110,7 +110,7 @@ class LayerPass:
         beside: LayerPass | None = None,
     ) -> None:
         self._session, self._layout, self._planes = session, layout, planes
-        self._eye_m = plan.eye_m
+        self._uploaded: dict[str, tuple[bytes, Any]] = {}
         facts = plan.facts | buffers.tree_facts | planes.facts | {"VW": lanes, "STREAM": int(stream)}
         facts |= {"SPECTRAL_COLOURS": 0, "HAS_DISPERSION": 0}  # layers are of no wavelength
         if "uv" in planes.names:
@@ -118,15 +118,10 @@ class LayerPass:
         program = session.program(["pass/layers.cl"], facts, device_declarations())
         self._nbytes = planes.bytes_per_pixel * layout.pixels
         self._buffer: Any = session.allocate(self._nbytes, zeroed=True) if beside is None else beside._buffer
-        view, blur = plan.camera.view.packed(with_blur="coc" in planes.names)
         self.launch = session.bind(
             program,
             "layers",
-            **buffers.scene,
-            owners=session.upload(plan.owners.of_primitive),
-            camera=buffers.camera["camera"],
-            blur=session.upload(blur),
-            view=session.upload(view),
+            **self._of_plan(plan, buffers),
             state=state,
             wave=bytes(WAVE.dtype.itemsize),
             seen=np.uint32(0),
@@ -134,8 +129,27 @@ class LayerPass:
             capacity=np.uint32(capacity),
             pixels=np.uint32(layout.pixels),
             tiles=tiles,
-            **(buffers.trajectory if plan.facts["CAMERA_SEGMENTS"] else {}),
         )
+
+    def take_over(self, plan: Plan, buffers: SceneBuffers) -> None:
+        """Add the rays of another plan, whose kernels are the same."""
+        self.launch.set(**self._of_plan(plan, buffers))
+
+    def _of_plan(self, plan: Plan, buffers: SceneBuffers) -> dict[str, Any]:
+        """Return the arguments that a plan has."""
+        self._eye_m = plan.eye_m
+        view, blur = plan.camera.view.packed(with_blur="coc" in self._planes.names)
+        own = {"owners": plan.owners.of_primitive, "blur": blur, "view": view}
+        for name, array in own.items():
+            content = array.tobytes()
+            if name not in self._uploaded or self._uploaded[name][0] != content:
+                self._uploaded[name] = content, self._session.upload(array)
+        return {
+            **buffers.scene,
+            **{name: self._uploaded[name][1] for name in own},
+            "camera": buffers.camera["camera"],
+            **(buffers.trajectory if plan.facts["CAMERA_SEGMENTS"] else {}),
+        }
 
     def set_wave(self, wave: bytes, seen: int) -> None:
         """Choose the wave whose rays are added next, and how many of its samples count."""

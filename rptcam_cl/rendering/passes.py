@@ -157,6 +157,13 @@ class CameraPasses:
             **({} if self._lens is None else {"traced": self._lens.rays}),
         )  # fmt: skip
 
+    def take_over(self, scene: SceneBuffers) -> bool:
+        """Make the rays of another plan, whose kernels are the same; return whether that can be."""
+        if self._lens is not None:
+            return False
+        self._generate.set(**scene.camera, **scene.trajectory, filter=scene.filter, colours=scene.colours)
+        return True
+
     def use_camera(self, camera: CameraModel) -> None:
         """Look through another state of the camera; its kernel and its facts are those of the plan."""
         buffers = camera_buffers(self._session, camera)
@@ -195,12 +202,18 @@ class StreamPass:
             facts = _camera_facts(plan) | {"CAMERA_PACKETS": packets}
             facts["RAYS_FILE"] = f"integrator/{'kept' if keeps_rays else 'made'}_rays.h"
             made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory}
+        self._makes_rays = makes_rays
         program = _tracing_program(session, plan, buffers, ["pass/stream.cl"], facts)
         self._stream = session.bind(
             program, "stream", **scene.scene, **kept, **made, wave=_NO_WAVE, limits=_limits(settings),
             sums=buffers.film.sums, counters=buffers.film.counters, pixels=np.uint32(buffers.film.pixels),
             tiles=buffers.tiles,
         )  # fmt: skip
+
+    def take_over(self, scene: SceneBuffers, settings: RenderSettings) -> None:
+        """Trace another plan, whose kernels are the same."""
+        made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory} if self._makes_rays else {}
+        self._stream.set(**scene.scene, **made, limits=_limits(settings))
 
     def use_camera(self, camera: CameraModel) -> None:
         """Look through another state of the camera, where this pass makes its rays."""

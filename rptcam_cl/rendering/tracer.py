@@ -235,17 +235,30 @@ class Wavefront:
 
     def choose_tiles(self, tiles: NDArray[np.uint32]) -> None:
         """Render these tiles of the film from now on; before, and without any, they are all."""
-        self.tiles = self.layout.filled_list(tiles)
-        if len(self.tiles):
+        before, self.tiles = self.tiles, self.layout.filled_list(tiles)
+        if len(self.tiles) and not np.array_equal(before, self.tiles):
             self.session.write(self._tile_list, self.tiles)
 
     def use_plan(self, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
         """Render another plan from now on, on an empty film; its `signature` is that of the first."""
         self.settings, self.seed = settings, settings.seed
         self._held = replace(self._held, scene=scene)
-        self._bind(plan)
+        if not self._take_over(plan):
+            self._bind(plan)
         self.choose_tiles(np.arange(self.layout.tiles, dtype=np.uint32))
         self.clear()
+
+    def _take_over(self, plan: Plan) -> bool:
+        """Have the passes as they are bound render another plan; return whether they can."""
+        scene = self._held.scene
+        if plan.steps or len(self._bound) > 1 or self._photons is not None or scene.photons is not None:
+            return False
+        if not isinstance(self._paths, StreamPass) or not (self._camera is None or self._camera.take_over(scene)):
+            return False
+        self._paths.take_over(scene, self.settings)
+        if self._layers is not None:
+            self._layers.take_over(plan, scene)
+        return True
 
     def use_camera(self, camera: CameraModel) -> None:
         """Look through another state of the camera from now on; its kernel and its facts are those of the plan."""
