@@ -81,12 +81,8 @@ class _Filler:
         (record[name], _, _), record[f"{name}_texture"] = self._textures.slot(colour, limit=1.0)
 
     def fill(self, record: np.void, material: Material) -> None:
-        """Write everything but the two materials of a mix."""
+        """Write everything but the two materials of a mix into a record of `_white`."""
         record["kind"] = _kind(material)
-        record["color"][:3] = 1.0
-        record["opacity"] = 1.0
-        for name in _TEXTURES:
-            record[name] = -1
         reflectance = getattr(material, "reflectance", None)
         if reflectance is not None:
             self._colour(record, "color", "texture", reflectance, 1.0)
@@ -186,21 +182,28 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     return facts | {name: int(value) for name, value in features.items()}
 
 
+def _white(count: int) -> NDArray[np.void]:
+    """Return records of materials of no kind: white, without textures or holes."""
+    records = MATERIAL.zeros(count)
+    records["color"][:, :3], records["opacity"] = 1.0, 1.0
+    for name in _TEXTURES:
+        records[name] = -1
+    return records
+
+
 def pack_materials(materials: Sequence[Material], textures: TextureTable, spectra: KnownSpectra) -> Materials:
     """Return one record per distinct material, those that are mixed included; collect their textures and spectra."""
     parts = [part for material in materials if isinstance(material, Mix) for part in material.materials]
     distinct = list({id(material): material for material in (*materials, *parts)}.values())
     index = {id(material): place for place, material in enumerate(distinct)}
-    records = MATERIAL.zeros(len(distinct))
+    records = _white(len(distinct))
     filler = _Filler(textures, spectra)
     for record, material in zip(records, distinct, strict=False):
         filler.fill(record, material)
         if isinstance(material, Mix):
             record["first"], record["second"] = (index[id(part)] for part in material.materials)
     if not distinct:
-        records["kind"], records["opacity"] = -1, 1.0
-        for name in _TEXTURES:
-            records[name] = -1
+        records["kind"], records["color"] = -1, 0.0
     records["textured"] = np.any([records[name] >= 0 for name in _TEXTURES], axis=0)
     records["textured"] |= records["kind"] == MaterialKind.MIX
     return Materials(records, index, _facts(records))

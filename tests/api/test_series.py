@@ -59,14 +59,24 @@ def test_pictures_of_a_series_have_the_bits_of_render(device: Session) -> None:
         assert found.metadata == alone.metadata, changes
 
 
-def test_pictures_of_the_same_kernels_share_a_wavefront(device: Session, monkeypatch: pytest.MonkeyPatch) -> None:
-    made = []
-    plain = Wavefront.__init__
-    monkeypatch.setattr(
-        Wavefront, "__init__", lambda self, *args, **more: (made.append(1), plain(self, *args, **more))[1]
-    )
+def test_pictures_of_the_same_kernels_share_a_wavefront_and_what_is_bound(
+    device: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    calls: list[str] = []
+
+    def counted(name: str) -> None:
+        plain = getattr(Wavefront, name)
+
+        def method(self: Wavefront, *arguments: Any, **more: Any) -> Any:
+            calls.append(name)
+            return plain(self, *arguments, **more)
+
+        monkeypatch.setattr(Wavefront, name, method)
+
+    counted("__init__")
+    counted("_bind")
     series, scene = SeriesRenderer(device), load_scene(SCENE)
     for changes in ({}, *CHANGES[:5]):
         scene = set_keys(scene, changes)
         series.render(scene)
-    assert len(made) == 1
+    assert calls == ["__init__", "_bind"]
