@@ -35,7 +35,6 @@ from rptcam_cl.rendering.trees.scene_trees import scene_trees
 from tests.support.mesh_scene import write_ply
 
 KERNEL = Path(__file__).with_name("ray_queries.cl")
-GROUP = 4
 SIZE = (1024, 576)  # camera rays
 LEAST_AGREEMENT = 0.9995  # share of rays; the rest graze an edge
 CLOSE = 1e-4  # relative difference of distances that are the same
@@ -71,7 +70,7 @@ class Ours:
         launch, _ = self._bound[rays.name]
 
         def work() -> None:
-            launch.enqueue(rays.count // self._session.lanes, GROUP)
+            launch.enqueue(rays.count // self._session.lanes, self._session.group)
             self._session.finish()
 
         return vars(timed(work))

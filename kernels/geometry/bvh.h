@@ -10,7 +10,7 @@
 #include "common/math.h"
 
 // Whether the rays of a pack walk side by side, which takes vectors that are packed by masks.
-#define SIDE_BY_SIDE  (VW == 16 && BVH_WIDTH == 16 && LEAF_WIDTH == 16 && CLANG_AVX512 && !HAS_INSTANCES)
+#define SIDE_BY_SIDE  (VW == 16 && BVH_WIDTH == 16 && LEAF_WIDTH == 16 && CLANG_AVX512)
 
 // Vectors of a node and of a block, and which of their comparisons hold, as bits.
 #define JOINED(a, b)      a##b
@@ -105,16 +105,17 @@ static inline F inverse_of_lanes(F d) { return (d < 0.0f ? (F)(-1.0f) : ONE) / a
 
 // The rays of all lanes made ready together, as box_ray makes one.
 typedef struct {
-    F ix, iy, iz, px, py, pz, sx, sy, sz;
+    F ox, oy, oz, ix, iy, iz, px, py, pz, sx, sy, sz;
     I near_x, near_y, near_z, far_x, far_y, far_z, row_x, row_y, row_z;
 } BoxRays;
 
 static BoxRays box_rays(F3 o, F3 d)
 {
     BoxRays r;
+    r.ox = o.x; r.oy = o.y; r.oz = o.z;
     r.ix = inverse_of_lanes(d.x); r.iy = inverse_of_lanes(d.y); r.iz = inverse_of_lanes(d.z);
-    r.near_x = d.x < 0.0f ? (I)(3 * BVH_WIDTH) : FALSE;            r.far_x = 3 * BVH_WIDTH - r.near_x;
-    r.near_y = d.y < 0.0f ? (I)(4 * BVH_WIDTH) : (I)(BVH_WIDTH);   r.far_y = 5 * BVH_WIDTH - r.near_y;
+    r.near_x = d.x < 0.0f ? (I)(3 * BVH_WIDTH) : FALSE;              r.far_x = 3 * BVH_WIDTH - r.near_x;
+    r.near_y = d.y < 0.0f ? (I)(4 * BVH_WIDTH) : (I)(BVH_WIDTH);     r.far_y = 5 * BVH_WIDTH - r.near_y;
     r.near_z = d.z < 0.0f ? (I)(5 * BVH_WIDTH) : (I)(2 * BVH_WIDTH); r.far_z = 7 * BVH_WIDTH - r.near_z;
     F ax = absolute(d.x), ay = absolute(d.y), az = absolute(d.z);
     I z_leads = (az >= ax) & (az >= ay);

@@ -112,10 +112,10 @@ IN_PLACE static int block_blocks(int index, BoxRay r, int origin, int target, fl
 static inline BoxRay in_world(OneRay r) { return box_ray(r.o.x, r.o.y, r.o.z, r.d.x, r.d.y, r.d.z); }
 
 #if VW > 1
-IN_PLACE static BoxRay box_ray_of(const BoxRays *all, OneRay ray, uint k)
+IN_PLACE static BoxRay box_ray_of(const BoxRays *all, uint k)
 {
     BoxRay r;
-    r.ox = ray.o.x; r.oy = ray.o.y; r.oz = ray.o.z;
+    r.ox = LANE_OF(float, all->ox, k); r.oy = LANE_OF(float, all->oy, k); r.oz = LANE_OF(float, all->oz, k);
     r.ix = LANE_OF(float, all->ix, k); r.iy = LANE_OF(float, all->iy, k); r.iz = LANE_OF(float, all->iz, k);
     r.near_x = LANE_OF(uint, all->near_x, k); r.far_x = LANE_OF(uint, all->far_x, k);
     r.near_y = LANE_OF(uint, all->near_y, k); r.far_y = LANE_OF(uint, all->far_y, k);
@@ -126,7 +126,7 @@ IN_PLACE static BoxRay box_ray_of(const BoxRays *all, OneRay ray, uint k)
     return r;
 }
 #define BOX_RAYS(o, d)          BoxRays box = box_rays(o, d)
-#define BOX_RAY_OF(ray, k)      box_ray_of(&box, ray, k)
+#define BOX_RAY_OF(ray, k)      box_ray_of(&box, k)
 #else
 #define BOX_RAYS(o, d)
 #define BOX_RAY_OF(ray, k)      in_world(ray)

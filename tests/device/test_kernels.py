@@ -150,6 +150,13 @@ def test_pass_with_everything_compiles_alone_without_a_warning(session, file, la
     without_warnings(session, [file], facts)
 
 
+@pytest.mark.parametrize("file", ["pass/intersect.cl", "pass/shadow.cl"])
+def test_walks_side_by_side_compile_without_a_warning(session, file):
+    facts = all_facts() | TREES | {"VW": 16}
+    without_warnings(session, [file], facts)
+    without_warnings(session, [file], facts | {"HAS_INSTANCES": 0, "HAS_OPACITY": 0})
+
+
 @pytest.mark.parametrize("file", ["pass/stream.cl", "pass/shade.cl", "pass/film.cl"])
 def test_pass_compiles_for_red_green_and_blue_of_one_wavelength(session, file):
     facts = (

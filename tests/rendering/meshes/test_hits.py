@@ -83,7 +83,7 @@ def test_instances_are_met_where_copies_are(session, monkeypatch, turn):
     assert copies.plan.facts["HAS_INSTANCES"] == 0
     assert shared.plan.facts["HAS_INSTANCES"] == 1
     assert len(shared.plan.meshes.triangles) == len(faces) == len(copies.plan.meshes.triangles) / 3
-    a, b = copies.trace(o, d), shared.trace(o, d)
+    a, b = (scene.trace(o, d, lanes=session.lanes) for scene in (copies, shared))
     both = (a.primitive >= 0) & (b.primitive >= 0)
     assert ((a.primitive >= 0) != (b.primitive >= 0)).sum() <= 8  # grazing the outline
     assert both.sum() > 3000
