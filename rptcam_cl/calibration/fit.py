@@ -276,17 +276,16 @@ def _radial_start(model: str, points: Array, seen: Seen) -> Array:
     powers = np.ones((len(points), count + 1))
     powers[:, 1:] = (square / reach)[:, None]
     np.multiply.accumulate(powers, axis=1, out=powers)
-    found = []
+    middle, found = seen.middle, []
     for k in (0, 1):
-        rows = np.column_stack([points[:, k, None] * powers, np.ones(len(points))])
-        if seen.middle is not None:  # as far to the other side is as much
-            rows[:, -1] = 0.0
+        rows, offset = points[:, k, None] * powers, 0.0 if middle is None else middle[k]
+        if middle is None:
+            rows = np.column_stack([rows, np.ones(len(points))])
         weighted = rows.T * seen.weights
-        offset = 0.0 if seen.middle is None else seen.middle[k]
-        found.append(np.linalg.lstsq(weighted @ rows, weighted @ (seen.places[:, k] - offset))[0])
-        found[-1][-1] += offset
+        solution = np.linalg.solve(weighted @ rows, weighted @ (seen.places[:, k] - offset))
+        found.append(solution if middle is None else [*solution, offset])
     (fx, *_, cx), (fy, *_, cy) = found
-    bent = np.mean([values[1:-1] / values[0] for values in found], axis=0) / reach ** np.arange(1, count + 1)
+    bent = np.mean([np.array(values[1:-1]) / values[0] for values in found], axis=0) / reach ** np.arange(1, count + 1)
     if model == BY_ANGLE:
         return np.array([fx, fy, cx, cy, *bent])
     k1, k2, k3 = bent

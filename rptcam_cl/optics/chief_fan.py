@@ -38,13 +38,13 @@ _FANS: dict[tuple[object, ...], tuple[tuple[float, float], dict[int, _Fan | None
 
 
 def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE_D_NM) -> ChiefRays:
-    """Return what `film_chief_rays` does for a round lens and points (n, 3) of one plane across its axis: found once
-    for each distance from the axis, and turned."""
+    """Return what `film_chief_rays` does for a round lens and points (n, 3) of one plane across its axis."""
+    if (by_fan := fan_chief_rays(lens, film_points, wavelength_nm)) is not None:
+        return by_fan
     distances, turns = np.hypot(*film_points[:, :2].T), np.arctan2(film_points[:, 1], film_points[:, 0])
     _, first, which = np.unique(np.round(distances, TELLS_APART), return_index=True, return_inverse=True)
     on_x = np.column_stack([distances[first], np.zeros(len(first)), film_points[first, 2]])
-    rays = fan_chief_rays(lens, on_x, wavelength_nm) or film_chief_rays(lens, on_x, wavelength_nm)
-    cosine, sine = np.cos(turns), np.sin(turns)
+    rays, cosine, sine = film_chief_rays(lens, on_x, wavelength_nm), np.cos(turns), np.sin(turns)
 
     def turned(vectors: Array) -> Array:
         x, y = vectors[which, 0], vectors[which, 1]
@@ -55,17 +55,15 @@ def round_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float = LINE
 
 
 def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> ChiefRays | None:
-    """Return the chief rays of film points (n, 3) on +x; None where no fan reaches them that is smooth enough.
+    """Return the chief rays of film points (n, 3) of one plane; None where no fan reaches them that is smooth enough.
 
     They do not depend on how wide the stop is, to the last bit.
     """
     if lens.has_mirrors:
         return None
-    stop, back_mm, radii = (
-        limiting_surface(lens, wavelength_nm),
-        float(film_points[0, 2]) - lens.length,
-        film_points[:, 0],
-    )
+    stop, back_mm = limiting_surface(lens, wavelength_nm), float(film_points[0, 2]) - lens.length
+    x, y = film_points[:, 0], film_points[:, 1]
+    radii = np.sqrt(x * x + y * y)
     (height, slope), fans = _fans_of(lens, stop, wavelength_nm)
     tangent = float(radii.max()) / max(abs(height + back_mm * slope), 1e-300)
     if not tangent > 0:
@@ -77,7 +75,7 @@ def fan_chief_rays(lens: Lens, film_points: Array, wavelength_nm: float) -> Chie
         fan = fans[width]
         if fan is None:
             return None
-        if (found := fan.chief_rays(lens, radii, back_mm)) is not None:
+        if (found := fan.chief_rays(lens, film_points, radii, back_mm)) is not None:
             return found
     return None
 
@@ -173,8 +171,8 @@ class _Fan:
             found[k] -= found[k - 2]
         return found.T
 
-    def chief_rays(self, lens: Lens, radii: Array, back_mm: float) -> ChiefRays | None:
-        """Return the chief rays of film points on +x at distances (n,) from the axis; None where it goes not so far."""
+    def chief_rays(self, lens: Lens, film_points: Array, radii: Array, back_mm: float) -> ChiefRays | None:
+        """Return the chief rays of film points (n, 3) so far from the axis; None where it goes not so far."""
         places, begin = self._begin
         per_tangent = begin @ (1.0, back_mm)
         sign = np.sign(per_tangent[0])
@@ -188,11 +186,12 @@ class _Fan:
             tangents = tangents - (tangents * scale - radii) / (scale + 2 * tangents**2 * change)
         found = self._terms(tangents) @ self.polynomials
         found[:, :-2] *= sign * tangents[:, None]
-        none, rims = np.zeros(len(radii)), np.array([surface.semi_diameter for surface in lens.surfaces])
+        rims = np.array([surface.semi_diameter for surface in lens.surfaces])
+        turns = film_points[:, :2] / np.maximum(radii, 1e-300)[:, None]
         return ChiefRays(
-            np.column_stack([found[:, 2], none, found[:, -2]]),
-            np.column_stack([found[:, 3], none, found[:, -1]]),
+            np.column_stack([turns * found[:, 2:3], found[:, -2]]),
+            np.column_stack([turns * found[:, 3:4], found[:, -1]]),
             np.ones(len(radii), dtype=bool),
             np.all(np.abs(found[:, 4:-2]) <= rims, axis=1),
-            np.column_stack([found[:, 0], none]),
+            turns * found[:, :1],
         )
