@@ -201,7 +201,7 @@ def prepare(
     saved = saver.load() if saver is not None and settings.resume else None
 
     # Resolve what the scene leaves open, plan, compile
-    sessions = settings.soonest(scene, sessions)
+    sessions = settings.soonest(scene, sessions) if kept is None else sessions  # of a series that is to take many
     found = resolve(scene, sessions[0]) if saver is None else _resolved_as_saved(scene, sessions[0], saver)
     plan = make_plan(found.scene, parts=None if kept is None else kept.parts)
     pool = None if kept is None else kept.pool(plan, sessions, settings)

@@ -23,13 +23,11 @@ class Kept:
     """What stays from one picture to the next on a device: wavefronts with their buffers, and parts of the plan."""
 
     def __init__(self, device: Session) -> None:
-        self._device = device
         self._pool, self.parts = WavefrontPool(device), PlanParts()
 
     def pool(self, plan: Plan, sessions: list[Session], settings: RenderSettings) -> WavefrontPool | None:
         """Return the wavefronts of which one may render a plan; None where it has to be another."""
-        another = len(sessions) > 1 or sessions[0] is not self._device  # as that of programs that compile soonest
-        return None if another or settings.checkpoint or settings.wave_size or plan.steps else self._pool
+        return None if len(sessions) > 1 or settings.checkpoint or settings.wave_size or plan.steps else self._pool
 
 
 def wavefront_of(

@@ -43,9 +43,8 @@ CHANGES: list[dict[str, Any]] = [
 
 
 @pytest.fixture
-def device(monkeypatch: pytest.MonkeyPatch) -> Session:
-    monkeypatch.setattr(Session, "for_samples", lambda self, samples: self)  # as after many pictures
-    return open_session()
+def device() -> Session:
+    return Session(open_session().info)
 
 
 def test_pictures_of_a_series_have_the_bits_of_render(device: Session) -> None:
@@ -80,3 +79,4 @@ def test_pictures_of_the_same_kernels_share_a_wavefront_and_what_is_bound(
         scene = set_keys(scene, changes)
         series.render(scene)
     assert calls == ["__init__", "_bind"]
+    assert not any(program.is_quick for program in device.programs)  # more pictures are to come
