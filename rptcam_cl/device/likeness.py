@@ -20,6 +20,7 @@ from typing import Any, NoReturn
 
 from rptcam_cl.device.at_work import end_work, leave_work
 
+STANDARD_ERROR = 2
 IDLE = 20.0  # [s] after which it ends: it holds what the driver has read
 _ANSWER = b"\n\x02answer "  # before what was found; a driver may print anything else
 
@@ -97,8 +98,11 @@ def fork_likeness(carry_out: Callable[..., Any]) -> Likeness | None:
         return None
     with contextlib.suppress(OSError), warnings.catch_warnings():
         warnings.simplefilter("ignore")  # numpy's threads end before a fork and begin again when they are wanted
-        orders, to_orders = os.pipe()
-        answers, to_answers = os.pipe()
+        pipes = orders, to_orders, answers, to_answers = *os.pipe(), *os.pipe()
+        if min(pipes) <= STANDARD_ERROR:  # one of the standard streams is closed, whose place it would take there
+            for each in pipes:
+                os.close(each)
+            return None
         process = os.fork()
         if process == 0:
             os.close(to_orders)

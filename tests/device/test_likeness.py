@@ -103,6 +103,12 @@ def test_one_that_has_waited_too_long_is_not_missed(tmp_path: Path) -> None:
     assert found["problem"] is None and started == 1
 
 
+@pytest.mark.parametrize("closed", ["os.close(0)", "os.close(2)", "os.close(0); os.close(2)"])
+def test_standard_streams_may_be_closed(tmp_path: Path, closed: str) -> None:
+    found, started, waiting, _ = tried(tmp_path, closed)
+    assert found["problem"] is None and started + waiting == 1
+
+
 def test_programs_come_out_of_the_cache_that_it_has_built(tmp_path: Path) -> None:
     before, apart, here = ran(tmp_path, TRIAL.format(change="", more=BUILD.format(before="", apart=True)))[0]
     assert apart == before + 1 == here
