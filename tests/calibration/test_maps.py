@@ -8,6 +8,7 @@ import pytest
 import yaml
 
 from rptcam_cl.calibration import coc_map, point_images, st_maps, subject, view, vignetting_map
+from rptcam_cl.cameras import stop_shape
 from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.resources import lenses_dir
@@ -84,6 +85,31 @@ def test_vignetting_map_is_the_irradiance_of_each_pixel():
     assert found[8, 12] == pytest.approx(expected[1] / expected[0], rel=1e-3)
     assert found[0, 0] == pytest.approx(expected[2] / expected[0], rel=2e-3)
     assert found == pytest.approx(found[::-1, ::-1], rel=1e-6)
+
+
+def test_vignetting_map_follows_the_edge_of_the_image_circle():
+    seen = view(subject("fisheye-10mm", size=(301, 1), film_mm=(28.0, 28.0 / 301)))
+    found, lens, back = vignetting_map(seen)[0], seen.setting.lens, seen.setting.film_distance_mm
+    columns = np.arange(280, 301)  # where the last rays are cut off
+    expected = film_irradiance(lens, back, (columns - 150.0) * 28.0 / 301) / film_irradiance(lens, back, 0.0)
+    assert expected.min() == 0.0 < 0.2 < expected.max()
+    assert found[columns] == pytest.approx(expected, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_vignetting_map_of_a_shaped_stop_follows_the_edge_too():
+    film = {"resolution": [181, 181], "size_mm": [28.0, 28.0]}
+    blades = {"lens": "fisheye-10mm", "f_number": 8, "aperture": {"shape": "polygon", "blades": 7}}
+    crop = {"crop": [0.93, 1.0, 0.49, 0.51]}
+    seen = view(load_scene({"film": film | crop, "camera": CAMERA | blades}))
+    found, back = vignetting_map(seen), seen.setting.film_distance_mm
+    lens = seen.setting.lens.with_stop_shape(stop_shape(seen.scene, seen.scene.camera.aperture))
+    at = seen.film_points(np.array([[x + 0.5, 1.5] for x in range(seen.size[0])]))[:, :2]
+    expected = [
+        float(film_irradiance(lens, back, np.hypot(x, y), azimuth_degrees=np.degrees(np.arctan2(y, x)))) for x, y in at
+    ] / film_irradiance(lens, back, 0.0)
+    assert expected.min() == 0.0 < 0.2 < expected.max()
+    assert found[1] == pytest.approx(expected, abs=2e-3)
 
 
 FILM = {"resolution": [60, 40], "size_mm": [36.0, 24.0]}
