@@ -50,7 +50,7 @@ def test_quick_kernels_have_the_bits_of_full_ones(scene: dict[str, Any] | Path, 
     for noted in (True, False):
         session = opened(noted=noted)
         films.append(rptcam_cl.render(given, size=SIZE, spp=2, device=session).pixels)
-        if given.requested_autofocus is None:
+        if not isinstance(scene, Path):  # some examples have ghosts, a target of noise or autofocus
             assert kinds(session) == {not noted}
     np.testing.assert_array_equal(films[0].view(np.uint32), films[1].view(np.uint32))
 
