@@ -70,8 +70,8 @@ def count(text: str) -> int:
 def wavelengths(text: str) -> list[float]:
     """Wavelengths of ``a,b,c`` [nm]."""
     found = numbers(text)
-    if any(value <= 0 for value in found):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed wavelengths above 0 nm")
+    if not all(200 <= value <= 3000 for value in found):  # as `wavelength_nm` of cameras: glasses are known there
+        raise argparse.ArgumentTypeError(f"got {text}; allowed wavelengths from 200 to 3000 nm")
     return found
 
 

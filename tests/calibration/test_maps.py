@@ -177,6 +177,7 @@ def test_commands_write_maps_whole(tmp_path, capsys):
     [
         (["dgauss-50mm", "--vignetting", "{0}/v.png"], "such a file is .exr"),
         (["dgauss-50mm", "--coc", "{0}/c.exr", "--distances-m", "0"], "above 0 m"),
+        (["dgauss-50mm", "--psf-grid", "{0}/p.npz", "--wavelengths", "100"], "from 200 to 3000 nm"),
         (["dgauss-50mm", "--size", "64x48", "--film", "4000x3000", "--stmap-distort", "{0}/d.exr"], "nothing to fit"),
     ],
 )
