@@ -3,12 +3,13 @@
     python -m benchmarks.equal_time [--seconds 20] [--seeds 3] [--mitsuba-python PATH] [--json FILE]
 
 Every renderer with every sampler renders each scene with several seeds, with the samples per pixel that take it about
-``--seconds`` of all cores: by CPU time on a processor, which other work on the machine disturbs less. The error is that
-against the other renderer's pictures, which are independent and in two halves, so that their own noise drops out:
-mean((x - r1) (x - r2) / (r^2 + (0.01 mean r)^2)). It counts noise and bias, and is scaled to the exact time as 1/t:
-Mitsuba's stratified samplers round the number of samples up, so that they get numbers only that they take as they
-are. Its lens of A_lens is that of `benchmarks.mitsuba_lens`. Beside it stands the noise alone, from the differences
-between seeds.
+``--seconds`` of all cores: by CPU time on a processor, which other work on the machine disturbs less. The error is
+that against the other renderer's pictures, which are independent and in two halves, so that their own noise drops out:
+mean((x - r1) (x - r2) / (b^2 + (0.01 mean b)^2)). How bright a pixel is, b, all pictures of both renderers say
+together: by those of the other one alone, short runs would weigh pixels most whose own noise makes them too dark. It
+counts noise and bias, and is scaled to the exact time as 1/t: Mitsuba's stratified samplers round the number of
+samples up, so that they get numbers only that they take as they are. Its lens of A_lens is that of
+`benchmarks.mitsuba_lens`. Beside it stands the noise alone, from the differences between seeds.
 """
 
 from __future__ import annotations
@@ -128,11 +129,17 @@ class Bench:
         runs.add(*self._render(runs.renderer, runs.sampler, runs.spp, seed), self._by_cpu)
 
 
-def errors(own: Runs, other: list[Runs], seconds: float) -> dict[str, Any]:
+def brightness(every: list[Runs]) -> Pictures:
+    """Return how bright each pixel is, by all pictures and as many samples as each has."""
+    samples = [runs.spp * len(runs.pictures) for runs in every]
+    return np.average([np.mean(runs.pictures, axis=0) for runs in every], axis=0, weights=samples)
+
+
+def errors(own: Runs, other: list[Runs], bright: Pictures, seconds: float) -> dict[str, Any]:
     """Return what the errors of some runs are, against the pictures of other ones."""
     every = [picture for runs in other for picture in runs.pictures]
     first, second = (np.mean(every[half::2], axis=0) for half in (0, 1))
-    scale = ((first + second) / 2) ** 2 + (EDGE * float((first + second).mean()) / 2) ** 2
+    scale = bright**2 + (EDGE * float(bright.mean())) ** 2
     stack = np.array(own.pictures)
     middle = statistics.median(own.seconds)
     per_seed = [float(((x - first) * (x - second) / scale).mean()) for x in stack]
@@ -156,10 +163,11 @@ def measure(bench: Bench, seeds: int, seconds: float) -> list[dict[str, Any]]:
         for runs in every:
             bench.play(runs, seed)
     found: list[dict[str, Any]] = []
+    bright = brightness(every)
     for runs in every:
         other = [each for each in every if (each.renderer == "ours") != (runs.renderer == "ours")]
         result = {"scene": bench.scene, "renderer": runs.renderer, "sampler": runs.sampler}
-        result |= errors(runs, other, seconds)
+        result |= errors(runs, other, bright, seconds)
         result["msamples_per_second"] = bench.pixels * runs.spp / result["seconds"] / 1e6
         found.append(result)
     for result in found:

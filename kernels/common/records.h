@@ -42,8 +42,8 @@ static Lane lane_of(uint slot, Wave wave, const __global uint *tiles)
     lane.x = (I)((int)(8u * (tile - row * wave.tiles_across) + ((place >> 2) & 4u))) + (within & 3);
     lane.y = (I)((int)(8u * row + ((place >> 3) & 4u))) + (within >> 2);
     lane.inside = (lane.x < wave.width) & (lane.y < wave.height);
-    lane.x += wave.crop_x;
-    lane.y += wave.crop_y;
+    lane.x += wave.crop_x + 8 * wave.tiles_skipped * (int)(tile - row * wave.tiles_across);
+    lane.y += wave.crop_y + 8 * wave.tiles_skipped * (int)(row);
     lane.pixel = AS_U(lane.y * wave.full_width + lane.x);
     lane.sample = (U)(wave.first_sample + step);
     return lane;

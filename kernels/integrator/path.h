@@ -14,7 +14,8 @@
 #include "caustics/gather.h"
 #endif
 
-#define MOST_UNLIT  4.0f    // chance of a path without light to go on, over its throughput
+#define LEAST_UNLIT   4.0f      // chance of a path without light to go on, over its throughput, at least
+#define LEAST_CHANCE  0.05f     // of a path to go on: what survives less is seldom, but then weighs much
 
 // What limits and seeds the paths of a wave.
 typedef struct {
@@ -34,6 +35,7 @@ static inline Rules rules_of(Wave wave, Limits limits)
 typedef struct {
     Ray ray;
     F   weight;     // of the camera ray, multiplied in on the film: roulette must not depend on the exposure
+    F   kindness;   // of roulette, where the path's pixel lies
     F3  beta;       // throughput behind the camera
     F3  radiance;   // gathered so far
     F   pdf;        // density of the last direction; 0 where light sampling cannot compete
@@ -170,13 +172,22 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
 }
 #endif
 
-// Chance of a path to go on after Russian roulette: its throughput, where it has gathered light before this vertex. What has
-// not is all that its sample may get, and ends less often: with what the vertex absorbs, and not above a throughput of 1 / 4.
-static inline F chance_to_go_on(Path path, F before)
+// What roulette multiplies the throughput of a path by, by the cell of the film that its pixel lies in: great where the picture
+// is dark and what little light a path brings shows (rptcam_cl/rendering/roulette.py).
+static inline F kindness_at(Lane lane, Limits limits, const __global float *kindness)
 {
-    F now = max3(path.beta);
-    F unlit = MAX(now / MAX(before, (F)(1e-20f)), MOST_UNLIT * now);
-    return MIN(max3(path.radiance) > 0.0f ? now : unlit, ONE);
+    I column = MIN(lane.x >> (int)(limits.cell_shift), (I)(limits.cells_across - 1));
+    I row = MIN(lane.y >> (int)(limits.cell_shift), (I)(limits.cells_down - 1));
+    I cell = row * limits.cells_across + column;
+    return GATHER(F, kindness, cell, );
+}
+
+// Chance of a path to go on after Russian roulette: what light it may still bring, over what its pixel shows. What has gathered
+// none before this vertex is all that its sample may get, and does not end more often where the picture is bright.
+static inline F chance_to_go_on(Path path)
+{
+    F kindness = max3(path.radiance) > 0.0f ? path.kindness : MAX(path.kindness, (F)(LEAST_UNLIT));
+    return MIN(MAX(kindness * max3(path.beta), (F)(LEAST_CHANCE)), ONE);
 }
 
 // One vertex of every living path: gathers emission and environment, makes a light sample, and continues the path or ends
@@ -263,15 +274,14 @@ static ShadowRay shade_vertex(Path *path, Hit hit, Scene scene, Rules rules)
     // Sample the BSDF for the next direction.
     F4 u = random4(path->pixel, path->sample, 2u * path->depth, rules.seed);
     Scattered next = scatter_sample(vertex, path->ray.d, u.a, u.b, u.c);
-    F before = max3(path->beta);
     path->beta = mul(path->beta, next.weight);
     on = on & (max3(path->beta) > 0.0f);
     // Play Russian roulette.
     if (rules.roulette_depth > 0u) {
         I plays = path->depth >= rules.roulette_depth;
-        F survive = plays ? chance_to_go_on(*path, before) : ONE;
+        F survive = plays ? chance_to_go_on(*path) : ONE;
         on = on & (u.d < survive);
-        path->beta = scale(path->beta, ONE / MAX(survive, (F)(1e-20f)));
+        path->beta = scale(path->beta, ONE / survive);
     }
     // Continue the path, or end it.
 #if LIGHT_TREE

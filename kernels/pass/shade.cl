@@ -10,7 +10,8 @@ __kernel void shade(SCENE_PARAMETERS
                     Wave            wave,
                     Limits          limits,
                     uint            depth,       // of the vertex, from 1
-                    const __global uint *tiles) // that are rendered
+                    const __global uint *tiles,     // that are rendered
+                    const __global float *kindness) // of roulette, by cell of the film
 {
     uint slot = get_global_id(0) * VW;
     // Read the path and its hit.
@@ -21,6 +22,7 @@ __kernel void shade(SCENE_PARAMETERS
     Lane lane = lane_of(slot, wave, tiles);
     path.pixel = lane.pixel;
     path.sample = lane.sample;
+    path.kindness = kindness_at(lane, limits, kindness);
     path.depth = (U)(depth);
     path.ray.triangle = READ_TRIANGLE(TRIANGLE, slot);
     path.ray.o = READ_F3(O, slot);

@@ -17,7 +17,8 @@ __kernel void stream(SCENE_PARAMETERS
                      __global float       *sums,        // [6][pixels]: r, g, b and their compensations
                      __global uint        *counters,
                      uint                  pixels,      // pixels of the film incl. tile padding
-                     const __global uint  *tiles)       // that are rendered
+                     const __global uint  *tiles,       // that are rendered
+                     const __global float *kindness)    // of roulette, by cell of the film
 {
     uint first = get_global_id(0) * VW;
     Scene scene = SCENE;
@@ -39,6 +40,7 @@ __kernel void stream(SCENE_PARAMETERS
     path.ray.time = ZERO;
 #endif
     path.weight = ZERO;
+    path.kindness = kindness_at(camera_rays.lane, limits, kindness);
 #if SPECTRUM
     path.wavelength_sample = ZERO;
 #endif

@@ -128,4 +128,4 @@ def key_of(plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> tuple[A
 
 def compile_here(device: Session, plan: Plan, scene: SceneBuffers, settings: RenderSettings) -> None:
     """Compile what a plan needs in this process."""
-    Wavefront(device, plan, SMALL, settings, buffers=scene).warm_up()
+    Wavefront(device, plan, SMALL, settings, buffers=scene, scouts=False).warm_up()

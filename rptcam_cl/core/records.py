@@ -217,6 +217,7 @@ WAVE = Record(
         ("int", "full_width"),
         ("int", "crop_x"),
         ("int", "crop_y"),
+        ("int", "tiles_skipped"),  # of the film, behind each in a row and behind each row
     ),
 )
 
@@ -225,6 +226,9 @@ LIMITS = Record(
     (
         ("uint", "max_depth"),  # longest path [edges], the camera's included
         ("uint", "roulette_depth"),  # from which on Russian roulette may end a path; 0: never
+        ("uint", "cell_shift"),  # binary logarithm of the pixels across a cell of the film
+        ("int", "cells_across"),
+        ("int", "cells_down"),
     ),
 )
 

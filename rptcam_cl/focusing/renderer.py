@@ -55,7 +55,7 @@ def first_hits(
     taken = 0
     for opening in OPENINGS:
         camera = exposed(drive.camera(seen, state, opening, zones), seen)
-        wavefront = Wavefront(session, make_plan(seen, camera), layout, seen.render)
+        wavefront = Wavefront(session, make_plan(seen, camera), layout, seen.render, scouts=False)
         wavefront.seed = seed
         for wave in wavefront.waves(0, SAMPLES):
             wavefront.enqueue(*wave)
@@ -311,7 +311,7 @@ class ProbeRenderer:
             if self._buffers is None:
                 self._buffers = SceneBuffers(self.session, plan)
             self._wavefronts[facts] = Wavefront(
-                self.session, plan, view.layout, view.scene.render, buffers=self._buffers
+                self.session, plan, view.layout, view.scene.render, buffers=self._buffers, scouts=False
             )
             self._wavefronts[facts].choose_tiles(view.tiles())
         return self._wavefronts[facts]

@@ -32,6 +32,8 @@ class FilmLayout:
         Resolution of the whole film [pixels].
     x, y, width, height : int
         The part that is rendered [pixels].
+    tiles_skipped : int
+        Tiles of the film that are left out behind each tile in a row, and behind each row.
     """
 
     full_width: int
@@ -40,6 +42,7 @@ class FilmLayout:
     y: int
     width: int
     height: int
+    tiles_skipped: int = 0
 
     @classmethod
     def of(cls, film: Film) -> FilmLayout:

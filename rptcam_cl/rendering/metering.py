@@ -95,7 +95,7 @@ def metered_cd_m2(scene: Scene, session: Session) -> float:
     """
     small = _relative(scene, small=True)
     plan = make_plan(at_rest(small))
-    wavefront = Wavefront(session, plan, FilmLayout.of(small.film), small.render)
+    wavefront = Wavefront(session, plan, FilmLayout.of(small.film), small.render, scouts=False)
     rendering = render_plan(wavefront, spp=small.render.spp, seconds=None, has_lens=plan.camera.has_lens)
     reading = reading_cd_m2(rendering.pixels, scene.exposure, small.film)
     if not LEAST_CD_M2 <= reading <= MOST_CD_M2:

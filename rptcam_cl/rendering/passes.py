@@ -23,13 +23,14 @@ import numpy as np
 
 from rptcam_cl.cameras import CameraModel
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import LIMITS, WAVE, device_declarations, floats_per_slot
+from rptcam_cl.core.records import WAVE, device_declarations, floats_per_slot
 from rptcam_cl.device import Launch, Program, Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers, camera_buffers
 from rptcam_cl.rendering.film_buffers import FilmBuffers
-from rptcam_cl.rendering.layers import LayerPlanes
+from rptcam_cl.rendering.layers import LayerPass, LayerPlanes
 from rptcam_cl.rendering.precise_lens import BYTES_PER_SLOT, PreciseLens, traces_in_float64
+from rptcam_cl.rendering.roulette import ALIKE
 from rptcam_cl.scene import RenderSettings
 
 LENS_LANES = 16  # lanes per work item that trace a lens on a CPU: its surfaces are long chains of roots
@@ -51,6 +52,8 @@ class WaveBuffers:
         Of the paths, ``bytes_of_state`` large.
     tiles : buffer
         List of the tiles to render.
+    kindness : buffer
+        Of roulette that is as kind everywhere.
     capacity : int
         Slots of a wave.
     """
@@ -59,6 +62,7 @@ class WaveBuffers:
     film: FilmBuffers
     state: Any
     tiles: Any
+    kindness: Any
     capacity: int
 
     @property
@@ -202,18 +206,22 @@ class StreamPass:
             facts = _camera_facts(plan) | {"CAMERA_PACKETS": packets}
             facts["RAYS_FILE"] = f"integrator/{'kept' if keeps_rays else 'made'}_rays.h"
             made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory}
-        self._makes_rays = makes_rays
+        self._makes_rays, self._alike = makes_rays, buffers.kindness
         program = _tracing_program(session, plan, buffers, ["pass/stream.cl"], facts)
         self._stream = session.bind(
-            program, "stream", **scene.scene, **kept, **made, wave=_NO_WAVE, limits=_limits(settings),
+            program, "stream", **scene.scene, **kept, **made, wave=_NO_WAVE, limits=ALIKE.limits(settings),
             sums=buffers.film.sums, counters=buffers.film.counters, pixels=np.uint32(buffers.film.pixels),
-            tiles=buffers.tiles,
+            tiles=buffers.tiles, kindness=buffers.kindness,
         )  # fmt: skip
 
     def take_over(self, scene: SceneBuffers, settings: RenderSettings) -> None:
         """Trace another plan, whose kernels are the same."""
         made = {**self._of_camera(scene.camera), "filter": scene.filter, **scene.trajectory} if self._makes_rays else {}
-        self._stream.set(**scene.scene, **made, limits=_limits(settings))
+        self._stream.set(**scene.scene, **made, limits=ALIKE.limits(settings), kindness=self._alike)
+
+    def use_roulette(self, limits: bytes, kindness: Any) -> None:
+        """Play roulette by other limits, and by another buffer of how kind it is."""
+        self._stream.set(limits=limits, kindness=kindness)
 
     def use_camera(self, camera: CameraModel) -> None:
         """Look through another state of the camera, where this pass makes its rays."""
@@ -239,8 +247,8 @@ class DepthPasses:
         self._shadow = session.bind(program, "shadow", **scene, **buffers.slots) if plan.emitters.count else None
         self._shade = [
             session.bind(
-                program, "shade", **scene, **buffers.slots, wave=_NO_WAVE, limits=_limits(settings),
-                depth=np.uint32(depth), tiles=buffers.tiles,
+                program, "shade", **scene, **buffers.slots, wave=_NO_WAVE, limits=ALIKE.limits(settings),
+                depth=np.uint32(depth), tiles=buffers.tiles, kindness=buffers.kindness,
             )
             for depth in range(1, settings.max_depth + 1)
         ]  # fmt: skip
@@ -249,6 +257,11 @@ class DepthPasses:
             pixels=np.uint32(buffers.film.pixels), tiles=buffers.tiles,
             **({"colours": buffers.scene.colours} if plan.facts["SPECTRUM"] else {}),
         )  # fmt: skip
+
+    def use_roulette(self, limits: bytes, kindness: Any) -> None:
+        """Play roulette by other limits, and by another buffer of how kind it is."""
+        for shade in self._shade:
+            shade.set(limits=limits, kindness=kindness)
 
     def enqueue(self, wave: bytes, pixels: int, slots: int, run: Run) -> None:
         """Trace a wave."""
@@ -261,6 +274,15 @@ class DepthPasses:
                 run(self._shadow, items)
         self._film.set(wave=wave)
         run(self._film, pixels // self._lanes)
+
+
+@dataclass(frozen=True)
+class Passes:
+    """What takes a wave from the camera to the film and the layers."""
+
+    camera: CameraPasses | None
+    paths: StreamPass | DepthPasses
+    layers: LayerPass | None
 
 
 _NO_WAVE = bytes(WAVE.dtype.itemsize)
@@ -285,9 +307,3 @@ def _tracing_program(
 ) -> Program:
     facts = {**plan.facts, **buffers.scene.tree_facts, "VW": session.lanes, **more}
     return session.program(files, facts, device_declarations())
-
-
-def _limits(settings: RenderSettings) -> bytes:
-    record = LIMITS.zeros(1)
-    record["max_depth"], record["roulette_depth"] = settings.max_depth, settings.roulette_depth
-    return record.tobytes()

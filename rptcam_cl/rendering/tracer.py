@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel
-from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.device import Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
@@ -21,6 +20,7 @@ from rptcam_cl.rendering.passes import (
     CameraPasses,
     DepthPasses,
     Launches,
+    Passes,
     StreamPass,
     WaveBuffers,
     bytes_of_lens_rays,
@@ -29,18 +29,9 @@ from rptcam_cl.rendering.passes import (
     makes_rays,
 )
 from rptcam_cl.rendering.photons import PhotonMap
-from rptcam_cl.rendering.waves import Wave, Waves, step_of, wave_slots
+from rptcam_cl.rendering.roulette import ALIKE, Roulette, plays, scouted, seen_by
+from rptcam_cl.rendering.waves import STREAM_SAMPLES, Wave, Waves, step_of, wave_slots
 from rptcam_cl.scene import RenderSettings
-
-
-@dataclass(frozen=True)
-class Passes:
-    """What takes a wave from the camera to the film and the layers."""
-
-    camera: CameraPasses | None
-    paths: StreamPass | DepthPasses
-    layers: LayerPass | None
-
 
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
 
@@ -64,6 +55,8 @@ class Wavefront:
         "stream" or "passes" (see `rptcam_cl.rendering.passes`); by default what suits the device.
     buffers
         The scene on the device, where it is there already; by default that of the plan is uploaded.
+    scouts
+        Whether it looks at the picture before its first sample, to see where roulette should be kind.
 
     Attributes
     ----------
@@ -91,7 +84,10 @@ class Wavefront:
         wave_size: int | None = None,
         organisation: str | None = None,
         buffers: SceneBuffers | None = None,
+        *,
+        scouts: bool = True,
     ) -> None:
+        self._scouts = scouts
         self.session = session
         self.layout = layout
         self.settings = settings
@@ -107,6 +103,12 @@ class Wavefront:
         self._held = self._allocate(plan, buffers)
         self._film, self._tile_list = self._held.film, self._held.tiles
         self._bind(plan)
+        self._begin(plan)
+
+    def _begin(self, plan: Plan) -> None:
+        """Have the picture of a plan looked at before its first sample, where that says how kind roulette is."""
+        self._plan = plan
+        self._to_scout = self._scouts and plays(self.settings) and not plan.caustics.active
 
     def _bind(self, plan: Plan) -> None:
         """Bind the passes of a plan, or of each step of its exposure."""
@@ -161,11 +163,14 @@ class Wavefront:
         check_memory(self.needs, session)
         tiles = session.allocate(self.tiles.nbytes)
         session.write(tiles, self.tiles)
+        kindness = session.allocate(ALIKE.kindness.nbytes)
+        session.write(kindness, ALIKE.kindness)
         return WaveBuffers(
             scene=scene or SceneBuffers(session, plan),
             film=FilmBuffers(session, layout, clamped=clamped),
             state=session.allocate(max(state, 4)),
             tiles=tiles,
+            kindness=kindness,
             capacity=capacity,
         )
 
@@ -245,6 +250,7 @@ class Wavefront:
         self._held = replace(self._held, scene=scene)
         if not self._take_over(plan):
             self._bind(plan)
+        self._begin(plan)
         self.choose_tiles(np.arange(self.layout.tiles, dtype=np.uint32))
         self.clear()
 
@@ -273,6 +279,8 @@ class Wavefront:
 
     def enqueue(self, first_pixel: int, pixels: int, first_sample: int, samples: int) -> None:
         """Enqueue every pass of one wave."""
+        if self._to_scout:
+            self._use_roulette(self._scout())
         wave = (first_pixel, pixels, first_sample, samples)
         record, slots, run = self._waves.record(wave, self.seed), pixels * samples, self._launches.run
         self._film.expect(self._waves.rays_of(wave, self.tiles))
@@ -286,6 +294,24 @@ class Wavefront:
             self._layers.set_wave(record, seen)
             run(self._layers.launch, pixels // self.session.lanes)
         self._paths.enqueue(record, pixels, slots, run)
+
+    def _scout(self) -> Roulette:
+        """Look at a few tiles of the picture, and return how kind roulette is where."""
+        plan = self._plan.steps[0] if self._plan.steps else self._plan
+        scene = SceneBuffers(self.session, plan, self._held.scene) if self._plan.steps else self._held.scene
+        layout, settings = scouted(self.layout), self.settings.model_copy(update={"layers_spp": 0})
+        one_wave = layout.pixels * (STREAM_SAMPLES if self.organisation == "stream" else 1)
+        scout = Wavefront(
+            self.session, plan, layout, settings, one_wave, self.organisation, buffers=scene, scouts=False
+        )
+        return seen_by(scout)
+
+    def _use_roulette(self, roulette: Roulette) -> None:
+        self._to_scout = False
+        kindness = self.session.allocate(roulette.kindness.nbytes)
+        self.session.write(kindness, roulette.kindness)
+        for bound in self._bound:
+            bound.paths.use_roulette(roulette.limits(self.settings), kindness)
 
     def _make_rays(self, record: bytes, slots: int) -> None:
         if self._camera is not None:

@@ -51,7 +51,7 @@ class WavefrontPool:
         if found is None:
             while len(self._kept) >= MOST:
                 self._kept.popitem(last=False)
-            found = Wavefront(self._session, plan, layout, settings, buffers=scene)
+            found = Wavefront(self._session, plan, layout, settings, buffers=scene, scouts=purpose == "film")
         else:
             found.use_plan(plan, scene, settings)
         self._kept[key] = found

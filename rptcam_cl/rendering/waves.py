@@ -105,6 +105,7 @@ class Waves:
         record["tiles_across"], record["full_width"] = layout.tiles_across, layout.full_width
         record["width"], record["height"] = layout.width, layout.height
         record["crop_x"], record["crop_y"] = layout.x, layout.y
+        record["tiles_skipped"] = layout.tiles_skipped
         return record.tobytes()
 
 

@@ -118,7 +118,7 @@ def test_command_shares_a_render_and_repeats_it(rptcam, tmp_path):
 
 
 def test_command_says_which_device_was_dropped(rptcam, second):
-    second.healthy_launches = 1
+    second.healthy_launches = 2
     code, said = rptcam("-o", "a.npy", "--split", "0:1=0.5,0:2=0.5", "--spp", "64")
     assert code == 0
     assert "warning: device 0:2" in said

@@ -104,7 +104,7 @@ def test_auto_exposure_and_focus_are_those_of_one_device(first, second, whole):
 def test_device_that_fails_is_dropped_and_nothing_is_lost(launches, first, second, whole):
     options = {"size": SIZE, "seed": 3, "spp": 41, "layers": LAYERS}
     alone = rptcam_cl.render(scene("lens"), device=whole, **options)
-    second.healthy_launches = 3 + launches  # three of them to warm up
+    second.healthy_launches = 5 + launches  # two of them to scout, three to warm up
     with pytest.warns(UserWarning, match=r"0:2 .* made to fail; it is dropped, and what it has made is made again"):
         shared = rptcam_cl.render(
             scene("lens"), device=[first, second], split={"0:1": 0.25, "0:2": 0.75}, wave_size=1024, **options
@@ -120,7 +120,7 @@ def test_what_was_saved_before_a_device_failed_is_kept(first, second, whole, tmp
     monkeypatch.setattr(saving, "INTERVAL", 0.0)
     options = {"size": SIZE, "seed": 3, "noise": 0.1, "spp": 192, "layers": ["samples", "variance", "depth"]}
     alone = rptcam_cl.render(scene("pinhole"), device=whole, **options)
-    second.healthy_launches = 3 + 3 * 7
+    second.healthy_launches = 5 + 3 * 7
     with pytest.warns(UserWarning, match="made to fail"):
         shared = rptcam_cl.render(
             scene("pinhole"), device=[first, second, whole], split={"0:1": 0.3, "0:2": 0.4, "0:0": 0.3},
@@ -157,7 +157,7 @@ def test_device_that_fails_while_speeds_are_measured_is_dropped(first, second, w
 
 @pytest.mark.filterwarnings("ignore:.*made to fail")
 def test_render_ends_with_the_reason_when_every_device_fails(first, second):
-    first.healthy_launches, second.healthy_launches = 3, 5
+    first.healthy_launches, second.healthy_launches = 4, 6
     with pytest.raises(DeviceError, match=r"no device is left to render on: device 0:[12] .*made to fail"):
         rptcam_cl.render(scene("pinhole"), size=SIZE, spp=4, wave_size=256, device=[first, second], split=SPLIT)
 
