@@ -218,6 +218,7 @@ WAVE = Record(
         ("int", "crop_x"),
         ("int", "crop_y"),
         ("int", "tiles_skipped"),  # of the film, behind each in a row and behind each row
+        ("int", "reserved_0"),
     ),
 )
 
