@@ -9,18 +9,14 @@ samples, and that of noisy places lies below their light, so that their paths li
 from __future__ import annotations
 
 from math import fsum
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import LIMITS
-from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout
+from rptcam_cl.rendering.film import TILE, FilmLayout
 from rptcam_cl.scene import RenderSettings
-
-if TYPE_CHECKING:
-    from rptcam_cl.rendering.tracer import Wavefront
 
 KINDNESS = 2.0  # where the picture is as bright as on the whole
 KINDEST = 40.0  # times that, at most
@@ -93,15 +89,3 @@ def roulette_of(picture: NDArray[np.floating], layout: FilmLayout) -> Roulette:
     ratio = whole / np.maximum(cells, whole / KINDEST**0.5)
     shift = (TILE * (layout.tiles_skipped + 1)).bit_length() - 1
     return Roulette((KINDNESS * ratio * ratio).astype(np.float32), shift)
-
-
-def seen_by(scout: Wavefront) -> Roulette:
-    """Return how kind roulette is by a sample of each pixel of a wavefront that renders the tiles of `scouted`."""
-    scout.seed = SCOUTING_SEED
-    for wave in scout.waves(0, 1):
-        scout.enqueue(*wave)
-    scout.finish()
-    picture = scout.picture(1)
-    if scout.settings.clamp is not None:  # which changes no path
-        picture += scout.layout.in_rows(scout.planes()[PLANES:])[0, ..., None]
-    return roulette_of(picture, scout.layout)

@@ -29,7 +29,7 @@ from rptcam_cl.rendering.passes import (
     makes_rays,
 )
 from rptcam_cl.rendering.photons import PhotonMap
-from rptcam_cl.rendering.roulette import ALIKE, Roulette, plays, scouted, seen_by
+from rptcam_cl.rendering.roulette import ALIKE, SCOUTING_SEED, Roulette, plays, roulette_of, scouted
 from rptcam_cl.rendering.waves import STREAM_SAMPLES, Wave, Waves, step_of, wave_slots
 from rptcam_cl.scene import RenderSettings
 
@@ -288,7 +288,8 @@ class Wavefront:
             self._photons.use(first_sample, self.seed)
         if len(self._bound) > 1:
             self._use_step(first_sample)
-        self._make_rays(record, slots)
+        if self._camera is not None:
+            self._camera.enqueue(record, slots, run)
         if self._layers is not None and first_sample < self.settings.layers_spp:
             seen = min(samples, self.settings.layers_spp - first_sample)
             self._layers.set_wave(record, seen)
@@ -304,7 +305,14 @@ class Wavefront:
         scout = Wavefront(
             self.session, plan, layout, settings, one_wave, self.organisation, buffers=scene, scouts=False
         )
-        return seen_by(scout)
+        scout.seed = SCOUTING_SEED
+        for wave in scout.waves(0, 1):
+            scout.enqueue(*wave)
+        scout.finish()
+        picture = scout.picture(1)
+        if settings.clamp is not None:  # which changes no path
+            picture += layout.in_rows(scout.planes()[PLANES:])[0, ..., None]
+        return roulette_of(picture, layout)
 
     def _use_roulette(self, roulette: Roulette) -> None:
         self._to_scout = False
@@ -312,10 +320,6 @@ class Wavefront:
         self.session.write(kindness, roulette.kindness)
         for bound in self._bound:
             bound.paths.use_roulette(roulette.limits(self.settings), kindness)
-
-    def _make_rays(self, record: bytes, slots: int) -> None:
-        if self._camera is not None:
-            self._camera.enqueue(record, slots, self._launches.run)
 
     def finish(self) -> None:
         """Wait for everything enqueued and take over its counters."""
