@@ -224,7 +224,8 @@ class Wavefront:
         record, run = self._waves.record((0, pixels, 0, 0), self.seed), self._launches.run
         if self._photons is not None:
             self._photons.use(0, self.seed)
-        self._make_rays(record, pixels)
+        if self._camera is not None:
+            self._camera.enqueue(record, pixels, run)
         if self._layers is not None:
             self._layers.set_wave(record, 0)
             run(self._layers.launch, pixels // self.session.lanes)
