@@ -60,7 +60,7 @@ def test_bent_quad_is_cut_inside(first: int) -> None:
     assert [area(corners) > 0 for corners in triangles] == [True, True]
 
 
-@settings(max_examples=150, derandomize=True, deadline=None)
+@settings(max_examples=150)
 @given(st.lists(st.floats(0.2, 1), min_size=5, max_size=40), st.integers(0, 2), st.booleans())
 def test_triangles_of_any_simple_polygon_cover_it_once(radii: list[float], axis: int, turned: bool) -> None:
     angles = 2 * np.pi * np.arange(len(radii)) / len(radii)

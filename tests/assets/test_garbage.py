@@ -29,7 +29,7 @@ VALID: list[tuple[str, bytes]] = [
 STARTS = [b"", b"ply\n", b"solid", b"glTF", b"v ", b"{"]
 INSERTS = [b"0", b"-1", b"9" * 12, b" ", b"\n", b"nan", b"{}", b"/"]
 NUMBERS = [b"\xff" * 4, *(struct.pack("<f", value) for value in (np.nan, np.inf, 1e30, -1e-40))]
-SETTINGS = settings(derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+SETTINGS = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def check(path: Path) -> None:
@@ -47,9 +47,7 @@ def check(path: Path) -> None:
         assert mesh.uvs is None or np.isfinite(mesh.uvs).all()
 
 
-@settings(
-    max_examples=100, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=100, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     st.sampled_from(list(READERS)),
     st.binary(max_size=300),
@@ -61,9 +59,7 @@ def test_any_bytes_are_read_or_refused(tmp_path: Path, suffix: str, content: byt
     check(path)
 
 
-@settings(
-    max_examples=600, derandomize=True, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=600, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.sampled_from(VALID), st.data())
 def test_mutated_file_is_read_or_refused(tmp_path: Path, valid: tuple[str, bytes], data: st.DataObject) -> None:
     suffix, content = valid

@@ -48,7 +48,7 @@ KEYS = (
 )
 
 
-@settings(max_examples=300, deadline=None, database=None)
+@settings(max_examples=300, database=None)
 @seed(4)
 @given(st.lists(st.tuples(st.integers(0, 3), st.sampled_from(KEYS), VALUES), min_size=1, max_size=4))
 def test_mutated_lenses_load_or_are_refused(changes):

@@ -73,7 +73,7 @@ def assert_sound(scene: Scene) -> None:
     assert load_scene(scene.model_dump(mode="json")).content_hash() == scene.content_hash()
 
 
-@settings(max_examples=200, derandomize=True, deadline=None)
+@settings(max_examples=200)
 @given(st.data())
 def test_mutated_scene_is_sound_or_refused(data: st.DataObject) -> None:
     mutant = copy.deepcopy(data.draw(st.sampled_from(VALID)))
@@ -87,7 +87,7 @@ def test_mutated_scene_is_sound_or_refused(data: st.DataObject) -> None:
     assert_sound(scene)
 
 
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=100)
 @given(st.text(alphabet="{}[]:,-#&*!|>'\"%@`?<=. \t\n0123456789eabcdknil", max_size=60))
 def test_any_text_is_a_scene_or_refused(text: str) -> None:
     try:
