@@ -9,13 +9,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import (
+    CameraModel,
     EntrancePupil,
     LensSetting,
     camera_model,
@@ -220,8 +221,7 @@ class View:
 
     def grid(self, columns: int, rows: int) -> Array:
         """Return places (rows x columns, 2) spread evenly over the picture from edge to edge, row by row."""
-        x, y = (np.linspace(0.0, side, count) for side, count in zip(self.size, (columns, rows), strict=True))
-        return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+        return _grid(self.size, columns, rows)
 
     def facts(self) -> dict[str, Any]:
         """Return what programs want to know of the camera beside its projection."""
@@ -240,6 +240,12 @@ class View:
         return found | {"entrance_pupil": pupil_in_world(self.scene, self.pupil.described())}
 
 
+@lru_cache(maxsize=16)
+def _grid(size: tuple[int, int], columns: int, rows: int) -> Array:
+    x, y = (np.linspace(0.0, side, count) for side, count in zip(size, (columns, rows), strict=True))
+    return np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+
+
 def distance_along(origins: Array, directions: Array, distance_mm: float, *, sphere: bool) -> Array:
     """Return how far (n,) it is along rays (n, 3) from the entrance pupil to a plane across the axis or to a sphere."""
     if not sphere:
@@ -249,7 +255,9 @@ def distance_along(origins: Array, directions: Array, distance_mm: float, *, sph
     return np.asarray(np.sqrt(np.maximum(inside, 0.0)) - along)
 
 
-def view(scene: Scene, distance_m: float | None = None, shape: str | None = None) -> View:
+def view(
+    scene: Scene, distance_m: float | None = None, shape: str | None = None, camera: CameraModel | None = None
+) -> View:
     """Return the view of a scene's camera when the shutter opens.
 
     Parameters
@@ -258,6 +266,8 @@ def view(scene: Scene, distance_m: float | None = None, shape: str | None = None
         Of the object from the entrance pupil; that of the focus when absent.
     shape
         Of the object, ``plane`` or ``sphere``; by the field when absent.
+    camera
+        The camera of a plan of the scene, where there is one: its lens is not set again.
 
     Raises
     ------
@@ -273,6 +283,8 @@ def view(scene: Scene, distance_m: float | None = None, shape: str | None = None
     if scene.requested_autofocus is not None:
         raise InputError("camera.focus.auto: the focus is yet to be found (write a scene with it by rptcam settle)")
     found = View(scene, shape=shape)
+    if camera is not None and camera.setting is not None and camera.pupil is not None:
+        found.__dict__.update(setting=camera.setting, pupil=camera.pupil)
     if not math.isfinite(found.pupil_ahead_mm):
         raise InputError(f"{found.name}: its entrance pupil is infinitely far away, so no centre of projection exists")
     if distance_m is None:

@@ -11,11 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.blur import Blur
+from rptcam_cl.cameras.entrance_pupil import EntrancePupil
 from rptcam_cl.cameras.lamp_reach import LampReach
+from rptcam_cl.cameras.setting import LensSetting
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
 from rptcam_cl.optics import FirstOrder
-from rptcam_cl.scene import Film, Pose
+from rptcam_cl.scene import Film, LensCamera, Pose
 
 SURFACE_BY_SURFACE = "camera/realistic.h"
 
@@ -88,6 +90,10 @@ class CameraModel:
         Mean weight there: the same number, or 1 where the weights leave radiance as it is.
     reach : LampReach or None
         How it sees points of the scene; None for a camera without a lens opening.
+    setting : LensSetting or None
+        The lens in use, where rays are traced through it.
+    pupil : EntrancePupil or None
+        Its entrance pupil, with its drift, where that was found.
     """
 
     kernel: str
@@ -105,6 +111,8 @@ class CameraModel:
     passed: float = 1.0
     axial_weight: float = 1.0
     reach: LampReach | None = None
+    setting: LensSetting | None = None
+    pupil: EntrancePupil | None = None
 
     @property
     def bends_colours(self) -> bool:
@@ -132,7 +140,10 @@ def camera_record(pose: Pose, film: Film, kind: str, **own: float) -> NDArray[np
 
 def turned(camera: CameraModel, pose: Pose) -> CameraModel:
     """Return the same camera in another pose, which it does not focus by."""
-    return replace(camera, record=_posed(camera.record.copy(), pose))
+    setting = camera.setting
+    if setting is not None and isinstance(pose, LensCamera):
+        setting = replace(setting, camera=pose)
+    return replace(camera, record=_posed(camera.record.copy(), pose), setting=setting)
 
 
 def _posed(record: NDArray[np.void], pose: Pose) -> NDArray[np.void]:

@@ -98,6 +98,7 @@ def model_of(
     if losses:
         said["transmittance"] = on_axis / clear
     record = _record(scene, camera, setting, lens, pupil, len(through.surfaces))
+    entrance = None if windows else entrance_pupil(scene, setting, drifts=not coarse)
     return CameraModel(
         through.kernel,
         record,
@@ -112,7 +113,7 @@ def model_of(
         | movements_metadata(camera)
         | colour.metadata
         | _projection(scene, camera, setting)
-        | ({} if windows else {"entrance_pupil": entrance_pupil(scene, setting, drifts=not coarse).described()}),
+        | ({} if entrance is None else {"entrance_pupil": entrance.described()}),
         view=_view(scene, setting),
         on_axis_irradiance=on_axis,
         passed=on_axis / clear,
@@ -120,6 +121,8 @@ def model_of(
         usable_nm=(low, high),
         reach=lens_reach(lens, back_mm, camera.wavelength_nm, _half_film_mm(scene)),
         axial_colour=_axial_colour(on_axis_of, lens, back_mm, *balanced, (low, high)) if colour.dispersive else None,
+        setting=setting,
+        pupil=None if coarse else entrance,
     )
 
 

@@ -19,6 +19,7 @@ from rptcam_cl.imaging import Image
 from rptcam_cl.scene import Scene
 
 POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
+REMEMBERED = 256  # camera models
 STOP = ("f_number", "stop_diameter_mm")
 GOOD_PX = 0.05  # residual at which the search for the simplest camera model ends
 
@@ -122,7 +123,7 @@ def _frames(
             "seed": scene.render.seed,
             "spp": image.metadata["spp"],
             "values": values,
-            "camera": cameras.of(scene, image),
+            "camera": cameras.of(scene, image, renderer),
         }
         if place is not None:
             record = place.keep(index, image, record)
@@ -137,21 +138,23 @@ class _Cameras:
     def __init__(self, model: str) -> None:
         self._model = model
         self._known: dict[str, dict[str, Any]] = {}
+        self._lit: dict[str, dict[str, Any]] = {}  # where the whole picture has light, by all but the stop
 
-    def of(self, scene: Scene, image: Image) -> dict[str, Any]:
+    def of(self, scene: Scene, image: Image, renderer: SeriesRenderer) -> dict[str, Any]:
         """Return pose, pupil, film, lens, and the camera model with its residual."""
         if scene.camera.kind == "environment":
             return {"camera": "environment", "world_from_camera": image.metadata["world_from_camera"]}
-        seen = view(scene)
+        seen = view(scene, camera=None if renderer.plan is None else renderer.plan.camera)
         known = {name: image.metadata[name] for name in ("lens", "f_number") if name in image.metadata}
         return seen.facts() | known | self._fitted(seen)
 
     def _fitted(self, seen: View) -> dict[str, Any]:
         if self._model == "none":
             return {}
-        of_any_stop, stop = _content(seen)
-        key = of_any_stop + stop
-        known = self._known.get(of_any_stop) or self._known.get(key)
+        optics, stop = _content(seen)
+        known = self._known.get(optics + stop)
+        if known is None and optics in self._lit and seen.is_of_any_stop:
+            known = self._lit[optics]
         if known is None:
             if self._model == "auto":
                 found = calibrate_best(seen, list(COEFFICIENTS), GOOD_PX)
@@ -164,10 +167,16 @@ class _Cameras:
                 "largest_error_px": found.max_px,
                 "rms_error_px": found.rms_px,
             }
-            self._known[of_any_stop if found.lit_share == 1.0 and seen.is_of_any_stop else key] = known
-            if len(self._known) > 256:
-                self._known.pop(next(iter(self._known)))
+            if found.lit_share == 1.0:
+                _keep(self._lit, optics, known)
+        _keep(self._known, optics + stop, known)
         return known
+
+
+def _keep(known: dict[str, dict[str, Any]], key: str, value: dict[str, Any]) -> None:
+    known[key] = value
+    if len(known) > REMEMBERED:
+        known.pop(next(iter(known)))
 
 
 def _content(seen: View) -> tuple[str, str]:

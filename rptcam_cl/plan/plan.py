@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -21,21 +21,19 @@ from rptcam_cl.cameras import (
     turned,
 )
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import Kind
-from rptcam_cl.plan.albedo import LargestAlbedo, largest_albedo
-from rptcam_cl.plan.caustics import Caustics, pack_caustics
-from rptcam_cl.plan.emitters import Emitters, pack_emitters
+from rptcam_cl.plan.albedo import LargestAlbedo
+from rptcam_cl.plan.caustics import Caustics
+from rptcam_cl.plan.emitters import Emitters
 from rptcam_cl.plan.environment import Surroundings
-from rptcam_cl.plan.lamps_out_of_focus import visible_lamps
 from rptcam_cl.plan.materials import Materials
-from rptcam_cl.plan.meshes import MeshPlan
-from rptcam_cl.plan.motion import Movements, pack_movements
+from rptcam_cl.plan.motion import Movements
 from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.packed_meshes import PackedMeshes
 from rptcam_cl.plan.parts import PlanParts
-from rptcam_cl.plan.primitives import Owners, Primitive, owners_of, pack_primitives, scene_primitives, with_meshes
+from rptcam_cl.plan.primitives import Owners
 from rptcam_cl.plan.spectrum import Spectrum, seen_by
 from rptcam_cl.plan.textures import Textures
+from rptcam_cl.plan.world import world_of
 from rptcam_cl.scene import Film, Scene, at_opening, exposure_steps
 
 
@@ -66,26 +64,6 @@ class Plan:
     steps: tuple[Plan, ...] = ()  # of an exposure in which keys move, in place of this plan for its rays
 
 
-FEW = 16  # primitives, as many as lanes that a processor permutes at once
-
-
-def _is_smooth(primitive: Primitive) -> bool:
-    return primitive.mesh is not None and primitive.mesh.normals is not None
-
-
-def _facts_of_shapes(
-    primitives: list[Primitive], meshes: MeshPlan | None, materials: Mapping[str, int]
-) -> dict[str, int]:
-    """Return which kinds of primitives there are, and what their surfaces require beside positions and normals."""
-    kinds = {primitive.kind for primitive in primitives}
-    return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
-        "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or materials["HAS_NORMAL_MAP"]),
-        "HAS_SHADING_NORMAL": int(materials["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
-        "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
-        "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
-    }
-
-
 def make_plan(
     scene: Scene, camera: CameraModel | None = None, *, coarse: bool = False, parts: PlanParts | None = None
 ) -> Plan:
@@ -114,51 +92,41 @@ def _steps(plan: Plan, scene: Scene, coarse: bool, parts: PlanParts) -> tuple[Pl
 
 def _still_plan(scene: Scene, camera: CameraModel | None, coarse: bool, parts: PlanParts) -> Plan:
     """Return the plan of a scene whose keys hold still."""
+    world = world_of(scene, parts)
     trajectory, segments = camera_trajectory(scene)
-    primitives, meshes = with_meshes(scene_primitives(scene), scene, parts)
-    materials = [primitive.material for primitive in primitives]
-    seen = parts.appearance(scene, materials)
-    table, spectra, shown, surroundings = seen.table, seen.spectra, seen.shown, seen.surroundings
-    first_triangles = meshes.first_triangles if meshes else ()
-    emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
-    eye_m = np.array(scene.camera.eye) * scene.metres_per_unit
-    lamps = visible_lamps(primitives, eye_m, table)
     camera = camera or parts.camera(scene, coarse=coarse)
-    spectrum = seen_by(scene, camera, spectra, shown)
-    textures = parts.textures(seen)
-    records, kind_end = pack_primitives(primitives, shown.index, emitters.of_primitive, meshes)
-    movements = pack_movements(scene, primitives)
-    caustics = pack_caustics(scene, primitives, first_triangles, emitters)
-    facts = caustics.facts | shown.facts | textures.facts | emitters.facts | movements.facts | spectrum.facts
-    facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
-        "CAMERA_SEGMENTS": min(segments, 2),
-        "MOVES": int(segments > 0 or movements.facts["HAS_MOTION"] > 0),
-        "ENVIRONMENT": int(surroundings.kind),
-        "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
-        "FEW_PRIMITIVES": int(len(primitives) <= FEW),
-        "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
-    }
+    spectrum = seen_by(scene, camera, world.spectra, world.materials)
+    facts = (
+        world.facts
+        | spectrum.facts
+        | {
+            "CAMERA_SEGMENTS": min(segments, 2),
+            "MOVES": int(segments > 0 or world.movements.facts["HAS_MOTION"] > 0),
+            "SAMPLER_LATTICE": int(scene.render.sampler == "lattice"),
+            "CLAMP": 0 if scene.render.clamp is None else int(np.float32(scene.render.clamp).view(np.int32)),
+        }
+    )
     return Plan(
         facts=facts,
         camera=camera,
         spectrum=spectrum,
         camera_filter=filter_table(scene.film.filter),
         trajectory=trajectory,
-        primitives=records,
-        movements=movements,
-        kind_end=kind_end,
-        materials=shown.records,
-        textures=textures,
-        emitters=emitters,
-        surroundings=surroundings,
-        caustics=caustics,
-        primitive_count=len(primitives),
-        meshes=meshes.packed if meshes else None,
-        owners=owners_of(scene, primitives),
-        eye_m=eye_m,
-        albedo=largest_albedo(materials),
-        colours=(spectra, shown),
-        lamps=lamps,
+        primitives=world.primitives,
+        movements=world.movements,
+        kind_end=world.kind_end,
+        materials=world.materials.records,
+        textures=world.textures,
+        emitters=world.emitters,
+        surroundings=world.surroundings,
+        caustics=world.caustics,
+        primitive_count=world.primitive_count,
+        meshes=world.meshes,
+        owners=world.owners,
+        eye_m=world.eye_m,
+        albedo=world.albedo,
+        colours=(world.spectra, world.materials),
+        lamps=world.lamps,
     )
 
 
