@@ -95,7 +95,7 @@ def test_error_from_runs_of_independent_samples_is_that_of_pictures_and_tiles(na
 
 
 @pytest.mark.parametrize("name", SCENES)
-@pytest.mark.parametrize(("by_runs", "least"), [(False, 0.75), (True, 0.7)])
+@pytest.mark.parametrize(("by_runs", "least"), [(False, 1 / 1.33), (True, 1 / 1.46)])
 def test_error_of_a_lattice_is_reported_too_large_by_what_the_docs_say(name, by_runs, least):
     pictures = Pictures(name, "lattice", 200, by_runs=by_runs)
     assert least < pictures.ratio() < 1
