@@ -24,6 +24,10 @@ PIXELS = {"centre_of_the_first_pixel": 0.5}
 LOOSE = "unfinished"  # folder of frames whose shard is not whole yet
 
 
+class _MovedError(Exception):
+    """Another run of the same dataset has moved frames into their shard meanwhile."""
+
+
 class DatasetFolder:
     """Writes frames and finds those that are there.
 
@@ -95,7 +99,10 @@ class DatasetFolder:
         return dict(record)
 
     def finish(self) -> None:
-        """Write the manifest of all frames that are there, one line each."""
+        """Write the manifest of all frames that are there, one line each; pack what a killed run left loose."""
+        if self.shard is not None:
+            for number in range(-(-self.wanted.frames // self.shard)):
+                self._pack(number)
         with replacing(self.path / MANIFEST) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as out:
             for index in range(self.wanted.frames):
                 if (record := self.record(index)) is not None:
@@ -134,20 +141,29 @@ class DatasetFolder:
 
     def _pack(self, number: int) -> None:
         """Move the frames of a shard into its file, when all are there."""
-        records = [self.record(index) for index in self._range(number)]
-        if any(record is None for record in records):
-            return
+        if not self._packed(number):
+            if any(self.record(index) is None for index in self._range(number)):
+                return
+            try:
+                self._write_shard(number)
+            except _MovedError:
+                return
+        for path in self._files_of(number):
+            path.unlink(missing_ok=True)
+
+    def _write_shard(self, number: int) -> None:
         with (
             replacing(self._tar(number)) as temporary,
             tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as out,
         ):
             for path in self._files_of(number):
-                content = path.read_bytes()
+                try:
+                    content = path.read_bytes()
+                except FileNotFoundError:
+                    raise _MovedError from None
                 member = tarfile.TarInfo(path.name)
                 member.size = len(content)
                 out.addfile(member, io.BytesIO(content))
-        for path in self._files_of(number):
-            path.unlink()
 
     def _files_of(self, number: int) -> Iterator[Path]:
         for index in self._range(number):

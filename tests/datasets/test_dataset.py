@@ -91,6 +91,25 @@ def test_frames_have_the_same_bytes_alone_together_damaged_and_in_shards(place: 
             assert content is not None and hashlib.sha256(content.read()).hexdigest() == whole[member.name]
 
 
+@pytest.mark.parametrize("packed", [False, True], ids=["before its shard is written", "before its frames are removed"])
+def test_a_run_killed_after_the_last_frame_of_a_shard_leaves_what_the_next_one_packs(place: Path, packed: bool) -> None:
+    command = ["dataset", "spec.yaml", "-o", "out", "--shard", "2", "--quiet"]
+    assert main(command) == 0
+    whole = bytes_of(place / "out")
+    (place / "out/manifest.jsonl").unlink()
+    with tarfile.open(place / "out/shard-000001.tar") as shard:
+        (place / "out/unfinished").mkdir()
+        for member in shard:
+            file = shard.extractfile(member)
+            assert file is not None
+            (place / "out/unfinished" / member.name).write_bytes(file.read())
+    if not packed:
+        (place / "out/shard-000001.tar").unlink()
+    assert main(command) == 0
+    assert bytes_of(place / "out") == whole
+    assert not (place / "out/unfinished").exists()
+
+
 def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_are_alone(
     place: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
