@@ -16,8 +16,9 @@ from rptcam_cl.optics.glass import AIR, Medium, known_range
 from rptcam_cl.optics.surface import Surface
 
 Array = NDArray[np.float64]
-REMEMBERED = 256  # rows of media at one wavelength each, whose indices are remembered
-_INDICES: dict[tuple[float, ...], tuple[tuple[Medium, ...], Array]] = {}
+FEW = 16  # wavelengths of which indices are remembered
+REMEMBERED = 256  # rows of media at some wavelengths, whose indices are remembered
+_INDICES: dict[tuple[object, ...], tuple[tuple[Medium, ...], Array]] = {}
 
 
 @dataclass(frozen=True)
@@ -158,12 +159,12 @@ class Prescription:
     def indices(self, wavelength_nm: ArrayLike = LINE_D_NM) -> Array:
         """Return the index before the first surface and after each one, shape (n + 1, *wavelengths); not to be changed.
 
-        Those of a single wavelength are remembered, as all states of a lens have the same media.
+        Those of few wavelengths are remembered, as all states of a lens have the same media.
         """
-        media = self.media
-        if not isinstance(wavelength_nm, float):
+        media, nm = self.media, np.asarray(wavelength_nm, np.float64)
+        if nm.size > FEW:
             return np.stack([medium.index(wavelength_nm) for medium in media])
-        key = wavelength_nm, *map(id, media)
+        key = nm.tobytes(), nm.shape, *map(id, media)
         known = _INDICES.get(key)
         if known is None:
             found = np.stack([medium.index(wavelength_nm) for medium in media])
