@@ -11,7 +11,7 @@ from rptcam_cl.core.kinds import EmitterKind
 Array = NDArray[np.float64]
 
 # Variance of picks by power from which on a tree is used. Of the scenes measured above it none lost at equal time, and
-# they gained up to 12 times; most of those below it lost, as a vertex takes longer by a tree (benchmarks/README.md).
+# they gained up to 12 times; most of those below it lost, as a vertex takes longer by a tree (benchmarks/journal.md).
 BREAK_EVEN = 0.5
 FROM_AFAR = frozenset({EmitterKind.ENVIRONMENT, EmitterKind.DIRECTIONAL, EmitterKind.SUN})
 NODE_FLOATS = 8

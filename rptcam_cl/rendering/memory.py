@@ -10,7 +10,7 @@ from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.photon_passes import PHOTON_BYTES
 
 SHARE = 0.8  # of the memory that a render may plan to use
-# Upper bounds over the meshes that were measured (benchmarks/README.md): nodes and leaf blocks on the device (51 on
+# Upper bounds over the meshes that were measured (benchmarks/journal.md): nodes and leaf blocks on the device (51 on
 # smooth meshes, whose blocks are nine tenths full), and on a CPU what building them takes besides for a while.
 TREE_BYTES_PER_TRIANGLE = 80
 BUILD_BYTES_PER_TRIANGLE = 90

@@ -18,7 +18,7 @@ STANDARD = {"finish"}  # of a queue, as OpenCL's clFinish
 # In comments, docstrings and pages: those that have a standard word in every sense.
 COMMANDS = r"(?<!rptcam )(?<!rptcam_cl\.)(?<!### )"  # names that the program offers
 RETIRED_IN_PROSE = re.compile(rf"\b(told|{COMMANDS}settle[sd]?|hangs? on|asked for|never asks)\b", re.IGNORECASE)
-PAGES = ("README.md", "CHANGELOG.md", "docs/*.md", "benchmarks/README.md", "examples/README.md")
+PAGES = ("README.md", "CHANGELOG.md", "docs/*.md", "benchmarks/*.md", "examples/README.md")
 
 
 def words(name: str) -> set[str]:

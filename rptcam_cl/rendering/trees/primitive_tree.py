@@ -20,7 +20,7 @@ from rptcam_cl.rendering.trees.wide_tree import EMPTY, Bvh, quality, stack_size
 Array = NDArray[np.float64]
 
 KEPT = "primitive-trees"  # folder of the cache on disk
-BREAK_EVEN = 48  # bounded primitives: see benchmarks/README.md
+BREAK_EVEN = 48  # bounded primitives: see benchmarks/journal.md
 LEAF = 4  # most primitives of a leaf: measured best of 1, 2, 4 and 8
 ROUNDING = 4e-6  # HIT_ROUNDING of kernels/geometry/primitive_tree.h
 
