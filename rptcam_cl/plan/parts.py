@@ -53,17 +53,21 @@ class PlanParts:
         found: Part = known[1]
         return found
 
-    def appearance(self, scene: Scene, materials: Sequence[Material]) -> Appearance:
-        """Return what the materials of primitives and the environment of a scene look like; it can be added to."""
+    def appearance(self, scene: Scene, materials: Sequence[Material], files: tuple[str, ...]) -> Appearance:
+        """Return what the materials of primitives and the environment of a scene look like; it can be added to.
+
+        Parameters
+        ----------
+        files
+            Digests of the files that they name, and perhaps of others.
+        """
 
         def make() -> Appearance:
             table, spectra = TextureTable(scene), KnownSpectra()
             shown = pack_materials(materials, table, spectra)
             return Appearance(table, spectra, shown, pack_environment(scene, table, spectra))
 
-        seen = (*materials, scene.environment)
-        files = tuple(scene.digest_of(reference) for _, reference in file_references(seen))
-        return self.part("appearance", (seen, files), make).copied()
+        return self.part("appearance", (*materials, scene.environment, files), make).copied()
 
     def textures(self, appearance: Appearance) -> Textures:
         """Return the textures of appearance to which all has been added."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,23 +52,19 @@ class World:
 
 def world_of(scene: Scene, parts: PlanParts) -> World:
     """Return the world of a scene; that before, where nothing of which it is made is another."""
-    return parts.part("world", _made_of(scene), lambda: _make(scene, parts))
-
-
-def _made_of(scene: Scene) -> tuple[Any, ...]:
-    """Return what tells the world of a scene from that of another."""
     solids, far = scene.solids(), (scene.lights, scene.environment)
     named = tuple(scene.materials), tuple(scene.materials.values())
     shown = tuple(solid.shown_materials() for solid in solids)
     files = tuple(scene.digest_of(reference) for _, reference in file_references((shown, far)))
     about = scene.camera.eye, scene.metres_per_unit, scene.shutter, scene.render.caustics
-    return scene.objects, solids, named, far, files, about
+    of = scene.objects, solids, named, far, files, about
+    return parts.part("world", of, lambda: _made(scene, parts, files))
 
 
-def _make(scene: Scene, parts: PlanParts) -> World:
+def _made(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> World:
     primitives, meshes = with_meshes(scene_primitives(scene), scene, parts)
     materials = [primitive.material for primitive in primitives]
-    seen = parts.appearance(scene, materials)
+    seen = parts.appearance(scene, materials, files)
     table, spectra, shown, surroundings = seen.table, seen.spectra, seen.shown, seen.surroundings
     first_triangles = meshes.first_triangles if meshes else ()
     emitters = pack_emitters(scene, primitives, first_triangles, table, spectra, surroundings)
