@@ -30,7 +30,7 @@ from rptcam_cl.rendering.passes import (
 )
 from rptcam_cl.rendering.photons import PhotonMap
 from rptcam_cl.rendering.roulette import ALIKE, SCOUTING_SEED, Roulette, plays, roulette_of, scouted
-from rptcam_cl.rendering.waves import STREAM_SAMPLES, Wave, Waves, step_of, wave_slots
+from rptcam_cl.rendering.waves import Wave, Waves, step_of, wave_slots
 from rptcam_cl.scene import RenderSettings
 
 ORGANISATION = {"cpu": "stream", "gpu": "passes"}
@@ -57,6 +57,8 @@ class Wavefront:
         The scene on the device, where it is there already; by default that of the plan is uploaded.
     scouts
         Whether it looks at the picture before its first sample, to see where roulette should be kind.
+    single
+        Whether a wave has one sample of each pixel; that of an exposure in which keys move has.
 
     Attributes
     ----------
@@ -86,18 +88,17 @@ class Wavefront:
         buffers: SceneBuffers | None = None,
         *,
         scouts: bool = True,
+        single: bool = False,
     ) -> None:
         self._scouts = scouts
-        self.session = session
-        self.layout = layout
-        self.settings = settings
+        self.session, self.layout, self.settings = session, layout, settings
         self.seed = settings.seed
         self.organisation = organisation or ORGANISATION[session.kind]
         self.tiles = layout.whole_list()
         slots, stream = wave_size or wave_slots(session.kind, session.info.compute_units), self.organisation == "stream"
         self._waves = Waves(
             layout, slots, stream=stream, loop_limit=session.loop_limit, photons=plan.caustics.active,
-            steps=max(len(plan.steps), 1),
+            single=single or len(plan.steps) > 1,
         )  # fmt: skip
         self._launches = Launches(session)
         self._held = self._allocate(plan, buffers)
@@ -302,9 +303,8 @@ class Wavefront:
         plan = self._plan.steps[0] if self._plan.steps else self._plan
         scene = SceneBuffers(self.session, plan, self._held.scene) if self._plan.steps else self._held.scene
         layout, settings = scouted(self.layout), self.settings.model_copy(update={"layers_spp": 0})
-        one_wave = layout.pixels * (STREAM_SAMPLES if self.organisation == "stream" else 1)
         scout = Wavefront(
-            self.session, plan, layout, settings, one_wave, self.organisation, buffers=scene, scouts=False
+            self.session, plan, layout, settings, layout.pixels, self.organisation, scene, scouts=False, single=True
         )
         scout.seed = SCOUTING_SEED
         for wave in scout.waves(0, 1):

@@ -44,8 +44,8 @@ class Waves:
         Steps that all loops of a work item may take together; None where they may take as many as they like.
     photons
         Whether the samples of a wave must see the same pass of photons.
-    steps
-        Of an exposure in which keys move: with several, a wave has one sample of each pixel.
+    single
+        Whether a wave has one sample of each pixel.
 
     Attributes
     ----------
@@ -61,14 +61,14 @@ class Waves:
         stream: bool,
         loop_limit: int | None,
         photons: bool = False,
-        steps: int = 1,
+        single: bool = False,
     ) -> None:
         self._layout = layout
         self._photons = photons
-        at_least = STREAM_SAMPLES if stream and steps == 1 else 1
+        at_least = STREAM_SAMPLES if stream and not single else 1
         self.pixels = min(max(slots // at_least // BLOCK, 1) * BLOCK, layout.pixels)
         most = (loop_limit or slots * STEPS_OF_SAMPLE) // STEPS_OF_SAMPLE
-        self.samples = 1 if steps > 1 else min(max(slots // self.pixels, 1), most)
+        self.samples = 1 if single else min(max(slots // self.pixels, 1), most)
 
     @property
     def capacity(self) -> int:
