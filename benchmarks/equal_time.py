@@ -1,6 +1,6 @@
 """Noise at equal time beside Mitsuba 3: relative mean squared error of scenes A, A_lens, B and C after the same time.
 
-    python -m benchmarks.equal_time [--seconds 20] [--seeds 3] [--mitsuba-python PATH] [--json FILE]
+    python -m benchmarks.equal_time [--seconds 20] [--seeds 3] [--mitsuba-python PATH] [--cycles-python PATH]
 
 Every renderer with every sampler renders each scene with several seeds, with the samples per pixel that take it about
 ``--seconds`` of all cores: by CPU time on a processor, which other work on the machine disturbs less. The error is
@@ -10,6 +10,10 @@ together: by those of the other one alone, short runs would weigh pixels most wh
 counts noise and bias, and is scaled to the exact time as 1/t: Mitsuba's stratified samplers round the number of
 samples up, so that they get numbers only that they take as they are. Its lens of A_lens is that of
 `benchmarks.mitsuba_lens`. Beside it stands the noise alone, from the differences between seeds.
+
+With ``--cycles-python`` Blender's Cycles renders, too, with its default sampler; A_lens through the shader that
+``rptcam camera --osl`` writes. Its error is that against our pictures, and ours goes by Mitsuba's as before. Its time
+holds what a call takes at least, 0.1 s: it hands its picture over as a file.
 """
 
 from __future__ import annotations
@@ -26,7 +30,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.mitsuba_scene import describe
+from benchmarks import cycles_scene, mitsuba_scene
 from benchmarks.report import arguments, machine, print_machine, print_table, write_json
 from benchmarks.scenes import FULL_SIZE, reference_scene
 from benchmarks.stopwatch import cores
@@ -35,7 +39,8 @@ from rptcam_cl.device import choose_device
 
 GOALS = {"A": 10, "A_lens": 10, "B": 10, "C": 4}  # times less error than Mitsuba with any sampler
 OURS = ("lattice", "independent")  # the first is the default
-THEIRS = ("independent", "multijitter", "ldsampler")
+MITSUBAS = ("independent", "multijitter", "ldsampler")
+CYCLES = ("default",)
 PASS = dict.fromkeys(GOALS, 16)  # samples per pixel that Mitsuba takes at once: more would fill the memory
 EDGE = 0.01  # of the mean: what keeps dark pixels from counting beyond measure
 COLUMNS = (
@@ -78,42 +83,47 @@ def exact_count(wanted: float, unit: int, taken: Callable[[int], int]) -> int:
 
 
 class Bench:
-    """Both workers at one scene."""
+    """All workers at one scene."""
 
-    def __init__(self, options: argparse.Namespace, ours: Worker, theirs: Worker, scene: str, folder: Path) -> None:
-        self.ours, self.theirs, self.scene, self._folder = ours, theirs, scene, folder
+    def __init__(self, options: argparse.Namespace, workers: dict[str, Worker], scene: str, folder: Path) -> None:
+        self.workers, self.scene, self._folder = workers, scene, folder
         self._by_cpu = choose_device(options.device).type == "cpu"
         self._shrink = 8 if options.quick else 1
         self._seconds = 0.05 if options.quick else options.seconds
         self._roulette = options.roulette
         self.pixels = (FULL_SIZE[scene][0] // self._shrink) * (FULL_SIZE[scene][1] // self._shrink)
         plain = reference_scene(scene, shrink=self._shrink)
-        self._description = describe(plain, roulette=self._roulette, folder=folder)
+        self._description = mitsuba_scene.describe(plain, roulette=self._roulette, folder=folder)
         self._description["integrator"]["samples_per_pass"] = PASS[scene]
+        if "Cycles" in workers:
+            description = cycles_scene.describe(plain, roulette=self._roulette, folder=folder)
+            workers["Cycles"].ask(do="load", description=description)
 
     def _render(self, renderer: str, sampler: str, spp: int, seed: int) -> tuple[dict[str, Any], Path]:
         name, path = f"{self.scene} {sampler} {seed}", self._folder / "picture.npy"
         if renderer == "ours":
             how = {"shrink": self._shrink, "roulette": self._roulette, "settings": {"sampler": sampler, "seed": seed}}
-            self.ours.ask(do="load", scene=self.scene, **how, **{"as": name})
-            return self.ours.ask(do="render", spp=spp, save=str(path), forget=True, **{"as": name}), path
+            self.workers["ours"].ask(do="load", scene=self.scene, **how, **{"as": name})
+            return self.workers["ours"].ask(do="render", spp=spp, save=str(path), forget=True, **{"as": name}), path
         name = f"{self.scene} {sampler}"
-        return self.theirs.ask(do="render", spp=spp, seed=seed, save=str(path), **{"as": name}), path
+        return self.workers[renderer].ask(do="render", spp=spp, seed=seed, save=str(path), **{"as": name}), path
 
     def _samples(self, renderer: str, sampler: str, wanted: float) -> int:
-        if renderer == "ours":
+        if renderer != "Mitsuba":
             return max(round(wanted), 1)
-        return exact_count(
-            wanted, PASS[self.scene], lambda count: int(self.theirs.ask(do="count", sampler=sampler, spp=count)["spp"])
-        )
+
+        def taken(count: int) -> int:
+            return int(self.workers["Mitsuba"].ask(do="count", sampler=sampler, spp=count)["spp"])
+
+        return exact_count(wanted, PASS[self.scene], taken)
 
     def calibrated(self, renderer: str, sampler: str) -> Runs:
         """Return no runs yet, with the samples per pixel that take the time."""
-        if renderer != "ours":
+        if renderer == "Mitsuba":
             sensor = self._description["sensor"] | {"sampler": {"type": sampler}}
             description = self._description | {"sensor": sensor}
-            self.theirs.ask(do="load", description=description, **{"as": f"{self.scene} {sampler}"})
-        spp = 1 if renderer == "ours" else PASS[self.scene]
+            self.workers["Mitsuba"].ask(do="load", description=description, **{"as": f"{self.scene} {sampler}"})
+        spp = PASS[self.scene] if renderer == "Mitsuba" else 1
         for _ in range(3):
             self._render(renderer, sampler, spp, 0)  # compiles what a number of samples needs
             answer, _ = self._render(renderer, sampler, spp, 0)
@@ -157,7 +167,8 @@ def errors(own: Runs, other: list[Runs], bright: Pictures, seconds: float) -> di
 
 def measure(bench: Bench, seeds: int, seconds: float) -> list[dict[str, Any]]:
     """Return the results of a scene, ours with the default sampler first."""
-    sides = [("ours", sampler) for sampler in OURS] + [("Mitsuba", sampler) for sampler in THEIRS]
+    sides = [("ours", sampler) for sampler in OURS] + [("Mitsuba", sampler) for sampler in MITSUBAS]
+    sides += [("Cycles", sampler) for sampler in CYCLES if "Cycles" in bench.workers]
     every = [bench.calibrated(*side) for side in sides]
     for seed in range(1, seeds + 1):
         for runs in every:
@@ -165,7 +176,8 @@ def measure(bench: Bench, seeds: int, seconds: float) -> list[dict[str, Any]]:
     found: list[dict[str, Any]] = []
     bright = brightness(every)
     for runs in every:
-        other = [each for each in every if (each.renderer == "ours") != (runs.renderer == "ours")]
+        judge = "Mitsuba" if runs.renderer == "ours" else "ours"
+        other = [each for each in every if each.renderer == judge]
         result = {"scene": bench.scene, "renderer": runs.renderer, "sampler": runs.sampler}
         result |= errors(runs, other, bright, seconds)
         result["msamples_per_second"] = bench.pixels * runs.spp / result["seconds"] / 1e6
@@ -198,28 +210,32 @@ def main() -> int:
     parser.add_argument("--scenes", nargs="+", choices=list(PASS), default=list(PASS), metavar="SCENE")
     parser.add_argument("--roulette", action="store_true", help="with the Russian roulette of both defaults")
     parser.add_argument("--mitsuba-python", default=sys.executable, help="interpreter that can import mitsuba")
+    parser.add_argument("--cycles-python", help="interpreter that can import bpy; without it Cycles is left out")
     options = parser.parse_args()
     device = choose_device(options.device)
+    workers = {}
     try:
-        theirs = Worker(options.mitsuba_python, "benchmarks.mitsuba_worker")
-        ours = Worker(sys.executable, "benchmarks.our_worker", device.id)
-        facts = machine(device) | {"ours": ours.description, "mitsuba": theirs.description}
+        workers["Mitsuba"] = Worker(options.mitsuba_python, "benchmarks.mitsuba_worker")
+        workers["ours"] = Worker(sys.executable, "benchmarks.our_worker", device.id)
+        if options.cycles_python:
+            workers["Cycles"] = Worker(options.cycles_python, "benchmarks.cycles_worker")
+        facts = machine(device) | {name.lower(): worker.description for name, worker in workers.items()}
         results = []
         for scene in options.scenes:
             with tempfile.TemporaryDirectory() as folder:
-                bench = Bench(options, ours, theirs, scene, Path(folder))
+                bench = Bench(options, workers, scene, Path(folder))
                 results += measure(bench, max(options.seeds, 2), options.seconds)
             print(f"{scene}: done", file=sys.stderr)
     except WorkerError as error:
         print(f"equal_time: {error}", file=sys.stderr)
         return 2
-    for worker in (ours, theirs):
+    for worker in workers.values():
         worker.close()
     print_machine(facts | {"load_average_after": machine(device)["load_average"]})
     title = f"Relative mean squared error after {options.seconds:g} s of {cores()} cores"
     print_table(title, COLUMNS, [row(found) for found in results])
     for scene in options.scenes:
-        least = min(x["times_ours"] for x in results if x["scene"] == scene and x["renderer"] != "ours")
+        least = min(x["times_ours"] for x in results if x["scene"] == scene and x["renderer"] == "Mitsuba")
         print(f"{scene}: Mitsuba's best error is {least:.2f} times ours; the goal is {GOALS[scene]}.")
     write_json(options.json, facts, results)
     return 0

@@ -103,7 +103,7 @@ def _objects(scene: Scene, folder: Path) -> dict[str, Any]:
                 "to_world": _matrix(u / 2, v / 2, np.cross(u, v) / np.linalg.norm(np.cross(u, v)), centre),
             }
         else:
-            meshes.setdefault(item.material, []).extend(_quads(item))
+            meshes.setdefault(item.material, []).extend(quads_of(item))
     for number, (material, quads) in enumerate(meshes.items()):
         path = folder / f"mesh_{number}.ply"
         _write_ply(path, quads)
@@ -151,7 +151,7 @@ def _reflectance(reflectance: Any) -> dict[str, Any]:
     return {"type": "checkerboard", "to_uv": to_uv} | colors
 
 
-def _quads(item: Any) -> list[Quad]:
+def quads_of(item: Any) -> list[Quad]:
     """Return the faces of a rectangle or box in the world, their normals outwards."""
     matrix = item.world_from_object
     if item.shape == "rectangle":

@@ -13,13 +13,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks import cycles_scene
 from benchmarks.equal_time import exact_count
 from benchmarks.mitsuba_lens import prescription
 from benchmarks.mitsuba_scene import describe
 from benchmarks.mitsuba_worker import find_llvm
 from benchmarks.scenes import reference_scene
 from benchmarks.worker import Worker, WorkerError
-from rptcam_cl import load_lens
+from rptcam_cl import load_lens, render
 from rptcam_cl.device import choose_device
 from tests.support.browsing import CHROMIUM
 
@@ -293,6 +294,36 @@ def test_description_of_the_cornell_box_has_every_face(tmp_path: Path) -> None:
     faces = sum(Path(mesh["filename"]).read_text("ascii").count("\n3 ") for mesh in meshes)
     assert faces == 2 * (8 + 2 * 6)  # eight reflecting rectangles and two boxes, two triangles a face
     assert sum("emitter" in item for item in description.values() if isinstance(item, dict)) == 1
+
+
+def test_description_for_cycles_has_every_face_and_the_lens(tmp_path: Path) -> None:
+    box = cycles_scene.describe(reference_scene("B"), roulette=False, folder=tmp_path)
+    files = {mesh["look"]["kind"]: [] for mesh in box["meshes"]}
+    for mesh in box["meshes"]:
+        files[mesh["look"]["kind"]].append(np.load(mesh["file"])["faces"])
+    assert sum(map(len, files["matte"])) == 8 + 2 * 6
+    assert [faces.shape for faces in files["lamp"]] == [(1, 4)]
+    assert box["camera"]["fov_degrees"] == 39.3
+    spheres = cycles_scene.describe(reference_scene("A_lens"), roulette=True, folder=tmp_path)
+    assert "#define COUNT 11" in Path(spheres["camera"]["shader"]).read_text("utf-8")
+    balls = [np.load(mesh["file"]) for mesh in spheres["meshes"] if mesh["smooth"]]
+    assert len(balls) == 3
+    for ball in balls:
+        points = ball["points"].astype(np.float64)
+        middles = points[ball["faces"]].mean(axis=1) - points.mean(axis=0)
+        assert np.linalg.norm(middles, axis=1).min() > 1 - 7.2e-5
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(importlib.util.find_spec("bpy") is None, reason="bpy is not installed")
+@pytest.mark.parametrize("name", ["A_lens", "B", "C"])
+def test_cycles_renders_the_same_picture(name: str, tmp_path: Path) -> None:
+    scene = reference_scene(name, shrink=4)
+    worker = Worker(sys.executable, "benchmarks.cycles_worker")
+    worker.ask(do="load", description=cycles_scene.describe(scene, roulette=False, folder=tmp_path))
+    found = worker.ask(do="render", spp=128, seed=1)
+    worker.close()
+    assert found["mean"] == pytest.approx(render(scene, spp=128).pixels.mean(axis=(0, 1)), rel=2e-3)
 
 
 @pytest.mark.slow
