@@ -47,9 +47,9 @@
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             metallic_of(material, u, v, scene))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             (F)(material->specular))) \
     WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             (F)(material->transmission))) \
-    WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             (F)(material->coat))) \
-    WHEN(HAS_CLEARCOAT,    EACH(F,     coat_alpha,   ONE,              (F)(material->coat_alpha))) \
-    WHEN(HAS_SHEEN,        EACH(F3,    sheen,        BLACK_3,          coefficient(material->sheen, scene))) \
+    WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             coat_of(material, u, v, scene))) \
+    WHEN(HAS_CLEARCOAT,    EACH(F,     coat_alpha,   ONE,              coat_alpha_of(material, u, v, scene))) \
+    WHEN(HAS_SHEEN,        EACH(F3,    sheen,        BLACK_3,          sheen_of(material, u, v, scene))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_alpha,  ONE,              (F)(material->sheen_alpha))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_peak,   ZERO,             (F)(material->sheen_peak))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_half,   ZERO,             (F)(material->sheen_half))) \
@@ -67,15 +67,22 @@ static inline F3 coefficient(float4 rgb, Scene scene)
 #endif
 }
 
+#if HAS_ROUGHNESS_TEXTURE || HAS_COAT_ROUGHNESS_TEXTURE
+// Alpha where a texture gives the roughness, its root.
+static inline F squared_roughness(int texture, F u, F v, Scene scene)
+{
+    F roughness = texture_scalar(texture, u, v, scene);
+    return MAX(roughness * roughness, (F)(SMALLEST_ALPHA));
+}
+#endif
+
 #if HAS_GLOSSY
 static Alpha alpha_of(const __global Material *material, F u, F v, Scene scene)
 {
     F stretch = ONE;
 #if HAS_ROUGHNESS_TEXTURE
-    if (material->roughness_texture >= 0) {
-        F roughness = texture_scalar(material->roughness_texture, u, v, scene);
-        stretch = MAX(roughness * roughness, (F)(SMALLEST_ALPHA));
-    }
+    if (material->roughness_texture >= 0)
+        stretch = squared_roughness(material->roughness_texture, u, v, scene);
 #endif
     Alpha alpha;
     alpha.x = material->alpha * stretch;
@@ -107,6 +114,43 @@ static inline F metallic_of(const __global Material *material, F u, F v, Scene s
         return texture_scalar(material->metallic_texture, u, v, scene);
 #endif
     return (F)(material->metallic);
+}
+#endif
+
+#if HAS_CLEARCOAT
+static inline F coat_of(const __global Material *material, F u, F v, Scene scene)
+{
+#if HAS_COAT_TEXTURE
+    if (material->coat_texture >= 0)
+        return texture_scalar(material->coat_texture, u, v, scene);
+#endif
+    return (F)(material->coat);
+}
+
+static inline F coat_alpha_of(const __global Material *material, F u, F v, Scene scene)
+{
+#if HAS_COAT_ROUGHNESS_TEXTURE
+    if (material->coat_roughness_texture >= 0)
+        return squared_roughness(material->coat_roughness_texture, u, v, scene);
+#endif
+    return (F)(material->coat_alpha);
+}
+#endif
+
+#if HAS_SHEEN
+static inline F3 sheen_of(const __global Material *material, F u, F v, Scene scene)
+{
+    float4 sheen = material->sheen;
+#if HAS_SHEEN_TEXTURE
+    if (material->sheen_texture >= 0) {
+        F3 color = texture_color(material->sheen_texture, u, v, scene);
+#if SPECTRAL_COLOURS
+        color = surface_colour(scene.spectral, color, sheen.w, scene.colours);
+#endif
+        return color;
+    }
+#endif
+    return coefficient(sheen, scene);
 }
 #endif
 

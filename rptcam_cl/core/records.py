@@ -105,7 +105,7 @@ MATERIAL = Record(
         ("float", "specular"),
         ("float", "transmission"),
         ("float", "coat"),
-        ("float", "coat_alpha"),
+        ("float", "coat_alpha"),  # with a texture what it is multiplied by
         ("float", "sheen_last"),  # of `sheen_cover`
         ("float", "sheen_alpha"),
         ("float", "sheen_peak"),  # density of normals in the surface
@@ -119,6 +119,9 @@ MATERIAL = Record(
         ("int", "glow_texture"),
         ("int", "roughness_texture"),
         ("int", "metallic_texture"),
+        ("int", "coat_texture"),
+        ("int", "coat_roughness_texture"),
+        ("int", "sheen_texture"),
         ("int", "opacity_texture"),
         ("int", "factor_texture"),
         ("int", "normal_texture"),
@@ -127,6 +130,7 @@ MATERIAL = Record(
         ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
         ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
+        ("int", "reserved_0"),
     ),
 )
 

@@ -33,7 +33,8 @@ from rptcam_cl.scene import (
     alpha_pair,
 )
 
-_TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "opacity_texture", "factor_texture",
+_TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "coat_texture",
+             "coat_roughness_texture", "sheen_texture", "opacity_texture", "factor_texture",
              "normal_texture")  # fmt: skip
 
 
@@ -79,6 +80,13 @@ class _Filler:
         """Write a number, or the texture that gives it."""
         colour: tuple[float, float, float] | Texture = (value,) * 3 if isinstance(value, (int, float)) else value
         (record[name], _, _), record[f"{name}_texture"] = self._textures.slot(colour, limit=1.0)
+
+    def _roughness(self, record: np.void, name: str, value: float | Texture) -> float:
+        """Return the roughness; 1 where a texture is written that gives it."""
+        if isinstance(value, (int, float)):
+            return value
+        _, record[name] = self._textures.slot(value, limit=1.0)
+        return 1.0
 
     def fill(self, record: np.void, material: Material) -> None:
         """Write everything but the two materials of a mix into a record of `_white`."""
@@ -130,20 +138,17 @@ class _Filler:
         self._colour(record, "color", "texture", material.base_color, 1.0)
         self._colour(record, "glow", "glow_texture", material.emission, LARGEST_RADIANCE)
         self._number(record, "metallic", material.metallic)
-        roughness = material.roughness
-        if not isinstance(roughness, float):
-            _, record["roughness_texture"] = self._textures.slot(roughness, limit=1.0)
-            roughness = 1.0
+        roughness = self._roughness(record, "roughness_texture", material.roughness)
         record["alpha"], record["alpha_across"] = alpha_pair(roughness, material.anisotropy)
-        record["specular"] = material.specular
-        record["transmission"], record["coat"] = material.transmission, material.clearcoat
-        record["coat_alpha"] = alpha_pair(material.clearcoat_roughness, 0.0)[0]
-        if max(material.sheen) > 0:
+        record["specular"], record["transmission"] = material.specular, material.transmission
+        self._number(record, "coat", material.clearcoat)
+        coat_roughness = self._roughness(record, "coat_roughness_texture", material.clearcoat_roughness)
+        record["coat_alpha"] = alpha_pair(coat_roughness, 0.0)[0]
+        if not isinstance(material.sheen, tuple) or max(material.sheen) > 0:
             self._sheen(record, material)
 
     def _sheen(self, record: np.void, material: Principled) -> None:
-        record["sheen"][:3] = material.sheen
-        record["sheen"][3] = self._spectra.number(material.sheen)
+        self._colour(record, "sheen", "sheen_texture", material.sheen, 1.0)
         alpha = alpha_pair(material.sheen_roughness, 0.0)[0]
         lobe = sheen_lobe(alpha)
         record["sheen_cover"], record["sheen_last"] = lobe.albedo[:4], lobe.albedo[4]
@@ -169,12 +174,15 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     features = {
         "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0),
-        "HAS_CLEARCOAT": np.any(records["coat"][principled] > 0),
-        "HAS_SHEEN": np.any(records["sheen"][principled] > 0),
+        "HAS_CLEARCOAT": np.any(records["coat"][principled] > 0) or np.any(records["coat_texture"] >= 0),
+        "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),
         "HAS_ROUGHNESS_TEXTURE": np.any(records["roughness_texture"] >= 0),
         "HAS_METALLIC_TEXTURE": np.any(records["metallic_texture"] >= 0),
+        "HAS_COAT_TEXTURE": np.any(records["coat_texture"] >= 0),
+        "HAS_COAT_ROUGHNESS_TEXTURE": np.any(records["coat_roughness_texture"] >= 0),
+        "HAS_SHEEN_TEXTURE": np.any(records["sheen_texture"] >= 0),
         "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),
         "HAS_OPACITY": np.any(records["opacity"] < 1) or np.any(records["opacity_texture"] >= 0),
         "HAS_NORMAL_MAP": np.any(records["normal_texture"] >= 0),

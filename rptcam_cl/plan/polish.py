@@ -80,10 +80,12 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     elif kind in (MaterialKind.MATTE, MaterialKind.EMISSIVE):
         return
     coloured = kind in (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED) and record["texture"] >= 0
-    painted = coloured or record["roughness_texture"] >= 0 or record["metallic_texture"] >= 0
+    painted = coloured or max(record[f"{name}_texture"] for name in ("roughness", "metallic", "coat")) >= 0
     if share > 0 and alpha <= SMOOTH_ALPHA and not painted:
         yield Lobe(record, share, alpha)
-    if share > 0 and kind is MaterialKind.PRINCIPLED and record["coat"] > 0 and record["coat_alpha"] <= SMOOTH_ALPHA:
+    even = record["coat_texture"] < 0 and record["coat_roughness_texture"] < 0
+    coated = kind is MaterialKind.PRINCIPLED and record["coat"] > 0 and record["coat_alpha"] <= SMOOTH_ALPHA
+    if share > 0 and coated and even:
         yield Lobe(record, share, float(record["coat_alpha"]), coat=True)
 
 

@@ -42,14 +42,15 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     transmission: Fraction = 0.0
     """Share of the dielectric's base that is transparent: a solid that refracts."""
 
-    clearcoat: Fraction = 0.0
-    """Share of the surface under a clear coat of index 1.5."""
+    clearcoat: Share = 0.0
+    """Share of the surface under a clear coat of index 1.5: a number, or a texture."""
 
-    clearcoat_roughness: Fraction = 0.03
-    """Roughness of the clear coat, the root of GGX's alpha."""
+    clearcoat_roughness: Share = 0.03
+    """Roughness of the clear coat, the root of GGX's alpha: a number, or a texture."""
 
-    sheen: Albedo = (0.0, 0.0, 0.0)
-    """Colour of the light that fibres standing up from a cloth send back at grazing angles: channels 0 to 1."""
+    sheen: Reflectance = (0.0, 0.0, 0.0)
+    """Colour of the light that fibres standing up from a cloth send back at grazing angles: channels 0 to 1, or a
+    texture."""
 
     sheen_roughness: Fraction = 0.5
     """Roughness of the sheen: the smaller, the nearer it keeps to grazing angles."""

@@ -51,7 +51,7 @@ class _Translation:
         self._given = given
         self._folders = folders
         self._cover = self._covering()
-        self._bumps = self._cover | {"normal_map": self._normal_map()}
+        self._normals = {"normal_map": self._normal_map()}
 
     def material(self) -> Material:
         """Return the material."""
@@ -62,7 +62,7 @@ class _Translation:
             radiance = _within(given.emission, LARGEST_RADIANCE)
             return Emissive(kind="emissive", radiance=radiance, two_sided=given.both_sides)
         if given.matte and not emits:
-            return Matte(kind="matte", reflectance=self._base(), **self._bumps)
+            return Matte(kind="matte", reflectance=self._base(), **self._normals, **self._cover)
         if given.transmission == 0 or given.solid:
             return self._solid()
         return self._pane()
@@ -73,34 +73,34 @@ class _Translation:
         plain = given.roughness == given.metallic == given.clearcoat == max(*given.emission, *given.sheen) == 0
         if clear and plain:
             return Dielectric(
-                kind="dielectric", index=_clipped(given.index, 0.2, 5), **self._absorption(), **self._bumps
+                kind="dielectric",
+                index=_clipped(given.index, 0.2, 5),
+                **self._absorption(),
+                **self._normals,
+                **self._cover,
             )
-        return self._principled(given.transmission)
+        return self._principled(given.transmission, self._cover)
 
     def _pane(self) -> Material:
         """Return a pane without thickness, beside what is not transparent."""
         given = self._given
-        pane = ThinGlass(
-            kind="thin_glass",
-            index=_clipped(given.index, 0.2, 5),
-            transmittance=_within(given.base_color, 1.0),
-            **self._cover,
-        )
-        if given.transmission == 1 and given.metallic == 0:
-            return pane
-        rest = self._principled(0.0)
-        return Mix(kind="mix", materials=(rest, pane), factor=given.transmission * (1 - given.metallic))
+        glass = {"index": _clipped(given.index, 0.2, 5), "transmittance": _within(given.base_color, 1.0)}
+        share = self._share(given.transmission * (1 - given.metallic), given.transmission_texture, "r")
+        if share == 1:
+            return ThinGlass(kind="thin_glass", **glass, **self._cover)
+        parts = (self._principled(0.0, {}), ThinGlass(kind="thin_glass", **glass))
+        return Mix(kind="mix", materials=parts, factor=share, **self._cover)
 
-    def _principled(self, transmission: float) -> Principled:
+    def _principled(self, transmission: float, cover: dict[str, Any]) -> Principled:
         given = self._given
         gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if given.matte else {
             "specular": given.specular,
             "metallic": self._share(given.metallic, given.metallic_texture, "b"),
             "roughness": self._share(given.roughness, given.roughness_texture, "g"),
             "anisotropy": given.anisotropy,
-            "clearcoat": given.clearcoat,
-            "clearcoat_roughness": given.clearcoat_roughness,
-            "sheen": _within(given.sheen, 1.0),
+            "clearcoat": self._share(given.clearcoat, given.clearcoat_texture, "r"),
+            "clearcoat_roughness": self._share(given.clearcoat_roughness, given.clearcoat_roughness_texture, "g"),
+            "sheen": self._colour(given.sheen, given.sheen_texture),
             "sheen_roughness": given.sheen_roughness,
         }  # fmt: skip
         return Principled(
@@ -111,14 +111,16 @@ class _Translation:
             emission=self._emission(),
             **gloss,
             **(self._absorption() if transmission else {}),
-            **self._bumps,
+            **self._normals,
+            **cover,
         )
 
     def _base(self) -> Colour | ImageTexture:
-        given = self._given
-        if given.base_texture is None:
-            return _within(given.base_color, 1.0)
-        return self._texture(given.base_texture, gain=_within(given.base_color, 1.0))
+        return self._colour(self._given.base_color, self._given.base_texture)
+
+    def _colour(self, factor: Colour, file_texture: FileTexture | None) -> Colour | ImageTexture:
+        factor = _within(factor, 1.0)
+        return factor if file_texture is None or max(factor) == 0 else self._texture(file_texture, gain=factor)
 
     def _emission(self) -> Colour | ImageTexture:
         given = self._given

@@ -94,6 +94,26 @@ def test_anisotropy_has_both_alphas_of_the_format(read: Read) -> None:
         assert alpha_pair(found.roughness, found.anisotropy) == pytest.approx((along, across), rel=1e-6)
 
 
+def test_pictures_of_coat_sheen_and_panes_carry_over(read: Read) -> None:
+    seen = {"index": 0}
+    found = material_of(read, {
+        "pbrMetallicRoughness": {"metallicFactor": 0},
+        "extensions": {
+            "KHR_materials_clearcoat": {
+                "clearcoatFactor": 0.5, "clearcoatTexture": seen, "clearcoatRoughnessTexture": seen,
+            },
+            "KHR_materials_sheen": {"sheenColorFactor": [1, 1, 1], "sheenColorTexture": seen},
+            "KHR_materials_transmission": {"transmissionFactor": 0.75, "transmissionTexture": seen},
+        },
+    })  # fmt: skip
+    pictures = (
+        found.clearcoat_texture, found.clearcoat_roughness_texture, found.sheen_texture, found.transmission_texture,
+    )  # fmt: skip
+    assert all(picture is not None and picture.name == "dots" for picture in pictures)
+    assert found.has_textures
+    assert not found.without_textures().has_textures
+
+
 @pytest.mark.parametrize("lossless", [False, True])
 def test_webp_of_the_extension_is_taken_and_its_alpha_known(read: Read, lossless: bool) -> None:
     import io
@@ -178,14 +198,29 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
     [
         ({"extensions": {"KHR_materials_iridescence": {}}}, {}, "materials[0]: KHR_materials_iridescence is left out"),
         (
-            {"extensions": {"KHR_materials_sheen": {"sheenColorTexture": {"index": 0}}}},
+            {"extensions": {"KHR_materials_sheen": {"sheenRoughnessTexture": {"index": 0}}}},
             {},
-            "KHR_materials_sheen.sheenColorTexture is left out",
+            "KHR_materials_sheen.sheenRoughnessTexture is left out",
         ),
         (
-            {"extensions": {"KHR_materials_clearcoat": {"clearcoatTexture": {"index": 0}}}},
+            {"extensions": {"KHR_materials_clearcoat": {"clearcoatNormalTexture": {"index": 0}}}},
             {},
-            "KHR_materials_clearcoat.clearcoatTexture is left out",
+            "KHR_materials_clearcoat.clearcoatNormalTexture is left out",
+        ),
+        (
+            {"extensions": {"KHR_materials_specular": {"specularColorFactor": [1, 0.5, 0]}}},
+            {},
+            "KHR_materials_specular.specularColorFactor is left out",
+        ),
+        (
+            {
+                "extensions": {
+                    "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": {"index": 0}},
+                    "KHR_materials_volume": {"thicknessFactor": 0.01},
+                }
+            },
+            {},
+            "KHR_materials_transmission.transmissionTexture is left out",
         ),
         (
             {"extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": 1, "anisotropyRotation": 1.5}}},

@@ -53,8 +53,8 @@ EVERY_MATERIAL = {
     "plastic": {"kind": "plastic", "reflectance": 0.5},
     "rough plastic": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.3},
     "principled": {
-        "kind": "principled", "roughness": IMAGE, "metallic": IMAGE, "transmission": 0.5, "clearcoat": 1, "emission": 1,
-        "sheen": 0.5, "normal_map": {"file": IMAGE["file"]},
+        "kind": "principled", "roughness": IMAGE, "metallic": IMAGE, "transmission": 0.5, "clearcoat": IMAGE,
+        "clearcoat_roughness": IMAGE, "emission": 1, "sheen": IMAGE, "normal_map": {"file": IMAGE["file"]},
     },
     "mix": {"kind": "mix", "materials": ["metal", "plastic"]},
 }  # fmt: skip

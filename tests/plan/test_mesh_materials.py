@@ -83,6 +83,20 @@ def keys_of(material: Material) -> dict[str, Any]:
             {"kind": "thin_glass", "transmittance": (1, 0.5, 1), "index": 1.5},
         ),
         ({"transmission": 0.25}, {"kind": "mix", "factor": 0.25}),
+        ({"transmission": 1.0, "transmission_texture": DOTS}, {"kind": "mix", "factor": "dots"}),
+        ({"transmission": 0.5, "opacity": 0.25}, {"kind": "mix", "factor": 0.5, "opacity": 0.25}),
+        (
+            {
+                "clearcoat": 0.5,
+                "clearcoat_texture": DOTS,
+                "clearcoat_roughness": 0.2,
+                "clearcoat_roughness_texture": SEEN,
+                "sheen": (1, 1, 1),
+                "sheen_texture": DOTS,
+            },
+            {"kind": "principled", "clearcoat": "dots", "clearcoat_roughness": "seen", "sheen": "dots"},
+        ),
+        ({"clearcoat_texture": DOTS, "sheen_texture": DOTS}, {"clearcoat": 0.0, "sheen": (0, 0, 0)}),
         ({"opacity": 0.5}, {"kind": "principled", "opacity": 0.5}),
         (
             {"opacity_texture": SEEN, "base_texture": SEEN, "opacity_cutoff": 0.3},

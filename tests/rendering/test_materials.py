@@ -105,7 +105,7 @@ def test_mix_is_the_mean_of_its_parts_where_light_is_scattered_once():
 
 
 def test_mix_by_a_texture_is_its_parts_side_by_side():
-    board = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [1, 1]}
+    board = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [4, 4]}
     dark, light = ({"kind": "matte", "reflectance": value} for value in (0.1, 0.9))
     mixed = {"kind": "mix", "materials": [dark, light], "factor": board}
     checked = {"kind": "matte", "reflectance": {**board, "even": 0.1, "odd": 0.9}}
@@ -120,6 +120,30 @@ def test_textured_numbers_are_as_constant_ones():
     keys = {"metallic": 0.4, "roughness": 0.3}
     plain = {"kind": "principled", "base_color": [0.7, 0.3, 0.1], "anisotropy": 0.5}
     same(ball(plain | keys), ball(plain | {key: constant(value) for key, value in keys.items()}))
+
+
+@pytest.mark.parametrize(
+    "keys", [{"clearcoat": 0.75, "clearcoat_roughness": 0.25}, {"clearcoat_roughness": 0.5}, {"sheen": [0.5, 0.25, 1]}]
+)
+def test_textures_of_coat_and_sheen_are_as_constant_ones(keys):
+    plain = {"kind": "principled", "base_color": [0.7, 0.3, 0.1], "roughness": 0.6, "clearcoat": 0.5}
+    same(ball(plain | keys), ball(plain | {key: constant(value) for key, value in keys.items()}))
+
+
+@pytest.mark.parametrize(
+    ("key", "values"), [("clearcoat", (0, 1)), ("clearcoat_roughness", (0.05, 0.6)), ("sheen", (0, [0.9, 0.6, 0.3]))]
+)
+def test_texture_of_coat_or_sheen_is_both_of_its_values_side_by_side(key, values):
+    plain = {"kind": "principled", "base_color": 0.1, "roughness": 0.6} | {"clearcoat": 1, "clearcoat_roughness": 0.2}
+    board = {"kind": "checker", "scale": [4, 4], **dict(zip(("even", "odd"), values, strict=True))}
+    halves = [{**plain, key: value} for value in values]
+    stripes = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [4, 4]}
+    a = batches(ball({**plain, key: board}, 2), f"{key} by a texture", 4, spp=16)
+    b = batches(ball({"kind": "mix", "materials": halves, "factor": stripes}, 2), f"{key} by a mix", 4, spp=16)
+    assert_same_tiles(a, b)
+    c = batches(ball(halves[0], 2), f"{key} everywhere", 4, spp=16)
+    with pytest.raises(AssertionError):
+        assert_same_tiles(a, c)
 
 
 def test_metallic_principled_is_the_conductor_but_for_schlick():

@@ -53,6 +53,8 @@ class FileMaterial:
         Whether it reflects evenly, without a gloss; metallic and roughness do not count then.
     metallic, roughness : float
         0 to 1; the paintings are read in the channels b and g.
+    specular : float
+        Factor on the reflectance of the dielectric.
     opacity : float
         0 to 1; the painting is read in its alpha channel, or in r when it has none.
     opacity_cutoff : float or None
@@ -66,11 +68,13 @@ class FileMaterial:
     index : float
         Refractive index.
     transmission : float
-        Share of the base that is transparent.
+        Share of the base that is transparent; the painting is read in the channel r, and of panes alone.
     solid : bool
         Whether what is transparent is a solid that refracts, and not a pane without thickness.
     attenuation : (colour, distance) or None
         What a transparent solid leaves of white light after a distance [m].
+    clearcoat, clearcoat_roughness : float
+        0 to 1; the paintings are read in the channels r and g.
     sheen : (red, green, blue)
         Of fibres at grazing angles, linear, 0 to 1.
     anisotropy : float
@@ -96,11 +100,15 @@ class FileMaterial:
     both_sides: bool = False
     index: float = 1.5
     transmission: float = 0.0
+    transmission_texture: FileTexture | None = None
     solid: bool = False
     attenuation: tuple[Colour, float] | None = None
     clearcoat: float = 0.0
+    clearcoat_texture: FileTexture | None = None
     clearcoat_roughness: float = 0.0
+    clearcoat_roughness_texture: FileTexture | None = None
     sheen: Colour = (0.0, 0.0, 0.0)
+    sheen_texture: FileTexture | None = None
     sheen_roughness: float = 0.0
     anisotropy: float = 0.0
 
@@ -113,5 +121,6 @@ class FileMaterial:
         """Return the material of a surface that has no texture coordinates."""
         return replace(
             self, base_texture=None, metallic_texture=None, roughness_texture=None, opacity_texture=None,
-            normals=None, emission_texture=None,
+            normals=None, emission_texture=None, transmission_texture=None, clearcoat_texture=None,
+            clearcoat_roughness_texture=None, sheen_texture=None,
         )  # fmt: skip

@@ -116,27 +116,36 @@ class GltfMaterials:
             material = replace(material, index=index.number("ior", 1.5, 0) or 1.5)
         for specular in part.extensions("KHR_materials_specular"):
             material = replace(material, specular=specular.number("specularFactor", 1.0, 0, 1))
-        for transmission in part.extensions("KHR_materials_transmission"):
-            material = replace(material, transmission=transmission.number("transmissionFactor", 0.0, 0, 1))
-            self._leave_out(transmission, "transmissionTexture")
+            self._leave_out(specular, "specularTexture", "specularColorTexture")
+            if specular.numbers("specularColorFactor", (1.0,) * 3) != (1.0,) * 3:
+                self._leave_out(specular, "specularColorFactor")
         for volume in part.extensions("KHR_materials_volume"):
             material = replace(material, **_volume(volume))
+            self._leave_out(volume, "thicknessTexture")
+        for transmission in part.extensions("KHR_materials_transmission"):
+            material = replace(material, transmission=transmission.number("transmissionFactor", 0.0, 0, 1))
+            if material.solid or material.metallic_texture is not None:
+                self._leave_out(transmission, "transmissionTexture")
+            else:
+                texture = self._texture(transmission, "transmissionTexture")
+                material = replace(material, transmission_texture=texture)
         for coat in part.extensions("KHR_materials_clearcoat"):
             material = replace(
                 material,
                 clearcoat=coat.number("clearcoatFactor", 0.0, 0, 1),
+                clearcoat_texture=self._texture(coat, "clearcoatTexture"),
                 clearcoat_roughness=coat.number("clearcoatRoughnessFactor", 0.0, 0, 1),
+                clearcoat_roughness_texture=self._texture(coat, "clearcoatRoughnessTexture"),
             )
-            for key in ("clearcoatTexture", "clearcoatRoughnessTexture", "clearcoatNormalTexture"):
-                self._leave_out(coat, key)
+            self._leave_out(coat, "clearcoatNormalTexture")
         for sheen in part.extensions("KHR_materials_sheen"):
             material = replace(
                 material,
                 sheen=_colour(sheen.numbers("sheenColorFactor", (0.0,) * 3)),
+                sheen_texture=self._texture(sheen, "sheenColorTexture"),
                 sheen_roughness=sheen.number("sheenRoughnessFactor", 0.0, 0, 1),
             )
-            for key in ("sheenColorTexture", "sheenRoughnessTexture"):
-                self._leave_out(sheen, key)
+            self._leave_out(sheen, "sheenRoughnessTexture")
         for stretch in part.extensions("KHR_materials_anisotropy"):
             material = replace(material, **_stretched(material, stretch.number("anisotropyStrength", 0.0, 0, 1)))
             self._leave_out(stretch, "anisotropyTexture")
@@ -149,9 +158,8 @@ class GltfMaterials:
                 self.notes.append(f"{part.place}: {other} is left out")
         return material
 
-    def _leave_out(self, part: JsonNode, key: str) -> None:
-        if part.has(key):
-            self.notes.append(f"{part.place}.{key} is left out")
+    def _leave_out(self, part: JsonNode, *keys: str) -> None:
+        self.notes += [f"{part.place}.{key} is left out" for key in keys if part.has(key)]
 
     def _texture(self, part: JsonNode, key: str) -> FileTexture | None:
         """Return the picture of a texture reference, None when there is none that can be read."""
