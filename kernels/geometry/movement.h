@@ -112,7 +112,7 @@ static SurfacePoint surface_in_world(Placing placing, SurfacePoint s)
 #if HAS_TANGENT
     s.tangent = vector_in_world(placing, s.tangent);
 #endif
-#if HAS_NORMAL_MAP
+#if HAS_BITANGENT
     s.bitangent = vector_in_world(placing, s.bitangent);
 #endif
     s.offset += MOTION_ROUNDING * size;

@@ -11,7 +11,7 @@ typedef struct {
 #if HAS_TANGENT
     F3 tangent;     // dp/du, of any length
 #endif
-#if HAS_NORMAL_MAP
+#if HAS_BITANGENT
     F3 bitangent;   // dp/dv, of any length
 #endif
     F  u, v;        // texture coordinates

@@ -61,7 +61,7 @@ static SurfacePoint point_on_mesh(Hit hit, I on, Scene scene)
     F3 along_u = scale(sub(scale(ab, v2), scale(ac, v1)), turn);
     s.tangent = select3(dot3(along_u, along_u) > 0.0f, along_u, ab);
 #endif
-#if HAS_NORMAL_MAP
+#if HAS_BITANGENT
     s.bitangent = scale(sub(scale(ac, u1), scale(ab, u2)), turn);
 #endif
 #if HAS_INSTANCES
@@ -78,7 +78,7 @@ static SurfacePoint point_on_mesh(Hit hit, I on, Scene scene)
 #if HAS_TANGENT
     s.tangent = f3(quad_vector(x, s.tangent), quad_vector(y, s.tangent), quad_vector(z, s.tangent));
 #endif
-#if HAS_NORMAL_MAP
+#if HAS_BITANGENT
     s.bitangent = f3(quad_vector(x, s.bitangent), quad_vector(y, s.bitangent), quad_vector(z, s.bitangent));
 #endif
 #endif

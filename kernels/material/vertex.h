@@ -34,19 +34,39 @@ typedef struct {
 
 #include "material/flat_tables.h"
 
+#if HAS_BITANGENT
+// The frame of the texture coordinates about the normal: x towards growing u, y at a right angle, on the side of growing v.
+static void tangent_frame(SurfacePoint point, F3 *x, F3 *y)
+{
+    F3 flat = along(point.tangent, point.n, -dot3(point.tangent, point.n));
+    F length2 = dot3(flat, flat);
+    frame(point.n, x, y);
+    *x = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), *x);
+    *y = cross3(point.n, *x);
+    *y = scale(*y, with_sign(ONE, dot3(*y, point.bitangent)));
+}
+#endif
+
+#if HAS_ANISOTROPY_TURN
+// The direction along which a material is brushed, turned from that of growing u.
+static F3 turned_tangent(const __global Material *material, SurfacePoint point)
+{
+    F3 x, y;
+    tangent_frame(point, &x, &y);
+    F sine, cosine;
+    sincos_turns((F)(material->anisotropy_turn), &sine, &cosine);
+    return along(scale(x, cosine), y, sine);
+}
+#endif
+
 #if HAS_NORMAL_MAP
 // The shading normal that a picture of normals in the tangent frame gives.
 static F3 mapped_normal(const __global Material *material, SurfacePoint point, Scene scene)
 {
     F3 texel = texture_color(material->normal_texture, point.u, point.v, scene);
     F strength = (F)(2.0f * material->normal_strength);
-    F3 flat = along(point.tangent, point.n, -dot3(point.tangent, point.n));
-    F length2 = dot3(flat, flat);
     F3 x, y;
-    frame(point.n, &x, &y);
-    x = select3(length2 > 0.0f, scale(flat, 1.0f / sqrt(MAX(length2, (F)(SMALLEST)))), x);
-    y = cross3(point.n, x);
-    y = scale(y, with_sign(ONE, dot3(y, point.bitangent)));
+    tangent_frame(point, &x, &y);
     F3 m = f3(strength * (texel.x - 0.5f), strength * (texel.y - 0.5f), MAX(2.0f * texel.z - 1.0f, (F)(1e-3f)));
     return normalized(from_frame(x, y, point.n, m));
 }
@@ -85,6 +105,10 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #if HAS_CLOSURE
     take_closure(&vertex->closure, mine, material, point.u, point.v, scene);
 #endif
+#if HAS_ANISOTROPY_TURN
+    if (material->anisotropy_turn != 0.0f)
+        vertex->tangent = select3(mine, turned_tangent(material, point), vertex->tangent);
+#endif
 #if HAS_NORMAL_MAP
     if (material->normal_texture >= 0)
         vertex->n = select3(mine, mapped_normal(material, point, scene), vertex->n);
@@ -119,7 +143,7 @@ static inline SurfacePoint other_point(int index, F3 p, int textured, Scene scen
     Tangents tangents = tangents_of(index, point.p, point.n, scene);
     point.tangent = tangents.along_u;
 #endif
-#if HAS_NORMAL_MAP
+#if HAS_BITANGENT
     point.bitangent = tangents.along_v;
 #endif
     return point;

@@ -130,7 +130,7 @@ MATERIAL = Record(
         ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
         ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
-        ("int", "reserved_0"),
+        ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
     ),
 )
 

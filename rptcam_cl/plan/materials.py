@@ -103,7 +103,7 @@ class _Filler:
             case Mix():
                 self._number(record, "factor", material.factor)
         if isinstance(material, (Conductor, Dielectric, Plastic)):
-            record["alpha"], record["alpha_across"] = material.alphas or (0.0, 0.0)
+            _facets(record, material, material.alphas or (0.0, 0.0))
         if isinstance(material, Dielectric):
             fill_index(record, material)
         if isinstance(material, Conductor) and material.metal is not None:
@@ -139,7 +139,7 @@ class _Filler:
         self._colour(record, "glow", "glow_texture", material.emission, LARGEST_RADIANCE)
         self._number(record, "metallic", material.metallic)
         roughness = self._roughness(record, "roughness_texture", material.roughness)
-        record["alpha"], record["alpha_across"] = alpha_pair(roughness, material.anisotropy)
+        _facets(record, material, alpha_pair(roughness, material.anisotropy))
         record["specular"], record["transmission"] = material.specular, material.transmission
         self._number(record, "coat", material.clearcoat)
         coat_roughness = self._roughness(record, "coat_roughness_texture", material.clearcoat_roughness)
@@ -153,6 +153,14 @@ class _Filler:
         lobe = sheen_lobe(alpha)
         record["sheen_cover"], record["sheen_last"] = lobe.albedo[:4], lobe.albedo[4]
         record["sheen_alpha"], record["sheen_peak"], record["sheen_half"] = alpha, lobe.peak, lobe.half
+
+
+def _facets(
+    record: np.void, material: Conductor | Dielectric | Plastic | Principled, alphas: tuple[float, float]
+) -> None:
+    record["alpha"], record["alpha_across"] = alphas
+    if alphas[0] != alphas[1]:
+        record["anisotropy_turn"] = material.anisotropy_rotation_degrees / 360 % 1
 
 
 def _cover(record: np.void, material: Plastic) -> None:
@@ -173,6 +181,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
     features = {
         "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]),
+        "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"] != 0),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0),
         "HAS_CLEARCOAT": np.any(records["coat"][principled] > 0) or np.any(records["coat_texture"] >= 0),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),

@@ -109,6 +109,7 @@ def _facts_of_shapes(
     kinds = {primitive.kind for primitive in primitives}
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
         "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or materials["HAS_NORMAL_MAP"]),
+        "HAS_BITANGENT": int(materials["HAS_ANISOTROPY_TURN"] or materials["HAS_NORMAL_MAP"]),
         "HAS_SHADING_NORMAL": int(materials["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),

@@ -11,7 +11,7 @@ from rptcam_cl.scene.base import Alternatives, SceneModel, listed, near_name, re
 from rptcam_cl.scene.dielectric import ABSORPTION, LEAST_BEND, ROUGHNESS, AbsorbingMaterial, Dielectric, ThinGlass
 from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, RoughMaterial
 from rptcam_cl.scene.metal import Conductor
-from rptcam_cl.scene.quantities import NUMBER, Albedo, Fraction, list_of
+from rptcam_cl.scene.quantities import NUMBER, Albedo, Fraction, Turn, list_of
 from rptcam_cl.scene.texture import Emission, Reflectance, Share
 
 
@@ -31,7 +31,10 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     """Roughness of the surface, the root of GGX's alpha: a number, or a texture."""
 
     anisotropy: Fraction = 0.0
-    """Stretch of highlights across u; 0 is none."""
+    """Stretch of highlights along u; 0 is none."""
+
+    anisotropy_rotation_degrees: Turn = 0.0
+    """Turn of that direction, from u towards v."""
 
     specular: Fraction = 1.0
     """Factor on the reflectance of the dielectric."""

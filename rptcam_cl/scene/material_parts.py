@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, WithJsonSchema
 
 from rptcam_cl.scene.base import Alternatives, SceneModel, read_number, refuse
 from rptcam_cl.scene.file_reference import one_pixel
-from rptcam_cl.scene.quantities import NUMBER, Fraction
+from rptcam_cl.scene.quantities import NUMBER, Fraction, Turn
 from rptcam_cl.scene.texture import ImageTexture, Share
 
 
@@ -99,7 +99,10 @@ class RoughMaterial(SceneModel):
     """Roughness as most programs show it: the root of alpha."""
 
     anisotropy: Fraction = 0.0
-    """With `roughness`: stretch of highlights across u; 0 is none."""
+    """With `roughness`: stretch of highlights along u; 0 is none."""
+
+    anisotropy_rotation_degrees: Turn = 0.0
+    """Turn of the directions along u and across, from u towards v."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (Alternatives(("alpha", "roughness"), required=False),)
 

@@ -98,6 +98,7 @@ class _Translation:
             "metallic": self._share(given.metallic, given.metallic_texture, "b"),
             "roughness": self._share(given.roughness, given.roughness_texture, "g"),
             "anisotropy": given.anisotropy,
+            "anisotropy_rotation_degrees": given.anisotropy_rotation_degrees,
             "clearcoat": self._share(given.clearcoat, given.clearcoat_texture, "r"),
             "clearcoat_roughness": self._share(given.clearcoat_roughness, given.clearcoat_roughness_texture, "g"),
             "sheen": self._colour(given.sheen, given.sheen_texture),

@@ -146,6 +146,32 @@ def test_texture_of_coat_or_sheen_is_both_of_its_values_side_by_side(key, values
         assert_same_tiles(a, c)
 
 
+BRUSHED = {"kind": "conductor", "reflectance": [0.9, 0.7, 0.5]}
+
+
+def test_brushed_metal_turned_by_a_right_angle_has_its_alphas_exchanged():
+    plain, other = ({**BRUSHED, "alpha": alphas} for alphas in ([0.5, 0.1], [0.1, 0.5]))
+    a = batches(ball(plain, 2), "exchanged", 4, spp=32)
+    assert_same_tiles(a, batches(ball({**other, "anisotropy_rotation_degrees": 90}, 2), "turned", 4, spp=32))
+    with pytest.raises(AssertionError):
+        assert_same_tiles(a, batches(ball(other, 2), "not turned", 4, spp=32))
+
+
+@pytest.mark.parametrize("mirrored", [1, -1])
+def test_brushed_metal_turns_from_u_towards_v(mirrored):
+    def sheet(u_degrees, turn):
+        along, across = (math.radians(angle) for angle in (u_degrees, u_degrees + 90 * mirrored))
+        u, v = (np.array([20 * math.cos(angle), 20 * math.sin(angle), 0]) for angle in (along, across))
+        material = {**BRUSHED, "alpha": [0.4, 0.1], "anisotropy_rotation_degrees": turn}
+        board = {"shape": "rectangle", "corner": (-(u + v) / 2).tolist(), "edge_u": u.tolist(), "edge_v": v.tolist()}
+        camera = looking([0, -2, 3], [0, 0, 0], fov=40)
+        return scene_of([{**board, "material": material}], camera, depth=2, lights=[LAMP], environment=SKY)
+
+    same(sheet(0, 30 * mirrored), sheet(30, 0))
+    with pytest.raises(AssertionError):
+        same(sheet(0, -30 * mirrored), sheet(30, 0))
+
+
 def test_metallic_principled_is_the_conductor_but_for_schlick():
     # at F0 = 1 Schlick's reflectance is 1 at every angle
     shiny = {"kind": "principled", "base_color": 1.0, "metallic": 1.0, "roughness": 0.4}

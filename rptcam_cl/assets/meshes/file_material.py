@@ -78,7 +78,9 @@ class FileMaterial:
     sheen : (red, green, blue)
         Of fibres at grazing angles, linear, 0 to 1.
     anisotropy : float
-        Stretch of highlights across u, 0 to 1.
+        Stretch of highlights along u, 0 to 1.
+    anisotropy_rotation_degrees : float
+        Of that direction, from u towards v.
     """
 
     name: str = ""
@@ -111,6 +113,7 @@ class FileMaterial:
     sheen_texture: FileTexture | None = None
     sheen_roughness: float = 0.0
     anisotropy: float = 0.0
+    anisotropy_rotation_degrees: float = 0.0
 
     @property
     def has_textures(self) -> bool:

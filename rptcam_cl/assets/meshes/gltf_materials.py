@@ -147,10 +147,10 @@ class GltfMaterials:
             )
             self._leave_out(sheen, "sheenRoughnessTexture")
         for stretch in part.extensions("KHR_materials_anisotropy"):
-            material = replace(material, **_stretched(material, stretch.number("anisotropyStrength", 0.0, 0, 1)))
+            turn = math.degrees(math.remainder(stretch.number("anisotropyRotation", 0.0), 2 * math.pi))
+            alphas = _stretched(material, stretch.number("anisotropyStrength", 0.0, 0, 1))
+            material = replace(material, anisotropy_rotation_degrees=turn, **alphas)
             self._leave_out(stretch, "anisotropyTexture")
-            if abs(math.remainder(stretch.number("anisotropyRotation", 0.0), math.pi)) > 1e-3:
-                self._leave_out(stretch, "anisotropyRotation")
         for _ in part.extensions("KHR_materials_unlit"):
             material = replace(material, matte=True)
         for other in part.part("extensions").names():

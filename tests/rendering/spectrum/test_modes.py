@@ -98,7 +98,9 @@ def test_grey_scenes_are_the_same_in_spectra_however_often_light_is_reflected():
     grey = {"kind": "matte", "reflectance": 0.6}
     for place, thing in enumerate(scene["objects"]):
         lamp = thing["material"]["kind"] == "emissive"
-        thing["material"] = {"kind": "emissive", "radiance": 6.0} if lamp else [grey, GREYS[place // 2 % len(GREYS)]][place % 2]
+        thing["material"] = (
+            {"kind": "emissive", "radiance": 6.0} if lamp else [grey, GREYS[place // 2 % len(GREYS)]][place % 2]
+        )
     scene |= {"lights": [], "environment": {**WHITE, "radiance": 0.2}}
     found = {mode: batches({**scene, "spectrum": mode}, f"grey {mode}", 8, spp=64) for mode in ("rgb", "spectral")}
     assert_same_tiles(found["rgb"], found["spectral"])
