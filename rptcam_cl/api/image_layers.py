@@ -24,11 +24,14 @@ def truth_of(
         return wavefront.scene_buffers if isinstance(wavefront, Wavefront) else SceneBuffers(session, plan)
 
     def in_focus(frame: Scene | None) -> Scene | None:
-        if frame is None or frame.requested_autofocus is None:
-            return frame
+        if frame is None:
+            return None
+        applied = settings.applied_to(frame)
+        if applied.requested_autofocus is None:
+            return applied
         from rptcam_cl.focusing import in_focus  # few scenes have it, and its room takes long to import
 
-        return in_focus(settings.applied_to(frame), session, None)[0]
+        return in_focus(applied, session, None)[0]
 
     flows = settings.neighbours if {"flow_forward", "flow_backward"} & set(layers) else None
     neighbours = None if flows is None else (in_focus(flows[0]), in_focus(flows[1]))

@@ -39,7 +39,7 @@ HELD: dict[str, tuple[str, ...]] = {
     "opencv": ALL,
     "ros": tuple(ROS),
     "colmap": tuple(COLMAP),
-    "openlensio": ("pinhole", "brown_conrady"),
+    "openlensio": ("pinhole", "brown_conrady", "rational"),
     "usd": ALL,
     "osl": ALL,
 }
@@ -157,9 +157,11 @@ def colmap_texts(view: View, calibration: Calibration, picture: str) -> dict[str
 
 
 def openlensio_text(view: View, calibration: Calibration) -> str:
-    """Return a sample of OpenTrackIO, whose lens is by the model of OpenLensIO: coefficients per millimetre.
+    """Return a sample of OpenTrackIO, whose lens is by the model of OpenLensIO 1.0 (2025): coefficients per millimetre.
 
-    Its world is right-handed with z up; ours has y up, so that x, y, z become x, -z, y.
+    Radial coefficients alternate between numerator and denominator (its equation 17), and the offset of the distortion
+    counts from that of the projection (equation 15). Its world is right-handed with z up; ours has y up, so that
+    x, y, z become x, -z, y.
 
     Raises
     ------
@@ -184,11 +186,13 @@ def openlensio_text(view: View, calibration: Calibration) -> str:
         "pinholeFocalLength": focal_mm,
         "entrancePupilOffset": view.pupil_ahead_mm * 1e-3,
         "projectionOffset": {"x": offset[0], "y": offset[1]},
-        "distortionOffset": {"x": offset[0], "y": offset[1]},
+        "distortionOffset": {"x": 0.0, "y": 0.0},
         "distortion": [
             {
                 "model": "Brown-Conrady U-D",
-                "radial": [named.get(f"k{k}", 0.0) / focal_mm ** (2 * k) for k in (1, 2, 3)],
+                "radial": [
+                    named.get(f"k{k}", 0.0) / focal_mm ** (2 * power) for power in (1, 2, 3) for k in (power, power + 3)
+                ],
                 "tangential": [named.get(name, 0.0) / focal_mm**2 for name in ("p1", "p2")],
             }
         ],

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
-from rptcam_cl.scene import Scene, load_scene
+from rptcam_cl.scene import Scene, change_scene, load_scene
 from tests.rendering.truth.test_sharp_layers import GLASS, GREY, PINHOLE, SKY, panel
 
 STEP_S = 0.04
@@ -62,6 +62,21 @@ def test_flow_leads_to_the_same_points_in_the_other_frames(camera: dict[str, Any
     image = rptcam_cl.render(here, spp=1, layers=layers, neighbours=(before, after))
     for other, flow in ((before, "flow_backward"), (after, "flow_forward")):
         assert beside_px(here, image, other, image[flow]) < 0.01
+
+
+def test_flow_of_another_size_is_that_of_a_film_of_it() -> None:
+    size, layers = (24, 16), ["flow_forward", "flow_backward"]
+
+    def frames(film: dict[str, Any]) -> list[Scene]:
+        return [change_scene(moving(GLASS, SHUTTER, step * STEP_S), film=film) for step in (-1, 0, 1)]
+
+    def flows(film: dict[str, Any], **settings: Any) -> rptcam_cl.Image:
+        before, here, after = frames(film)
+        return rptcam_cl.render(here, spp=1, layers=layers, neighbours=(before, after), **settings)
+
+    given, wanted = flows({}, size=size), flows({"resolution": size})
+    for name in layers:
+        np.testing.assert_array_equal(given[name], wanted[name])
 
 
 def beside_px(here: Scene, image: rptcam_cl.Image, there: Scene, flow: np.ndarray) -> float:
