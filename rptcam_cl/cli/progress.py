@@ -53,25 +53,30 @@ def fraction_done(progress: "Progress", time_limit: float | None) -> float | Non
 
 
 def describe(progress: "Progress", time_limit: float | None = None) -> str:
-    """The state of a render in one line: samples, speed, time left, share of rays that the lens blocked."""
+    """The state of a render in one line: samples, speed, time left, share of rays that the lens blocked.
+
+    With a noise target its tiles and their time come first: a terminal of 80 columns cuts off the rest.
+    """
     if progress.stage != "render":
         return f"{progress.stage} ..."
     target = f"/{progress.spp_target}" if progress.spp_target else ""
-    parts = [f"{progress.samples_done}{target} spp"]
+    samples = [f"{progress.samples_done}{target} spp"]
     if progress.seconds > 0 and progress.samples_done > 0:
         here = progress.samples_done - progress.samples_at_start
-        parts.append(f"{here / progress.seconds:.3g} spp/s")
-        parts.append(f"{progress.msamples_per_second:.3g} Msamples/s")
-    if progress.tiles_done is not None:
-        parts.append(f"{100 * progress.tiles_done:.0f} % of the tiles done")
+        samples.append(f"{here / progress.seconds:.3g} spp/s")
+        samples.append(f"{progress.msamples_per_second:.3g} Msamples/s")
     done = fraction_done(progress, time_limit)
-    tiles = progress.tiles_left
-    if tiles is not None and tiles.few:
-        noise, wanted = 100 * tiles.worst, 100 * tiles.target
-        parts.append(f"the last {tiles.count} have up to {noise:.2g} % noise for {wanted:.2g} %")
-    if done and (progress.tiles_done is None or tiles is not None):
-        about = "" if tiles is None else "about "
-        parts.append(f"{about}{as_duration(progress.seconds * (1 - done) / done)} left")
+    left = [] if not done else [f"{as_duration(progress.seconds * (1 - done) / done)} left"]
+    if progress.tiles_done is None:
+        parts = samples + left
+    else:
+        parts = [f"{100 * progress.tiles_done:.0f} % of the tiles done"]
+        if (tiles := progress.tiles_left) is not None:
+            parts += [f"about {text}" for text in left]
+            if tiles.few:
+                noise, wanted = 100 * tiles.worst, 100 * tiles.target
+                parts.append(f"{tiles.count} have up to {noise:.2g} % noise for {wanted:.2g} %")
+        parts += samples
     if progress.blocked_share is not None:
         parts.append(f"lens blocks {100 * progress.blocked_share:.0f} %")
     return ", ".join(parts)

@@ -43,18 +43,18 @@ def test_resumed_render_counts_what_it_makes_itself() -> None:
 
 def test_noise_target_tells_its_tiles_and_promises_no_time() -> None:
     told = describe(report(tiles_done=0.5))
-    assert told == "16/64 spp, 4 spp/s, 12.3 Msamples/s, 50 % of the tiles done, lens blocks 25 %"
+    assert told == "50 % of the tiles done, 16/64 spp, 4 spp/s, 12.3 Msamples/s, lens blocks 25 %"
     assert fraction_done(report(tiles_done=0.5), None) == 0.5
 
 
 def test_noise_target_has_a_time_and_a_reason_once_its_noise_is_known() -> None:
     left = SimpleNamespace(count=40, worst=0.041, target=0.02, seconds=12.0, few=False)
     shown = report(tiles_done=0.5, tiles_left=left)
-    assert describe(shown).endswith("50 % of the tiles done, about 12 s left, lens blocks 25 %")
+    assert describe(shown).startswith("50 % of the tiles done, about 12 s left, 16/64 spp, ")
     assert fraction_done(shown, None) == 0.25
     left.few = True
     shown = describe(report(tiles_done=0.98, tiles_left=left))
-    assert "98 % of the tiles done, the last 40 have up to 4.1 % noise for 2 %, about 12 s left" in shown
+    assert shown.startswith("98 % of the tiles done, about 12 s left, 40 have up to 4.1 % noise for 2 %, ")
 
 
 def test_last_tiles_that_took_long_are_reported_at_the_end_with_the_reason() -> None:
