@@ -93,7 +93,8 @@ def crossing(found: Interval) -> str:
         return "never"
     if found.low >= LONGEST:
         return "always"
-    if found.low <= 0 or found.high > VAGUE * found.low:
+    beside = not found.low <= found.value <= found.high  # an estimate that its own interval leaves out
+    if found.low <= 0 or found.high > VAGUE * found.low or beside:
         below = found.high < LONGEST and (found.low > 0 or found.value > 0)
         return f"too close to call (before {until(found.high)})" if below else "too close to call"
     return ends(found, until)

@@ -104,6 +104,7 @@ def test_intervals_share_their_unit_and_say_when_they_know_nothing():
     assert words.crossing(Interval(518 * 86400.0, 1.5, math.inf)) == "too close to call"
     assert words.crossing(Interval(2.0, 0.0, 9.0)) == "too close to call (before 9 s)"
     assert words.crossing(Interval(2.0, 1.0, 9.0)) == "2 s (1 to 9)"
+    assert words.crossing(Interval(27.0, 1.0, 9.0)) == "too close to call (before 9 s)"
     assert words.crossing(Interval(math.inf, 1e6, math.inf)) == "always"
     assert words.crossing(Interval(0.0, 0.0, 0.0)) == "never"
     assert words.noise(65.49) == "above 100 %"
