@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rptcam_cl.imaging import Image
     from rptcam_cl.scene import Scene
 
-LAYERS = ("sharp_object_id", "sharp_class_id", "occlusion", "ray_origin", "ray_direction")  # that the files hold
+RAYS = ("ray_origin", "ray_direction")
 # Options with which there is no whole picture at hand, or more than one.
 OTHERS = {
     "part": "--part",
@@ -61,7 +61,9 @@ def with_layers(arguments: argparse.Namespace, layers: Sequence[str] | None, sce
     """Return the layers to record: those of the outputs (None: the scene's), and what the files of truth need."""
     if arguments.truth is None:
         return None if layers is None else list(layers)
-    return list(dict.fromkeys((*(scene.render.layers if layers is None else layers), *LAYERS)))
+    from rptcam_cl.imaging import LABELS
+
+    return list(dict.fromkeys((*(scene.render.layers if layers is None else layers), *LABELS, *RAYS)))
 
 
 def without_layers(

@@ -130,7 +130,8 @@ def distribution(data: Any) -> Distribution:
     if not (isinstance(given, list | tuple) and len(given) == 2):
         raise DistributionError(f"has no two ends (got {given!r})", KINDS[kind], kind)
     low, high = (_numbers(end, KINDS[kind], kind, place) for place, end in enumerate(given))
-    if len(low) != len(high) or isinstance(given[0], list) != isinstance(given[1], list):
+    is_list, ends_in_list = (isinstance(end, list | tuple) for end in given)
+    if len(low) != len(high) or is_list != ends_in_list:
         raise DistributionError(f"has ends of different lengths (got {given!r})", KINDS[kind], kind)
     if any(a > b for a, b in zip(low, high, strict=True)):
         raise DistributionError(f"has its ends the wrong way round (got {given!r})", "the least before the most", kind)
@@ -138,7 +139,7 @@ def distribution(data: Any) -> Distribution:
         raise DistributionError(f"reaches 0 (got {given!r})", KINDS[kind], kind)
     if kind == "integer" and any(number != int(number) for number in low + high):
         raise DistributionError(f"has an end that is no whole number (got {given!r})", KINDS[kind], kind)
-    return Distribution(kind, (low, high), is_list=isinstance(given[0], list))
+    return Distribution(kind, (low, high), is_list=is_list)
 
 
 def _listed(kind: str, given: Any, weights: Any) -> Distribution:

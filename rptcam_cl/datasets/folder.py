@@ -9,18 +9,22 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import re
 import tarfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.datasets.specification import DatasetSpecification
-from rptcam_cl.imaging import Image
+from rptcam_cl.imaging import LABELS, TRUTH_FILES, Image
 
 ABOUT, MANIFEST = "dataset.json", "manifest.jsonl"
 PIXELS = {"centre_of_the_first_pixel": 0.5}
+PICTURES = ("png", "jpg", "tif")  # which annotations name where a frame has one
+RECORD = re.compile(r"\d+\.json")
 LOOSE = "unfinished"  # folder of frames whose shard is not whole yet
 
 
@@ -85,18 +89,32 @@ class DatasetFolder:
             return None
         return found if isinstance(found, dict) and found.get("frame") == index else None
 
-    def keep(self, index: int, image: Image, record: dict[str, Any]) -> dict[str, Any]:
-        """Write the files of a frame, and its record with their digests, which is returned."""
-        digests = {}
+    def keep(self, index: int, image: Image, layers: Sequence[str], record: dict[str, Any]) -> dict[str, Any]:
+        """Write the files of a frame, and its record with their digests, which is returned.
+
+        Parameters
+        ----------
+        layers
+            Those of the image that the scene asks for; truth may need others.
+        """
+        shown = replace(image, layers={name: image[name] for name in layers})
         for suffix in self.wanted.files:
-            path = self._file(index, suffix)
-            image.save(path)
-            digests[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+            shown.save(self._file(index, suffix))
+        if self.wanted.truth:
+            self._keep_truth(index, image)
+        paths = [self._file(index, suffix) for suffix in self._suffixes]
+        digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
         record = json.loads(json.dumps(record | {"files": digests}))
         self._write(self._file(index, "json"), (json.dumps(record) + "\n").encode())
         if self.shard is not None:
             self._pack(index // self.shard)
         return dict(record)
+
+    def _keep_truth(self, index: int, image: Image) -> None:
+        picture = next((suffix for suffix in self.wanted.files if suffix in PICTURES), self.wanted.files[0])
+        labels = replace(image, layers={name: image[name] for name in LABELS})
+        prefix = self._file(index, "").name
+        labels.save_truth(self.frames, f"{prefix}{picture}", image_id=index, prefix=prefix)
 
     def finish(self) -> None:
         """Write the manifest of all frames that are there, one line each; pack what a killed run left loose."""
@@ -109,6 +127,11 @@ class DatasetFolder:
                     out.write(json.dumps(record) + "\n")
         if self.shard is not None and not any(self.frames.iterdir()):
             self.frames.rmdir()
+
+    @property
+    def _suffixes(self) -> tuple[str, ...]:
+        """Of the files of a frame but its record."""
+        return (*self.wanted.files, *TRUTH_FILES) if self.wanted.truth else self.wanted.files
 
     def _file(self, index: int, suffix: str) -> Path:
         return self.frames / f"{index:06d}.{suffix}"
@@ -129,7 +152,7 @@ class DatasetFolder:
         if number not in self._shards:
             try:
                 with tarfile.open(self._tar(number)) as shard:
-                    names = [member for member in shard.getmembers() if member.name.endswith(".json")]
+                    names = [member for member in shard.getmembers() if RECORD.fullmatch(member.name)]
                     read = [json.load(file) for member in names if (file := shard.extractfile(member)) is not None]
                 records = {found["frame"]: found for found in read}
             except (OSError, tarfile.TarError, ValueError, KeyError, TypeError):
@@ -167,4 +190,4 @@ class DatasetFolder:
 
     def _files_of(self, number: int) -> Iterator[Path]:
         for index in self._range(number):
-            yield from (self._file(index, suffix) for suffix in (*self.wanted.files, "json"))
+            yield from (self._file(index, suffix) for suffix in (*self._suffixes, "json"))

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterator, Mapping, Sequence
+import os
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +16,11 @@ from rptcam_cl.calibration import COEFFICIENTS, View, calibrate, calibrate_best,
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.datasets.folder import DatasetFolder
-from rptcam_cl.datasets.specification import DatasetSpecification, read_specification
+from rptcam_cl.datasets.numbered import numbered
+from rptcam_cl.datasets.specification import MOST_FRAMES, DatasetSpecification, read_specification, whole
 from rptcam_cl.device import Wanted, open_sessions
-from rptcam_cl.imaging import Image
-from rptcam_cl.scene import Scene
+from rptcam_cl.imaging import LABELS, Image
+from rptcam_cl.scene import Scene, change_scene
 
 POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
 REMEMBERED = 256  # camera models
@@ -57,7 +61,7 @@ def dataset(
     folder: str | Path | None = None,
     *,
     frames: int | None = None,
-    only: Sequence[int] | None = None,
+    only: Iterable[int] | None = None,
     shard: int | None = None,
     device: Wanted = None,
 ) -> Iterator[DatasetFrame]:
@@ -90,16 +94,37 @@ def dataset(
     StateError
         The folder cannot be written, or holds another dataset.
     """
-    wanted = source if isinstance(source, DatasetSpecification) else read_specification(source, frames=frames)
-    chosen = range(wanted.frames) if only is None else only
-    if not chosen or min(chosen) < 0 or max(chosen) >= wanted.frames:
-        raise InputError(f"frames: are not all of the dataset (allowed: 0 to {wanted.frames - 1})")
-    if shard is not None and (shard < 1 or folder is None):
-        raise InputError(f"shard: needs a folder and at least one frame a shard (got {shard})")
+    if not isinstance(source, DatasetSpecification):
+        wanted = read_specification(source, frames=frames)
+    else:
+        wanted = source if frames is None else replace(source, frames=whole(frames, "frames", 1, MOST_FRAMES))
+    chosen = range(wanted.frames) if only is None else _chosen(only, wanted.frames)
+    if shard is not None:
+        whole(shard, "shard", 1, MOST_FRAMES)
+        if folder is None:
+            raise InputError(f"shard: needs a folder (got {shard}; allowed: with a folder to write to)")
+    if folder is not None and not isinstance(folder, str | os.PathLike):
+        raise InputError(f"folder: must be a path (got {folder!r}; allowed: as out/balls)")
     place = None if folder is None else DatasetFolder(Path(folder), wanted, shard)
     if place is not None:
         place.begin()
     return _frames(wanted, place, chosen, device)
+
+
+def _chosen(only: Any, frames: int) -> Sequence[int]:
+    """Return the numbers of the frames that are to be made."""
+    allowed = f"allowed: 0 to {frames - 1}"
+    if not isinstance(only, Iterable):
+        raise InputError(f"only: must be a list of numbers of frames (got {only!r}; {allowed}, as [0])")
+    chosen = only if isinstance(only, range) else list(only)
+    for index in chosen:
+        if isinstance(index, bool) or not isinstance(index, Integral):
+            raise InputError(f"only: must be a list of whole numbers (got {index!r} in it; {allowed})")
+        if not 0 <= int(index) < frames:
+            raise InputError(f"frames: {index} is none of the dataset's {frames} ({allowed})")
+    if not chosen:
+        raise InputError(f"only: names no frame ({allowed})")
+    return chosen if isinstance(chosen, range) else [int(index) for index in chosen]
 
 
 def _frames(
@@ -113,23 +138,31 @@ def _frames(
             continue
         values, scene = wanted.frame(index)
         renderer = renderer or SeriesRenderer(open_sessions(device)[0][0])
-        if scene.requested_autofocus is not None:
-            scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
-        image = renderer.render(scene)
-        record = {
-            "frame": index,
-            "version": __version__,
-            "scene_hash": image.metadata["scene_hash"],
-            "seed": scene.render.seed,
-            "spp": image.metadata["spp"],
-            "values": values,
-            "camera": cameras.of(scene, image, renderer),
-        }
-        if place is not None:
-            record = place.keep(index, image, record)
+        with numbered(index):
+            if scene.requested_autofocus is not None:
+                scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
+            image = renderer.render(_with_labels(scene) if wanted.truth else scene)
+            record = {
+                "frame": index,
+                "version": __version__,
+                "scene_hash": image.metadata["scene_hash"],
+                "seed": scene.render.seed,
+                "spp": image.metadata["spp"],
+                "values": values,
+                "camera": cameras.of(scene, image, renderer),
+            }
+            if wanted.truth and "boards" in image.metadata:
+                record["boards"] = image.metadata["boards"]
+            if place is not None:
+                record = place.keep(index, image, scene.render.layers, record)
         yield DatasetFrame(index, values, record, image)
     if place is not None:
         place.finish()
+
+
+def _with_labels(scene: Scene) -> Scene:
+    """Return a scene with the layers that masks and annotations need."""
+    return change_scene(scene, render={"layers": tuple(dict.fromkeys((*scene.render.layers, *LABELS)))})
 
 
 class _Cameras:

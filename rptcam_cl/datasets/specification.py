@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
 from pathlib import Path
@@ -15,12 +16,15 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError
 from rptcam_cl.core.strict_yaml import Document, KeyPath, dotted, read_yaml
 from rptcam_cl.datasets.draws import Distribution, DistributionError, distribution, seed_of_frame, values_of_frame
+from rptcam_cl.datasets.numbered import numbered
+from rptcam_cl.imaging import MOST_INSTANCES
 from rptcam_cl.scene import RealisticCamera, Scene, load_scene, set_keys
 
-KEYS = ("scene", "frames", "seed", "set", "vary", "files", "camera_model")
+KEYS = ("scene", "frames", "seed", "set", "vary", "files", "truth", "camera_model")
 FORMATS = ("png", "jpg", "tif", "exr", "npz", "npy")
 MODELS = ("auto", "none", *COEFFICIENTS)
 MOST_FRAMES = 100_000_000
+MOST_SEED = 2**63 - 1
 Where = Callable[[KeyPath], str]
 
 
@@ -40,6 +44,8 @@ class DatasetSpecification:
         Of what is drawn, and of the pictures' random numbers.
     files : tuple of str
         Suffixes of the files of each frame.
+    truth : bool
+        Whether each frame also has masks and annotations.
     camera_model : str
         The model in the manifest: ``none``, ``auto`` (the simplest that fits) or one of `COEFFICIENTS`.
     """
@@ -49,6 +55,7 @@ class DatasetSpecification:
     frames: int
     seed: int
     files: tuple[str, ...]
+    truth: bool
     camera_model: str
     content: Mapping[str, Any] = field(repr=False)
 
@@ -68,10 +75,8 @@ class DatasetSpecification:
         """
         values = values_of_frame(self.vary, self.seed, index)
         changes = values if "render.seed" in values else values | {"render.seed": seed_of_frame(self.seed, index)}
-        try:
+        with numbered(index):
             return values, set_keys(self.scene, changes)
-        except RptcamError as problem:
-            raise type(problem)(f"frame {index}: {problem}") from None
 
 
 def read_specification(
@@ -102,6 +107,8 @@ def read_specification(
     if isinstance(source, Mapping):
         data: Any = dict(source)
     else:
+        if not isinstance(source, str | os.PathLike):
+            raise InputError(f"a dataset must be a file or a mapping (got {source!r}; allowed: as balls.yaml)")
         document = read_yaml(Path(source))
         data, where, base = document.data, _places(document), Path(source).absolute().parent
     if not isinstance(data, dict):
@@ -109,16 +116,21 @@ def read_specification(
     for key in data:
         if key not in KEYS:
             raise InputError(f"{where((key,))}{key}: unknown key (allowed: {', '.join(KEYS)})")
-    count = _whole(data, "frames", where) if frames is None else frames
-    if not 1 <= count <= MOST_FRAMES:
-        raise InputError(f"{where(('frames',))}frames: is no number of frames (got {count}; allowed: 1 or more)")
+    if frames is not None:
+        count = whole(frames, "frames", 1, MOST_FRAMES)
+    elif "frames" in data:
+        count = whole(data["frames"], "frames", 1, MOST_FRAMES, where(("frames",)))
+    else:
+        raise InputError(f"{where(())}frames: is missing (allowed: a whole number, here or by -n)")
+    seed = whole(data["seed"], "seed", 0, MOST_SEED, where(("seed",))) if "seed" in data else 0
     scene = _scene(data, base, where, overrides)
     vary = _vary(data, scene, where)
     scene = _sharing(scene, vary)
-    content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")}
-    return DatasetSpecification(
-        scene, vary, count, _whole(data, "seed", where, 0), _files(data, where), _model(data, where), content
+    truth = _truth(data, scene, where)
+    content = {key: data.get(key) for key in ("vary", "seed", "files", "camera_model")} | (
+        {"truth": True} if truth else {}
     )
+    return DatasetSpecification(scene, vary, count, seed, _files(data, where), truth, _model(data, where), content)
 
 
 def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
@@ -143,12 +155,18 @@ def _places(document: Document) -> Where:
     return where
 
 
-def _whole(data: Mapping[str, Any], key: str, where: Where, default: int | None = None) -> int:
-    found = data.get(key, default)
-    if found is None:
-        raise InputError(f"{where(())}{key}: is missing (allowed: a whole number, here or by -n)")
-    if isinstance(found, bool) or not isinstance(found, int) or not 0 <= found < 2**63:
-        raise InputError(f"{where((key,))}{key}: must be a whole number (got {found!r}; allowed: 0 or more)")
+def whole(found: Any, name: str, least: int, most: int, place: str = "") -> int:
+    """Return a whole number from ``least`` to ``most``.
+
+    Raises
+    ------
+    InputError
+        When it is something else; ``place`` and name lead.
+    """
+    if isinstance(found, bool) or not isinstance(found, int):
+        raise InputError(f"{place}{name}: must be a whole number (got {found!r}; allowed: {least} to {most})")
+    if not least <= found <= most:
+        raise InputError(f"{place}{name}: is out of range (got {found}; allowed: {least} to {most})")
     return found
 
 
@@ -203,7 +221,7 @@ def _vary(data: Mapping[str, Any], scene: Scene, where: Where) -> dict[str, Dist
 
 def _files(data: Mapping[str, Any], where: Where) -> tuple[str, ...]:
     found = data.get("files", ["png"])
-    if not isinstance(found, list) or not found or len(set(map(str, found))) < len(found):
+    if not isinstance(found, list | tuple) or not found or len(set(map(str, found))) < len(found):
         raise InputError(
             f"{where(('files',))}files: must be a list of suffixes (got {found!r}; allowed: as [png, exr])"
         )
@@ -213,6 +231,18 @@ def _files(data: Mapping[str, Any], where: Where) -> tuple[str, ...]:
                 f"{where(('files',))}files: unknown suffix (got {suffix!r}; allowed: {', '.join(FORMATS)})"
             )
     return tuple(found)
+
+
+def _truth(data: Mapping[str, Any], scene: Scene, where: Where) -> bool:
+    found = data.get("truth", False)
+    if not isinstance(found, bool):
+        raise InputError(f"{where(('truth',))}truth: must be true or false (got {found!r})")
+    if found and len(scene.objects) >= MOST_INSTANCES:
+        raise InputError(
+            f"{where(('truth',))}truth: masks of 16 bits hold fewer than {MOST_INSTANCES} objects "
+            f"(got {len(scene.objects)})"
+        )
+    return found
 
 
 def _model(data: Mapping[str, Any], where: Where) -> str:

@@ -13,7 +13,7 @@ from rptcam_cl.imaging.raw import RawImage, check_raw_output
 from rptcam_cl.imaging.scene_sensor import check_sensor, sensor_of
 from rptcam_cl.imaging.slanted_edge import mtf50_at
 from rptcam_cl.imaging.tone import srgb_from_linear
-from rptcam_cl.imaging.truth_files import MOST_INSTANCES
+from rptcam_cl.imaging.truth_files import LABELS, MOST_INSTANCES, TRUTH_FILES
 from rptcam_cl.imaging.video import check_video, write_video
 from rptcam_cl.imaging.white_balance import Gains, Grey, GreyWorld, KnownLight
 from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, SUFFIXES, check_output, holds_layers
@@ -22,10 +22,12 @@ __all__ = [
     "CRYPTOMATTE_NAMES",
     "DEVELOPED_SUFFIXES",
     "GUIDES",
+    "LABELS",
     "LAYER_SUFFIXES",
     "MARKED",
     "MOST_INSTANCES",
     "SUFFIXES",
+    "TRUTH_FILES",
     "Development",
     "Gains",
     "Grey",

@@ -137,18 +137,41 @@ class Image:
         stated = {"denoised": how}
         return replace(self, pixels=pixels, metadata=self.metadata | stated, stats=self.stats | stated)
 
-    def coco(self, file_name: str = "picture.png") -> dict[str, Any]:
+    def coco(self, file_name: str = "picture.png", *, image_id: int | None = None) -> dict[str, Any]:
         """Return COCO annotations by the layers ``sharp_object_id`` and ``sharp_class_id``; see docs/ground-truth.md.
+
+        Parameters
+        ----------
+        file_name
+            Of the picture.
+        image_id
+            Its number, 0 or more, among pictures whose annotations are to be joined; each has identifiers of its own.
 
         Raises
         ------
         InputError
             A layer is missing.
         """
-        return truth_files.coco(self.layers, self.metadata, file_name)
+        return truth_files.coco(self.layers, self.metadata, file_name, image_id)
 
-    def save_truth(self, folder: str | os.PathLike[str], file_name: str = "picture.png") -> list[Path]:
+    def save_truth(
+        self,
+        folder: str | os.PathLike[str],
+        file_name: str = "picture.png",
+        *,
+        image_id: int | None = None,
+        prefix: str = "",
+    ) -> list[Path]:
         """Write COCO annotations, masks and the rays of pixels into a folder, and return the files.
+
+        Parameters
+        ----------
+        folder
+            Made if it is missing.
+        file_name, image_id
+            As for `coco`.
+        prefix
+            What the names of the files begin with.
 
         Raises
         ------
@@ -157,7 +180,9 @@ class Image:
         StateError
             A file cannot be written.
         """
-        return truth_files.save_truth(Path(folder), self.layers, self.metadata, file_name)
+        return truth_files.save_truth(
+            Path(folder), self.layers, self.metadata, file_name, image_id=image_id, prefix=prefix
+        )
 
     def __getitem__(self, name: str) -> Layer:
         try:

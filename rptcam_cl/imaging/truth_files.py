@@ -18,6 +18,8 @@ from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import InputError, StateError
 
 NEEDS = ("sharp_object_id", "sharp_class_id")
+LABELS = (*NEEDS, "occlusion")  # layers of masks and annotations
+TRUTH_FILES = ("coco.json", "instances.png", "classes.png")
 MOST_INSTANCES = 65535  # of a mask of 16 bits
 UNLABELLED = "object"  # category of what has no label
 
@@ -44,8 +46,15 @@ def run_text(runs: list[int]) -> str:
     return "".join(text)
 
 
-def coco(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], file_name: str) -> dict[str, Any]:
+def coco(
+    layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], file_name: str, image_id: int | None = None
+) -> dict[str, Any]:
     """Return the COCO annotations of a picture: an instance for each object that a chief ray meets first.
+
+    Parameters
+    ----------
+    image_id
+        Number of the picture among others; identifiers of annotations differ from theirs. By default it is alone.
 
     Raises
     ------
@@ -59,6 +68,7 @@ def coco(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], file_n
     plain = 0 in (of_object[index] for index in np.unique(objects[objects >= 0]).tolist())
     categories = [{"id": number, "name": name} for number, name in enumerate(classes) if number]
     categories += [{"id": len(classes), "name": UNLABELLED}] if plain else []
+    picture, before = (1, 0) if image_id is None else (image_id, image_id * (MOST_INSTANCES + 1))
     annotations = []
     for index in np.unique(objects[objects >= 0]).tolist():
         mask = objects == index
@@ -66,13 +76,14 @@ def coco(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], file_n
         box = [columns[0], rows[0], columns[-1] - columns[0] + 1, rows[-1] - rows[0] + 1]
         annotations.append(
             {
-                "id": index + 1, "image_id": 1, "category_id": of_object[index] or len(classes), "iscrowd": 0,
+                "id": before + index + 1, "image_id": picture,
+                "category_id": of_object[index] or len(classes), "iscrowd": 0,
                 "segmentation": {"size": [height, width], "counts": run_text(run_lengths(mask))},
                 "area": int(mask.sum()), "bbox": [float(value) for value in box], "name": names[index],
                 **({} if hidden is None else {"occlusion": hidden[index]}),
             }
         )  # fmt: skip
-    image = {"id": 1, "file_name": file_name, "width": width, "height": height}
+    image = {"id": picture, "file_name": file_name, "width": width, "height": height}
     return {"images": [image], "categories": categories, "annotations": annotations}
 
 
@@ -83,9 +94,22 @@ def check_layers_of_truth(layers: Mapping[str, NDArray[Any]]) -> None:
 
 
 def save_truth(
-    folder: Path, layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], file_name: str
+    folder: Path,
+    layers: Mapping[str, NDArray[Any]],
+    metadata: Mapping[str, Any],
+    file_name: str,
+    *,
+    image_id: int | None = None,
+    prefix: str = "",
 ) -> list[Path]:
     """Write `coco.json`, masks of 16 bits and, with the layers of rays, `rays.npz` into a folder; return the files.
+
+    Parameters
+    ----------
+    image_id
+        As for `coco`.
+    prefix
+        What the names of the files begin with.
 
     Raises
     ------
@@ -97,19 +121,19 @@ def save_truth(
     check_layers_of_truth(layers)
     if layers["sharp_object_id"].max(initial=0) >= MOST_INSTANCES:
         raise InputError(f"masks of 16 bits hold {MOST_INSTANCES} objects (allowed: fewer)")
-    said = coco(layers, metadata, file_name)
+    said = coco(layers, metadata, file_name, image_id)
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
         raise StateError(f"{folder}: cannot be made ({problem.strerror})") from None
-    written = [folder / "coco.json", folder / "instances.png", folder / "classes.png"]
+    written = [folder / f"{prefix}{name}" for name in TRUTH_FILES]
     with replacing(written[0]) as temporary:
         temporary.write_text(json.dumps(said) + "\n", encoding="utf-8")
     _write_mask(written[1], layers["sharp_object_id"] + 1)
     _write_mask(written[2], layers["sharp_class_id"])
     rays = {name: layers[name] for name in ("ray_origin", "ray_direction") if name in layers}
     if rays:
-        written.append(folder / "rays.npz")
+        written.append(folder / f"{prefix}rays.npz")
         with replacing(written[-1]) as temporary, temporary.open("xb") as stream:
             np.savez_compressed(stream, **rays)  # type: ignore[arg-type]
     return written

@@ -15,12 +15,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from rptcam_cl import InputError, StateError, dataset, render
+from rptcam_cl import InputError, NumericError, StateError, dataset, render
 from rptcam_cl.calibration import View, calibrate_best, project
 from rptcam_cl.cameras.shared_pupil import forget_shared
 from rptcam_cl.cli import main
 from rptcam_cl.core.resources import CACHE_VARIABLE
 from rptcam_cl.datasets import frames, read_specification
+from rptcam_cl.datasets.draws import values_of_frame
 from rptcam_cl.imaging import read_film
 
 SCENE = """\
@@ -183,7 +184,9 @@ def test_frames_differ_in_what_is_drawn_and_in_their_noise(place: Path) -> None:
         ("[2.8, 8]", "[0.1, 8]", "spec.yaml:8:20: vary: .*opens to f/2.03"),
         ("{grid: [0.4", "{grid: [-1", r"spec.yaml:10:21: vary: objects\[0\].radius"),
         ("{choice: [2.8, 8]}", "{chance: [2.8, 8]}", "spec.yaml:8:20: vary.camera.f_number: needs exactly one kind"),
-        ("frames: 5", "frames: 0", "spec.yaml:2:9: frames: is no number of frames"),
+        ("frames: 5", "frames: 0", r"spec.yaml:2:9: frames: is out of range \(got 0; allowed: 1 to 100000000\)"),
+        ("frames: 5", "frames: 2.5", "spec.yaml:2:9: frames: must be a whole number"),
+        ("seed: 7", "seed: -1", "spec.yaml:3:7: seed: is out of range"),
         ("frames: 5\n", "", "frames: is missing"),
         ("files: [exr, png]", "files: [gif]", "spec.yaml:5:8: files: unknown suffix"),
         ("brown_conrady", "brown", "spec.yaml:6:15: camera_model: unknown model"),
@@ -205,11 +208,62 @@ def test_what_is_wrong_is_said_with_its_place_before_anything_is_made(
     assert not (place / "out").exists()
 
 
+@pytest.mark.parametrize(
+    "given, words",
+    [
+        ({"frames": 2.5}, r"frames: must be a whole number \(got 2.5; allowed: 1 to 100000000\)"),
+        ({"frames": "3"}, "frames: must be a whole number"),
+        ({"frames": 0}, "frames: is out of range"),
+        ({"shard": "a", "folder": "out"}, "shard: must be a whole number"),
+        ({"shard": 0, "folder": "out"}, "shard: is out of range"),
+        ({"shard": 3}, "shard: needs a folder"),
+        ({"folder": 3}, "folder: must be a path"),
+        ({"only": 2}, r"only: must be a list of numbers of frames \(got 2; allowed: 0 to 4, as \[0\]\)"),
+        ({"only": [0, 1.5]}, r"only: must be a list of whole numbers \(got 1.5 in it"),
+        ({"only": []}, "only: names no frame"),
+        ({"only": [0, 9]}, r"frames: 9 is none of the dataset's 5 \(allowed: 0 to 4\)"),
+    ],
+)
+def test_wrong_arguments_are_refused_in_one_line(place: Path, given: dict[str, Any], words: str) -> None:
+    with pytest.raises(InputError, match=f"^{words}"):
+        dataset("spec.yaml", **given)
+    with pytest.raises(InputError, match=f"^{words}"):
+        dataset(read_specification("spec.yaml"), **given)
+
+
+def test_a_dataset_is_a_file_or_a_mapping() -> None:
+    with pytest.raises(InputError, match="a dataset must be a file or a mapping"):
+        dataset(5)  # type: ignore[arg-type]
+
+
+def test_frames_may_be_an_array_and_replace_those_of_a_specification(place: Path) -> None:
+    [frame] = dataset(read_specification("spec.yaml"), "out", frames=9, only=np.array([7]))
+    assert frame.record["frame"] == 7
+    assert len([*(place / "out/manifest.jsonl").open()]) == 1
+
+
+def test_a_focus_that_a_lens_does_not_reach_is_said_with_the_number_of_the_frame(place: Path) -> None:
+    focus = {"camera.focus.distance_m": {"normal": {"mean": 0.9, "sd": 0.3}}}
+    wanted = read_specification({"scene": "scene.yaml", "frames": 2000, "camera_model": "none", "vary": focus})
+    near = next(n for n in range(2000) if 0.05 < values_of_frame(wanted.vary, 0, n)["camera.focus.distance_m"] < 0.19)
+    with pytest.raises(InputError, match=f"^frame {near}: .*cannot focus at"):
+        list(dataset(wanted, only=[near]))
+
+
+def test_autofocus_that_fails_is_said_with_the_number_of_the_frame(
+    place: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(*given: Any, **named: Any) -> None:
+        raise NumericError("no light", "the picture")
+
+    monkeypatch.setattr(frames, "settle", fails)
+    vary = {"camera.focus": {"choice": [{"auto": {"method": "contrast"}}]}}
+    with pytest.raises(NumericError, match=r"^frame 3: no light") as found:
+        list(dataset({"scene": "scene.yaml", "frames": 5, "vary": vary}, only=[3]))
+    assert found.value.image == "the picture"
+
+
 def test_wrong_frames_and_folders_are_refused(place: Path) -> None:
-    with pytest.raises(InputError, match="allowed: 0 to 4"):
-        dataset("spec.yaml", only=[5])
-    with pytest.raises(InputError, match="shard"):
-        dataset("spec.yaml", shard=3)
     list(dataset("spec.yaml", "out", only=[0]))
     (place / "spec.yaml").write_text(SPECIFICATION.replace("seed: 7", "seed: 8"), "utf-8")
     with pytest.raises(StateError, match="holds frames of another dataset"):

@@ -45,6 +45,14 @@ def test_numbers_of_a_list_are_drawn_each_by_itself() -> None:
     assert abs(np.corrcoef(values.T)[0, 1]) < 4 / math.sqrt(FRAMES)
 
 
+def test_tuples_are_lists() -> None:
+    for described in ({"uniform": ((0, 0, 1), (1, 2, 3))}, {"uniform": [(0, 0, 1), [1, 2, 3]]}):
+        found = distribution(described)
+        assert found == distribution({"uniform": [[0, 0, 1], [1, 2, 3]]}) and list(found.ends) == [[0, 0, 1], [1, 2, 3]]
+    with pytest.raises(DistributionError, match="different lengths"):
+        distribution({"uniform": (0, (1,))})
+
+
 def test_grids_give_all_combinations_the_last_changing_first() -> None:
     vary = {"a": distribution({"grid": [1, 2]}), "b": distribution({"grid": ["x", "y", "z"]})}
     found = ["{a}{b}".format(**values_of_frame(vary, 0, frame)) for frame in range(7)]

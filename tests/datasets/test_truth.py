@@ -1,0 +1,156 @@
+"""Labels of datasets: masks and annotations of each frame, beside files that stay as they are without."""
+
+import hashlib
+import json
+import tarfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import PIL.Image
+import pytest
+from pycocotools.coco import COCO
+
+from rptcam_cl import InputError, dataset, render
+from rptcam_cl.cli import main
+from rptcam_cl.datasets import read_specification
+from rptcam_cl.imaging import LABELS
+
+SCENE = """\
+film: {resolution: [32, 24], width_mm: 36}
+camera: {kind: thin_lens, focal_length_mm: 50, f_number: 4, eye: [0, 1, 5], target: [0, 0.5, 0], focus_distance_m: 4}
+materials:
+  grey: {kind: matte, reflectance: 0.5}
+objects:
+  - {shape: sphere, center: [-0.6, 0.5, 0], radius: 0.5, material: grey, name: left, label: ball}
+  - {shape: sphere, center: [0.6, 0.5, 0], radius: 0.5, material: grey}
+  - {shape: board, kind: checker, columns: 4, rows: 3, pitch: 0.2, name: target, transform: {translate: [0, 1.5, 0]}}
+environment: {kind: constant, radiance: 1}
+render: {spp: 2}
+"""
+PLAIN = """\
+scene: scene.yaml
+frames: 4
+set: {render.layers: [depth]}
+files: [npz, png]
+vary:
+  camera.f_number: {choice: [2.8, 8]}
+  objects.0.radius: {uniform: [0.3, 0.5]}
+"""
+LABELLED = PLAIN.replace("vary:", "truth: true\nvary:")
+TRUTH = ("coco.json", "instances.png", "classes.png")
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "scene.yaml").write_text(SCENE, "utf-8")
+    (tmp_path / "plain.yaml").write_text(PLAIN, "utf-8")
+    (tmp_path / "spec.yaml").write_text(LABELLED, "utf-8")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def bytes_of(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+
+
+def test_truth_of_a_frame_is_that_of_the_picture_of_its_scene(place: Path) -> None:
+    *_, frame = dataset("spec.yaml", "out")
+    image = render(read_specification("spec.yaml").frame(3)[1], layers=LABELS)
+    files = image.save_truth(place / "alone", "000003.png", image_id=3, prefix="000003.")
+    assert [path.name for path in files] == [f"000003.{name}" for name in TRUTH]
+    for path in files:
+        assert (place / "out" / path.name).read_bytes() == path.read_bytes()
+        assert frame.record["files"][path.name] == hashlib.sha256(path.read_bytes()).hexdigest()
+    assert list(frame.record["files"]) == [f"000003.{name}" for name in ("npz", "png", *TRUTH)]
+    assert frame.image.coco()["annotations"]
+    plain = render(read_specification("spec.yaml").frame(3)[1], layers=LABELS).coco("000003.png")
+    said = json.loads((place / "out/000003.coco.json").read_text())
+    assert said["images"] == [{"id": 3, "file_name": "000003.png", "width": 32, "height": 24}]
+    for one, other in zip(said["annotations"], plain["annotations"], strict=True):
+        assert one | {"id": 0, "image_id": 0} == other | {"id": 0, "image_id": 0}
+
+
+def test_annotations_of_all_frames_can_be_joined(place: Path) -> None:
+    list(dataset("spec.yaml", "out"))
+    joined: dict[str, Any] = {"images": [], "annotations": []}
+    for path in sorted((place / "out").glob("*.coco.json")):
+        said = json.loads(path.read_text())
+        joined["categories"] = said["categories"]
+        joined["images"] += said["images"]
+        joined["annotations"] += said["annotations"]
+    (place / "all.json").write_text(json.dumps(joined))
+    known = COCO(str(place / "all.json"))
+    assert known.getImgIds() == [0, 1, 2, 3]
+    assert len(known.anns) == len(joined["annotations"]) == 12  # no two have one identifier
+    assert [each["name"] for each in known.loadCats(known.getCatIds())] == ["ball", "object"]
+    for number in range(4):
+        with PIL.Image.open(place / f"out/{known.imgs[number]['file_name'][:6]}.instances.png") as picture:
+            instances = np.asarray(picture)
+        [ball] = known.loadAnns(known.getAnnIds(imgIds=number, catIds=1))
+        np.testing.assert_array_equal(known.annToMask(ball), instances == 1)
+
+
+def test_pictures_and_records_are_those_without_truth(place: Path) -> None:
+    labelled, plain = list(dataset("spec.yaml", "labelled")), list(dataset("plain.yaml", "plain"))
+    for one, other in zip(labelled, plain, strict=True):
+        assert np.array_equal(one.image.pixels, other.image.pixels)
+        mine = {key: value for key, value in one.record.items() if key not in ("files", "boards")}
+        assert mine == {key: value for key, value in other.record.items() if key != "files"}
+        assert list(other.record["files"]) == [f"{one.index:06d}.npz", f"{one.index:06d}.png"]
+        assert one.record["boards"] == one.image.metadata["boards"] and len(one.record["boards"][0]["corners"]) == 6
+    with np.load(place / "labelled/000002.npz") as arrays, np.load(place / "plain/000002.npz") as others:
+        assert arrays.files == others.files and np.array_equal(arrays["depth"], others["depth"])
+
+
+def test_a_dataset_without_truth_is_the_same_whether_it_says_so(place: Path) -> None:
+    silent = read_specification("plain.yaml")
+    (place / "plain.yaml").write_text(LABELLED.replace("true", "false"), "utf-8")
+    assert read_specification("plain.yaml").key == silent.key != read_specification("spec.yaml").key
+    assert "truth" not in silent.content
+
+
+def test_frames_with_truth_have_the_same_bytes_alone_damaged_and_in_shards(place: Path, capsys: Any) -> None:
+    list(dataset("spec.yaml", "all"))
+    whole = bytes_of(place / "all")
+    assert len(whole) == 4 * 6 + 2
+    list(dataset("spec.yaml", "one", only=[2]))
+    alone = bytes_of(place / "one")
+    assert sum(name.startswith("000002.") for name in alone) == 6
+    assert all(content == whole[name] for name, content in alone.items() if name.startswith("000002."))
+
+    (place / "all/000001.instances.png").write_bytes(b"broken")
+    (place / "all/000002.coco.json").unlink()
+    (place / "all/000003.json").unlink()
+    assert main(["dataset", "spec.yaml", "-o", "all"]) == 0
+    assert "3 frames rendered, 1 kept" in capsys.readouterr().err
+    assert bytes_of(place / "all") == whole
+
+    command = ["dataset", "spec.yaml", "-o", "packed", "--shard", "3"]
+    assert main([*command, "--frames", "0-1", "--quiet"]) == 0
+    assert main(command) == 0
+    assert "2 frames rendered, 2 kept" in capsys.readouterr().err
+    assert main(command) == 0
+    assert "0 frames rendered, 4 kept" in capsys.readouterr().err
+    assert sorted(path.name for path in (place / "packed").iterdir()) == [
+        "dataset.json", "manifest.jsonl", "shard-000000.tar", "shard-000001.tar",
+    ]  # fmt: skip
+    with tarfile.open(place / "packed/shard-000000.tar") as shard:
+        assert shard.getnames() == [f"{n:06d}.{suffix}" for n in range(3) for suffix in ("npz", "png", *TRUTH, "json")]
+        for member in shard:
+            content = shard.extractfile(member)
+            assert content is not None and content.read() == whole[member.name]
+    assert (place / "packed/manifest.jsonl").read_bytes() == whole["manifest.jsonl"]
+
+
+def test_annotations_name_the_first_file_where_no_frame_has_a_picture(place: Path) -> None:
+    (place / "spec.yaml").write_text(LABELLED.replace("[npz, png]", "[npz]"), "utf-8")
+    list(dataset("spec.yaml", "out", only=[1]))
+    assert json.loads((place / "out/000001.coco.json").read_text())["images"][0]["file_name"] == "000001.npz"
+
+
+@pytest.mark.parametrize("value", ["maybe", "1", "[coco]", ""])
+def test_truth_is_true_or_false(place: Path, value: str) -> None:
+    (place / "spec.yaml").write_text(LABELLED.replace("true", value), "utf-8")
+    with pytest.raises(InputError, match=r"^spec.yaml:5:(7|8): truth: must be true or false \(got "):
+        read_specification("spec.yaml")
