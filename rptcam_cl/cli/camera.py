@@ -3,14 +3,12 @@
 import argparse
 import math
 import sys
-from collections.abc import Callable
-from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.camera_maps import add_maps, check_maps, written_maps
-from rptcam_cl.cli.lens_options import write
+from rptcam_cl.cli.camera_files import TEXTS, check_outputs, write_files
+from rptcam_cl.cli.camera_maps import add_maps
 from rptcam_cl.cli.output import as_json, print_table, print_warnings
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.core.errors import InputError
@@ -20,7 +18,7 @@ if TYPE_CHECKING:
 
 MODELS = ("auto", "pinhole", "brown_conrady", "rational", "thin_prism", "kannala_brandt")
 GOOD_PX = 0.05  # residual at which the search for a model ends, where no other is given
-TEXTS = ("opencv", "ros", "openlensio", "usd", "osl")
+POOR_PX = 0.1  # residual from which on there is a warning, where no other is given
 
 
 def film(text: str) -> tuple[float, float]:
@@ -82,33 +80,23 @@ def add_to(commands: Commands) -> None:
 
 def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.calibration import subject, view
+    from rptcam_cl.scene import camera_changes
 
-    _check_outputs(arguments)
+    check_outputs(arguments)
     scene = subject(arguments.source, arguments.overrides, size=arguments.size, film_mm=arguments.film)
     seen = view(scene, arguments.distance_m, arguments.object)
+    if camera_changes(scene):
+        print(
+            "note: the camera changes while the shutter is open; this is its state when it opens, at"
+            f" {scene.shutter.open_s:g} s (--set shutter.open_s=T takes another moment)",
+            file=sys.stderr,
+        )
     if seen.setting is not None:
         print_warnings(seen.setting.lens.warnings)
     chosen = _chosen(arguments, seen)
     _report(arguments, seen, chosen)
-    _write(arguments, seen, chosen)
+    write_files(arguments, seen, chosen)
     return 0
-
-
-def _check_outputs(arguments: argparse.Namespace) -> None:
-    """Refuse, before anything is traced, files that could not be written."""
-    from rptcam_cl.core.atomic import check_writable
-
-    for name in TEXTS:
-        if (path := getattr(arguments, name)) is not None:
-            check_writable(path, [arguments.source])
-    if arguments.plot is not None:
-        from rptcam_cl.lenstools import check_suffix
-
-        check_suffix(arguments.plot)
-        check_writable(arguments.plot, [arguments.source])
-    check_maps(arguments)
-    if (folder := arguments.colmap) is not None:
-        check_writable(folder / "cameras.txt" if folder.is_dir() else folder)
 
 
 def _chosen(arguments: argparse.Namespace, seen: "View") -> "Calibration":
@@ -120,6 +108,10 @@ def _chosen(arguments: argparse.Namespace, seen: "View") -> "Calibration":
     if arguments.model == "auto":
         held = [model for model in COEFFICIENTS if all(model in HELD[name] for name in forms)]
         found = calibrate_best(seen, held, allowed or GOOD_PX)
+        if allowed is None and found.max_px > POOR_PX:
+            of = "" if len(held) == len(COEFFICIENTS) else " of what these files can say"
+            said = f"{found.model} fits best{of} and errs by {found.max_px:.3g} px"
+            print_warnings([f"{said}; maps of the lens itself have no residual: --stmap-undistort"])
     else:
         for name in forms:
             check_held(name, arguments.model)
@@ -152,50 +144,3 @@ def _report(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") 
         except InputError as problem:
             refused[model] = str(problem)
     print(as_json(document(seen, found, refused) | {"chosen": chosen.model}))
-
-
-def _write(arguments: argparse.Namespace, seen: "View", chosen: "Calibration") -> None:
-    from rptcam_cl.calibration import WRITTEN, colmap_texts, residual_chart
-    from rptcam_cl.lenstools import encoded
-
-    texts: list[tuple[Path, Callable[[], bytes]]] = [
-        (path, lambda name=name: WRITTEN[name](seen, chosen).encode())  # type: ignore[misc]
-        for name in TEXTS
-        if (path := getattr(arguments, name)) is not None
-    ]
-    made: list[tuple[Path, bytes]] = [(path, text()) for path, text in texts]  # all, before the first is written
-    if arguments.plot is not None:
-        made.append((arguments.plot, encoded(residual_chart(seen, chosen), arguments.plot)))
-    maps = list(written_maps(arguments, seen))
-    for path, data in made:
-        write(data, path)
-    for path, writer in maps:
-        _write_by(writer, path)
-    if arguments.colmap is not None:
-        _write_folder(arguments.colmap, colmap_texts(seen, chosen, _picture_name(arguments.source)))
-
-
-def _write_by(writer: Callable[[Path], object], output: Path) -> None:
-    """Write a file by what writes to a path, whole or not at all, and say so."""
-    from rptcam_cl.core.atomic import replacing
-
-    with replacing(output) as temporary:
-        writer(temporary)
-    print(f"wrote {output}", file=sys.stderr)
-
-
-def _picture_name(source: str) -> str:
-    return f"{Path(source).stem.replace(' ', '_')}.png"
-
-
-def _write_folder(folder: Path, texts: dict[str, str]) -> None:
-    """Write text files into a folder, all or none where it is new."""
-    from rptcam_cl.core.atomic import check_writable, replacing
-
-    folder.mkdir(exist_ok=True)
-    for name in texts:
-        check_writable(folder / name)
-    with ExitStack() as files:
-        for name, text in texts.items():
-            files.enter_context(replacing(folder / name)).write_text(text, "utf-8")
-    print(f"wrote {folder}", file=sys.stderr)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import numbers, wavelengths
+from rptcam_cl.cli.lens_options import wavelengths
 from rptcam_cl.core.errors import InputError
 
 if TYPE_CHECKING:
@@ -17,10 +17,13 @@ NAMES = (*EXR, "psf_grid")
 
 
 def distances(text: str) -> list[float]:
-    """Distances of ``a,b,c`` [m]."""
-    found = numbers(text)
-    if any(value <= 0 for value in found):
-        raise argparse.ArgumentTypeError(f"got {text}; allowed distances above 0 m")
+    """Distances of ``a,b,c``, which may be far away: ``inf`` [m]."""
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        found = []
+    if not found or not all(value > 0 for value in found):
+        raise argparse.ArgumentTypeError(f"got {text}; allowed distances above 0 m, as 0.8,2,inf")
     return found
 
 
@@ -40,15 +43,13 @@ def add_maps(parser: argparse.ArgumentParser) -> None:
         "--distances-m",
         type=distances,
         metavar="D,D,…",
-        help="of points, in metres (default: the plane of focus)",
+        help="of points, in metres or inf (default: the plane of focus)",
     )
     maps.add_argument("--wavelengths", type=wavelengths, metavar="W,W,…", help="in nanometres (default: the camera's)")
 
 
 def check_maps(arguments: argparse.Namespace) -> None:
-    """Refuse, before anything is traced, maps that could not be written."""
-    from rptcam_cl.core.atomic import check_writable
-
+    """Refuse maps whose names say another kind of file."""
     for name in NAMES:
         path: Path | None = getattr(arguments, name)
         if path is None:
@@ -57,7 +58,6 @@ def check_maps(arguments: argparse.Namespace) -> None:
         if path.suffix.lower() != suffix:
             option = f"--{name.replace('_', '-')}"
             raise InputError(f"{option}: {path}: such a file is {suffix} (got {path.suffix or 'none'})")
-        check_writable(path, [arguments.source])
 
 
 def written_maps(arguments: argparse.Namespace, seen: "View") -> Iterator[tuple[Path, Callable[[Path], object]]]:

@@ -53,7 +53,7 @@ from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Pla
 from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, NormalMap, alpha_pair, has_holes
 from rptcam_cl.scene.mesh import LoadedMesh, MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
-from rptcam_cl.scene.moment import at_opening, at_rest, exposure_steps
+from rptcam_cl.scene.moment import at_opening, at_rest, camera_changes, exposure_steps
 from rptcam_cl.scene.motion import CameraKeyframe, ObjectKeyframe, Trajectory, moments, quaternion_of
 from rptcam_cl.scene.movements import NO_MOVEMENTS, Movements
 from rptcam_cl.scene.picture import (
@@ -235,6 +235,7 @@ __all__ = [
     "apply_overrides",
     "at_opening",
     "at_rest",
+    "camera_changes",
     "change_scene",
     "exposure_steps",
     "file_references",

@@ -9,7 +9,7 @@ import numpy as np
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.scene.camera import LensCamera, ThinLensCamera
 from rptcam_cl.scene.focus import Focus
-from rptcam_cl.scene.motion import Vector
+from rptcam_cl.scene.motion import Vector, moments
 from rptcam_cl.scene.pose import Pose
 from rptcam_cl.scene.scene import Scene
 from rptcam_cl.scene.sequence import value_at
@@ -30,6 +30,19 @@ def at_opening(scene: Scene) -> Scene:
     if scene.camera.motion:
         scene = scene.model_copy(update={"camera": _moved(scene.camera, scene.shutter.open_s)})
     return _following(scene)
+
+
+def camera_changes(scene: Scene) -> bool:
+    """Return whether the camera is not the same all the time that the shutter is open: by its motion, or by keys."""
+    span = scene.shutter.span_s
+    first, *poses = (scene.camera.pose_at(time_s) for time_s in moments(scene.camera.motion, *span))
+    if any(not np.array_equal(pose, first) for pose in poses):
+        return True
+    for name, frames in scene.shutter.keys.items():
+        begin, *values = (value_at(frames, time_s) for time_s in moments(frames, *span))
+        if name.startswith("camera") and any(value != begin for value in values):
+            return True
+    return False
 
 
 def at_rest(scene: Scene) -> Scene:
