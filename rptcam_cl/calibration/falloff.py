@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rptcam_cl.calibration.view import View
+from rptcam_cl.calibration.view import View, check_distances
 from rptcam_cl.cameras import camera_model, film_frame, stop_shape
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, film_irradiance
@@ -144,8 +144,14 @@ def _ideal_falloff(view: View) -> Pixels:
 def coc_map(view: View, distances_m: Sequence[float]) -> Pixels:
     """Return the diameter of the circle of confusion in each pixel [pixels], (distances, rows, columns).
 
-    As the layer `coc` has it, of points at distances along the ray from the front of the camera.
+    As the layer `coc` has it, of points at distances along the ray from the front of the camera, infinite for far away.
+
+    Raises
+    ------
+    InputError
+        For no distances, and for one that is not above 0.
     """
+    check_distances(distances_m)
     blur = camera_model(view.scene).view.blur()
     x, y, width, height = view.window
     full = view.scene.film.resolution

@@ -21,6 +21,7 @@ from rptcam_cl.calibration.models import (
     distorted,
     in_reach,
     normal_points,
+    placed,
     project,
     slopes,
 )
@@ -79,8 +80,13 @@ class Calibration:
         return coefficients
 
     def project(self, directions: Array) -> Array:
-        """Return the places (n, 2) of directions (n, 3) in the picture: x right, y down, z ahead [pixels]."""
-        return project(self.model, self.parameters, np.asarray(directions, np.float64))
+        """Return the places (n, 2) of directions (n, 3) in the picture: x right, y down, z ahead [pixels].
+
+        Not-a-number for what the model does not see: z <= 0, behind the camera. ``kannala_brandt`` goes by the angle
+        from the axis and sees beyond 90 degrees, up to the angle at which its radius no longer grows. What is seen
+        may lie outside of the picture.
+        """
+        return project(self.model, self.parameters, np.atleast_2d(np.asarray(directions, np.float64)))
 
 
 @dataclass(frozen=True)
@@ -142,7 +148,7 @@ def _tried(view: View, model: str) -> _Fit:
         )
     parameters = _fitted(model, seen)
     errors = np.full_like(cells.places, np.nan)
-    errors[cells.lit] = project(model, parameters, directions) - cells.places[cells.lit]
+    errors[cells.lit] = placed(model, parameters, normal_points(model, directions)) - cells.places[cells.lit]
     return _Fit(model, parameters, errors, seen.middle is not None)
 
 

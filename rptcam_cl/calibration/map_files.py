@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -40,9 +41,10 @@ def vignetting_exr(view: View, values: Pixels, path: Path) -> None:
 
 
 def coc_exr(view: View, values: Pixels, distances_m: Sequence[float], path: Path) -> None:
-    """Write circles of confusion [pixels], a channel `coc.K` for each distance."""
+    """Write circles of confusion [pixels], a channel `coc.K` for each distance; the header has null for far away."""
     channels = {f"coc.{k}": plane for k, plane in enumerate(values)}
-    _write_exr(path, channels, {"lens": view.name, "map": "circle of confusion [px]", "distances_m": list(distances_m)})
+    away = [distance if math.isfinite(distance) else None for distance in distances_m]  # JSON has no infinity
+    _write_exr(path, channels, {"lens": view.name, "map": "circle of confusion [px]", "distances_m": away})
 
 
 def psf_npz(images: PointImages) -> bytes:

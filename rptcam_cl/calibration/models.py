@@ -41,8 +41,32 @@ def normal_points(model: str, directions: Array) -> Array:
         return np.asarray(across * np.where(length > 1e-12, angle / length, 1.0)[:, None])
 
 
+def sees(model: str, parameters: Array, directions: Array) -> NDArray[np.bool_]:
+    """Return which directions (n, 3) a model of these parameters sees.
+
+    Those ahead of the camera, z > 0; of the model by angles those up to where its radius no longer grows with the
+    angle, beyond 90 degrees too, but for what lies straight behind, which has no azimuth.
+    """
+    if model != BY_ANGLE:
+        return np.asarray(directions[:, 2] > 0)
+    across = np.linalg.norm(directions[:, :2], axis=1)
+    angle = np.arctan2(across, directions[:, 2])
+    return np.asarray((angle < _widest(parameters[4:])) & ((across > 0) | (directions[:, 2] > 0)))
+
+
+def _widest(coefficients: Array) -> float:
+    """Return the angle at which the radius of the model by angles turns back, above 180 degrees if nowhere [rad]."""
+    slope = np.append(coefficients[::-1] * [9.0, 7.0, 5.0, 3.0], 1.0)  # of the radius, by powers of the squared angle
+    roots = np.roots(slope)
+    turns = roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > 0)]
+    return float(np.sqrt(turns.min(initial=16.0)))
+
+
 def project(model: str, parameters: Array, directions: Array) -> Array:
     """Return the places (n, 2) of directions (n, 3) in the picture [pixels from its corner].
+
+    Not-a-number for directions that the model does not see: behind the camera (z <= 0), or for the model by angles,
+    which sees beyond 90 degrees, past the angle at which its radius turns back.
 
     Parameters
     ----------
@@ -51,7 +75,14 @@ def project(model: str, parameters: Array, directions: Array) -> Array:
     parameters : array
         fx, fy, cx, cy, and the coefficients.
     """
-    points = normal_points(model, directions)
+    with np.errstate(all="ignore"):
+        places = placed(model, parameters, normal_points(model, directions))
+    places[~sees(model, parameters, directions)] = np.nan
+    return places
+
+
+def placed(model: str, parameters: Array, points: Array) -> Array:
+    """Return the places (n, 2) in the picture of points of `normal_points` (n, 2) [pixels from its corner]."""
     return np.asarray(distorted(model, parameters[4:], points) * parameters[:2] + parameters[2:4])
 
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.calibration.view import View, distance_along
+from rptcam_cl.calibration.view import View, check_distances, distance_along
 from rptcam_cl.cameras import film_frame, stop_shape
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -98,7 +98,7 @@ def point_images(
     ------
     InputError
         Of a camera without a lens to trace; of a field more than 85 degrees from the axis through a first surface that
-        is no sphere; of an even side.
+        is no sphere; of an even side; of a distance that is not above 0.
     """
     camera = view.scene.camera
     if not isinstance(camera, RealisticCamera) or view.setting is None:
@@ -107,6 +107,7 @@ def point_images(
         raise InputError(f"--psf-pixels: must be odd, so that a pixel lies in the middle (got {pixels})")
     waves = tuple(wavelengths_nm) or (view.setting.camera.wavelength_nm,)
     distances = tuple(distances_m) or (view.distance_m,)
+    check_distances(distances)
     x, y = ((np.arange(count) + 0.5) * side / count for count, side in zip(grid, view.size, strict=True))
     places = np.stack(np.meshgrid(x, y), axis=-1)
     shape = (grid[1], grid[0], len(waves), len(distances))

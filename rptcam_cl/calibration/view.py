@@ -8,6 +8,7 @@ pupil. Through a real lens they are those of its chief rays.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import cached_property, lru_cache
 from typing import Any
@@ -36,6 +37,7 @@ Mask = NDArray[np.bool_]
 
 UPRIGHT = np.diag([1.0, -1.0, -1.0])  # from the axes of computer vision to those of the camera's frame
 TURNED = np.diag([-1.0, 1.0, -1.0])  # the same of an inverted picture, which a camera on its head takes
+SHAPES = ("plane", "sphere")  # of an object
 FAR_M = 1e5  # from where on the object is as good as infinitely far
 PROBES = 9  # places across and down that say how wide the field is
 DRIFT_PLACES = (41, 31)  # across and down, whose chief rays say where the pupil lies at which angle
@@ -255,6 +257,20 @@ def distance_along(origins: Array, directions: Array, distance_mm: float, *, sph
     return np.asarray(np.sqrt(np.maximum(inside, 0.0)) - along)
 
 
+def check_distances(distances_m: Sequence[float], name: str = "distances_m") -> None:
+    """Refuse distances of objects that are not ahead of the camera, and none at all.
+
+    Raises
+    ------
+    InputError
+    """
+    if len(distances_m) == 0:
+        raise InputError(f"{name}: is empty (allowed: one distance or more)")
+    for distance in distances_m:
+        if not distance > 0:
+            raise InputError(f"{name}: is out of range (got {distance:g}; allowed: above 0 m, inf for far away)")
+
+
 def view(
     scene: Scene, distance_m: float | None = None, shape: str | None = None, camera: CameraModel | None = None
 ) -> View:
@@ -263,7 +279,7 @@ def view(
     Parameters
     ----------
     distance_m
-        Of the object from the entrance pupil; that of the focus when absent.
+        Of the object from the entrance pupil; infinite for one far away; that of the focus when absent.
     shape
         Of the object, ``plane`` or ``sphere``; by the field when absent.
     camera
@@ -272,8 +288,13 @@ def view(
     Raises
     ------
     InputError
-        For a camera that sees all around, or whose focus is yet to be found, or whose pupil is infinitely far away.
+        For a camera that sees all around, or whose focus is yet to be found, or whose pupil is infinitely far away; for
+        another shape, and for a distance that is not above 0.
     """
+    if shape is not None and shape not in SHAPES:
+        raise InputError(f"shape: is no shape of an object (got {shape}; allowed: {', '.join(SHAPES)})")
+    if distance_m is not None:
+        check_distances((distance_m,), "distance_m")
     scene = at_opening(scene)
     if scene.camera.kind == "environment":
         raise InputError(

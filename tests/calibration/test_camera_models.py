@@ -94,6 +94,33 @@ def test_brown_and_kannala_brandt_by_their_formulas():
     assert found[0] == pytest.approx((100 * angle * (1 + 0.01 * angle**2) + 7, 9))
 
 
+@pytest.mark.parametrize("model", COEFFICIENTS)
+def test_points_that_a_model_does_not_see_have_no_place(model):
+    parameters = np.concatenate([[20.0, 20.0, 20.0, 15.0], np.full(len(COEFFICIENTS[model]), 0.01)])
+    points = np.array([[0.1, 0.05, -1.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 0.0, 0.0], [0.1, 0.05, 1.0]])
+    seen = np.isfinite(project(model, parameters, points)).all(axis=1)
+    by_angle = model == "kannala_brandt"  # which sees to the sides and behind, where that has an azimuth
+    assert seen.tolist() == [by_angle, by_angle, False, False, True]
+    assert np.isnan(project(model, parameters, points)[~seen]).all()
+
+
+def test_model_by_angles_sees_up_to_where_its_radius_turns_back():
+    turning = 2.0  # [rad]: the slope 1 + 3 k1 angle^2 is zero there
+    parameters = np.array([100.0, 100.0, 0.0, 0.0, -1 / (3 * turning**2), 0.0, 0.0, 0.0])
+    angles = np.array([0.0, 1.6, 1.99, 2.01, 3.0])
+    places = project("kannala_brandt", parameters, np.column_stack([np.sin(angles), 0 * angles, np.cos(angles)]))
+    assert np.isfinite(places[:, 0]).tolist() == [True, True, True, False, False]
+    assert places[2, 0] == pytest.approx(100 * turning * 2 / 3, abs=0.01)
+
+
+def test_calibration_projects_one_point_or_many_and_none_from_behind():
+    found = calibrate(camera("dgauss-50mm", (96, 64)), "pinhole")
+    one = found.project([0.1, 0.05, 1.0])
+    assert one.shape == (1, 2)
+    assert found.project([[0.1, 0.05, 1.0], [0.1, 0.05, -1.0]])[0] == pytest.approx(one[0])
+    assert np.isnan(found.project([0.1, 0.05, -1.0])).all()
+
+
 def test_residual_is_that_of_the_corners_without_opencv():
     seen = camera("wide-22mm")
     found = calibrate(seen, "brown_conrady")
@@ -240,6 +267,15 @@ def test_refused_models_and_cameras():
     auto = CAMERA | {"focus": {"auto": {"method": "contrast"}}}
     with pytest.raises(InputError, match="yet to be found"):
         view(load_scene({"film": FILM, "camera": auto}))
+
+
+def test_refused_objects():
+    scene = load_scene({"film": FILM, "camera": CAMERA})
+    with pytest.raises(InputError, match=r"shape: is no shape of an object \(got cube; allowed: plane, sphere\)"):
+        view(scene, 1.0, "cube")
+    for distance in (np.nan, -1.0, 0.0, -np.inf):
+        with pytest.raises(InputError, match=r"^distance_m: is out of range .* allowed: above 0 m, inf for far away"):
+            view(scene, distance)
 
 
 def test_fisheye_is_known_past_75_degrees_and_dark_beyond_its_circle():

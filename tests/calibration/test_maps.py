@@ -146,6 +146,46 @@ def test_circle_of_confusion_is_the_width_of_the_kernel():
     assert blur[0, 400, 600] == pytest.approx(width, rel=0.01)
 
 
+def test_kernels_outside_of_the_image_circle_sum_to_nothing():
+    seen = view(subject("fisheye-10mm", size=(60, 40), film_mm=(36.0, 24.0)))
+    found = point_images(seen, (5, 3), across=24)
+    sums, dark = found.kernels.sum(axis=(-1, -2))[..., 0, 0], ~seen.directions(found.places.reshape(-1, 2))[1]
+    assert dark.any() and not dark.all()
+    assert sums.ravel()[dark].tolist() == [0.0] * int(dark.sum())
+    assert sums.ravel()[~dark] == pytest.approx(1.0, abs=1e-5)
+    assert np.isnan(found.centroids[..., 0, 0, :]).all(axis=-1).ravel().tolist() == dark.tolist()
+
+
+def test_maps_of_distances_far_away_are_written_and_the_header_is_json(tmp_path):
+    OpenEXR = pytest.importorskip("OpenEXR")
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(json.dumps({"film": FILM, "camera": CAMERA}))
+    words = ["--coc", str(tmp_path / "c.exr"), "--psf-grid", str(tmp_path / "p.npz"), "--psf-cells", "1x1"]
+    assert main(["camera", str(scene), *words, "--distances-m", "0.8,inf"]) == 0
+    with OpenEXR.File(str(tmp_path / "c.exr")) as file:
+        header, channels = dict(file.header()), {name: one.pixels for name, one in file.channels().items()}
+
+    def refused(name):
+        raise ValueError(name)
+
+    assert json.loads(header["distances_m"], parse_constant=refused) == [0.8, None]
+    blur = coc_map(view(load_scene({"film": FILM, "camera": CAMERA})), (0.8, np.inf, 1e9))
+    assert channels["coc.1"] == pytest.approx(blur[1])
+    assert blur[1] == pytest.approx(blur[2], rel=1e-5)
+    with np.load(tmp_path / "p.npz") as found:
+        assert found["distances_m"].tolist() == [0.8, np.inf]
+
+
+@pytest.mark.parametrize("distance", [0.0, -1.0, np.nan])
+def test_maps_refuse_distances_that_are_none(distance):
+    seen = view(load_scene({"film": FILM, "camera": CAMERA}))
+    for made in (lambda: coc_map(seen, [1.0, distance]), lambda: point_images(seen, (1, 1), (), [distance], across=8)):
+        with pytest.raises(InputError, match=r"^distances_m: is out of range .* allowed: above 0 m"):
+            made()
+    with pytest.raises(InputError, match="distances_m: is empty"):
+        coc_map(seen, [])
+
+
 def test_commands_write_maps_whole(tmp_path, capsys):
     OpenEXR = pytest.importorskip("OpenEXR")
     files = {
@@ -177,6 +217,7 @@ def test_commands_write_maps_whole(tmp_path, capsys):
     [
         (["dgauss-50mm", "--vignetting", "{0}/v.png"], "such a file is .exr"),
         (["dgauss-50mm", "--coc", "{0}/c.exr", "--distances-m", "0"], "above 0 m"),
+        (["dgauss-50mm", "--coc", "{0}/c.exr", "--distances-m", "1,nan"], "above 0 m, as 0.8,2,inf"),
         (["dgauss-50mm", "--psf-grid", "{0}/p.npz", "--wavelengths", "100"], "from 200 to 3000 nm"),
         (["dgauss-50mm", "--size", "64x48", "--film", "4000x3000", "--stmap-distort", "{0}/d.exr"], "nothing to fit"),
     ],
