@@ -41,7 +41,7 @@ class Measurable(Lens):
 
     All methods take `f_number` to stop down to and `focus_distance_m` from the object to the film; by default the lens
     is wide open and focused at infinity. Fields are angles from the axis [degrees], chosen from the lens by default.
-    Wavelengths are nanometres. They raise `InputError` where nothing of any beam comes through.
+    Wavelengths are nanometres. They raise `InputError` where nothing of any beam comes through, and for empty lists.
     """
 
     def _state(self, f_number: float | None, focus_distance_m: float | None) -> Setting:
@@ -63,7 +63,8 @@ class Measurable(Lens):
         """Return tangential and sagittal modulation of each field; with `diffraction` by wave optics."""
         from rptcam_cl.lenstools import mtf, spots, wave_images, wavefronts
 
-        if min(frequencies_per_mm) < 0 or max(frequencies_per_mm) <= 0:
+        _check_given(frequencies_per_mm=frequencies_per_mm, fields=fields, wavelengths_nm=wavelengths_nm)
+        if not min(frequencies_per_mm) >= 0 or not max(frequencies_per_mm) > 0:
             raise InputError("frequencies_per_mm: must not be negative, and one must be above 0")
         state, highest = self._state(f_number, focus_distance_m), max(frequencies_per_mm)
         if diffraction:
@@ -90,6 +91,7 @@ class Measurable(Lens):
         """Return the size of the spot of each field and wavelength; `about["points"]` has where the rays land [mm]."""
         from rptcam_cl.lenstools import spots
 
+        _check_given(fields=fields, wavelengths_nm=wavelengths_nm)
         state = self._state(f_number, focus_distance_m)
         found = spots.film_spots(state, fields, wavelengths_nm, rays or spots.ACROSS)
         points = {(one.field_degrees, one.wavelength_nm): one.points for one in found}
@@ -113,6 +115,7 @@ class Measurable(Lens):
         """Return facts of the image of a point; `about["shares"]` is that image (n, n), the light of each square."""
         from rptcam_cl.lenstools import psf, spots, wave_images, wavefronts
 
+        _check_given(wavelengths_nm=wavelengths_nm)
         state = self._state(f_number, focus_distance_m)
         if diffraction:
             waves = wavefronts.field_waves(state, [field_degrees], wavelengths_nm, rays)
@@ -139,6 +142,7 @@ class Measurable(Lens):
         from rptcam_cl.lenstools import distortion
         from rptcam_cl.lenstools.aberrations import fields_of
 
+        _check_given(fields=fields, wavelengths_nm=wavelengths_nm)
         state = self._state(f_number, focus_distance_m)
         fields = fields_of(state, fields, FINE)
         name = projection or distortion.followed_projection(state, fields)
@@ -177,6 +181,7 @@ class Measurable(Lens):
         """Return where the rays of the tangential (1) and sagittal (0) fan land beside the chief ray [um]."""
         from rptcam_cl.lenstools import aberrations
 
+        _check_given(fields=fields, wavelengths_nm=wavelengths_nm)
         state = self._state(f_number, focus_distance_m)
         rows = aberrations.fan_rows(state, aberrations.fields_of(state, fields, FEW), wavelengths_nm, rays)
         shown = [row for row in rows if row["tangential"] and row["wavelength_nm"] == wavelengths_nm[0]]
@@ -201,6 +206,7 @@ class Measurable(Lens):
         """Return where thin tangential and sagittal pencils are sharp, from the film away from the lens [mm]."""
         from rptcam_cl.lenstools import aberrations
 
+        _check_given(fields=fields, wavelengths_nm=wavelengths_nm)
         state = self._state(f_number, focus_distance_m)
         rows = aberrations.curvature_rows(state, aberrations.fields_of(state, fields, FINE), wavelengths_nm)
         return Measured.of_rows(
@@ -230,6 +236,7 @@ class Measurable(Lens):
         """
         from rptcam_cl.lenstools import aberrations
 
+        _check_given(fields=fields, wavelengths_nm=wavelengths_nm)
         if range_mm is not None and not 0 < range_mm < np.inf:
             raise InputError(f"range_mm: must be above 0 mm (got {range_mm:g})")
         state = self._state(f_number, focus_distance_m)
@@ -251,6 +258,13 @@ class Measurable(Lens):
         from rptcam_cl.lenstools.drawing import draw_lens
 
         return LensDrawing(draw_lens(setting(self, f_number, focus_distance_m), View(**view)))
+
+
+def _check_given(**lists: Sequence[float] | None) -> None:
+    """Refuse what is given and empty."""
+    for name, values in lists.items():
+        if values is not None and len(values) == 0:
+            raise InputError(f"{name}: is empty (allowed: one value or more)")
 
 
 def _about(state: Setting) -> dict[str, Any]:

@@ -106,3 +106,26 @@ def test_wrong_requests_are_refused(lens):
         lens.through_focus(-1.0)
     with pytest.raises(InputError, match="no real image"):
         traceable(load_lens("biconcave")).spot()
+
+
+@pytest.mark.parametrize(
+    ("method", "given"),
+    [
+        (method, name)
+        for method, names in {
+            "mtf": ["frequencies_per_mm", "fields", "wavelengths_nm"],
+            "spot": ["fields", "wavelengths_nm"],
+            "psf": ["wavelengths_nm"],
+            "distortion": ["fields", "wavelengths_nm"],
+            "ray_fan": ["fields", "wavelengths_nm"],
+            "field_curvature": ["fields", "wavelengths_nm"],
+            "through_focus": ["fields", "wavelengths_nm"],
+        }.items()
+        for name in names
+    ],
+)
+def test_empty_lists_are_refused_by_name(lens, method, given):
+    with pytest.raises(InputError, match=f"^{given}: is empty"):
+        getattr(lens, method)(**{given: []})
+    with pytest.raises(InputError, match=f"^{given}: is empty"):
+        getattr(lens, method)(**{given: np.array([])})
