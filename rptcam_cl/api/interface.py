@@ -10,13 +10,17 @@ from typing import TYPE_CHECKING, Any
 from rptcam_cl import optics
 from rptcam_cl.api.settings import RenderSettings
 from rptcam_cl.api.stages import prepare, report, run
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Split, Wanted, choose_device, list_devices, problem_of
 from rptcam_cl.imaging import Image
 from rptcam_cl.rendering import Progress
-from rptcam_cl.scene import Scene
+from rptcam_cl.scene import Scene, load_scene
 
 if TYPE_CHECKING:
     from rptcam_cl.lenstools import TraceableLens
+
+
+SceneSource = Scene | str | Path | Mapping[str, Any]
 
 
 def devices() -> list[dict[str, Any]]:
@@ -44,7 +48,7 @@ def load_lens(source: str | Path | Mapping[str, Any]) -> TraceableLens:
 
 
 def render(
-    scene: Scene | str | Path | Mapping[str, Any],
+    scene: SceneSource,
     *,
     spp: int | None = None,
     seconds: float | None = None,
@@ -63,7 +67,7 @@ def render(
     strict: bool = False,
     part: str | None = None,
     samples: tuple[int, int] | None = None,
-    neighbours: tuple[Scene | None, Scene | None] | None = None,
+    neighbours: tuple[SceneSource | None, SceneSource | None] | None = None,
     on_progress: Callable[[Progress], Any] | None = None,
     should_stop: Callable[[], bool] | None = None,
 ) -> Image:
@@ -109,8 +113,9 @@ def render(
     samples
         ``(64, 128)``: render these samples of each pixel alone, those from 64 on and before 128, likewise.
     neighbours
-        Scenes of the frames before and after, None where there is none, that the layers ``flow_backward`` and
-        ``flow_forward`` lead to; without them they lead to the opening and the closing of the shutter.
+        Scenes of the frames before and after, or what `load_scene` takes, None where there is none, that the layers
+        ``flow_backward`` and ``flow_forward`` lead to; without them they lead to the opening and the closing of the
+        shutter.
     on_progress
         Called with a `Progress` several times a second.
     should_stop
@@ -145,9 +150,22 @@ def render(
         strict=strict,
         part=part,
         samples=samples,
-        neighbours=neighbours,
+        neighbours=_frames_beside(neighbours),
         on_progress=on_progress,
         should_stop=should_stop,
     )
     prepared = prepare(scene, settings)
     return report(prepared, run(prepared))
+
+
+def _frames_beside(
+    neighbours: tuple[SceneSource | None, SceneSource | None] | None,
+) -> tuple[Scene | None, Scene | None] | None:
+    """Return the scenes of the frames before and after."""
+    if neighbours is None:
+        return None
+    if not isinstance(neighbours, tuple | list) or len(neighbours) != 2:
+        got = f"{len(neighbours)} of them" if isinstance(neighbours, tuple | list) else type(neighbours).__name__
+        raise InputError(f"neighbours: must be the frames before and after (got {got}; allowed: two, None for none)")
+    before, after = (frame if frame is None or isinstance(frame, Scene) else load_scene(frame) for frame in neighbours)
+    return before, after
