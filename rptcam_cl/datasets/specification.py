@@ -62,7 +62,8 @@ class DatasetSpecification:
     @property
     def key(self) -> str:
         """What decides the bytes of the frames, as a hash; the number of frames is none of it."""
-        facts = [__version__, self.scene.picture_hash(), self.scene.render.most_spp, self.content]
+        render = self.scene.render
+        facts = [__version__, self.scene.picture_hash(), render.most_spp, render.layers, self.content]
         return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def frame(self, index: int) -> tuple[dict[str, Any], Scene]:

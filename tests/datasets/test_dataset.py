@@ -268,6 +268,9 @@ def test_wrong_frames_and_folders_are_refused(place: Path) -> None:
     (place / "spec.yaml").write_text(SPECIFICATION.replace("seed: 7", "seed: 8"), "utf-8")
     with pytest.raises(StateError, match="holds frames of another dataset"):
         dataset("spec.yaml", "out")
+    (place / "spec.yaml").write_text(SPECIFICATION, "utf-8")
+    layers = read_specification("spec.yaml", ["render.layers=[normal]"])
+    assert layers.key != read_specification("spec.yaml").key  # files hold them
     (place / "full").mkdir()
     (place / "full/notes.json").write_text("{}")
     with pytest.raises(StateError, match="holds other files"):
