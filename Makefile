@@ -13,8 +13,9 @@ demo: $(VENV)/.demo
 test: $(VENV)/.test
 	$(BIN)/python -m pytest -q
 
+# Not --quiet: with it mkdocs does not count the warnings that `strict` is about.
 docs: $(VENV)/.docs
-	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --quiet
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build
 	@echo "The documentation is $(CURDIR)/out/docs/index.html"
 
 lint: $(VENV)/.lint

@@ -65,16 +65,19 @@ def targets(page: str, text: str) -> Iterator[str]:
             yield posixpath.normpath(posixpath.join(posixpath.dirname(page), target))
 
 
-def linked(page: str, text: str) -> str:
-    """A page with its links as the site has them; ``page`` is its path in the checkout."""
-    here = posixpath.dirname(in_site(page)) or "."
+def linked(page: str, text: str, folder: str | None = None) -> str:
+    """A page with its links as the site has them; ``page`` is its path in the checkout.
+
+    Pages in another ``folder`` of the site may show pieces of it.
+    """
+    here = folder or posixpath.dirname(in_site(page)) or "."
 
     def rewritten(match: re.Match[str]) -> str:
         opening, target, anchor, closing = match.groups()
         anchor = re.sub(r"-(\d+)$", r"_\1", anchor) if anchor and is_repeated(page, target, anchor) else anchor or ""
-        if not target or ":" in target:
+        if ":" in target or not (target or folder):
             return opening + target + anchor + closing
-        path = posixpath.normpath(posixpath.join(posixpath.dirname(page), target))
+        path = posixpath.normpath(posixpath.join(posixpath.dirname(page), target)) if target else page
         if (ROOT / path).is_dir():
             path = f"{path}/index.md"
         return opening + posixpath.relpath(in_site(path), here) + anchor + closing

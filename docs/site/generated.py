@@ -3,10 +3,10 @@
 from docs.site.command_reference import command_page
 from docs.site.contents import Nav
 from docs.site.key_reference import key_page
-from docs.site.python_reference import ROOMS, room_page
+from docs.site.python_reference import FOLDER, ROOMS, room_page
 
 COMMANDS, KEYS = "reference/commands.md", "reference/keys.md"
-PAGES = {room: f"reference/python/{room or 'rptcam_cl'}.md" for room in ROOMS}
+PAGES = {room: f"{FOLDER}/{room or 'rptcam_cl'}.md" for room in ROOMS}
 NAV: dict[str, Nav] = {
     "Reference": [
         {"All keys of a scene": KEYS},

@@ -10,7 +10,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from docs.site.contents import ROOT
+from docs.site.contents import ROOT, linked
 from docs.site.docstrings import as_markdown
 
 # Rooms that programs may import; the others serve them and may change without notice.
@@ -19,7 +19,8 @@ ROOMS = (
     "viewfinder",
 )  # fmt: skip
 PROPERTIES = (property, cached_property)
-EXAMPLES = ROOT / "docs" / "python-examples.md"
+EXAMPLES = "docs/python-examples.md"
+FOLDER = "reference/python"  # of these pages in the site
 
 
 def module_of(room: str) -> ModuleType:
@@ -39,7 +40,8 @@ def room_page(room: str) -> str:
 @cache
 def examples() -> dict[str, str]:
     """Examples by the heading that they stand under."""
-    sections = re.split(r"^##(#?) (.+)\n", EXAMPLES.read_text("utf-8"), flags=re.MULTILINE)
+    text = linked(EXAMPLES, (ROOT / EXAMPLES).read_text("utf-8"), FOLDER)
+    sections = re.split(r"^##(#?) (.+)\n", text, flags=re.MULTILINE)
     found = zip(sections[1::3], sections[2::3], sections[3::3], strict=True)
     return {name: text.strip() for deep, names, text in found if deep for name in names.split(", ")}
 

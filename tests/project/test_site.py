@@ -4,13 +4,20 @@ import ast
 import importlib.util
 import inspect
 import json
+import re
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
+from functools import partial
+from html.parser import HTMLParser
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from urllib.parse import unquote
 
 import pytest
 from PIL import Image
+from playwright.sync_api import Browser
 
 import rptcam_cl
 from docs.site.contents import Nav, linked, nav_of, slug, spaced
@@ -20,6 +27,7 @@ from docs.site.key_reference import key_page
 from docs.site.python_reference import PROPERTIES, ROOMS, examples, module_of, room_page, signature
 from examples.show_keys import models
 from rptcam_cl.scene import scene_json_schema
+from tests.support.browsing import CHROMIUM, chromium
 from tests.support.pages import all_blocks
 
 
@@ -43,17 +51,95 @@ def test_contents_have_the_four_kinds_of_pages_and_every_page_once(checkout: Pat
     assert {path.name for path in (checkout / "docs").glob("*.md")} | {*PAGES.values()} <= {*found}
 
 
-def test_site_builds_without_a_warning_and_finds_keys_names_and_options(checkout: Path, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def site(checkout: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The site as `make docs` builds it: a warning is an error (with --quiet mkdocs would not count any)."""
     if importlib.util.find_spec("material") is None:
         pytest.skip("mkdocs-material is not installed; the extra docs brings it")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(tmp_path)]
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     done = subprocess.run(command, cwd=checkout, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
-    texts = json.loads((tmp_path / "search" / "search_index.json").read_text("utf-8"))["docs"]
+    return folder
+
+
+class Addresses(HTMLParser):
+    """What a page links to, what it loads, and the names of its parts."""
+
+    def __init__(self, page: Path) -> None:
+        super().__init__()
+        self.links: set[str] = set()
+        self.loads: set[str] = set()
+        self.names: set[str] = set()
+        self.feed(page.read_text("utf-8"))
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        for name, value in attributes:
+            if name in ("src", "srcset", "poster", "data", "href", "xlink:href"):
+                (self.links if tag == "a" else self.loads).add(value or "")
+            elif name == "id":
+                self.names.add(value or "")
+
+
+def test_site_builds_without_a_warning_and_finds_keys_names_and_options(site: Path) -> None:
+    texts = json.loads((site / "search" / "search_index.json").read_text("utf-8"))["docs"]
     found = " ".join(item["title"] + " " + item["text"] for item in texts)
     assert all(word in found for word in ("pixel_pitch_um", "best_film_distance", "--best-focus-field", "Veach"))
-    home = (tmp_path / "index.html").read_text("utf-8")
-    assert "https://fonts" not in home and 'href="tutorial.html"' in home
+    assert "tutorial.html" in Addresses(site / "index.html").links
+
+
+def test_pages_load_nothing_from_another_host_and_their_links_lead_somewhere(site: Path) -> None:
+    # 404.html is for servers: it stands at any address, so its own are absolute.
+    pages = {page: Addresses(page) for page in site.rglob("*.html") if page != site / "404.html"}
+    assert len(pages) > 60
+    foreign = {address for page in pages.values() for address in page.loads if re.match(r"https?:|//", address)}
+    texts = [path.read_text("utf-8") for path in (*site.rglob("*.css"), *pages)]
+    foreign |= {found for text in texts for found in re.findall(r"(?:url\(|@import)[\s\"']*(?:https?:)?//[^)]*", text)}
+    assert foreign == set()
+    broken = []
+    for page, addresses in pages.items():
+        for address in addresses.links | addresses.loads:
+            if not re.match(r"\w+:", address):
+                place, _, name = unquote(address).partition("#")
+                target = (page.parent / place).resolve() if place else page
+                if not target.is_file() or (name and target in pages and name not in pages[target].names):
+                    broken.append((str(page.relative_to(site)), address))
+    assert broken == []
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium on this machine")
+def test_search_finds_words_from_the_folder_without_a_network_and_over_http(site: Path) -> None:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(SimpleHTTPRequestHandler, directory=str(site)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        with chromium() as browser:
+            from_folder = hits(browser, site.as_uri(), "vignetting", offline=True)
+            assert "vignetting_table" in from_folder
+            assert hits(browser, f"http://127.0.0.1:{server.server_port}", "vignetting", offline=False) == from_folder
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def hits(browser: Browser, root: str, query: str, *, offline: bool) -> list[str]:
+    """Headings of what the search finds from a page below the top; that all of it comes from the site is checked."""
+    page = browser.new_context(offline=offline).new_page()
+    requests: list[str] = []
+    complaints: list[str] = []
+    page.on("request", lambda request: requests.append(request.url))
+    page.on("console", lambda message: complaints.append(message.text) if message.type == "error" else None)
+    page.on("pageerror", lambda problem: complaints.append(str(problem)))
+    page.goto(f"{root}/reference/commands.html")
+    page.click(".md-search__input")
+    page.keyboard.type(query)
+    page.wait_for_selector(".md-search-result__item")
+    found = page.locator(".md-search-result__item :is(h1, h2)").all_inner_texts()
+    page.click(".md-search-result__item a")
+    page.wait_for_selector("mark")  # the word, on its page
+    assert complaints == []
+    assert [url for url in requests if not url.startswith((f"{root}/", "about:", "data:"))] == []
+    return found
 
 
 def test_links_lead_to_pages_of_the_site() -> None:
@@ -66,6 +152,9 @@ def test_links_lead_to_pages_of_the_site() -> None:
         == "[a](../images/x.png) [b](studio/index.md)"
     )
     assert linked("docs/scene.md", "[a](#noise-1) [b](https://a.org/x)") == "[a](#noise_1) [b](https://a.org/x)"
+    assert linked("docs/python-examples.md", "[a](layers.md#x) [b](#rooms)", "reference/python") == (
+        "[a](../../layers.md#x) [b](../../python-examples.md#rooms)"
+    )
     assert linked("docs/layers.md", "```text\n[a](../README.md)\n```") == "```text\n[a](../README.md)\n```"
 
 
