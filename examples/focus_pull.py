@@ -1,6 +1,7 @@
 """Pull the focus through the chess board, from the near pawns to the lamps and back: the moving picture of the README.
 
-Run in the folder above: python examples/focus_pull.py; it takes a quarter of an hour on two cores, and the extra `denoise`.
+Run in the folder above: python examples/focus_pull.py; it takes a quarter of an hour on two cores. It needs the extra
+`denoise`.
 One render session; only the records of the lens change from frame to frame.
 """
 
