@@ -14,7 +14,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from benchmarks.stopwatch import cores, timed
+from benchmarks.stopwatch import cores, timed_picture
 from benchmarks.worker import WorkerError, serve
 
 WITHOUT_BIAS = {"sample_clamp_indirect": 0.0, "blur_glossy": 0.0}
@@ -148,10 +148,10 @@ def _render(bpy: Any, request: dict[str, Any]) -> dict[str, Any]:
     """Return times and mean colour of a render from the loaded scene to the picture in numpy, which may be saved."""
     import numpy as np
 
-    scene, pictures = bpy.context.scene, []
+    scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = request["spp"], request["seed"]
 
-    def work() -> None:
+    def make() -> Any:
         bpy.ops.render.render(write_still=True)
         image = bpy.data.images.load(scene.render.filepath)
         image.colorspace_settings.name = "Non-Color"
@@ -159,12 +159,9 @@ def _render(bpy: Any, request: dict[str, Any]) -> dict[str, Any]:
         values = np.empty(width * height * 4, np.float32)
         image.pixels.foreach_get(values)
         bpy.data.images.remove(image)
-        pictures.append(values.reshape(height, width, 4)[::-1, :, :3])
+        return values.reshape(height, width, 4)[::-1, :, :3]
 
-    times = timed(work)
-    if "save" in request:
-        np.save(request["save"], pictures[0])
-    return {"wall": times.wall, "cpu": times.cpu, "mean": pictures[0].mean(axis=(0, 1), dtype=float).tolist()}
+    return timed_picture(make, request)
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.mitsuba_lens import register
-from benchmarks.stopwatch import timed
+from benchmarks.stopwatch import timed_picture
 from benchmarks.worker import WorkerError, serve
 
 VARIANT = "llvm_ad_rgb"
@@ -78,15 +78,7 @@ def _render(mitsuba: Any, scene: Any, request: dict[str, Any]) -> dict[str, Any]
     """Return times and mean colour of a render from nothing to the picture in numpy, which may be saved."""
     import numpy as np
 
-    pictures = []
-
-    def work() -> None:
-        pictures.append(np.array(mitsuba.render(scene, spp=request["spp"], seed=request["seed"])))
-
-    times = timed(work)
-    if "save" in request:
-        np.save(request["save"], pictures[0])
-    return {"wall": times.wall, "cpu": times.cpu, "mean": pictures[0].mean(axis=(0, 1), dtype=float).tolist()}
+    return timed_picture(lambda: np.array(mitsuba.render(scene, spp=request["spp"], seed=request["seed"])), request)
 
 
 if __name__ == "__main__":

@@ -10,10 +10,8 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-import numpy as np
-
 from benchmarks.scenes import reference_scene, wavefront_of
-from benchmarks.stopwatch import timed
+from benchmarks.stopwatch import timed_picture
 from benchmarks.worker import serve
 from rptcam_cl._version import __version__
 from rptcam_cl.device import Session, choose_device
@@ -40,16 +38,12 @@ def start() -> tuple[str, Callable[[dict[str, Any]], dict[str, Any]]]:
 
 def _render(wavefront: Wavefront, request: dict[str, Any]) -> dict[str, Any]:
     """Return times and mean colour of a render from the empty film to the picture in numpy."""
-    pictures = []
 
-    def work() -> None:
+    def make() -> Any:
         wavefront.clear()
-        pictures.append(render_plan(wavefront, spp=request["spp"], seconds=None, has_lens=False).pixels)
+        return render_plan(wavefront, spp=request["spp"], seconds=None, has_lens=False).pixels
 
-    times = timed(work)
-    if "save" in request:
-        np.save(request["save"], pictures[0])
-    return {"wall": times.wall, "cpu": times.cpu, "mean": pictures[0].mean(axis=(0, 1), dtype=float).tolist()}
+    return timed_picture(make, request)
 
 
 if __name__ == "__main__":

@@ -31,6 +31,20 @@ def timed(work: Callable[[], Any]) -> Times:
     return Times(time.perf_counter() - wall, time.process_time() - cpu)
 
 
+def timed_picture(make: Callable[[], Any], request: dict[str, Any]) -> dict[str, Any]:
+    """Return what a worker answers to ``render``: times and mean colour of a picture (rows, columns, 3).
+
+    It is saved where the request says so.
+    """
+    pictures: list[Any] = []
+    times = timed(lambda: pictures.append(make()))
+    if "save" in request:
+        import numpy as np
+
+        np.save(request["save"], pictures[0])
+    return {"wall": times.wall, "cpu": times.cpu, "mean": pictures[0].mean(axis=(0, 1), dtype=float).tolist()}
+
+
 def fastest(work: Callable[[], Any], times: int, before: Callable[[], Any] | None = None) -> Times:
     """Return the least wall time and the least CPU time of several calls: what the work takes undisturbed.
 

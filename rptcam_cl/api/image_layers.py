@@ -23,7 +23,7 @@ def truth_of(
     def buffers() -> SceneBuffers:
         return wavefront.scene_buffers if isinstance(wavefront, Wavefront) else SceneBuffers(session, plan)
 
-    def in_focus(frame: Scene | None) -> Scene | None:
+    def as_rendered(frame: Scene | None) -> Scene | None:
         if frame is None:
             return None
         applied = settings.applied_to(frame)
@@ -34,7 +34,7 @@ def truth_of(
         return in_focus(applied, session, None)[0]
 
     flows = settings.neighbours if {"flow_forward", "flow_backward"} & set(layers) else None
-    neighbours = None if flows is None else (in_focus(flows[0]), in_focus(flows[1]))
+    neighbours = None if flows is None else (as_rendered(flows[0]), as_rendered(flows[1]))
     return ground_truth_of(scene, plan, session, buffers, layers, neighbours)
 
 

@@ -170,33 +170,7 @@ def openlensio_text(view: View, calibration: Calibration) -> str:
     """
     facts = view.facts()
     pixel_mm = facts["pixel_mm"]
-    focal = [value * mm for value, mm in zip(calibration.parameters[:2].tolist(), pixel_mm, strict=True)]
-    if abs(focal[0] - focal[1]) > SAME_FOCUS * focal[0]:
-        raise InputError(
-            f"--openlensio: {view.name} has another focal length across ({focal[0]:.4f} mm)"
-            f" than down ({focal[1]:.4f} mm); such a file holds one"
-        )
-    focal_mm = (focal[0] + focal[1]) / 2
-    named = calibration.named
-    offset = [
-        (centre - side / 2) * mm
-        for centre, side, mm in zip(calibration.parameters[2:4].tolist(), view.size, pixel_mm, strict=True)
-    ]
-    lens: dict[str, Any] = {
-        "pinholeFocalLength": focal_mm,
-        "entrancePupilOffset": view.pupil_ahead_mm * 1e-3,
-        "projectionOffset": {"x": offset[0], "y": offset[1]},
-        "distortionOffset": {"x": 0.0, "y": 0.0},
-        "distortion": [
-            {
-                "model": "Brown-Conrady U-D",
-                "radial": [
-                    named.get(f"k{k}", 0.0) / focal_mm ** (2 * power) for power in (1, 2, 3) for k in (power, power + 3)
-                ],
-                "tangential": [named.get(name, 0.0) / focal_mm**2 for name in ("p1", "p2")],
-            }
-        ],
-    }
+    lens = _openlensio_lens(view, calibration, pixel_mm)
     if facts.get("f_number"):
         lens["fStop"] = facts["f_number"]
     if facts.get("focus_distance_m"):
@@ -219,6 +193,37 @@ def openlensio_text(view: View, calibration: Calibration) -> str:
         "transforms": [_transform(view)],
     }
     return json.dumps(sample, indent=2, ensure_ascii=False) + "\n"
+
+
+def _openlensio_lens(view: View, calibration: Calibration, pixel_mm: list[float]) -> dict[str, Any]:
+    """Return the lens of `openlensio_text`: focal length, offsets and distortion."""
+    focal = [value * mm for value, mm in zip(calibration.parameters[:2].tolist(), pixel_mm, strict=True)]
+    if abs(focal[0] - focal[1]) > SAME_FOCUS * focal[0]:
+        raise InputError(
+            f"--openlensio: {view.name} has another focal length across ({focal[0]:.4f} mm)"
+            f" than down ({focal[1]:.4f} mm); such a file holds one"
+        )
+    focal_mm = (focal[0] + focal[1]) / 2
+    named = calibration.named
+    offset = [
+        (centre - side / 2) * mm
+        for centre, side, mm in zip(calibration.parameters[2:4].tolist(), view.size, pixel_mm, strict=True)
+    ]
+    return {
+        "pinholeFocalLength": focal_mm,
+        "entrancePupilOffset": view.pupil_ahead_mm * 1e-3,
+        "projectionOffset": {"x": offset[0], "y": offset[1]},
+        "distortionOffset": {"x": 0.0, "y": 0.0},
+        "distortion": [
+            {
+                "model": "Brown-Conrady U-D",
+                "radial": [
+                    named.get(f"k{k}", 0.0) / focal_mm ** (2 * power) for power in (1, 2, 3) for k in (power, power + 3)
+                ],
+                "tangential": [named.get(name, 0.0) / focal_mm**2 for name in ("p1", "p2")],
+            }
+        ],
+    }
 
 
 def _transform(view: View) -> dict[str, Any]:
