@@ -56,9 +56,11 @@ def sound_faces(positions: NDArray[np.float32], faces: NDArray[Any]) -> tuple[ND
 
 def _without_area(positions: NDArray[np.float32], faces: NDArray[np.int32]) -> NDArray[np.bool_]:
     flat = np.zeros(len(faces), bool)
+    x, y, z = np.ascontiguousarray(positions.T, np.float64)
     for start in range(0, len(faces), CHUNK):
-        a, b, c = np.moveaxis(positions[faces[start : start + CHUNK]].astype(np.float64), 1, 0)
-        (ux, uy, uz), (vx, vy, vz) = (b - a).T, (c - a).T
+        a, b, c = np.ascontiguousarray(faces[start : start + CHUNK].T)
+        ux, uy, uz = x[b] - x[a], y[b] - y[a], z[b] - z[a]
+        vx, vy, vz = x[c] - x[a], y[c] - y[a], z[c] - z[a]
         flat[start : start + CHUNK] = (uy * vz == uz * vy) & (uz * vx == ux * vz) & (ux * vy == uy * vx)
     return flat
 

@@ -123,16 +123,20 @@ def _nodes(tree: Bvh, group: TriangleGroup, first_node: int, first_block: int) -
 def _blocks(
     tree: Bvh, group: TriangleGroup, triangles: NDArray[np.int32], vertices: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    out = np.zeros((len(tree.blocks), 10, tree.blocks.shape[1]), np.float32)
-    step = 1 << 16
+    out = np.empty((len(tree.blocks), 10, tree.blocks.shape[1]), np.float32)
+    axes = np.ascontiguousarray(vertices[:, :3].T)
+    corners = np.ascontiguousarray(triangles[:, :3].T)
+    step = 1 << 12
     for start in range(0, len(out), step):
-        part = tree.blocks[start : start + step]
-        used = part >= 0
-        chosen = np.where(used, part + group.first_triangle, 0)
-        corners = vertices[triangles[chosen, :3], :3]  # (block, place, corner, axis)
-        corners[~used] = 0
-        out[start : start + step, :9] = corners.transpose(0, 2, 3, 1).reshape(len(part), 9, -1)
-        out[start : start + step, 9] = np.where(used, chosen, -1).astype(np.int32).view(np.float32)
+        block, part = out[start : start + step], tree.blocks[start : start + step]
+        unused = part < 0
+        chosen = np.where(unused, 0, part + group.first_triangle)
+        for corner in range(3):
+            vertex = corners[corner][chosen]
+            for axis in range(3):
+                block[:, 3 * corner + axis] = axes[axis][vertex]
+        block[:, :9].transpose(0, 2, 1)[unused] = 0
+        block[:, 9] = np.where(unused, -1, chosen).astype(np.int32).view(np.float32)
     return out
 
 
