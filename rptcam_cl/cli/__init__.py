@@ -36,7 +36,7 @@ def build_parser(command: str | None = None) -> Parser:
     parser = Parser(prog="rptcam", description="Render scenes through real photographic lenses, on OpenCL devices.")
     parser.add_argument("--version", action="version", version=f"rptcam {__version__}")
     parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", required=True)
+    commands = parser.add_commands("command")
     for name in COMMANDS if command is None else (command,):
         importlib.import_module(f"rptcam_cl.cli.{name}").add_to(commands)
     return parser

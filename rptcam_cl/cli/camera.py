@@ -39,8 +39,12 @@ def distance(text: str) -> float:
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    text = "the camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the lens"
-    parser = commands.add_parser("camera", help=text, description=text[0].upper() + text[1:] + ".")
+    parser = commands.add_parser(
+        "camera",
+        help="the camera for computer vision: intrinsics, distortion, pose",
+        description="The camera for computer vision: intrinsics, distortion and pose, fitted to the chief rays of the"
+        " lens.",
+    )
     parser.add_argument("source", metavar="SCENE|LENS", help="scene file, or a lens by name or file")
     values.add_overrides(parser)
     parser.add_argument("--size", type=values.size, metavar="WxH", help="resolution (default: the scene's, 768x512)")

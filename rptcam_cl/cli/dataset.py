@@ -15,7 +15,7 @@ def add_to(commands: Commands) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "dataset",
-        help="render many pictures of a scene whose keys are drawn from distributions",
+        help="render many pictures whose keys are drawn from distributions",
         description="Render the frames of a dataset, each with its exact camera. Frames that are there are kept.",
     )
     parser.add_argument("specification", type=Path, metavar="SPEC", help="specification (YAML); see docs/datasets.md")

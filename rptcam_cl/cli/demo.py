@@ -11,8 +11,11 @@ from rptcam_cl.core.resources import SCENES, example_scenes
 
 def add_to(commands: Commands) -> None:
     """Add the command."""
-    text = "render the first picture, from a scene that comes with the package"
-    parser = commands.add_parser("demo", help=text, description=text.capitalize() + "; it needs no other file.")
+    parser = commands.add_parser(
+        "demo",
+        help="render a first picture of a scene that comes along",
+        description="Render the first picture, from a scene that comes with the package; it needs no other file.",
+    )
     parser.add_argument(
         "scene", nargs="?", choices=tuple(SCENES), default=next(iter(SCENES)), metavar="SCENE",
         help="another of its scenes (rptcam examples lists them)",

@@ -17,7 +17,7 @@ def add_to(commands: Commands) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "doctor",
-        help="report on versions, devices and caches, and check what devices compute",
+        help="report on versions, devices and caches; check the devices",
         description="Report on versions, devices with their drivers, and caches. With --numerics, check what the"
         " devices compute at the extremes, in half a minute each. Send the output with a bug report.",
     )

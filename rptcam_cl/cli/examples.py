@@ -14,7 +14,7 @@ def add_to(commands: Commands) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "examples",
-        help="list the scenes that come with the package, or copy one to a folder",
+        help="list the scenes that come along, or copy one to a folder",
         description="List the scenes that come with the package. With a name and -o, copy that scene and the files it "
         "reads to a folder, where it can be rendered and changed.",
     )

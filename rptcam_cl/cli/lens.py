@@ -33,13 +33,15 @@ def add_to(commands: Commands) -> None:
     """Add the command with its own commands."""
     text = "list, examine, draw, measure, convert and design lenses"
     lens = commands.add_parser("lens", help=text, description=text.capitalize() + ".")
-    inner = lens.add_subparsers(title="commands", metavar="COMMAND", dest="lens_command", required=True)
-    listing = inner.add_parser("list", help="list the lenses that come with the package")
+    inner = lens.add_commands("lens_command")
+    text = "list the lenses that come with the package"
+    listing = inner.add_parser("list", help=text, description=text.capitalize() + ".")
     form = listing.add_mutually_exclusive_group()
     form.add_argument("--json", action="store_true", help="print JSON, with source, focal length and f-number")
     form.add_argument("--markdown", action="store_true", help="print the same as a table in Markdown")
     listing.set_defaults(run=_list, parser=listing)
-    info = inner.add_parser("info", help="print the first-order data of a lens")
+    text = "print the first-order data of a lens"
+    info = inner.add_parser("info", help=text, description=text.capitalize() + ".")
     add_lens(info)
     info.add_argument(
         "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,

@@ -44,8 +44,10 @@ def _run(arguments: argparse.Namespace) -> int:
 
     target: Path = arguments.scene
     if target.suffix.lower() not in SUFFIXES:
-        got = target.suffix or "no suffix"
-        raise InputError(f"{target}: a scene file is YAML (got {got}; allowed: {', '.join(SUFFIXES)})")
+        got, hint = target.suffix or "no suffix", ""
+        if target.is_file() and arguments.model is None:
+            hint = f"; for a scene of that model: rptcam new {target.stem}.yaml --model {target}"
+        raise InputError(f"{target}: a scene file is YAML (got {got}; allowed: {', '.join(SUFFIXES)}){hint}")
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
     check_writable(target)

@@ -4,6 +4,7 @@ import argparse
 import difflib
 import math
 import re
+import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn, Protocol, TypeVar
 
@@ -16,6 +17,9 @@ def nearest(word: str, known: Iterable[str]) -> str:
     """The text ``; did you mean ...?`` with the known word most like ``word``, or nothing."""
     matches = difflib.get_close_matches(word, list(known), n=1)
     return f"; did you mean {matches[0]}?" if matches else ""
+
+
+COMMAND = "COMMAND"  # what stands for the name of a command in the help
 
 
 class Parser(argparse.ArgumentParser):
@@ -31,8 +35,20 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Raise `InputError` in place of printing and leaving."""
         choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
+        if choice and message.startswith(f"argument {COMMAND}: "):
+            message = f"there is no command {choice[1]}"
         hint = nearest(choice[1], re.findall(r"[\w-]+", choice[2])) if choice else ""
         raise InputError(f"{self.prog}: {message}{hint}; see {self.prog} --help")
+
+    def add_commands(self, dest: str) -> "Commands":
+        """Let the words of this parser be a command; without one it shows its help, as an error."""
+        self.set_defaults(run=_without_command, parser=self)
+        return self.add_subparsers(title="commands", metavar=COMMAND, dest=dest)
+
+
+def _without_command(arguments: argparse.Namespace) -> int:
+    arguments.parser.print_help(sys.stderr)
+    return InputError.exit_code
 
 
 class Commands(Protocol):

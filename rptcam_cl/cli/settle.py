@@ -13,7 +13,7 @@ def add_to(commands: Commands) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "settle",
-        help="find focus, camera model and exposure of a scene once, and write the scene with them",
+        help="find focus, camera model and exposure, and write the scene so",
         description="Write a scene whose auto focus, accuracy and exposure are found, so that parts and frames agree.",
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")

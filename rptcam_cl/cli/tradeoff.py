@@ -25,7 +25,7 @@ def add_to(commands: Commands) -> None:
     """Add the command."""
     parser = commands.add_parser(
         "tradeoff",
-        help="measure what each approximation of a scene's picture costs and gains",
+        help="measure what each approximation of a picture costs and gains",
         description="Render a scene in many ways by turns, and advise which one to use.",
     )
     parser.add_argument("scene", type=Path, metavar="SCENE", help="scene file (YAML)")

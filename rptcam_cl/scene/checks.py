@@ -8,6 +8,7 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.assets.meshes import LAMPS_LEFT_OUT
 from rptcam_cl.scene.base import listed, near_name, refuse
 from rptcam_cl.scene.camera import Camera, LensCamera, ThinLensCamera
 from rptcam_cl.scene.exposure import Exposure, Shutter
@@ -158,7 +159,7 @@ def scene_warnings(
     if abs(aspect - 1) > SQUARE_TOLERANCE:
         found.append(f"film.size_mm does not fit film.resolution: pixels are {aspect:.3g} times as wide as high")
     found += _extent_warnings(objects)
-    found += _mesh_warnings(objects)
+    found += _mesh_warnings(objects, lights)
     found += _inside_warnings(camera, shutter, objects)
     found += _motion_warnings(shutter, objects)
     return tuple(found)
@@ -220,10 +221,11 @@ def _label(item: PlacedObject, size: float) -> str:
     return f"object '{item.name}'" if item.name else f"an object of size {size:.3g}"
 
 
-def _mesh_warnings(objects: Objects) -> list[str]:
-    """Return what was left out of the meshes, said once for each."""
+def _mesh_warnings(objects: Objects, lights: Sequence[Light]) -> list[str]:
+    """Return what was left out of the meshes, said once for each; a scene with lights is not missing theirs."""
     contents = [solid.contents for _, solid in objects if isinstance(solid, LoadedMesh)]
-    return list(dict.fromkeys(note for each in contents for note in each.notes))
+    notes = dict.fromkeys(note for each in contents for note in each.notes)
+    return [note for note in notes if not (lights and note.endswith(LAMPS_LEFT_OUT))]
 
 
 def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list[str]:

@@ -10,6 +10,7 @@ import pytest
 
 from rptcam_cl import api
 from rptcam_cl._version import __version__
+from rptcam_cl.cli import COMMANDS, build_parser
 from rptcam_cl.core.errors import DeviceError
 
 Command = Callable[..., Any]
@@ -35,10 +36,8 @@ def shell(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        ([], "required: COMMAND"),
         (["rendr"], "did you mean render"),
-        (["frobnicate"], "invalid choice: 'frobnicate'"),
-        (["lens"], "required: COMMAND"),
+        (["frobnicate"], "rptcam: there is no command frobnicate; see rptcam --help"),
         (["lens", "lst"], "did you mean list"),
         (["devices", "--jsn"], "unknown argument --jsn; did you mean --json"),
         (["--verbose", "devices"], "unknown argument --verbose"),
@@ -110,6 +109,19 @@ def test_help_and_version_go_to_standard_output() -> None:
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.startswith("usage: rptcam")
     assert shell("--version").stdout == f"rptcam {__version__}\n"
+
+
+@pytest.mark.parametrize("words", [[], ["lens"], ["--debug"]])
+def test_without_a_command_the_help_is_shown_as_an_error(rptcam: Command, words: list[str]) -> None:
+    run = rptcam(*words)
+    assert (run.code, run.out) == (2, "")
+    assert run.err == build_parser().format_help() if words != ["lens"] else run.err.startswith("usage: rptcam lens")
+
+
+def test_help_has_a_line_for_each_command(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    listed = build_parser().format_help().partition("  COMMAND\n")[2].splitlines()
+    assert [line.split()[0] for line in listed] == list(COMMANDS)
 
 
 def test_help_does_not_load_the_renderer() -> None:

@@ -38,6 +38,15 @@ def test_new_writes_a_scene_once(tmp_path: Path, capsys: pytest.CaptureFixture[s
     assert "first.yaml: is there already" in capsys.readouterr().err
 
 
+def test_model_in_place_of_the_scene_is_told_where_it_goes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("cup.glb").write_bytes(b"")
+    assert main(["new", "cup.glb"]) == 2
+    assert capsys.readouterr().err.endswith("for a scene of that model: rptcam new cup.yaml --model cup.glb\n")
+
+
 @pytest.mark.parametrize(
     ("words", "message"),
     [

@@ -4,18 +4,17 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from rptcam_cl.assets.meshes.clean import Dropped
-from rptcam_cl.assets.meshes.contents import Draft, MeshContents, MeshPlacement, make_contents
+from rptcam_cl.assets.meshes.contents import LAMPS_LEFT_OUT, Draft, MeshContents, MeshPlacement, make_contents
 from rptcam_cl.assets.meshes.faces import Polygons, as_triangles
 from rptcam_cl.assets.meshes.file_material import FileMaterial, FileTexture
 from rptcam_cl.assets.meshes.mesh import Mesh, MeshSurface, NormalsMode, winding_number
 from rptcam_cl.assets.meshes.read import READERS, read_mesh_file
 
 if TYPE_CHECKING:
-    from rptcam_cl.assets.meshes.gltf import CAMERAS_AND_LAMPS
     from rptcam_cl.assets.meshes.gltf_world import GltfCamera, GltfLight, GltfWorld, read_gltf_world
 
 __all__ = [
-    "CAMERAS_AND_LAMPS",
+    "LAMPS_LEFT_OUT",
     "READERS",
     "Draft",
     "Dropped",
@@ -38,12 +37,10 @@ __all__ = [
 ]
 
 # What scenes do not need, and takes long to import
-_LATER = {"CAMERAS_AND_LAMPS": "gltf"} | dict.fromkeys(
-    ("GltfCamera", "GltfLight", "GltfWorld", "read_gltf_world"), "gltf_world"
-)
+_LATER = {"GltfCamera", "GltfLight", "GltfWorld", "read_gltf_world"}
 
 
 def __getattr__(name: str) -> Any:
     if name not in _LATER:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_LATER[name]}"), name)
+    return getattr(import_module(f"{__name__}.gltf_world"), name)

@@ -76,6 +76,9 @@ class MeshContents:
         return replace(self, parts=tuple(replace(part, mesh=changed[part.mesh]) for part in self.parts))
 
 
+LAMPS_LEFT_OUT = "lamps are left out of an object; `rptcam new` makes a scene with them"  # a note of a file
+
+
 class Node(NamedTuple):
     """A surface at its place in the file."""
 

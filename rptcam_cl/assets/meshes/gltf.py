@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.assets.meshes.contents import Draft, Find, Node
+from rptcam_cl.assets.meshes.contents import LAMPS_LEFT_OUT, Draft, Find, Node
 from rptcam_cl.assets.meshes.faces import Polygons, check_corners
 from rptcam_cl.assets.meshes.gltf_data import Data, read_container
 from rptcam_cl.assets.meshes.gltf_json import JsonNode
@@ -19,17 +19,10 @@ from rptcam_cl.assets.meshes.mesh import MeshSurface
 from rptcam_cl.core.errors import InputError
 
 # Extensions that a file may require. What others do not require and are not listed here is left out.
-VARIANTS, INSTANCES = "KHR_materials_variants", "EXT_mesh_gpu_instancing"
+LIGHTS, VARIANTS, INSTANCES = "KHR_lights_punctual", "KHR_materials_variants", "EXT_mesh_gpu_instancing"
 KNOWN_EXTENSIONS = (
-    *FOLLOWED, DRACO, MESHOPT, INSTANCES, VARIANTS, WEBP, "KHR_lights_punctual", "KHR_mesh_quantization",
-    "KHR_texture_transform",
+    *FOLLOWED, DRACO, MESHOPT, INSTANCES, VARIANTS, WEBP, LIGHTS, "KHR_mesh_quantization", "KHR_texture_transform",
 )  # fmt: skip
-
-CAMERAS_AND_LAMPS = "cameras and lamps"
-HINTS = {
-    CAMERAS_AND_LAMPS: " of an object; `rptcam new` makes a scene with them",
-    "variants of materials": "; the default materials show",
-}
 
 
 def read_gltf(path: Path, find: Find) -> Draft:
@@ -72,13 +65,13 @@ def _left_out(document: JsonNode) -> list[str]:
     """Return what of a file is left out that changes its picture."""
     primitives = [primitive for mesh in document.parts("meshes") for primitive in mesh.parts("primitives")]
     found = {
-        CAMERAS_AND_LAMPS: bool(document.parts("cameras")) or document.part("extensions").has("KHR_lights_punctual"),
-        "skins": bool(document.parts("skins")),
-        "animations": bool(document.parts("animations")),
-        "morph targets": any(primitive.has("targets") for primitive in primitives),
-        "variants of materials": VARIANTS in document.texts("extensionsUsed"),
+        LAMPS_LEFT_OUT: any(part.parts("lights") for part in document.extensions(LIGHTS)),
+        "skins are left out": bool(document.parts("skins")),
+        "animations are left out": bool(document.parts("animations")),
+        "morph targets are left out": any(primitive.has("targets") for primitive in primitives),
+        "variants of materials are left out; the default materials show": VARIANTS in document.texts("extensionsUsed"),
     }
-    return [f"{document.place}: {name} are left out{HINTS.get(name, '')}" for name, there in found.items() if there]
+    return [f"{document.place}: {text}" for text, there in found.items() if there]
 
 
 def _surfaces(mesh: JsonNode, data: Data, materials: GltfMaterials) -> list[MeshSurface]:

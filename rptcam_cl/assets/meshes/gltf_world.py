@@ -13,13 +13,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes.file_material import Colour
-from rptcam_cl.assets.meshes.gltf import placed_nodes
+from rptcam_cl.assets.meshes.gltf import LIGHTS, placed_nodes
 from rptcam_cl.assets.meshes.gltf_data import read_container
 from rptcam_cl.assets.meshes.gltf_json import JsonNode
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 
-LIGHTS = "KHR_lights_punctual"
 KINDS = ("point", "spot", "directional")
 Vector = tuple[float, float, float]
 

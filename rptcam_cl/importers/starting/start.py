@@ -194,6 +194,8 @@ class _Stage:
 
     def _by_file(self, camera: GltfCamera) -> None:
         """Take the camera of the model's file: its field of view through the lens, or as a thin lens."""
+        if others := ", ".join(other.name for other in self._subject.cameras[1:]):
+            self._start.report.append(f"other cameras of the file are left out: {others}")
         eye, forward = np.array(camera.eye), np.array(camera.forward)
         unit = self._wishes.metres_per_unit
         right = np.cross(forward, camera.up)

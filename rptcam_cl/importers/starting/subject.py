@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import (
-    CAMERAS_AND_LAMPS,
+    LAMPS_LEFT_OUT,
     GltfCamera,
     GltfLight,
     GltfWorld,
@@ -101,7 +101,7 @@ def read_subject(path: Path) -> Subject:
         triangles=np.concatenate(triangles),
         cameras=gltf.cameras,
         lights=gltf.lights,
-        notes=(*(note for note in contents.notes if CAMERAS_AND_LAMPS not in note), *gltf.notes, *missing),
+        notes=(*(note for note in contents.notes if not note.endswith(LAMPS_LEFT_OUT)), *gltf.notes, *missing),
         files=frozenset(files),
         bare=bare,
     )

@@ -167,6 +167,26 @@ def test_lamps_of_a_gltf_file_are_taken(home: Path, kind: str) -> None:
     assert "environment" not in start.scene
 
 
+@pytest.mark.parametrize("reframe", [False, True])
+def test_scene_with_the_lamps_of_its_file_is_not_warned_of_them(reframe: bool, home: Path) -> None:
+    (home / "room.glb").write_bytes(world("point").glb())
+    written = starting_scene(Wishes(home / "room.glb", reframe=reframe), home).scene
+    assert load_scene(written, base_dir=home).warnings == ()
+    sky = {"lights": [], "environment": {"kind": "constant", "radiance": 1}}
+    (warning,) = load_scene(written | sky, base_dir=home).warnings
+    assert warning.endswith("room.glb: glTF: lamps are left out of an object; `rptcam new` makes a scene with them")
+
+
+def test_further_cameras_of_a_gltf_file_are_named_once(home: Path) -> None:
+    writer = world("point")
+    writer.json["nodes"].append({"name": "from above", "camera": 0, "translation": [0, 9, 0]})
+    writer.json["scenes"][0]["nodes"].append(3)
+    (home / "room.glb").write_bytes(writer.glb())
+    start = starting_scene(Wishes(home / "room.glb"), home)
+    assert start.report[0] == "other cameras of the file are left out: from above"
+    assert load_scene(start.scene, base_dir=home).warnings == ()
+
+
 def test_reframe_leaves_the_camera_of_the_file_out(home: Path) -> None:
     (home / "room.glb").write_bytes(world("point").glb())
     scene = starting_scene(Wishes(home / "room.glb", reframe=True), home).scene
