@@ -23,6 +23,8 @@ TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
 FAR = 1e9  # an object beyond this is at infinity
 _PARTS = re.compile(r"'[^']*'|\"[^\"]*\"|!|[^!'\"]+|['\"]")
 _SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
+_QUALIFIER = re.compile(r"S(\d{1,4}|[OISA])(-\d{1,4})?(?:\.\.S?(\d{1,4}|[OIS])(-\d{1,4})?)?", re.ASCII | re.IGNORECASE)
+_POSITION = re.compile(r"Z\d+", re.ASCII | re.IGNORECASE)
 _HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM", "ZOO"))
 _NUMBERED = frozenset(("K", *POWERS, *TILTS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
 _OF_SURFACES = frozenset((*_NUMBERED, "STO", "CIR", "CYL", "YTO", "GLA", "GL1", "DAR", "REV", "BEN"))
@@ -30,7 +32,7 @@ THICKEST = 4.0  # of an element, in radii of its surfaces
 RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
 QUIET_WORDS = """
 LEN GO INI REF WTW WL WTF VUX VLX VUY VLY XAN XOB XIM CCY THC CCX KC AC BC CC DC EC FC GC HC PIM DER DAR REV SPH ASP CON
-SLB CUM THM REX REY GLB TIT ADX ADY ADZ TEM PRE CA RMD RET VUP TEL GLC CUF CUC HWL HCT HOR HCC HCO PWL END AFI
+SLB CUM THM REX REY TIT TEM PRE CA RMD VUP TEL GLC CUF CUC HWL HCT HOR HCC HCO PWL END AFI
 DLF DLR DLT TRX TRY BTX BTY LAB PHY MSF WTA POL AFP XDC YDC ZDC ADC BDC CDC STP SAV OUT WRX WTX FCO SUR IN NXT CLS PIK
 """
 QUIET = frozenset(QUIET_WORDS.split())
@@ -68,9 +70,9 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
     table = LensTable(path, makers=makers)
     statements = _statements(text)
-    surfaces = _parse(statements, table)
-    _choose_radii(surfaces, table)
     private = private_glasses(statements, path)
+    surfaces = _parse(statements, table, private)
+    _choose_radii(surfaces, table)
     frame = AxisFrame(SENSES)
     for place, surface in enumerate(surfaces):
         before = frame.place, frame.turn
@@ -109,7 +111,9 @@ def _statements(text: str) -> list[tuple[int, list[str]]]:
     return result
 
 
-def _parse(statements: list[tuple[int, list[str]]], table: LensTable) -> list[_Surface]:
+def _parse(
+    statements: list[tuple[int, list[str]]], table: LensTable, private_ones: Mapping[str, Any]
+) -> list[_Surface]:
     surfaces: list[_Surface] = []
     radius_mode: bool | None = None
     inside, private = True, False
@@ -123,17 +127,22 @@ def _parse(statements: list[tuple[int, list[str]]], table: LensTable) -> list[_S
             private = True
         elif key == "RDM":
             radius_mode = not rest or rest[0].upper() != "N"
-        elif key in ("SO", "SI"):
+        elif key in ("SO", "S0", "SI"):
             inside = False
-            if key == "SO" and len(rest) > 1:
+            if key != "SI" and len(rest) > 1:
                 table.object_distance = _distance(numbers(rest[1:2], table.path, line)[0])
+            if key != "SI" and (medium := _medium(rest[2] if rest[2:] else "", line, table, private_ones)) is not None:
+                table.keys["object_medium"] = medium
         elif key == "S" or (key[0] == "S" and key[1:].isdigit()):
             inside = True
             value, thickness = numbers([*rest, "0", "0"][:2], table.path, line)
             glass = rest[2] if len(rest) > 2 else ""
             surfaces.append(_Surface(line, value, thickness, glass, radius_mode))
-        elif rest and (target := _target(rest[0], surfaces)) is not None:
-            _take(target, key, rest[1:], line, table)
+        elif rest and not key.startswith("TIT") and (found := _QUALIFIER.fullmatch(rest[0])):
+            for target in _targets(found, surfaces):
+                _take(target, key, rest[1:], line, table)
+        elif rest and key in _OF_SURFACES and rest[0][:2].upper() in ("S'", 'S"'):
+            table.note(line, f"{key} of the surface labelled {rest[0][1:]} is ignored")
         elif key in _HEADER:
             _header(key, rest, line, table)
         elif surfaces and inside:
@@ -145,10 +154,19 @@ def _parse(statements: list[tuple[int, list[str]]], table: LensTable) -> list[_S
     return surfaces
 
 
-def _target(word: str, surfaces: list[_Surface]) -> _Surface | None:
-    """Return the surface that a qualifier such as S3 names."""
-    number = int(word[1:]) if word[:1] in "sS" and word[1:].isdecimal() and word.isascii() and len(word) < 6 else 0
-    return surfaces[number - 1] if 1 <= number <= len(surfaces) else None
+def _targets(found: re.Match[str], surfaces: list[_Surface]) -> list[_Surface]:
+    """Return the surfaces of a qualifier such as S3, S2..5, SA, SS or SI-1; object and image are none of them."""
+
+    def number(word: str, back: str | None) -> int:
+        at_stop = next((k for k, surface in enumerate(surfaces, start=1) if surface.stop), 0)
+        places = {"O": 0, "I": len(surfaces) + 1, "S": at_stop}
+        return (places[word] if word in places else int(word)) + int(back or 0)
+
+    first, last = found[1].upper(), (found[3] or found[1]).upper()
+    if first == "A":
+        return surfaces
+    low, high = number(first, found[2]), number(last, found[4] if found[3] else found[2])
+    return surfaces[max(low - 1, 0) : max(high, 0)]
 
 
 def _distance(value: float) -> float:
@@ -202,9 +220,20 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
 
 
 def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTable) -> None:
+    if rest and _POSITION.fullmatch(rest[0]):  # of a zoom
+        if rest[0].upper() != "Z1":
+            return
+        rest = rest[1:]
     if key in ("THI", "RDY", "CUY") and rest and rest[0].isalpha():
         return  # a solve, whose value stands in the line of the surface
-    if key in _NUMBERED:
+    if key in ("REX", "REY"):
+        words = [word.upper() for word in rest]
+        value = numbers([w for w in words if w[:1] in "+-.0123456789"][-1:], table.path, line, 1)[0]
+        if {"OBS", "HOL"} & set(words):
+            table.note(line, f"{key} {' '.join(rest)} is ignored")
+        elif "EDG" not in words or key not in surface.clear:
+            surface.clear[key] = value
+    elif key in _NUMBERED:
         value = numbers([word for word in rest if word.upper() != "CLR"][:1], table.path, line, 1)[0]
         if key == "K":
             surface.conic = value
@@ -214,10 +243,8 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
             surface.bend[key] = value
         elif key in ("THI", "RDY", "CUY"):
             _set(surface, key, value)
-        elif key in ("CUX", "RDX"):
-            surface.curvature_x = value if key == "CUX" else (1.0 / value if value else 0.0)
         else:
-            surface.clear[key] = value
+            surface.curvature_x = value if key == "CUX" else (1.0 / value if value else 0.0)
     elif key == "STO":
         surface.stop = True
     elif key == "RMD":
@@ -272,10 +299,17 @@ def _row(surface: _Surface, table: LensTable, private: Mapping[str, Any]) -> dic
         row.setdefault("diameter", 2 * math.hypot(surface.clear["REX"], surface.clear["REY"]))
     if surface.glass.upper() == "REFL":
         row["mirror"] = True
-    elif surface.glass and surface.glass.upper() not in ("AIR", "REFR"):
-        own = private.get(surface.glass.strip("'").upper())
-        row["glass"] = own if own is not None else table.glass(surface.glass, surface.line)
+    elif (medium := _medium(surface.glass, surface.line, table, private)) is not None:
+        row["glass"] = medium
     return row
+
+
+def _medium(word: str, line: int, table: LensTable, private: Mapping[str, Any]) -> Any:
+    """Return the `glass` entry of the word for a medium, None for air."""
+    if word.upper() in ("", "AIR", "REFR"):
+        return None
+    own = private.get(word.strip("'").upper())
+    return own if own is not None else table.glass(word, line)
 
 
 def _three(bend: dict[str, float], names: tuple[str, ...]) -> tuple[float, float, float]:

@@ -44,6 +44,11 @@ def read_iset(document: Document, makers: tuple[str, ...] = ()) -> Lens:
             entry["glass"] = glass
         if row.get("conic_constant"):
             entry["conic"] = _number(row, "conic_constant", where, index)
+        if (terms := row.get("aspheric_coefficients")) and any(terms if isinstance(terms, list) else [terms]):
+            raise InputError(
+                f"{where}: surfaces[{index}].aspheric_coefficients: the powers they belong to are not known; the lens"
+                " would be wrong without them"
+            )
         for key in row.keys() - KNOWN:
             table.notes.append(f"{where}: surfaces[{index}].{key} is ignored")
         table.rows.append(entry)

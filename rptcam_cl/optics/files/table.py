@@ -132,17 +132,20 @@ class LensTable:
         """Give surfaces without a diameter that of the axial beam and the chief ray of the field, to first order."""
         tiny = [{**row, "diameter": UNKNOWN_DIAMETER, "inner_diameter": None} for row in self.rows]
         tiny = [{k: v for k, v in row.items() if v is not None} for row in tiny]
-        lens = read_native(document_of({"name": self.path, "surfaces": tiny}))
+        before = {"object_medium": self.keys["object_medium"]} if "object_medium" in self.keys else {}
+        lens = read_native(document_of({"name": self.path, "surfaces": tiny, **before}))
+        index = float(lens.indices(LINE_D_NM)[0])
         stop = limiting_surface(lens)
         to_stop = system_matrix(lens, LINE_D_NM, 0, stop, False)
-        pupil_distance = float(np.divide(to_stop[0, 1], to_stop[0, 0])) if to_stop[0, 0] else 0.0
+        pupil_distance = index * float(np.divide(to_stop[0, 1], to_stop[0, 0])) if to_stop[0, 0] else 0.0
         marginal = self._marginal(lens, stop, pupil_distance)
         slope = self._slope(lens, pupil_distance)
         chief = np.array([-pupil_distance * slope, slope])
+        beam = np.stack([marginal, chief], axis=1) * [[1.0], [index]]
         missing = [k for k, row in enumerate(self.rows) if "diameter" not in row]
         for k in missing:
             row = self.rows[k]
-            heights = np.abs(system_matrix(lens, LINE_D_NM, 0, k, False)[0] @ np.stack([marginal, chief], axis=1))
+            heights = np.abs(system_matrix(lens, LINE_D_NM, 0, k, False)[0] @ beam)
             height = float(heights[0] if row.get("stop") else RIM * heights.sum())
             if row.get("radius") and not row.get("conic") and not row.get("aspheric"):
                 height = min(height, 0.95 * abs(row["radius"]))
@@ -228,8 +231,8 @@ def numbers(words: list[str], path: str, line: int, count: int = 0) -> list[floa
         raise InputError(f"{path}:{line}: expected {'a number' if count == 1 else f'{count} numbers'}")
     try:
         values = [float(word.replace("D", "E").replace("d", "e")) for word in words]
-    except ValueError as error:
-        raise InputError(f"{path}:{line}: expected numbers ({error})") from None
+    except ValueError:
+        raise InputError(f"{path}:{line}: expected numbers (got {' '.join(words)!r})") from None
     if not all(map(math.isfinite, values)):
         raise InputError(f"{path}:{line}: every number must be finite (got {' '.join(words)})")
     return values

@@ -19,7 +19,7 @@ MOST_TERMS = 240  # of an extended asphere, to r^480
 PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
 FAR = 1e9  # an object beyond this is at infinity
 # What changes the rays and is not read; everything else that is not read has no optical meaning.
-MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SPID OBDC XDAT NSCS GRIN TEMP"
+MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SQOB ELOB SPID OBDC XDAT NSCS GRIN TEMP"
 MEANT = frozenset(MEANT_WORDS.split())
 
 
@@ -34,10 +34,25 @@ class _Surface:
     stop: bool = False
     rectangle: list[float] | None = None
     inner_radius: float = 0.0
+    outer_radius: float = 0.0
+    decentred: bool = False
 
     @property
     def is_mirror(self) -> bool:
-        return self.glass is not None and self.glass[:1] == ["MIRROR"]
+        return self.glass is not None and [word.upper() for word in self.glass[:1]] == ["MIRROR"]
+
+    @property
+    def has_aperture(self) -> bool:
+        """Whether it stops light by an opening of its own, which its semi-diameter is not."""
+        return self.outer_radius > 0 or self.inner_radius > 0 or bool(self.rectangle)
+
+    @property
+    def semi_diameter(self) -> float:
+        """Return the radius beyond which light ends, 0 when nothing says it; the stop is no wider than its beam."""
+        drawn = self.values.get("DIAM", 0.0)
+        if self.outer_radius <= 0 or self.decentred:
+            return max(drawn, 0.0)
+        return min(drawn, self.outer_radius) if self.stop and drawn > 0 else self.outer_radius
 
 
 def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
@@ -48,8 +63,11 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         raise InputError(f"{path}: a lens needs surfaces between object and image")
     distance = surfaces[0].values.get("DISZ", 0.0)
     table.object_distance = distance if 0 < abs(distance) < FAR else float("inf")
+    if surfaces[0].glass and not surfaces[0].is_mirror:
+        table.keys["object_medium"] = _glass(surfaces[0], table)
     frame = AxisFrame(SENSES)
     body = surfaces[1:-1]
+    openings: list[bool] = []
     for place, surface in enumerate(body):
         last = place == len(body) - 1
         thickness = surface.values.get("DISZ", 0.0)
@@ -64,8 +82,9 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
             row["thickness"] = thickness
         frame.advance(thickness)
         table.rows.append(row)
+        openings.append(surface.has_aperture)
     table.note_fold(frame.is_nominal)
-    _trim(table)
+    _trim(table, openings)
     return table.lens()
 
 
@@ -110,7 +129,9 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     elif key == "YFLN":
         table.set_field(max(map(abs, numbers(rest, table.path, line)), default=0.0))
     elif key == "MNUM" and rest and rest[0].isdecimal() and int(rest[0]) > 1:
-        table.note(line, f"only the first of {rest[0]} configurations is read")
+        table.note(line, f"only one of {rest[0]} configurations is read: that in which the file was saved")
+    elif key == "ENVD" and [float(word) for word in numbers(rest[:2], table.path, line)] not in ([], [20.0, 1.0]):
+        table.note(line, f"glass is taken at 20 degrees and 1 atmosphere, not at {' and '.join(rest[:2])}")
 
 
 def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTable) -> None:
@@ -139,10 +160,15 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
     elif key in ("CLAP", "OBSC") and len(rest) >= 2:
         least, most = numbers(rest[:2], table.path, line)
         surface.inner_radius = max(surface.inner_radius, least if key == "CLAP" else most)
+        if key == "CLAP":
+            surface.outer_radius = most
     elif key == "GLAS":
         surface.glass = rest
         surface.line = line
+    elif key == "SCBD" and any(numbers(rest[3:], table.path, line)):
+        table.note(line, "SCBD, a decentre and tilt in a surface's own line, is ignored")
     elif key in MEANT:
+        surface.decentred |= key == "OBDC"
         table.note(line, f"{key} is ignored")
 
 
@@ -152,8 +178,8 @@ def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
         row["radius"] = 1.0 / curvature
     if surface.stop:
         row["stop"] = True
-    if surface.values.get("DIAM", 0.0) > 0:
-        row["diameter"] = 2 * surface.values["DIAM"]
+    if surface.semi_diameter > 0:
+        row["diameter"] = 2 * surface.semi_diameter
     if surface.rectangle and all(surface.rectangle):
         row["clear"] = {"rectangle": surface.rectangle}
     if surface.values.get("CONI"):
@@ -164,6 +190,8 @@ def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
         row["mirror"] = True
     elif surface.glass:
         row["glass"] = _glass(surface, table)
+    if surface.kind != "XASPHERE" and any(surface.extra.values()):
+        table.note(surface.line, f"the extra data (XDAT) of this {surface.kind} surface are ignored")
     p = surface.parameters
     if surface.kind == "EVENASPH":
         row["aspheric"] = {2 * i: v for i, v in p.items() if v and 1 <= i <= 8}
@@ -212,15 +240,25 @@ def _break(frame: AxisFrame, surface: _Surface) -> None:
     frame.bend((p.get(1, 0.0), p.get(2, 0.0), 0.0), (p.get(3, 0.0), p.get(4, 0.0), p.get(5, 0.0)), tilt_first)
 
 
-def _trim(table: LensTable) -> None:
-    """Drop the dummy planes in air before and after the lens, so that its first and last vertex are real ones."""
+def _trim(table: LensTable, openings: list[bool]) -> None:
+    """Drop the dummy planes before and after the lens, so that its first and last vertex are real ones.
 
-    def is_dummy(row: dict[str, Any], before: Any) -> bool:
-        return not (row.keys() & {"radius", "stop", "glass", "mirror", "inner_diameter", "decentre"}) and before is None
+    A plane with one medium on both sides is one, unless it stops light: `openings` says so of each row.
+    """
+    rows = table.rows
+    media = [table.keys.get("object_medium")]
+    for row in rows:
+        media.append(media[-1] if row.get("mirror") else row.get("glass"))
 
-    while table.rows and is_dummy(table.rows[0], None):
-        table.rows.pop(0)
-    while len(table.rows) > 1 and is_dummy(table.rows[-1], table.rows[-2].get("glass")):
-        table.rows.pop()
+    def is_dummy(k: int) -> bool:
+        shaped = rows[k].keys() & {"radius", "radius_x", "aspheric", "stop", "mirror", "decentre"}
+        return not (shaped or openings[k] or media[k] != media[k + 1])
+
+    first, end = 0, len(rows)
+    while first < end and is_dummy(first):
+        first += 1
+    while end - 1 > first and is_dummy(end - 1):
+        end -= 1
+    table.rows = rows[first:end]
     if table.rows:
         table.rows[-1].pop("thickness", None)

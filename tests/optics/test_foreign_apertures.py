@@ -1,0 +1,175 @@
+"""What files of Zemax, CODE V and ISET say around their surfaces: openings, media, dummies, qualifiers of surfaces."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics import load_lens
+
+FRONT = ["STOP", "CURV 0.02", "DISZ 5", "GLAS N-BK7 0 0 1.5 40", "DIAM 10"]
+BACK = ["CURV -0.02", "DISZ 45", "DIAM 10"]
+
+
+def zemax(tmp_path, surfaces, before=(), head="ENPD 10"):
+    """Return the lens of a Zemax file of the surfaces, `before` being the further lines of the object."""
+    blocks = [["CURV 0", "DISZ INFINITY", *before], *surfaces, ["CURV 0", "DISZ 0"]]
+    lines = ["MODE SEQ", "UNIT MM", head, "GCAT SCHOTT", "FTYP 0 0 1 1"]
+    for k, block in enumerate(blocks):
+        lines += [f"SURF {k}", *(f"  {line}" for line in block)]
+    path = tmp_path / "a.zmx"
+    path.write_text("\n".join(lines))
+    return load_lens(path)
+
+
+def codev(tmp_path, first="", second="", behind="", before=""):
+    """Return the lens of a sequence of two surfaces and what stands behind each, behind the image and in `SO`."""
+    text = (
+        f"RDM\nEPD 10\nSO 0 1E11 {before}\nS 50 5 N-BK7\n STO\n CIR 10\n{first}\nS -50 45\n{second}\nSI 0 0\n{behind}\n"
+    )
+    path = tmp_path / "a.seq"
+    path.write_text(text)
+    return load_lens(path)
+
+
+@pytest.mark.parametrize(
+    ("surface", "line", "semi_diameters"),
+    [
+        (0, "CLAP 0 4 0", (4, 10)),
+        (0, "CLAP 0 12 0", (10, 10)),
+        (1, "CLAP 0 12 0", (10, 12)),
+        (1, "CLAP 1 8 0", (10, 8)),
+    ],
+    ids=["stop closed", "stop in a wide mount", "wide opening", "ring"],
+)
+def test_the_opening_of_a_zemax_surface_is_its_clear_diameter(tmp_path, surface, line, semi_diameters):
+    surfaces = [list(FRONT), list(BACK)]
+    surfaces[surface].append(line)
+    lens = zemax(tmp_path, surfaces)
+    assert tuple(s.semi_diameter for s in lens.surfaces) == semi_diameters
+    assert lens.first_order().f_number == pytest.approx(lens.first_order().focal_length_mm / 2 / semi_diameters[0])
+
+
+def water_to_air(length, n=1.333, glass=1.6):
+    """Return the focal length of a thick lens of radii 50 and -50 mm behind water."""
+    first, second = (glass - n) / 50, (glass - 1) / 50
+    return 1 / (first + second - length / glass * first * second)
+
+
+def test_the_medium_of_the_object_is_read(tmp_path):
+    front = [line.replace("N-BK7 0 0 1.5 40", "___BLANK 1 0 1.6 0") for line in FRONT]
+    lens = zemax(tmp_path, [front, BACK], ["GLAS ___BLANK 1 0 1.333 0"])
+    assert lens.first_order().focal_length_mm == pytest.approx(water_to_air(5))
+    assert codev(tmp_path, before="WATER").object_medium.name == "water"
+    assert codev(tmp_path, before="AIR").first_order().focal_length_mm == pytest.approx(49.2130, abs=1e-3)
+
+
+def test_chosen_diameters_hold_the_beam_in_water(tmp_path):
+    front = [line for line in FRONT if not line.startswith("DIAM")]
+    lens = zemax(
+        tmp_path, [["DISZ 100"], front, ["CURV -0.02", "DISZ 45"]], ["GLAS WATER 0 0 1.5 40"], "ENPD 10\nYFLN 0 20"
+    )
+    plane, stop, _ = lens.surfaces  # from water to air, 100 mm before the stop
+    slope = float(lens.object_medium.index(587.5618)) * np.tan(np.radians(20))
+    assert stop.semi_diameter == pytest.approx(5)
+    assert plane.semi_diameter == pytest.approx(1.05 * (5 + 100 * slope), rel=1e-6)
+
+
+def test_a_mangin_mirror_with_a_plane_front_keeps_it(tmp_path):
+    front = ["STOP", "CURV 0", "DISZ 5", "GLAS N-BK7 0 0 1.5 40", "DIAM 10"]
+    mirror = ["CURV -0.005", "DISZ -5", "GLAS MIRROR 0 0 1.5 40", "DIAM 10"]
+    lens = zemax(tmp_path, [front, mirror, ["CURV 0", "DISZ -60", "DIAM 10"]])
+    assert len(lens.surfaces) == 3
+    assert lens.first_order().focal_length_mm == pytest.approx(100 / 1.5168, rel=1e-5)  # R / 2n
+
+
+def test_dummies_go_unless_they_stop_light(tmp_path):
+    dummy = ["CURV 0", "DISZ 20", "DIAM 20"]
+    assert len(zemax(tmp_path, [dummy, FRONT, BACK, dummy]).surfaces) == 2
+    for line in ("SQAP 4 2", "CLAP 0 3 0", "OBSC 0 2 0"):
+        lens = zemax(tmp_path, [[*dummy, line], FRONT, BACK, [*dummy, line]])
+        assert len(lens.surfaces) == 4, line
+    assert lens.surfaces[0].inner_semi_diameter == 2
+
+
+@pytest.mark.parametrize(
+    ("lines", "warning"),
+    [
+        (["SQOB 2 1"], r"a\.zmx:\d+: SQOB is ignored"),
+        (["SCBD 0 0 0 0 0 2 0 0"], r"a\.zmx:\d+: SCBD, a decentre and tilt"),
+        (["XDAT 1 1 0 0", "XDAT 3 0.1 0 0"], r"the extra data \(XDAT\) of this STANDARD surface are ignored"),
+    ],
+)
+def test_zemax_lines_that_change_rays_and_are_not_read_are_said(tmp_path, lines, warning):
+    lens = zemax(tmp_path, [FRONT, [*BACK, *lines]])
+    assert any(re.search(warning, note) for note in lens.warnings)
+
+
+def test_zemax_heads_that_change_the_lens_are_said(tmp_path):
+    def notes(head):
+        return zemax(tmp_path, [FRONT, BACK], head=head).warnings
+
+    assert notes("ENVD 20 1 0\nMNUM 1 1\nSCBD 0 0 0 0 0 0 0 0") == ()
+    assert "glass is taken at 20 degrees and 1 atmosphere, not at 35 and 1" in notes("ENVD 35 1 1")[0]
+    assert "only one of 3 configurations is read: that in which the file was saved" in notes("MNUM 3 2")[0]
+
+
+@pytest.mark.parametrize(
+    ("behind", "radii", "gap"),
+    [
+        ("CIR S1..2 4", (4, 4), 5),
+        ("CIR SA 4", (4, 4), 5),
+        ("CIR SI-1 4", (10, 4), 5),
+        ("CIR SS 4\nCIR S2 6", (4, 6), 5),
+        ("CIR S2 6\nTHI S0..1 7\nTHI SI 1", (10, 6), 7),
+        ("CIR S2 6\nTHI S1 Z1 7\nTHI S1 Z2 9", (10, 6), 7),
+    ],
+)
+def test_codev_data_name_their_surfaces_in_every_way(tmp_path, behind, radii, gap):
+    first, second = codev(tmp_path, behind=behind).surfaces
+    assert (first.semi_diameter, second.semi_diameter) == pytest.approx(radii)
+    assert first.thickness == gap
+
+
+def test_codev_surfaces_by_label_are_said(tmp_path):
+    lens = codev(tmp_path, second=" CIR 9", behind="CIR S'front' 4")
+    assert [s.semi_diameter for s in lens.surfaces] == [10, 9]
+    assert any("CIR of the surface labelled 'front' is ignored" in note for note in lens.warnings)
+
+
+def test_the_codev_object_may_be_called_s0(tmp_path):
+    path = tmp_path / "a.seq"
+    path.write_text("RDM\nEPD 10\nS0 0 1E11\nS1 50 5 N-BK7\n STO\nS2 -50 45\nSI 0 0\n")
+    assert len(load_lens(path).surfaces) == 2
+
+
+def test_codev_rectangles_are_clear_edges_or_obscurations(tmp_path):
+    edge = codev(tmp_path, second=" REX EDG 3\n REY EDG 4").surfaces[1].region
+    assert (edge.half_width, edge.half_height) == (3, 4)
+    clear = codev(tmp_path, second=" REX CLR 1\n REY 2\n REX EDG 3\n REY EDG 4").surfaces[1].region
+    assert (clear.half_width, clear.half_height) == (1, 2)
+    blocked = codev(tmp_path, second=" REX OBS 3\n REY OBS 4")
+    assert blocked.surfaces[1].region is None
+    assert any("REX OBS 3 is ignored" in note for note in blocked.warnings)
+
+
+@pytest.mark.parametrize("line", ["RET S1", "GLB S1", "ADX 2"])
+def test_codev_lines_that_change_rays_and_are_not_read_are_said(tmp_path, line):
+    lens = codev(tmp_path, second=f" CIR 9\n {line}")
+    assert any(f"{line.split()[0]} is ignored" in note for note in lens.warnings)
+
+
+def test_codev_titles_that_look_like_a_surface_are_titles(tmp_path):
+    assert codev(tmp_path, behind="TIT S1").name == "S1"
+
+
+def test_aspheric_coefficients_of_iset_are_refused_as_their_powers_are_not_known(tmp_path):
+    row = {"radius": 50, "thickness": 5, "ior": 1.5, "semi_aperture": 9, "aspheric_coefficients": [0.0, 0.0]}
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps({"name": "a", "surfaces": [row, {**row, "ior": 1, "radius": -50}]}))
+    assert len(load_lens(path).surfaces) == 2
+    path.write_text(path.read_text().replace("[0.0, 0.0]", "[0.0, 1e-5]"))
+    with pytest.raises(InputError, match=r"surfaces\[0\]\.aspheric_coefficients: the powers they belong to"):
+        load_lens(path)
