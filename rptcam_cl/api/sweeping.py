@@ -42,8 +42,9 @@ class SweepEntry:
     values : dict
         Of the keys that the sweep varies.
     measures : dict
-        ``mean`` luminance of the film; ``noise``, the relative standard error of the picture; ``spp``; ``seconds`` of
-        rendering; ``mtf50`` [cycles per pixel] where there is an edge at the point that was given.
+        ``mean`` luminance of the film; ``noise``, the relative standard error of the picture; ``spp``, the mean of all
+        pixels; ``seconds`` of rendering; ``mtf50`` [cycles per pixel] where there is an edge at the point that was
+        given.
     image : Image
         The picture; one that was kept from an earlier run has no layers.
     kept : bool
@@ -219,7 +220,7 @@ def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float
     measures = {
         "mean": float(luminance.mean(dtype=np.float64)),
         "noise": None if achieved is None else achieved["picture"],
-        "spp": image.stats["spp"],
+        "spp": image.metadata.get("spp_mean", image.metadata["spp"]),
         "seconds": _seconds(image),
     } | ({} if mtf_at is None else {"mtf50": mtf50_at(luminance, *mtf_at)})
     file = None

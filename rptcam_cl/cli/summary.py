@@ -18,13 +18,21 @@ def _metered(metadata: dict[str, Any]) -> str:
     return chosen
 
 
+def samples(stats: dict[str, Any]) -> str:
+    """How many samples the pixels have; with a noise target each tile has as many as it takes."""
+    spread = stats.get("noise", {"spp_min": stats["spp"]})
+    if spread["spp_min"] == stats["spp"]:
+        return f"{stats['spp']} spp"
+    return f"{spread['spp_mean']:.0f} spp on average ({spread['spp_min']} to {stats['spp']})"
+
+
 def summary(image: "Image", outputs: list[Path]) -> str:
     """How large the picture is, where it went, how long it took, and what the lens and the meter have done."""
     stats: dict[str, Any] = image.stats
     seconds = stats["seconds"]
     parts = [
         f"{image.width} x {image.height}",
-        f"{stats['spp']} spp",
+        samples(stats),
         f"{as_duration(seconds['total'])} ({as_duration(seconds['render'])} rendering)",
         f"{stats['msamples_per_second']:.3g} Msamples/s",
     ]

@@ -18,8 +18,13 @@ _TEA_TABLE = (
     "tea_table.yaml", "bouquet.glb", "cloth.ply", "flask.ply", "knot.ply", "linen.jpg", "room.hdr", "stone.ply",
     "tea_set.glb", "vase.ply", "wood.jpg",
 )  # fmt: skip
+_EVENING = (
+    "evening.yaml", "bouquet.glb", "candle.ply", "candlestick.ply", "cloth.ply", "flask.ply", "goblet.ply", "knot.ply",
+    "linen.jpg", "tea_set.glb", "vase.ply", "wine.ply", "wood.jpg",
+)  # fmt: skip
 SCENES = {name: (f"{name}.yaml",) for name in (*EXAMPLES, *_SINGLE)} | {
-    "tea_table": tuple(f"studio/{name}" for name in _TEA_TABLE)
+    "tea_table": tuple(f"studio/{name}" for name in _TEA_TABLE),
+    "evening": tuple(f"studio/{name}" for name in _EVENING),
 }
 _PACKAGE = Path(__file__).resolve().parents[1]
 

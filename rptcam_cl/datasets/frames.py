@@ -24,6 +24,7 @@ from rptcam_cl.scene import Scene, change_scene
 
 POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
 REMEMBERED = 256  # camera models
+SAMPLES = ("spp", "spp_min", "spp_mean")
 STOP = ("f_number", "stop_diameter_mm")
 GOOD_PX = 0.05  # residual at which the search for the simplest camera model ends
 
@@ -147,7 +148,7 @@ def _frames(
                 "version": __version__,
                 "scene_hash": image.metadata["scene_hash"],
                 "seed": scene.render.seed,
-                "spp": image.metadata["spp"],
+                **{key: image.metadata[key] for key in SAMPLES if key in image.metadata},
                 "values": values,
                 "camera": cameras.of(scene, image, renderer),
             }

@@ -202,5 +202,6 @@ class Image:
         return stream.getvalue()
 
     def __repr__(self) -> str:
-        spp = self.metadata.get("spp")
+        mean, spp = self.metadata.get("spp_mean"), self.metadata.get("spp")
+        spp = f"{mean:.0f}" if isinstance(mean, float) else spp
         return f"<Image {self.width} x {self.height}" + (f", {spp} spp>" if spp is not None else ">")

@@ -119,6 +119,7 @@ def boards_of(scene: Scene) -> dict[str, Any]:
 
 # Layers whose identifiers are read by the names of objects, and of materials.
 NAMING_OBJECTS = {"object_id", "crypto_object", "sharp_object_id", "sharp_class_id", "occlusion"}
+SPREAD_OF_SAMPLES = ("spp_min", "spp_mean")  # samples of the pixels that have fewest, and of all; `spp` is the most
 NAMING_MATERIALS = {"material_id", "crypto_material", "sharp_material_id"}
 
 
@@ -195,6 +196,7 @@ def described(
         "picture_hash": scene.picture_hash(content_hash),
         "seed": scene.render.seed,
         "spp": spp,
+        **{key: stats["noise"][key] for key in SPREAD_OF_SAMPLES if "noise" in stats},
         "device": stats["device"],
         **({"work": stats["work"]} if is_shared(stats["work"]) else {}),
         "exposure": scene.exposure.mode,

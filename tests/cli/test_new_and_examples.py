@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from rptcam_cl.cli import main
@@ -20,6 +21,16 @@ def test_every_scene_that_comes_along_is_listed_with_a_sentence(capsys: pytest.C
 def test_copied_scenes_load_in_their_new_folder(name: str, tmp_path: Path) -> None:
     assert main(["examples", name, "-o", str(tmp_path / "mine")]) == 0
     assert load_scene(tmp_path / "mine" / f"{name}.yaml").stand_ins == ()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SCENES)
+def test_copied_scenes_are_rendered_in_their_new_folder(name: str, tmp_path: Path) -> None:
+    assert main(["examples", name, "-o", str(tmp_path)]) == 0
+    picture = tmp_path / "picture.npy"
+    assert main(["render", str(tmp_path / f"{name}.yaml"), "-o", str(picture), "--size=48x32", "--spp=4"]) == 0
+    film = np.load(picture)
+    assert np.isfinite(film).all() and film.mean() > 0.01 and film.std() > 0.01
 
 
 def test_copy_replaces_no_changed_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -72,6 +72,15 @@ def test_every_output_and_the_statistics_are_written(scene: Path, renderer: Any,
     assert json.loads(Path("stats.json").read_text("utf-8")) == renderer.image.stats
 
 
+def test_samples_that_a_noise_target_took_are_said_and_not_their_limit(
+    scene: Path, renderer: Any, rptcam: Command
+) -> None:
+    renderer.image.stats.update({"spp": 16384, "noise": {"spp_min": 64, "spp_mean": 330.4}})
+    assert "8 x 6, 330 spp on average (64 to 16384), 0.6 s" in rptcam("render", "scene.yaml", "-o", "a.npy").err
+    renderer.image.stats.update({"spp": 64, "noise": {"spp_min": 64, "spp_mean": 64.0}})
+    assert "8 x 6, 64 spp, 0.6 s" in rptcam("render", "scene.yaml", "-o", "a.npy").err
+
+
 def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rptcam: Command) -> None:
     renderer.image.stats["extra"] = {"share": float("nan"), "count": np.int64(3)}
     assert rptcam("render", "scene.yaml", "-o", "a.npy", "--stats", "s.json").code == 0

@@ -32,6 +32,7 @@ def test_size_is_columns_by_rows(pixels: np.ndarray) -> None:
     assert (image.width, image.height) == (6, 4)
     assert repr(image) == "<Image 6 x 4, 16 spp>"
     assert repr(Image(pixels)) == "<Image 6 x 4>"
+    assert repr(Image(pixels, {"spp": 640, "spp_mean": 81.25})) == "<Image 6 x 4, 81 spp>"
 
 
 @pytest.mark.parametrize("shape", [(4, 6), (4, 6, 4), (0, 6, 3), (3,)])

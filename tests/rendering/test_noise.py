@@ -114,6 +114,11 @@ def test_target_is_met_and_samples_go_where_they_are_needed():
         assert found["spp_min"] >= 64
         assert found["spp_min"] < found["spp_mean"] < image.stats["spp"]
         assert image.stats["samples"] == image["samples"].sum()
+        assert image.stats["samples"] / image["samples"].size == found["spp_mean"]
+        assert {key: image.metadata[key] for key in ("spp_min", "spp_mean")} == {
+            "spp_min": image["samples"].min(), "spp_mean": image["samples"].mean(),
+        }  # fmt: skip
+        assert image.metadata["spp"] == image["samples"].max()
         tiles = image["samples"].reshape(6, 8, 8, 8)
         assert (tiles == tiles[:, :1, :, :1]).all()
     actual = np.array([np.asarray(image).astype(float) @ LUMINANCE for image in images])
