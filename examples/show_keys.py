@@ -63,6 +63,7 @@ TEXTURES: dict[str, Keys] = {
     "Noise": {"kind": "noise", "low": DARK, "high": PALE, "scale": [9, 5], "contrast": 1.6},
     "ImageTexture": {"kind": "image", "file": "wood.jpg", "scale": [2, 1]},
 }
+WEAVE: Keys = {"file": "weave.png", "filter": "nearest", "scale": [8, 4]}
 BUMPS: Keys = {"file": "tiles_normals.png", "scale": [8, 4]}
 
 LIGHTS: dict[str, Keys] = {
@@ -119,6 +120,8 @@ def stage() -> dict[str, Keys]:
         things[name] = {**SHAPES["Sphere"], "material": {"kind": "matte", "reflectance": texture}}
     coated = {"kind": "plastic", "reflectance": [0.3, 0.32, 0.35], "roughness": 0.3, "normal_map": BUMPS}
     things["NormalMap"] = {**SHAPES["Sphere"], "material": coated}
+    woven = {"kind": "principled", "base_color": 0.5, "metallic": 1, "roughness": 0.35, "anisotropy_map": WEAVE}
+    things["AnisotropyMap"] = {**SHAPES["Sphere"], "material": woven}
     return things
 
 
@@ -191,6 +194,10 @@ def files(folder: Path) -> None:
     draw.ellipse((2, 2, 61, 61), fill=255)
     draw.ellipse((18, 18, 45, 45), fill=0)
     opening.save(folder / "opening.png")
+    weave = Image.new("RGB", (2, 2), (255, 128, 200))  # threads along u, and along v
+    for place in ((0, 0), (1, 1)):
+        weave.putpixel(place, (128, 255, 200))
+    weave.save(folder / "weave.png")
 
 
 def save(name: str, image: rptcam_cl.Image) -> None:

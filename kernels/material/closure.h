@@ -36,6 +36,19 @@
 #define BLACK_3 f3(ZERO, ZERO, ZERO)
 #define WHITE_3 f3(ONE, ONE, ONE)
 
+// What a material says at texture coordinates: by the texture that replaces a number, an alpha or a colour, where it has one.
+// The fact says whether any material of the scene does.
+#define BY_TEXTURE(fact, texture, value) WHEN(fact, material->texture >= 0 ? value :)
+#define NUMBER(fact, name) \
+    BY_TEXTURE(fact, name##_texture, texture_scalar(material->name##_texture, u, v, scene)) (F)(material->name)
+#define ALPHA(fact, name) \
+    BY_TEXTURE(fact, name##_roughness_texture, squared_roughness(material->name##_roughness_texture, u, v, scene)) \
+    (F)(material->name##_alpha)
+#define COLOR(fact, name) \
+    BY_TEXTURE(fact, name##_texture, \
+               at_wavelengths(texture_color(material->name##_texture, u, v, scene), material->name.w, scene)) \
+    coefficient(material->name, scene)
+
 // EACH(type, member, value of lanes without a material, value that a material gives).
 #define CLOSURE(EACH) \
     WHEN(HAS_GLOSSY,       EACH(Alpha, alpha,        same_alpha(ONE),  alpha_of(material, u, v, scene))) \
@@ -44,12 +57,12 @@
     WHEN(HAS_UNDERCOVER,   EACH(F,     internal,     ZERO,             (F)(material->internal))) /* diffuse share */ \
     WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
-    WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             metallic_of(material, u, v, scene))) \
+    WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             (F)(material->specular))) \
     WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             (F)(material->transmission))) \
-    WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             coat_of(material, u, v, scene))) \
-    WHEN(HAS_CLEARCOAT,    EACH(F,     coat_alpha,   ONE,              coat_alpha_of(material, u, v, scene))) \
-    WHEN(HAS_SHEEN,        EACH(F3,    sheen,        BLACK_3,          sheen_of(material, u, v, scene))) \
+    WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             NUMBER(HAS_COAT_TEXTURE, coat))) \
+    WHEN(HAS_CLEARCOAT,    EACH(F,     coat_alpha,   ONE,              ALPHA(HAS_COAT_ROUGHNESS_TEXTURE, coat))) \
+    WHEN(HAS_SHEEN,        EACH(F3,    sheen,        BLACK_3,          COLOR(HAS_SHEEN_TEXTURE, sheen))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_alpha,  ONE,              (F)(material->sheen_alpha))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_peak,   ZERO,             (F)(material->sheen_peak))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_half,   ZERO,             (F)(material->sheen_half))) \
@@ -57,15 +70,17 @@
     WHEN(HAS_ABSORPTION,   EACH(F3,    absorption,   BLACK_3,          coefficient(material->absorption, scene))) /* 1/m */ \
     WHEN(HAS_GLOW,         EACH(F3,    glow,         BLACK_3,          glow_of(material, u, v, scene)))  /* own radiance */
 
-// A coefficient at the wavelengths of the path; w is the number of its spectrum.
-static inline F3 coefficient(float4 rgb, Scene scene)
+// A coefficient or colour at the wavelengths of the path, by the number of its spectrum.
+static inline F3 at_wavelengths(F3 rgb, float spectrum, Scene scene)
 {
 #if SPECTRAL_COLOURS
-    return surface_colour(scene.spectral, f3_of(rgb), rgb.w, scene.colours);
+    return surface_colour(scene.spectral, rgb, spectrum, scene.colours);
 #else
-    return f3_of(rgb);
+    return rgb;
 #endif
 }
+
+static inline F3 coefficient(float4 rgb, Scene scene) { return at_wavelengths(f3_of(rgb), rgb.w, scene); }
 
 #if HAS_ROUGHNESS_TEXTURE || HAS_COAT_ROUGHNESS_TEXTURE
 // Alpha where a texture gives the roughness, its root.
@@ -103,54 +118,6 @@ static inline Cover known_cover(float4 first, float last)
     e.c3 = (F)(first.w);
     e.c4 = (F)(last);
     return e;
-}
-#endif
-
-#if HAS_PRINCIPLED
-static inline F metallic_of(const __global Material *material, F u, F v, Scene scene)
-{
-#if HAS_METALLIC_TEXTURE
-    if (material->metallic_texture >= 0)
-        return texture_scalar(material->metallic_texture, u, v, scene);
-#endif
-    return (F)(material->metallic);
-}
-#endif
-
-#if HAS_CLEARCOAT
-static inline F coat_of(const __global Material *material, F u, F v, Scene scene)
-{
-#if HAS_COAT_TEXTURE
-    if (material->coat_texture >= 0)
-        return texture_scalar(material->coat_texture, u, v, scene);
-#endif
-    return (F)(material->coat);
-}
-
-static inline F coat_alpha_of(const __global Material *material, F u, F v, Scene scene)
-{
-#if HAS_COAT_ROUGHNESS_TEXTURE
-    if (material->coat_roughness_texture >= 0)
-        return squared_roughness(material->coat_roughness_texture, u, v, scene);
-#endif
-    return (F)(material->coat_alpha);
-}
-#endif
-
-#if HAS_SHEEN
-static inline F3 sheen_of(const __global Material *material, F u, F v, Scene scene)
-{
-    float4 sheen = material->sheen;
-#if HAS_SHEEN_TEXTURE
-    if (material->sheen_texture >= 0) {
-        F3 color = texture_color(material->sheen_texture, u, v, scene);
-#if SPECTRAL_COLOURS
-        color = surface_colour(scene.spectral, color, sheen.w, scene.colours);
-#endif
-        return color;
-    }
-#endif
-    return coefficient(sheen, scene);
 }
 #endif
 

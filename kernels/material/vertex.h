@@ -47,15 +47,32 @@ static void tangent_frame(SurfacePoint point, F3 *x, F3 *y)
 }
 #endif
 
-#if HAS_ANISOTROPY_TURN
-// The direction along which a material is brushed, turned from that of growing u.
-static F3 turned_tangent(const __global Material *material, SurfacePoint point)
+#if HAS_ANISOTROPY_TURN || HAS_ANISOTROPY_MAP
+// The direction along which a material is brushed, u and v of the texture coordinates, turned.
+static F3 brushed_direction(const __global Material *material, SurfacePoint point, F u, F v)
 {
     F3 x, y;
     tangent_frame(point, &x, &y);
     F sine, cosine;
     sincos_turns((F)(material->anisotropy_turn), &sine, &cosine);
-    return along(scale(x, cosine), y, sine);
+    return along(scale(x, cosine * u - sine * v), y, sine * u + cosine * v);
+}
+#endif
+
+#if HAS_ANISOTROPY_MAP
+// Takes direction and strength of the brushing from a picture (glTF's KHR_materials_anisotropy): red along u, green along v,
+// and blue the root of how far alpha along that direction is from alpha across to 1.
+static void take_brushing(Vertex *vertex, I mine, const __global Material *material, SurfacePoint point, Scene scene)
+{
+    F3 texel = texture_color(material->anisotropy_texture, point.u, point.v, scene);
+    F u = 2.0f * texel.x - 1.0f;
+    F v = 2.0f * texel.y - 1.0f;
+    u = u * u + v * v > SMALLEST ? u : ONE;
+    vertex->tangent = select3(mine, brushed_direction(material, point, u, v), vertex->tangent);
+    F strength = texel.z * material->anisotropy_strength;
+    F across = vertex->closure.alpha.y;
+    F stretched = across + (1.0f - across) * strength * strength;
+    vertex->closure.alpha.x = mine ? stretched : vertex->closure.alpha.x;
 }
 #endif
 
@@ -107,7 +124,11 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #endif
 #if HAS_ANISOTROPY_TURN
     if (material->anisotropy_turn != 0.0f)
-        vertex->tangent = select3(mine, turned_tangent(material, point), vertex->tangent);
+        vertex->tangent = select3(mine, brushed_direction(material, point, ONE, ZERO), vertex->tangent);
+#endif
+#if HAS_ANISOTROPY_MAP
+    if (material->anisotropy_texture >= 0)
+        take_brushing(vertex, mine, material, point, scene);
 #endif
 #if HAS_NORMAL_MAP
     if (material->normal_texture >= 0)

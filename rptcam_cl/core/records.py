@@ -125,12 +125,16 @@ MATERIAL = Record(
         ("int", "opacity_texture"),
         ("int", "factor_texture"),
         ("int", "normal_texture"),
+        ("int", "anisotropy_texture"),
         ("float", "normal_strength"),
+        ("float", "anisotropy_strength"),
         ("int", "dispersion_terms"),  # of the polynomial of the index over the inverse wavelength; 0: `parameter`
         ("float", "dispersion_low"),  # ends of what the polynomial is for; beyond them the index stays as it is there
         ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
         ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
+        ("int", "reserved_0"),
+        ("int", "reserved_1"),
     ),
 )
 

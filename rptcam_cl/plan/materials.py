@@ -35,7 +35,9 @@ from rptcam_cl.scene import (
 
 _TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "coat_texture",
              "coat_roughness_texture", "sheen_texture", "opacity_texture", "factor_texture",
-             "normal_texture")  # fmt: skip
+             "normal_texture", "anisotropy_texture")  # fmt: skip
+
+Faceted = Conductor | Dielectric | Plastic | Principled
 
 
 @dataclass(frozen=True)
@@ -140,6 +142,10 @@ class _Filler:
         self._number(record, "metallic", material.metallic)
         roughness = self._roughness(record, "roughness_texture", material.roughness)
         _facets(record, material, alpha_pair(roughness, material.anisotropy))
+        if material.anisotropy_map is not None:
+            _, record["anisotropy_texture"] = self._textures.slot(material.anisotropy_map, limit=1.0)
+            record["anisotropy_strength"] = material.anisotropy_map.strength
+            record["anisotropy_turn"] = _turn(material)
         record["specular"], record["transmission"] = material.specular, material.transmission
         self._number(record, "coat", material.clearcoat)
         coat_roughness = self._roughness(record, "coat_roughness_texture", material.clearcoat_roughness)
@@ -155,12 +161,14 @@ class _Filler:
         record["sheen_alpha"], record["sheen_peak"], record["sheen_half"] = alpha, lobe.peak, lobe.half
 
 
-def _facets(
-    record: np.void, material: Conductor | Dielectric | Plastic | Principled, alphas: tuple[float, float]
-) -> None:
+def _facets(record: np.void, material: Faceted, alphas: tuple[float, float]) -> None:
     record["alpha"], record["alpha_across"] = alphas
     if alphas[0] != alphas[1]:
-        record["anisotropy_turn"] = material.anisotropy_rotation_degrees / 360 % 1
+        record["anisotropy_turn"] = _turn(material)
+
+
+def _turn(material: Faceted) -> float:
+    return material.anisotropy_rotation_degrees / 360 % 1
 
 
 def _cover(record: np.void, material: Plastic) -> None:
@@ -178,10 +186,12 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     kinds = set(records["kind"].tolist())
     principled = records["kind"] == MaterialKind.PRINCIPLED
     clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
+    brushed = records["anisotropy_texture"] >= 0
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
     features = {
-        "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]),
-        "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"] != 0),
+        "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]) or np.any(brushed),
+        "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
+        "HAS_ANISOTROPY_MAP": np.any(brushed),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0),
         "HAS_CLEARCOAT": np.any(records["coat"][principled] > 0) or np.any(records["coat_texture"] >= 0),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),

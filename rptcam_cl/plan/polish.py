@@ -15,6 +15,7 @@ Array = NDArray[np.float64]
 SMOOTH_ALPHA = 0.05  # GGX's alpha of what counts as polished
 SPREADING_ALPHA = 0.002  # from which what it spreads counts
 COAT_REFLECTANCE = 0.04
+PAINTED = ("roughness", "metallic", "coat", "anisotropy")  # what a texture may replace
 COVERS = (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PLASTIC, MaterialKind.ROUGH_PLASTIC)
 
 
@@ -80,7 +81,7 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     elif kind in (MaterialKind.MATTE, MaterialKind.EMISSIVE):
         return
     coloured = kind in (MaterialKind.CONDUCTOR, MaterialKind.METAL, MaterialKind.PRINCIPLED) and record["texture"] >= 0
-    painted = coloured or max(record[f"{name}_texture"] for name in ("roughness", "metallic", "coat")) >= 0
+    painted = coloured or max(record[f"{name}_texture"] for name in PAINTED) >= 0
     if share > 0 and alpha <= SMOOTH_ALPHA and not painted:
         yield Lobe(record, share, alpha)
     even = record["coat_texture"] < 0 and record["coat_roughness_texture"] < 0

@@ -50,7 +50,14 @@ from rptcam_cl.scene.light import (
 )
 from rptcam_cl.scene.load import Missing, load_picture, load_scene, scene_json_schema, scene_json_schema_text
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mirror, Mix, Plastic, Principled
-from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, NormalMap, alpha_pair, has_holes
+from rptcam_cl.scene.material_parts import (
+    AnisotropyMap,
+    BumpyMaterial,
+    CoveringMaterial,
+    NormalMap,
+    alpha_pair,
+    has_holes,
+)
 from rptcam_cl.scene.mesh import LoadedMesh, MeshObject, NamedMesh
 from rptcam_cl.scene.metal import Conductor, MetalSpectrum, MetalTable, OpticalConstants
 from rptcam_cl.scene.moment import at_opening, at_rest, camera_changes, exposure_steps
@@ -125,6 +132,7 @@ __all__ = [
     "TONES",
     "AbsorbingMaterial",
     "Accuracy",
+    "AnisotropyMap",
     "Aperture",
     "AsBuilt",
     "AutoFocus",

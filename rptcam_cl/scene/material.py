@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel, listed, near_name, refuse
 from rptcam_cl.scene.dielectric import ABSORPTION, LEAST_BEND, ROUGHNESS, AbsorbingMaterial, Dielectric, ThinGlass
-from rptcam_cl.scene.material_parts import BumpyMaterial, CoveringMaterial, RoughMaterial
+from rptcam_cl.scene.material_parts import AnisotropyMap, BumpyMaterial, CoveringMaterial, RoughMaterial
 from rptcam_cl.scene.metal import Conductor
 from rptcam_cl.scene.quantities import NUMBER, Albedo, Fraction, Turn, list_of
 from rptcam_cl.scene.texture import Emission, Reflectance, Share
@@ -35,6 +35,10 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
 
     anisotropy_rotation_degrees: Turn = 0.0
     """Turn of that direction, from u towards v."""
+
+    anisotropy_map: AnisotropyMap | None = None
+    """Direction and strength of the stretch from a picture, in place of `anisotropy`; the shape needs texture
+    coordinates."""
 
     specular: Fraction = 1.0
     """Factor on the reflectance of the dielectric."""
@@ -62,6 +66,15 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     """Radiance emitted from the side of the normal [W/(m² sr) per channel]: a colour, or a texture."""
 
     alternatives: ClassVar[tuple[Alternatives, ...]] = (ABSORPTION,)
+
+    @model_validator(mode="after")
+    def _check_stretch(self) -> Self:
+        if self.anisotropy_map is not None and self.anisotropy > 0:
+            raise refuse(
+                "does not count beside anisotropy_map", got=self.anisotropy, path=("anisotropy",),
+                allowed="strength of the map",
+            )  # fmt: skip
+        return self
 
     @model_validator(mode="after")
     def _check_bend(self) -> Self:

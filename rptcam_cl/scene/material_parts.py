@@ -28,6 +28,21 @@ class NormalMap(ImageTexture):
     """Factor on the components along u and v."""
 
 
+class AnisotropyMap(ImageTexture):
+    """A picture of how a surface is brushed, as glTF has it: red along u, green along v, blue the strength."""
+
+    stand_in: ClassVar[bytes | None] = one_pixel(255, 128, 0)  # not brushed
+
+    kind: Literal["image"] = "image"
+    """Kind of texture."""
+
+    color_space: Literal["auto", "srgb", "linear"] = "linear"
+    """How the components are stored."""
+
+    strength: Fraction = 1.0
+    """Factor on the strength."""
+
+
 class CoveringMaterial(SceneModel):
     """A material that may have holes."""
 

@@ -12,13 +12,15 @@ from rptcam_cl.assets.pictures import has_alpha
 from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.scene.dielectric import LEAST_BEND, Attenuation, Dielectric, ThinGlass
+from rptcam_cl.scene.file_reference import one_pixel
 from rptcam_cl.scene.material import Emissive, Material, Matte, Mix, Principled
-from rptcam_cl.scene.material_parts import NormalMap
+from rptcam_cl.scene.material_parts import SMALLEST_ALPHA, AnisotropyMap, NormalMap
 from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE, Colour
 from rptcam_cl.scene.texture import ImageTexture
 
 # Below this a number is 0; what float32 cannot hold the scene refuses.
 SMALLEST = 1e-30
+ALONG_U = FileTexture(one_pixel(255, 128, 255), "brushed along u")
 
 
 def material_of(given: FileMaterial, folders: Folders, absent: list[str] | None = None) -> Material:
@@ -97,12 +99,12 @@ class _Translation:
             "specular": given.specular,
             "metallic": self._share(given.metallic, given.metallic_texture, "b"),
             "roughness": self._share(given.roughness, given.roughness_texture, "g"),
-            "anisotropy": given.anisotropy,
             "anisotropy_rotation_degrees": given.anisotropy_rotation_degrees,
             "clearcoat": self._share(given.clearcoat, given.clearcoat_texture, "r"),
             "clearcoat_roughness": self._share(given.clearcoat_roughness, given.clearcoat_roughness_texture, "g"),
             "sheen": self._colour(given.sheen, given.sheen_texture),
             "sheen_roughness": given.sheen_roughness,
+            **self._stretch(),
         }  # fmt: skip
         return Principled(
             kind="principled",
@@ -115,6 +117,19 @@ class _Translation:
             **self._normals,
             **cover,
         )
+
+    def _stretch(self) -> dict[str, Any]:
+        """Return what stretches highlights as KHR_materials_anisotropy says: numbers, or a picture where one varies."""
+        given = self._given
+        strength = _clipped(given.anisotropy, 0.0, 1.0)
+        if strength == 0:
+            return {}
+        if given.anisotropy_texture is None and given.roughness_texture is None:
+            return _stretched(given.roughness, strength)
+        directions = given.anisotropy_texture or ALONG_U
+        found = AnisotropyMap(**self._laid(directions), strength=strength)
+        self._fill(found, directions)
+        return {"anisotropy_map": found}
 
     def _base(self) -> Colour | ImageTexture:
         return self._colour(self._given.base_color, self._given.base_texture)
@@ -198,6 +213,17 @@ class _Translation:
         texture.locate(f"material {self._given.name!r}: {file_texture.name}: ")
         if isinstance(source := self._source(file_texture), bytes) and (content := source or texture.stand_in):
             texture.hold(content)
+
+
+def _stretched(roughness: float, strength: float) -> dict[str, float]:
+    """Return roughness and anisotropy of ours that have both alphas of KHR_materials_anisotropy.
+
+    Those are alpha across, and alpha + (1 - alpha) strength² along; ours are the mean alpha divided and multiplied by
+    the root of their ratio, which is 1 - 0.9 anisotropy and so 0.1 or more.
+    """
+    across = max(roughness**2, SMALLEST_ALPHA)
+    along = across + (1 - across) * strength**2
+    return {"roughness": (across * along) ** 0.25, "anisotropy": min(1.0, (1 - across / along) / 0.9)}
 
 
 def _clipped(value: float, low: float, high: float) -> float:

@@ -81,18 +81,13 @@ def test_every_extension_has_its_defaults(read: Read, name: str) -> None:
     assert material_of(read, {"extensions": {name: {}}}) == material_of(read, {})
 
 
-def test_anisotropy_has_both_alphas_of_the_format(read: Read) -> None:
-    from rptcam_cl.scene.material_parts import alpha_pair
-
-    for roughness, strength in ((0.6, 0.5), (0.4, 0.3), (0.9, 1)):
-        found = material_of(read, {
-            "pbrMetallicRoughness": {"roughnessFactor": roughness},
-            "extensions": {"KHR_materials_anisotropy": {"anisotropyStrength": strength, "anisotropyRotation": 7.0}},
-        })  # fmt: skip
-        assert found.anisotropy_rotation_degrees == pytest.approx(math.degrees(7.0) - 360)
-        across = roughness**2
-        along = across + (1 - across) * strength**2
-        assert alpha_pair(found.roughness, found.anisotropy) == pytest.approx((along, across), rel=1e-6)
+def test_anisotropy_carries_over(read: Read) -> None:
+    stretch = {"anisotropyStrength": 0.6, "anisotropyRotation": 7.0, "anisotropyTexture": {"index": 0}}
+    found = material_of(read, {"extensions": {"KHR_materials_anisotropy": stretch}})
+    assert found.anisotropy_rotation_degrees == pytest.approx(math.degrees(7.0) - 360)
+    assert found.anisotropy == 0.6
+    assert found.anisotropy_texture is not None and found.anisotropy_texture.name == "dots"
+    assert not found.without_textures().has_textures
 
 
 def test_pictures_of_coat_sheen_and_panes_carry_over(read: Read) -> None:
@@ -222,11 +217,6 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
             },
             {},
             "KHR_materials_transmission.transmissionTexture is left out",
-        ),
-        (
-            {"extensions": {"KHR_materials_anisotropy": {"anisotropyTexture": {"index": 0}}}},
-            {},
-            "KHR_materials_anisotropy.anisotropyTexture is left out",
         ),
         ({}, {"extensionsUsed": ["KHR_materials_variants"]}, "variants of materials are left out; the default"),
         (

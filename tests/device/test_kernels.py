@@ -48,6 +48,7 @@ IMAGE = PATTERNS["image"]
 EVERY_MATERIAL = {
     "metal": {"kind": "conductor", "metal": "gold", "alpha": [0.1, 0.3], "anisotropy_rotation_degrees": 30},
     "frosted": {"kind": "dielectric", "alpha": 0.2, "absorption_per_m": 1, "opacity": 0.5},
+    "spun": {"kind": "principled", "anisotropy_map": {"file": IMAGE["file"]}, "anisotropy_rotation_degrees": 30},
     "prism": {"kind": "dielectric", "glass": "N-BK7"},
     "pane": {"kind": "thin_glass"},
     "plastic": {"kind": "plastic", "reflectance": 0.5},

@@ -11,7 +11,7 @@ from rptcam_cl.assets.meshes import FileMaterial, FileTexture
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.plan.meshes import mesh_parts
-from rptcam_cl.scene import Material, MeshObject, load_scene
+from rptcam_cl.scene import Material, MeshObject, Principled, alpha_pair, load_scene
 from rptcam_cl.scene.mesh_materials import material_of
 from rptcam_cl.scene.texture import ImageTexture
 
@@ -132,6 +132,36 @@ def test_channels_and_factors_of_pictures() -> None:
     assert shown(opacity_texture=DOTS).opacity.channel == "r"  # type: ignore[union-attr]
     normals = material.normal_map  # type: ignore[union-attr]
     assert normals is not None and (normals.strength, normals.color_space) == (2.0, "linear")
+
+
+def test_anisotropy_has_both_alphas_of_the_format() -> None:
+    for roughness, strength in ((0.6, 0.5), (0.4, 0.3), (0.9, 1)):
+        found = shown(roughness=roughness, anisotropy=strength, anisotropy_rotation_degrees=20)
+        assert isinstance(found, Principled) and found.anisotropy_rotation_degrees == 20
+        assert isinstance(found.roughness, float) and found.anisotropy_map is None
+        across = roughness**2
+        along = across + (1 - across) * strength**2
+        assert alpha_pair(found.roughness, found.anisotropy) == pytest.approx((along, across), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "file", "color"),
+    [
+        ({"anisotropy_texture": SEEN}, "seen", None),
+        ({"anisotropy_texture": SEEN, "roughness_texture": DOTS}, "seen", None),
+        ({"roughness_texture": DOTS}, "brushed along u", (255, 128, 255)),  # which roughness counts changes
+    ],
+)
+def test_anisotropy_of_a_picture_keeps_the_roughness(given: dict[str, Any], file: str, color: Any) -> None:
+    found = shown(roughness=0.7, anisotropy=0.4, **given)
+    assert isinstance(found, Principled) and found.anisotropy_map is not None
+    assert (found.anisotropy_map.file, found.anisotropy_map.strength) == (file, 0.4)
+    assert found.anisotropy_map.color_space == "linear"
+    roughness = found.roughness
+    assert (roughness.gain[0] if isinstance(roughness, ImageTexture) else roughness) == 0.7
+    if color is not None:
+        content = found.anisotropy_map.source(Folders())
+        assert isinstance(content, bytes) and Image.open(io.BytesIO(content)).getpixel((0, 0)) == color
 
 
 OBJ = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl w\nf 1/1 2/1 3/1\n"

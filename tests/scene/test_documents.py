@@ -60,6 +60,7 @@ SECTIONS: dict[str, tuple[type[SceneModel], *tuple[str, ...]]] = {
     "White balance": (model.WhiteBalance,),
     "Tone curve": (model.ToneCurve,),
     "Normal map": (model.NormalMap, "Every texture"),
+    "Anisotropy map": (model.AnisotropyMap, "Every texture"),
     "Attenuation": (model.dielectric.Attenuation,),
     "Matte": (model.Matte, "Holes", "Normals"),
     "Mirror": (model.Mirror, "Holes"),

@@ -78,9 +78,10 @@ class FileMaterial:
     sheen : (red, green, blue)
         Of fibres at grazing angles, linear, 0 to 1.
     anisotropy : float
-        Stretch of highlights along u, 0 to 1.
+        Strength s of the stretch of highlights along u, 0 to 1: alpha along is alpha + (1 - alpha) s²; the painting has
+        directions in r and g, along u and v, and strengths in b.
     anisotropy_rotation_degrees : float
-        Of that direction, from u towards v.
+        Of those directions, from u towards v.
     """
 
     name: str = ""
@@ -113,6 +114,7 @@ class FileMaterial:
     sheen_texture: FileTexture | None = None
     sheen_roughness: float = 0.0
     anisotropy: float = 0.0
+    anisotropy_texture: FileTexture | None = None
     anisotropy_rotation_degrees: float = 0.0
 
     @property
@@ -125,5 +127,5 @@ class FileMaterial:
         return replace(
             self, base_texture=None, metallic_texture=None, roughness_texture=None, opacity_texture=None,
             normals=None, emission_texture=None, transmission_texture=None, clearcoat_texture=None,
-            clearcoat_roughness_texture=None, sheen_texture=None,
+            clearcoat_roughness_texture=None, sheen_texture=None, anisotropy_texture=None,
         )  # fmt: skip

@@ -148,9 +148,12 @@ class GltfMaterials:
             self._leave_out(sheen, "sheenRoughnessTexture")
         for stretch in part.extensions("KHR_materials_anisotropy"):
             turn = math.degrees(math.remainder(stretch.number("anisotropyRotation", 0.0), 2 * math.pi))
-            alphas = _stretched(material, stretch.number("anisotropyStrength", 0.0, 0, 1))
-            material = replace(material, anisotropy_rotation_degrees=turn, **alphas)
-            self._leave_out(stretch, "anisotropyTexture")
+            material = replace(
+                material,
+                anisotropy=stretch.number("anisotropyStrength", 0.0, 0, 1),
+                anisotropy_texture=self._texture(stretch, "anisotropyTexture"),
+                anisotropy_rotation_degrees=turn,
+            )
         for _ in part.extensions("KHR_materials_unlit"):
             material = replace(material, matte=True)
         for other in part.part("extensions").names():
@@ -221,17 +224,6 @@ def _volume(volume: JsonNode) -> dict[str, Any]:
     distance = volume.number("attenuationDistance", math.inf, 0)
     colour = _colour(volume.numbers("attenuationColor", (1.0,) * 3))
     return {"solid": solid, "attenuation": (colour, distance) if 0 < distance < math.inf else None}
-
-
-def _stretched(material: FileMaterial, strength: float) -> dict[str, Any]:
-    """Return roughness and anisotropy of ours that have both alphas of KHR_materials_anisotropy.
-
-    Those are alpha across, and alpha + (1 - alpha) strength² along; ours are the mean alpha divided and multiplied by
-    the root of their ratio, which is 1 - 0.9 anisotropy and so 0.1 or more.
-    """
-    across = max(material.roughness**2, 1e-3)
-    along = across + (1 - across) * strength**2
-    return {"roughness": (across * along) ** 0.25, "anisotropy": min(1.0, (1 - across / along) / 0.9)}
 
 
 def _laid(transform: JsonNode) -> dict[str, Any]:
