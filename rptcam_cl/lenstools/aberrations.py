@@ -14,10 +14,12 @@ from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
 from rptcam_cl.lenstools.colours import INK
 from rptcam_cl.lenstools.fields import at_plane, default_fields
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.optics import Beam, Rays, chief_ray, passing_beam
+from rptcam_cl.optics import Beam, Rays, chief_ray, passing_beam, unobstructed
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from rptcam_cl.optics import Lens
 
 Array = NDArray[np.float64]
 Row = dict[str, Any]
@@ -25,9 +27,9 @@ Row = dict[str, Any]
 NEAR = 1e-3  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
 
 
-def _through(setting: Setting, degrees: float, wavelength_nm: float, points: Array) -> Rays:
+def _through(setting: Setting, lens: Lens, degrees: float, wavelength_nm: float, points: Array) -> Rays:
     origins, directions = Beam(degrees, setting.object_distance_mm).rays(points)
-    return setting.lens.trace(origins, directions, wavelength_nm, "scene")
+    return lens.trace(origins, directions, wavelength_nm, "scene")
 
 
 def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float], rays: int) -> list[Row]:
@@ -48,7 +50,7 @@ def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence
             line = np.tile(start, (rays, 1))
             line[:, axis] += steps * reach
             for wavelength in wavelengths_nm:
-                traced = _through(setting, degrees, wavelength, line)
+                traced = _through(setting, setting.lens, degrees, wavelength, line)
                 off = (at_plane(traced.origins, traced.directions, setting.film_z)[:, :2] - middle) * 1e3
                 rows += [
                     {"field_degrees": degrees, "wavelength_nm": wavelength, "tangential": float(axis == 1),
@@ -61,7 +63,8 @@ def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence
 def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence[float]) -> list[Row]:
     """Return where thin pencils about the chief ray are sharp, along the axis from the film [mm], as Coddington has it.
 
-    By rays close beside the chief ray on both sides. Positive: behind the film.
+    By rays close beside the chief ray on both sides, through obstructions in the middle of the lens. Positive: behind
+    the film.
     """
     step = NEAR * min(setting.lens.surfaces[0].semi_diameter, 1e3)
     rows: list[Row] = []
@@ -69,7 +72,7 @@ def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Se
         for wavelength in wavelengths_nm:
             height, _ = chief_ray(setting.lens, degrees, wavelength, setting.object_distance_mm)
             beside = np.array([0.0, height]) + step * np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
-            traced = _through(setting, degrees, wavelength, beside)
+            traced = _through(setting, unobstructed(setting.lens), degrees, wavelength, beside)
             at = at_plane(traced.origins, traced.directions, setting.film_z)
             slopes = setting.lens.sense * traced.directions[:, :2] / traced.directions[:, 2:]
             off = [

@@ -9,7 +9,7 @@ from rptcam_cl.optics.axial_beam import disk_irradiance
 from rptcam_cl.optics.best_focus import best_film_distance, best_film_distance_at
 from rptcam_cl.optics.blur import blur_variances
 from rptcam_cl.optics.chief_fan import fan_chief_rays, round_chief_rays
-from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays
+from rptcam_cl.optics.chief_rays import ChiefRays, aimed_rays, film_chief_rays, unobstructed
 from rptcam_cl.optics.coating import (
     BARE,
     MAGNESIUM_FLUORIDE,
@@ -276,6 +276,7 @@ __all__ = [
     "trace",
     "transfer",
     "unfolded",
+    "unobstructed",
     "veiling_glare",
     "with_coating",
     "with_film",

@@ -110,6 +110,11 @@ def aimed_rays(lens: Lens, film_points: Array, aims: Array, wavelength_nm: float
     return ChiefRays(rays.origins, rays.directions, found, clear, aims)
 
 
+def unobstructed(lens: Lens) -> Lens:
+    """Return the lens without holes, obstructions in its middle and the shape of its stop: its chief rays need none."""
+    return replace(lens, surfaces=tuple(map(_filled, lens.surfaces))) if lens.is_obstructed else lens
+
+
 def _filled(surface: Surface) -> Surface:
     """Return a surface without a hole or an obstruction in its middle, a stop being round."""
     return replace(surface, inner_semi_diameter=0.0, stop_shape=None)
@@ -129,7 +134,10 @@ def _rear(lens: Lens, stop: int) -> Prescription:
     """Return the lens from its stop on, without rims; z = 0 at the stop."""
     before = lens.surfaces[stop - 1].glass if stop else lens.object_medium
     surfaces = tuple(_open(surface) for surface in lens.surfaces[stop:])
-    return replace(lens, surfaces=surfaces, object_medium=before, stop_index=None, configurations=(), focusing=None)
+    return replace(
+        lens, surfaces=surfaces, object_medium=before, stop_index=None, configurations=(), focusing=None,
+        first_sense=float(lens.senses[stop]),
+    )  # fmt: skip
 
 
 def _towards(lens: Lens, points: Array, aims: Array) -> Array:

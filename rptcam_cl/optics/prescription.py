@@ -97,6 +97,8 @@ class Prescription:
         at infinity.
     warnings : tuple of str
         Doubts about the prescription that do not make it unusable.
+    first_sense : float
+        Which way light comes to the first surface: 1 to +z; -1 for a part of a lens that begins behind a mirror.
     """
 
     name: str
@@ -109,6 +111,7 @@ class Prescription:
     focusing: FocusingGroup | None = None
     floating: tuple[FocusState, ...] = ()
     warnings: tuple[str, ...] = ()
+    first_sense: float = 1.0
 
     @cached_property
     def vertices(self) -> Array:
@@ -125,7 +128,7 @@ class Prescription:
     def senses(self) -> Array:
         """Which way light from the scene travels before the first surface and behind each one: 1 to +z, -1 to -z."""
         turns = [-1.0 if surface.is_mirror else 1.0 for surface in self.surfaces]
-        return np.concatenate([[1.0], np.cumprod(turns)])
+        return self.first_sense * np.concatenate([[1.0], np.cumprod(turns)])
 
     @property
     def sense(self) -> float:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.chief_rays import unobstructed
 from rptcam_cl.optics.first_order import limiting_surface
 from rptcam_cl.optics.ray_trace import Rays, Status
 from rptcam_cl.optics.wide_beam import grid_points, is_steep, passing_steep_beam, steep_chief_ray
@@ -156,13 +157,14 @@ def chief_ray(
 ) -> tuple[float, Rays]:
     """Return the ray through the centre of the stop: its height y in the plane of the first vertex [mm], and its trace.
 
-    Of a steep field the height is that across the beam.
+    Of a steep field the height is that across the beam. Obstructions in the middle of the lens do not count.
 
     Raises
     ------
     InputError
         When no ray of that field reaches the centre of the stop.
     """
+    lens = unobstructed(lens)
     stop = limiting_surface(lens, wavelength_nm)
     if is_steep(field_degrees):
         _check_steep(lens, Beam(field_degrees, object_distance_mm))

@@ -167,10 +167,13 @@ def stop_diameter_by_sine(lens: Lens, f_number: float, wavelength_nm: float = LI
     if not f_number > 0.5:
         raise InputError(f"{lens.name}: no lens in air is faster than f/0.5 (got f/{f_number:g})")
     back = lens.first_order(wavelength_nm).back_focal_distance_mm
-    rear = tuple(replace(s, semi_diameter=np.inf, region=None) for s in lens.surfaces[lens.stop_index :])
-    group = replace(lens, surfaces=rear, stop_index=None)
+    rear = tuple(
+        replace(s, semi_diameter=np.inf, inner_semi_diameter=0.0, region=None) for s in lens.surfaces[lens.stop_index :]
+    )
+    group = replace(lens, surfaces=rear, stop_index=None, first_sense=float(lens.senses[lens.stop_index]))
     sine = 1.0 / (2.0 * f_number)
-    ray = group.trace([[0, 0, group.length + back]], [[0, sine, -np.sqrt(1 - sine * sine)]], wavelength_nm)
+    away = -group.sense * np.sqrt(1 - sine * sine)
+    ray = group.trace([[0, 0, group.film_z(back)]], [[0, sine, away]], wavelength_nm)
     diameter = 2 * abs(float(ray.origins[0, 1]))
     has = 2 * lens.stop.semi_diameter
     if not ray.passed[0] or diameter > has * (1 + 5e-3):
