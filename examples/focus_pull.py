@@ -1,4 +1,4 @@
-"""Pull the focus through the chess board, from the near pawns to the lamps and back: the moving picture of the README.
+"""Pull the focus through the chess board, from the near pawns to the lamps and back: the picture of docs/motion.md.
 
 Run in the folder above: python examples/focus_pull.py; it takes a quarter of an hour on two cores. It needs the extra
 `denoise`.

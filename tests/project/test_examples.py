@@ -99,7 +99,9 @@ def test_command_of_the_gallery_parses_and_its_files_exist(arguments: list[str])
     scene = rptcam_cl.load_scene(ROOT / parsed.scene, parsed.overrides)
     path = ROOT / picture_of(arguments)
     with Image.open(path) as picture:
-        assert picture.size == (parsed.size or scene.film.resolution)
+        size, crop = parsed.size or scene.film.resolution, scene.film.crop or (0, 1, 0, 1)
+        wanted = (size[0] * (crop[1] - crop[0]), size[1] * (crop[3] - crop[2]))
+        assert np.abs(np.subtract(picture.size, wanted)).max() <= (1 if scene.film.crop else 0)
         assert picture.width <= 1920
     assert path.stat().st_size < LARGEST_PICTURE
 
