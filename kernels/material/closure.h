@@ -58,7 +58,8 @@
     WHEN(HAS_ROUGH_PLASTIC, EACH(Cover, cover,       no_cover(),       known_cover(material->cover, material->cover_last))) \
     WHEN(HAS_THIN_GLASS,   EACH(F3,    depth,        BLACK_3,          coefficient(material->absorption, scene))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
-    WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             (F)(material->specular))) \
+    WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             NUMBER(HAS_SPECULAR_TEXTURE, specular))) \
+    WHEN(HAS_SPECULAR_COLOR, EACH(F3,  specular_color, WHITE_3,        COLOR(HAS_SPECULAR_COLOR_TEXTURE, specular_color))) \
     WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             (F)(material->transmission))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             NUMBER(HAS_COAT_TEXTURE, coat))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat_alpha,   ONE,              ALPHA(HAS_COAT_ROUGHNESS_TEXTURE, coat))) \

@@ -34,10 +34,22 @@ typedef struct {
 } Facet;
 
 #if HAS_PRINCIPLED
+#if HAS_SPECULAR_COLOR
+#define SPECULAR_COLOR(vertex) (vertex).closure.specular_color
+#else
+#define SPECULAR_COLOR(vertex) WHITE_3
+#endif
+
 static inline F normal_reflectance(F index)
 {
     F r = (index - 1.0f) / (index + 1.0f);
     return r * r;
+}
+
+// Schlick's rise from `f0` at normal incidence to `most`.
+static inline F3 raised(F3 f0, F most, F steep)
+{
+    return along(f0, sub(f3(most, most, most), f0), steep);
 }
 
 // Schlick's Fresnel between a dielectric and a metal of the base colour (glTF 2.0, appendix B.3.5).
@@ -45,24 +57,24 @@ static Facet principled_facet(Vertex vertex, F eta, F c)
 {
     Facet facet;
     F steep = schlick(c);
-    F f0 = vertex.closure.specular * normal_reflectance(vertex.parameter);
-    F f = f0 + (vertex.closure.specular - f0) * steep;
+    F most = vertex.closure.specular;
+    F3 f0 = scale(SPECULAR_COLOR(vertex), most * normal_reflectance(vertex.parameter));
+    F3 f = raised(f0, most, steep);
 #if HAS_TRANSMISSION
     // The transparent part, seen from inside, reflects by the angle outside, and totally beyond the critical one.
     F clear = vertex.closure.transmission;
     F sin2 = (1.0f - c * c) / (eta * eta);
     F beyond = eta < 1.0f ? schlick(root(1.0f - sin2)) : steep;
-    F of_clear = sin2 >= 1.0f ? ONE : f0 + (vertex.closure.specular - f0) * beyond;
-    f += clear * (of_clear - f);
+    F3 of_clear = select3(sin2 >= 1.0f, WHITE_3, raised(f0, most, beyond));
+    f = along(f, sub(of_clear, f), clear);
 #endif
     F3 metal = along(scale(vertex.color, 1.0f - steep), f3(ONE, ONE, ONE), steep);
     F dielectric = 1.0f - vertex.closure.metallic;
-    F share = f * dielectric;
-    facet.reflected = along(f3(share, share, share), metal, vertex.closure.metallic);
+    facet.reflected = along(scale(f, dielectric), metal, vertex.closure.metallic);
     facet.reflects = ONE;
     facet.refracted = f3(ZERO, ZERO, ZERO);
 #if HAS_TRANSMISSION
-    facet.refracted = scale(vertex.color, dielectric * clear * (1.0f - of_clear));
+    facet.refracted = mul(vertex.color, scale(sub(WHITE_3, of_clear), dielectric * clear));
     F other = max3(facet.refracted);
     F own = max3(facet.reflected);
     facet.reflects = other > 0.0f ? own / (own + other) : ONE;
@@ -136,7 +148,8 @@ static F add_base(Lobes *lobes, Vertex vertex)
 #else
         F clear = ZERO;
 #endif
-        Cover cover = cover_of(normal_reflectance(vertex.parameter), vertex.closure.alpha.x, vertex.closure.specular);
+        F f0 = normal_reflectance(vertex.parameter) * max3(SPECULAR_COLOR(vertex));
+        Cover cover = cover_of(f0, vertex.closure.alpha.x, vertex.closure.specular);
         F share = cover_albedo(cover, lobes->wi.z);
         F rest = (1.0f - metallic) * (share + (1.0f - share) * clear) + metallic * max3(vertex.color);
         rho = select3(principled, scale(vertex.color, (1.0f - metallic) * (1.0f - clear)), rho);

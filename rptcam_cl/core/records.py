@@ -88,6 +88,7 @@ MATERIAL = Record(
         ("float4", "metal_k"),
         ("float4", "cover"),  # of rough plastic: share of light that its cover reflects, as a quartic in 1 - cos
         ("float4", "absorption"),  # [1/m] behind the surface; of thin glass the optical depth
+        ("float4", "specular_color"),  # of the dielectric's reflectance at normal incidence
         ("float4", "sheen"),  # colour of light that the fibres of a cloth send back
         (
             "float4",
@@ -133,8 +134,8 @@ MATERIAL = Record(
         ("float", "dispersion_high"),
         ("float", f"dispersion[{DISPERSION_TERMS}]"),
         ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
-        ("int", "reserved_0"),
-        ("int", "reserved_1"),
+        ("int", "specular_texture"),
+        ("int", "specular_color_texture"),
     ),
 )
 

@@ -35,7 +35,7 @@ from rptcam_cl.scene import (
 
 _TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "coat_texture",
              "coat_roughness_texture", "sheen_texture", "opacity_texture", "factor_texture",
-             "normal_texture", "anisotropy_texture")  # fmt: skip
+             "normal_texture", "anisotropy_texture", "specular_texture", "specular_color_texture")  # fmt: skip
 
 Faceted = Conductor | Dielectric | Plastic | Principled
 
@@ -146,7 +146,9 @@ class _Filler:
             _, record["anisotropy_texture"] = self._textures.slot(material.anisotropy_map, limit=1.0)
             record["anisotropy_strength"] = material.anisotropy_map.strength
             record["anisotropy_turn"] = _turn(material)
-        record["specular"], record["transmission"] = material.specular, material.transmission
+        self._number(record, "specular", material.specular)
+        self._colour(record, "specular_color", "specular_color_texture", material.specular_color, 1.0)
+        record["transmission"] = material.transmission
         self._number(record, "coat", material.clearcoat)
         coat_roughness = self._roughness(record, "coat_roughness_texture", material.clearcoat_roughness)
         record["coat_alpha"] = alpha_pair(coat_roughness, 0.0)[0]
@@ -186,6 +188,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     kinds = set(records["kind"].tolist())
     principled = records["kind"] == MaterialKind.PRINCIPLED
     clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
+    tinted = records["specular_color"][principled] != (1, 1, 1, 0)
     brushed = records["anisotropy_texture"] >= 0
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
     features = {
@@ -202,6 +205,9 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_COAT_TEXTURE": np.any(records["coat_texture"] >= 0),
         "HAS_COAT_ROUGHNESS_TEXTURE": np.any(records["coat_roughness_texture"] >= 0),
         "HAS_SHEEN_TEXTURE": np.any(records["sheen_texture"] >= 0),
+        "HAS_SPECULAR_TEXTURE": np.any(records["specular_texture"] >= 0),
+        "HAS_SPECULAR_COLOR": np.any(tinted) or np.any(records["specular_color_texture"] >= 0),
+        "HAS_SPECULAR_COLOR_TEXTURE": np.any(records["specular_color_texture"] >= 0),
         "HAS_DISPERSION": np.any(records["dispersion_terms"] > 0),
         "HAS_OPACITY": np.any(records["opacity"] < 1) or np.any(records["opacity_texture"] >= 0),
         "HAS_NORMAL_MAP": np.any(records["normal_texture"] >= 0),
@@ -212,7 +218,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
 def _white(count: int) -> NDArray[np.void]:
     """Return records of materials of no kind: white, without textures or holes."""
     records = MATERIAL.zeros(count)
-    records["color"][:, :3], records["opacity"] = 1.0, 1.0
+    records["color"][:, :3], records["specular_color"][:, :3], records["opacity"] = 1.0, 1.0, 1.0
     for name in _TEXTURES:
         records[name] = -1
     return records

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 SMOOTH_ALPHA = 0.05  # GGX's alpha of what counts as polished
 SPREADING_ALPHA = 0.002  # from which what it spreads counts
 COAT_REFLECTANCE = 0.04
-PAINTED = ("roughness", "metallic", "coat", "anisotropy")  # what a texture may replace
+PAINTED = ("roughness", "metallic", "coat", "anisotropy", "specular", "specular_color")  # what a texture may replace
 COVERS = (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PLASTIC, MaterialKind.ROUGH_PLASTIC)
 
 
@@ -127,7 +127,7 @@ def _of_principled(record: np.void, cosine: Array) -> Array:
     """Return the reflectance of a dielectric and a metal beside each other, under the coat, where there is one."""
     steep, index = _schlick(cosine)[:, None], float(record["parameter"])
     specular, metallic = float(record["specular"]), float(record["metallic"])
-    normal = specular * ((index - 1.0) / (index + 1.0)) ** 2
+    normal = record["specular_color"][:3] * specular * ((index - 1.0) / (index + 1.0)) ** 2
     dielectric = normal + (specular - normal) * steep
     colour = record["color"][:3].astype(np.float64)
     metal = colour + (1.0 - colour) * steep

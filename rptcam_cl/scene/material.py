@@ -14,6 +14,9 @@ from rptcam_cl.scene.metal import Conductor
 from rptcam_cl.scene.quantities import NUMBER, Albedo, Fraction, Turn, list_of
 from rptcam_cl.scene.texture import Emission, Reflectance, Share
 
+MOST_INDEX = 1000.0  # reflects 0.996 of the light at normal incidence
+MOST_BEND = 5.0  # index of what light passes
+
 
 class Principled(AbsorbingMaterial, BumpyMaterial):
     """A mixture of a dielectric over a diffuse or transparent base, and a metal; with sheen, a coat and emission."""
@@ -40,11 +43,14 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     """Direction and strength of the stretch from a picture, in place of `anisotropy`; the shape needs texture
     coordinates."""
 
-    specular: Fraction = 1.0
-    """Factor on the reflectance of the dielectric."""
+    specular: Share = 1.0
+    """Factor on the reflectance of the dielectric: a number, or a texture."""
 
-    index: Annotated[float, Field(ge=1, le=5), NUMBER] = 1.5
-    """Refractive index of the dielectric."""
+    specular_color: Reflectance = (1.0, 1.0, 1.0)
+    """Colour of that reflectance at normal incidence, not of grazing light: channels 0 to 1, or a texture."""
+
+    index: Annotated[float, Field(ge=1, le=MOST_INDEX), NUMBER] = 1.5
+    """Refractive index of the dielectric; at most 5 beside transmission."""
 
     transmission: Fraction = 0.0
     """Share of the dielectric's base that is transparent: a solid that refracts."""
@@ -83,6 +89,10 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
                 "bends light too little for transmission", got=self.index, path=("index",),
                 allowed=f"at least {1 + LEAST_BEND:g} beside transmission",
             )  # fmt: skip
+        if self.transmission > 0 and self.index > MOST_BEND:
+            raise refuse(
+                "is out of range", got=self.index, path=("index",), allowed=f"at most {MOST_BEND:g} beside transmission"
+            )
         return self
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ from rptcam_cl.core.errors import InputError, MissingFileError
 from rptcam_cl.core.references import Folders
 from rptcam_cl.scene.dielectric import LEAST_BEND, Attenuation, Dielectric, ThinGlass
 from rptcam_cl.scene.file_reference import one_pixel
-from rptcam_cl.scene.material import Emissive, Material, Matte, Mix, Principled
+from rptcam_cl.scene.material import MOST_BEND, MOST_INDEX, Emissive, Material, Matte, Mix, Principled
 from rptcam_cl.scene.material_parts import SMALLEST_ALPHA, AnisotropyMap, NormalMap
 from rptcam_cl.scene.quantities import LARGEST_GAIN, LARGEST_RADIANCE, Colour
 from rptcam_cl.scene.texture import ImageTexture
@@ -96,7 +97,7 @@ class _Translation:
     def _principled(self, transmission: float, cover: dict[str, Any]) -> Principled:
         given = self._given
         gloss: dict[str, Any] = {"specular": 0.0, "roughness": 1.0} if given.matte else {
-            "specular": given.specular,
+            "specular": self._specular(),
             "metallic": self._share(given.metallic, given.metallic_texture, "b"),
             "roughness": self._share(given.roughness, given.roughness_texture, "g"),
             "anisotropy_rotation_degrees": given.anisotropy_rotation_degrees,
@@ -109,7 +110,7 @@ class _Translation:
         return Principled(
             kind="principled",
             base_color=self._base(),
-            index=_clipped(given.index, 1 + LEAST_BEND if transmission else 1.0, 5),
+            **self._reflectance(transmission),
             transmission=transmission,
             emission=self._emission(),
             **gloss,
@@ -117,6 +118,24 @@ class _Translation:
             **self._normals,
             **cover,
         )
+
+    def _specular(self) -> float | ImageTexture:
+        file_texture = self._given.specular_texture
+        painted = file_texture is not None and has_alpha(self._source(file_texture))
+        return self._share(self._given.specular, file_texture if painted else None, "a")
+
+    def _reflectance(self, transmission: float) -> dict[str, Any]:
+        """Return index and colour of the reflectance head on; the index takes what of the colour exceeds 1."""
+        given = self._given
+        low, high = (1 + LEAST_BEND, MOST_BEND) if transmission else (1.0, MOST_INDEX)
+        index = _clipped(given.index, low, high)
+        color, normal = given.specular_color, _at_normal(index)
+        if not transmission and max(color) > 1 and normal > 0:
+            color = _within(color, _at_normal(MOST_INDEX) / normal)
+            root = math.sqrt(max(color) * normal)
+            index = (1 + root) / (1 - root)
+            color = _scaled(color, 1 / max(color))
+        return {"index": index, "specular_color": self._colour(color, given.specular_color_texture)}
 
     def _stretch(self) -> dict[str, Any]:
         """Return what stretches highlights as KHR_materials_anisotropy says: numbers, or a picture where one varies."""
@@ -229,6 +248,16 @@ def _stretched(roughness: float, strength: float) -> dict[str, float]:
 def _clipped(value: float, low: float, high: float) -> float:
     clipped = min(high, max(low, value))
     return clipped if abs(clipped) > SMALLEST else 0.0
+
+
+def _at_normal(index: float) -> float:
+    """Return what a dielectric reflects at normal incidence."""
+    return ((index - 1) / (index + 1)) ** 2
+
+
+def _scaled(colour: Colour, factor: float) -> Colour:
+    red, green, blue = (value * factor for value in colour)
+    return (red, green, blue)
 
 
 def _within(colour: Colour, high: float) -> Colour:

@@ -54,7 +54,7 @@ def test_numbers_carry_over(read: Read) -> None:
         "alphaMode": "MASK", "alphaCutoff": 0.3, "doubleSided": True, "emissiveFactor": [0, 0.5, 1],
         "extensions": {
             "KHR_materials_emissive_strength": {"emissiveStrength": 8}, "KHR_materials_ior": {"ior": 1.33},
-            "KHR_materials_specular": {"specularFactor": 0.6},
+            "KHR_materials_specular": {"specularFactor": 0.6, "specularColorFactor": [2, 0.5, 0]},
             "KHR_materials_transmission": {"transmissionFactor": 0.9},
             "KHR_materials_volume": {"thicknessFactor": 1, "attenuationDistance": 2, "attenuationColor": [1, 0.5, 0]},
             "KHR_materials_clearcoat": {"clearcoatFactor": 0.7, "clearcoatRoughnessFactor": 0.1},
@@ -63,6 +63,7 @@ def test_numbers_carry_over(read: Read) -> None:
     })  # fmt: skip
     assert found == FileMaterial(
         name="paint", base_color=(0.1, 0.2, 0.3), metallic=0.5, roughness=0.25, specular=0.6, opacity=0.4,
+        specular_color=(2, 0.5, 0),
         opacity_cutoff=0.3, emission=(0, 4, 8), both_sides=True, index=1.33, transmission=0.9, solid=True,
         attenuation=((1, 0.5, 0), 2), clearcoat=0.7, clearcoat_roughness=0.1,
         sheen=(0.9, 0.5, 0.1), sheen_roughness=0.3,
@@ -90,6 +91,10 @@ def test_anisotropy_carries_over(read: Read) -> None:
     assert not found.without_textures().has_textures
 
 
+def test_index_of_nothing_is_that_of_a_mirror(read: Read) -> None:
+    assert material_of(read, {"extensions": {"KHR_materials_ior": {"ior": 0}}}).index == math.inf
+
+
 def test_pictures_of_coat_sheen_and_panes_carry_over(read: Read) -> None:
     seen = {"index": 0}
     found = material_of(read, {
@@ -100,10 +105,12 @@ def test_pictures_of_coat_sheen_and_panes_carry_over(read: Read) -> None:
             },
             "KHR_materials_sheen": {"sheenColorFactor": [1, 1, 1], "sheenColorTexture": seen},
             "KHR_materials_transmission": {"transmissionFactor": 0.75, "transmissionTexture": seen},
+            "KHR_materials_specular": {"specularTexture": seen, "specularColorTexture": seen},
         },
     })  # fmt: skip
     pictures = (
         found.clearcoat_texture, found.clearcoat_roughness_texture, found.sheen_texture, found.transmission_texture,
+        found.specular_texture, found.specular_color_texture,
     )  # fmt: skip
     assert all(picture is not None and picture.name == "dots" for picture in pictures)
     assert found.has_textures
@@ -202,11 +209,6 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
             {"extensions": {"KHR_materials_clearcoat": {"clearcoatNormalTexture": {"index": 0}}}},
             {},
             "KHR_materials_clearcoat.clearcoatNormalTexture is left out",
-        ),
-        (
-            {"extensions": {"KHR_materials_specular": {"specularColorFactor": [1, 0.5, 0]}}},
-            {},
-            "KHR_materials_specular.specularColorFactor is left out",
         ),
         (
             {

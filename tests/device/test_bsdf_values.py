@@ -22,6 +22,12 @@ def gold(cosine):
     return reflectance(np.array(GOLD[0]) + 1j * np.array(GOLD[1]), cosine)
 
 
+def tinted(cosine):
+    """Schlick's reflectance of a dielectric of index 2 whose reflectance at normal incidence is coloured."""
+    normal = np.array(RGB) / 9
+    return 0.8 * (normal + (1 - normal) * (1 - cosine) ** 5)
+
+
 BLACK_CLOTH = {"kind": "principled", "base_color": 0, "specular": 0, "sheen": RGB}
 FORMULAS = {
     "matte": ({"kind": "matte", "reflectance": RGB}, lambda i, o: o[:, 2:] / np.pi * RGB),
@@ -36,6 +42,10 @@ FORMULAS = {
     "gold": (
         {"kind": "conductor", "metal": "gold", "roughness": 0.5},
         lambda i, o: bsdfs.conductor(i, o, (0.25, 0.25), gold),
+    ),
+    "coloured gloss": (
+        {"kind": "principled", "base_color": 0, "roughness": 0.5, "index": 2, "specular": 0.8, "specular_color": RGB},
+        lambda i, o: bsdfs.conductor(i, o, (0.25, 0.25), tinted),
     ),
     "rough sheen": (BLACK_CLOTH | {"sheen_roughness": 1.0}, lambda i, o: bsdfs.sheen(i, o, 1.0) * RGB),
     "sheen": (BLACK_CLOTH | {"sheen_roughness": 0.5}, lambda i, o: bsdfs.sheen(i, o, 0.25) * RGB),
@@ -88,6 +98,7 @@ SYMMETRIC = {
     "plastic": {"kind": "plastic", "reflectance": RGB},
     "rough plastic": {"kind": "plastic", "reflectance": RGB, "alpha": 0.3},
     "principled": {"kind": "principled", "base_color": RGB, "metallic": 0.3, "clearcoat": 0.7, "anisotropy": 0.4},
+    "coloured gloss": {"kind": "principled", "base_color": [0.1, 0.5, 0.9], "specular_color": RGB, "index": 3},
     "cloth": {
         "kind": "principled",
         "base_color": RGB,

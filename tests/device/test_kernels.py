@@ -55,7 +55,8 @@ EVERY_MATERIAL = {
     "rough plastic": {"kind": "plastic", "reflectance": 0.5, "roughness": 0.3},
     "principled": {
         "kind": "principled", "roughness": IMAGE, "metallic": IMAGE, "transmission": 0.5, "clearcoat": IMAGE,
-        "clearcoat_roughness": IMAGE, "emission": 1, "sheen": IMAGE, "normal_map": {"file": IMAGE["file"]},
+        "clearcoat_roughness": IMAGE, "emission": 1, "sheen": IMAGE, "specular": IMAGE,
+        "specular_color": IMAGE, "normal_map": {"file": IMAGE["file"]},
     },
     "mix": {"kind": "mix", "materials": ["metal", "plastic"]},
 }  # fmt: skip

@@ -1,6 +1,7 @@
 """Materials of mesh files as materials of the scene."""
 
 import io
+import math
 from pathlib import Path
 from typing import Any
 
@@ -96,6 +97,13 @@ def keys_of(material: Material) -> dict[str, Any]:
             },
             {"kind": "principled", "clearcoat": "dots", "clearcoat_roughness": "seen", "sheen": "dots"},
         ),
+        (
+            {"specular": 0.5, "specular_texture": SEEN, "specular_color_texture": DOTS},
+            {"specular": "seen", "specular_color": "dots", "index": 1.5},
+        ),
+        ({"specular": 0.5, "specular_texture": DOTS}, {"specular": 0.5}),  # a picture without alpha
+        ({"specular_color": (1, 0.2, 0.5)}, {"specular_color": (1, 0.2, 0.5), "index": 1.5}),
+        ({"specular_color": (2, 1, 0), "transmission": 1.0, "solid": True}, {"specular_color": (1, 1, 0)}),
         ({"clearcoat_texture": DOTS, "sheen_texture": DOTS}, {"clearcoat": 0.0, "sheen": (0, 0, 0)}),
         ({"opacity": 0.5}, {"kind": "principled", "opacity": 0.5}),
         (
@@ -132,6 +140,21 @@ def test_channels_and_factors_of_pictures() -> None:
     assert shown(opacity_texture=DOTS).opacity.channel == "r"  # type: ignore[union-attr]
     normals = material.normal_map  # type: ignore[union-attr]
     assert normals is not None and (normals.strength, normals.color_space) == (2.0, "linear")
+
+
+@pytest.mark.parametrize(
+    ("index", "color", "expected"),
+    [
+        (1.5, (1, 0.25, 2), (0.04, 0.01, 0.08)),
+        (math.inf, (0.9, 0.5, 0.1), (0.9, 0.5, 0.1)),
+        (2.0, (20, 0.9, 0), (1, 0.1, 0)),
+    ],
+)
+def test_bright_colours_of_reflections_go_into_the_index(index: float, color: Any, expected: Any) -> None:
+    found = shown(index=index, specular_color=color)
+    assert isinstance(found, Principled) and isinstance(found.specular_color, tuple)
+    normal = ((found.index - 1) / (found.index + 1)) ** 2
+    assert [normal * channel for channel in found.specular_color] == pytest.approx(expected, abs=0.005)
 
 
 def test_anisotropy_has_both_alphas_of_the_format() -> None:

@@ -123,18 +123,32 @@ def test_textured_numbers_are_as_constant_ones():
 
 
 @pytest.mark.parametrize(
-    "keys", [{"clearcoat": 0.75, "clearcoat_roughness": 0.25}, {"clearcoat_roughness": 0.5}, {"sheen": [0.5, 0.25, 1]}]
+    "keys",
+    [
+        {"clearcoat": 0.75, "clearcoat_roughness": 0.25},
+        {"clearcoat_roughness": 0.5},
+        {"sheen": [0.5, 0.25, 1]},
+        {"specular": 0.5, "specular_color": [0.25, 1, 0.5]},
+    ],
 )
-def test_textures_of_coat_and_sheen_are_as_constant_ones(keys):
-    plain = {"kind": "principled", "base_color": [0.7, 0.3, 0.1], "roughness": 0.6, "clearcoat": 0.5}
+def test_textures_of_layers_are_as_constant_ones(keys):
+    plain = {"kind": "principled", "base_color": [0.7, 0.3, 0.1], "roughness": 0.6, "clearcoat": 0.5, "index": 2}
     same(ball(plain | keys), ball(plain | {key: constant(value) for key, value in keys.items()}))
 
 
 @pytest.mark.parametrize(
-    ("key", "values"), [("clearcoat", (0, 1)), ("clearcoat_roughness", (0.05, 0.6)), ("sheen", (0, [0.9, 0.6, 0.3]))]
+    ("key", "values"),
+    [
+        ("clearcoat", (0, 1)),
+        ("clearcoat_roughness", (0.05, 0.6)),
+        ("sheen", (0, [0.9, 0.6, 0.3])),
+        ("specular", (0.1, 1)),
+        ("specular_color", (1, [0.9, 0.3, 0])),
+    ],
 )
-def test_texture_of_coat_or_sheen_is_both_of_its_values_side_by_side(key, values):
-    plain = {"kind": "principled", "base_color": 0.1, "roughness": 0.6} | {"clearcoat": 1, "clearcoat_roughness": 0.2}
+def test_texture_of_a_layer_is_both_of_its_values_side_by_side(key, values):
+    plain = {"kind": "principled", "base_color": 0.1, "roughness": 0.6, "clearcoat": 1, "clearcoat_roughness": 0.2}
+    plain |= {"clearcoat": 0, "roughness": 0.2, "index": 3} if key.startswith("specular") else {}
     board = {"kind": "checker", "scale": [4, 4], **dict(zip(("even", "odd"), values, strict=True))}
     halves = [{**plain, key: value} for value in values]
     stripes = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [4, 4]}

@@ -48,6 +48,11 @@ REFUSED = [
     ("{kind: plastic, reflectance: 0.5, index: 0.9}", "index: is out of range"),
     ("{kind: principled, metalic: 1}", "did you mean metallic"),
     ("{kind: principled, roughness: 1.5}", "roughness: is out of range"),
+    (
+        "{kind: principled, transmission: 1, index: 6}",
+        "index: is out of range (got 6; allowed: at most 5 beside transm",
+    ),
+    ("{kind: principled, anisotropy: 0.5, anisotropy_map: {file: a.png}}", "anisotropy: does not count beside"),
     ("{kind: principled, transmission: 1, index: 1.0}", "index: bends light too little for transmission"),
     ("{kind: principled, roughness: {kind: wood}}", "is not a known choice"),
     ("{kind: principled, normal_map: {file: ../n.png}}", "n.png"),

@@ -54,7 +54,9 @@ class FileMaterial:
     metallic, roughness : float
         0 to 1; the paintings are read in the channels b and g.
     specular : float
-        Factor on the reflectance of the dielectric.
+        Factor on the reflectance of the dielectric; the painting is read in its alpha channel.
+    specular_color : (red, green, blue)
+        Of that reflectance at normal incidence, linear, 0 or more.
     opacity : float
         0 to 1; the painting is read in its alpha channel, or in r when it has none.
     opacity_cutoff : float or None
@@ -66,7 +68,7 @@ class FileMaterial:
     both_sides : bool
         Whether the back emits too.
     index : float
-        Refractive index.
+        Refractive index, 1 to infinity.
     transmission : float
         Share of the base that is transparent; the painting is read in the channel r, and of panes alone.
     solid : bool
@@ -93,6 +95,9 @@ class FileMaterial:
     roughness: float = 0.5
     roughness_texture: FileTexture | None = None
     specular: float = 1.0
+    specular_texture: FileTexture | None = None
+    specular_color: Colour = (1.0, 1.0, 1.0)
+    specular_color_texture: FileTexture | None = None
     opacity: float = 1.0
     opacity_texture: FileTexture | None = None
     opacity_cutoff: float | None = None
@@ -128,4 +133,5 @@ class FileMaterial:
             self, base_texture=None, metallic_texture=None, roughness_texture=None, opacity_texture=None,
             normals=None, emission_texture=None, transmission_texture=None, clearcoat_texture=None,
             clearcoat_roughness_texture=None, sheen_texture=None, anisotropy_texture=None,
+            specular_texture=None, specular_color_texture=None,
         )  # fmt: skip

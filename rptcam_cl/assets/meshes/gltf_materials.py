@@ -113,12 +113,15 @@ class GltfMaterials:
             factor = strength.number("emissiveStrength", 1.0, 0)
             material = replace(material, emission=_colour([factor * value for value in material.emission]))
         for index in part.extensions("KHR_materials_ior"):
-            material = replace(material, index=index.number("ior", 1.5, 0) or 1.5)
+            material = replace(material, index=index.number("ior", 1.5, 0) or math.inf)
         for specular in part.extensions("KHR_materials_specular"):
-            material = replace(material, specular=specular.number("specularFactor", 1.0, 0, 1))
-            self._leave_out(specular, "specularTexture", "specularColorTexture")
-            if specular.numbers("specularColorFactor", (1.0,) * 3) != (1.0,) * 3:
-                self._leave_out(specular, "specularColorFactor")
+            material = replace(
+                material,
+                specular=specular.number("specularFactor", 1.0, 0, 1),
+                specular_texture=self._texture(specular, "specularTexture"),
+                specular_color=_colour(specular.numbers("specularColorFactor", (1.0,) * 3)),
+                specular_color_texture=self._texture(specular, "specularColorTexture"),
+            )
         for volume in part.extensions("KHR_materials_volume"):
             material = replace(material, **_volume(volume))
             self._leave_out(volume, "thicknessTexture")
