@@ -28,7 +28,7 @@ from rptcam_cl.device import choose_device
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 FIRST, FIRST_OF_STATES = 4, 60  # frames that do not count; where states of a lens share tables
-STATES = ("focus", "f-number", "film")
+STATES = ("focus", "f-number", "film", "zoom", "rise")
 GOAL = 0.1
 COLUMNS = ("scene", "drawn", "rays, ms", "setup, ms", "share, %", "files, ms", "goal met")
 LENSES: dict[str, Any] = {"grid": ["dgauss-50mm", "dgauss-100mm"]}
@@ -49,6 +49,19 @@ SCENES: dict[str, tuple[Path, dict[str, Any], dict[str, Any]]] = {
             "focus": {"camera.focus.distance_m": {"uniform": [1.2, 2.2]}},
             **ANY,
         },
+    ),
+    "movements": (
+        EXAMPLES / "dataset" / "table.yaml",
+        {},
+        {
+            "rise": {"camera.movements.rise_mm": {"uniform": [-4, 4]}},
+            "tilt": {"camera.movements.tilt_degrees": {"uniform": [-4, 4]}},
+        },
+    ),
+    "zoom": (
+        EXAMPLES / "dataset" / "table.yaml",
+        {"camera.lens": "zoom-70-200mm", "camera.f_number": 4, "camera.focus.distance_m": 2.5},
+        {"zoom": {"camera.focal_length_mm": {"uniform": [80, 180]}}},
     ),
     "first_light": (
         EXAMPLES / "first_light.yaml",

@@ -7,7 +7,7 @@ from numpy.polynomial import Polynomial
 from numpy.typing import ArrayLike, NDArray
 
 from rptcam_cl.core.records import DISPERSION_NM, DISPERSION_SCALE, DISPERSION_SHIFT, DISPERSION_TERMS
-from rptcam_cl.optics import IDEAL, Lens, LensTransmission, known_nm
+from rptcam_cl.optics import IDEAL, Lens, LensTransmission, known_nm, passed_rays
 from rptcam_cl.scene import Film
 
 Array = NDArray[np.float64]
@@ -91,15 +91,14 @@ def colour_error_px(
     sharp = focus_distance_mm is not None and focus_distance_mm < FAR_MM
     plane_mm = lens.film_z(film_distance_mm) - (focus_distance_mm if sharp and focus_distance_mm else FAR_MM)
     probe = _Probe(lens, film_distance_mm, plane_mm, wavelength_nm)
-    nudge = np.full(2, 1e-3 * pitch_mm)
+    nudge, points = np.full(2, 1e-3 * pitch_mm), np.array(FIELDS)[:, None] * half_mm
+    here, beside = np.split(probe.meets(np.concatenate([points, points - nudge]), wavelength_nm), 2)
+    ends = [probe.meets(points, min(max(end, low), high)) for end in EXTREMES_NM]
     worst = 0.0
-    for field in FIELDS:
-        point = field * half_mm
-        here = probe.meets(point, wavelength_nm)
-        scale = _largest(probe.meets(point - nudge, wavelength_nm) - here) / float(np.linalg.norm(nudge))
-        for end in EXTREMES_NM:
-            apart = _largest(probe.meets(point, min(max(end, low), high)) - here)
-            worst = max(worst, apart / (scale * pitch_mm) if scale > 0 else 0.0)
+    for field, meets in enumerate(here):
+        scale = _largest(beside[field] - meets) / float(np.linalg.norm(nudge))
+        for end in ends:
+            worst = max(worst, _largest(end[field] - meets) / (scale * pitch_mm) if scale > 0 else 0.0)
     return worst
 
 
@@ -122,14 +121,14 @@ class _Probe:
         x, y = (values.ravel() for values in np.meshgrid(side, side))
         self.aims = np.stack([x, y, np.full(len(x), lens.film_z(distance))], axis=1)
 
-    def meets(self, point: Array, wavelength_nm: float) -> Array:
-        """Return where rays from a film point (2,) meet the plane, (n, 2); not a number where they are blocked."""
-        origin = np.array([*point, self.film_mm])
-        directions = self.aims - origin
-        directions *= -self.lens.sense * np.sign(directions[:, 2:])  # also through a pupil behind the film
-        rays = self.lens.trace(np.tile(origin, (len(directions), 1)), directions, wavelength_nm, "film")
+    def meets(self, points: Array, wavelength_nm: float) -> Array:
+        """Return where rays from film points (k, 2) meet the plane, (k, n, 2); not a number where they are blocked."""
+        origins = np.concatenate([points, np.full((len(points), 1), self.film_mm)], axis=1)[:, None]
+        directions = self.aims - origins
+        directions *= -self.lens.sense * np.sign(directions[..., 2:])  # also through a pupil behind the film
+        origins = np.broadcast_to(origins, directions.shape).reshape(-1, 3)
+        places = np.full((len(origins), 2), np.nan)
+        passed, p, d = passed_rays(self.lens, origins, directions.reshape(-1, 3), wavelength_nm)
         with np.errstate(all="ignore"):
-            step = (self.plane_mm - rays.origins[:, 2]) / rays.directions[:, 2]
-        places: Array = rays.origins[:, :2] + step[:, None] * rays.directions[:, :2]
-        places[rays.status != 0] = np.nan
-        return places
+            places[passed] = (p[:2] + (self.plane_mm - p[2]) / d[2] * d[:2]).T
+        return places.reshape(len(points), -1, 2)

@@ -1,8 +1,10 @@
-"""Tables of pupils that states of a lens near each other share: for pictures that each have another focus or f-number.
+"""Tables of pupils that states of a lens near each other share: for pictures that each have another focus, f-number,
+focal length or place of the film across the axis.
 
-States lie in cells of stops and of focus. The table of a cell is that of its widest stop, and holds the pupils of its
-nearest, middle and farthest focus; so it holds those in between. The cell follows from the state alone, whatever came
-before it. Rays that the true pupil blocks change noise and nothing else.
+States lie in cells of stops, of focus and of zoom. The table of a cell is that of its widest stop, and holds the pupils
+of its nearest, middle and farthest focus, of a zoom lens at its shortest and longest focal length; so it holds those in
+between. The cell follows from the state alone, whatever came before it. Rays that the true pupil blocks change noise
+and nothing else.
 
 Cells that differ by the stop alone have their tables from one bundle of rays, traced with the stop wide open, where its
 chief rays come through. In other cells each table is traced.
@@ -11,6 +13,7 @@ chief rays come through. In other cells each table is traced.
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
@@ -21,18 +24,28 @@ from numpy.typing import NDArray
 
 from rptcam_cl.cameras.as_made import DESIGN
 from rptcam_cl.cameras.movements import film_frame, half_film_mm
-from rptcam_cl.cameras.pupil import KEPT, ByContent, tight_sampling, without_shape
+from rptcam_cl.cameras.pupil import KEPT, ByContent, content_of, tight_sampling, without_shape
 from rptcam_cl.cameras.pupil_check import loses_light
 from rptcam_cl.cameras.pupil_sampling import PupilGrid, PupilSampling
 from rptcam_cl.cameras.setting import LensSetting, Method, design_to_focus, focused
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.core.kept import keep_arrays, kept_arrays
-from rptcam_cl.optics import FilmProbe, Lens, PupilShapes, StoppedPupils, Wavelengths, shared_shapes, stopped_pupils
-from rptcam_cl.scene import Scene
+from rptcam_cl.optics import (
+    FilmProbe,
+    Lens,
+    PupilShapes,
+    StoppedPupils,
+    Wavelengths,
+    shared_shapes,
+    stopped_pupils,
+    zoom_range_mm,
+)
+from rptcam_cl.scene import LensCamera, Scene
 
 CELLS_OF_A_STOP = 8
 FOCUS_CELL = 0.012  # by how much of the focal length the image of an object moves in a cell
+ZOOM_CELLS = 16  # while the focal length doubles
 FILM_CELLS = 4  # while the film doubles in size
 BEYOND_FILM = 1.02  # for states whose film is farther away
 FAR_MM = 1e12  # stands for infinity
@@ -56,34 +69,52 @@ class _Shared:
 def shared_sampling(scene: Scene, setting: LensSetting, wavelength_nm: Wavelengths) -> PupilSampling | None:
     """Return the sampling that a lens shares with its states nearby; None where it needs one of its own.
 
-    So do lenses that are not round, have mirrors or are not as designed, a film that is moved, and a focus that is no
+    So do lenses that are not round, have mirrors or are not as designed, a film that is turned, and a focus that is no
     distance.
     """
-    camera, distance_mm = setting.camera, setting.focus_distance_mm
+    camera, distance_mm, frame = setting.camera, setting.focus_distance_mm, film_frame(setting.camera)
     own = distance_mm is None or camera.focus.field is not None or setting.real != DESIGN
-    if own or not setting.lens.is_rotational or setting.lens.has_mirrors or film_frame(camera).is_moved:
+    if own or not setting.lens.is_rotational or setting.lens.has_mirrors or not frame.is_flat:
         return None
     assert distance_mm is not None
-    wide_open = without_shape(
-        design_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None}))
-    )
-    lens = _stopped(wide_open, setting.lens)
-    length_mm = abs(wide_open.first_order(camera.wavelength_nm).focal_length_mm)
+    wide_open = [
+        without_shape(
+            design_to_focus(scene, camera.model_copy(update={"f_number": None, "stop_diameter_mm": None} | at))
+        )
+        for at in _zooms(scene, camera)
+    ]
+    lenses = _stopped(wide_open, setting.lens)
+    length_mm = abs(wide_open[0].first_order(camera.wavelength_nm).focal_length_mm)
     if not (math.isfinite(length_mm) and distance_mm > 0):
         return None
     # The film of a lens much shorter than its focal length moves by more of its distance.
     width = FOCUS_CELL / 2 ** max(math.ceil(math.log2(length_mm / (2 * setting.film_distance_mm))), 0)
     cell = math.floor(length_mm / distance_mm / width)
-    ends = tuple(min(length_mm / max(at * width, 1e-300), FAR_MM) for at in (cell + 0.5, cell, cell + 1))
-    corner_mm, back_mm = float(np.hypot(*half_film_mm(scene))), setting.film_distance_mm
-    radius_mm = _rounded_up(BEYOND_FILM * corner_mm, FILM_CELLS)
+    middle, *ends = (min(length_mm / max(at * width, 1e-300), FAR_MM) for at in (cell + 0.5, cell, cell + 1))
+    corner_mm, back_mm = float(np.hypot(*frame.corners(half_film_mm(scene))[:, :2].T).max()), setting.film_distance_mm
+    radius_mm, method = _rounded_up(BEYOND_FILM * corner_mm, FILM_CELLS), camera.focus.method
+
+    def cell_of(of: Sequence[Lens]) -> _Cell:
+        states = [(of[0], middle), *((lens, end) for lens in of[1:] or of for end in ends)]
+        content = tuple((ByContent(lens), distance) for lens, distance in states)
+        return _Cell(content, method, radius_mm, camera.wavelength_nm, wavelength_nm)
+
     found = None
-    if camera.focus.method == "thick" and lens.stop is not None:
-        cell_of_focus = _CellOfFocus(ByContent(wide_open), ends, radius_mm, camera.wavelength_nm, wavelength_nm)
-        found = _with_stop(cell_of_focus, lens.stop.semi_diameter)
+    if method == "thick" and setting.lens.stop is not None:
+        found = _with_stop(cell_of(wide_open), max(lens.stop.semi_diameter for lens in lenses if lens.stop))
     if found is None or not found.holds(corner_mm, back_mm):
-        found = _remembered(ByContent(lens), ends, radius_mm, camera.focus.method, camera.wavelength_nm, wavelength_nm)
+        found = _remembered(cell_of(lenses))
     return None if found is None else _moved(found, back_mm)
+
+
+def _zooms(scene: Scene, camera: LensCamera) -> list[dict[str, float]]:
+    """Return the keys of the middle of a cell of zoom, and of its ends where the lens has any focal length."""
+    if camera.focal_length_mm is None:
+        return [{}]
+    low, high = zoom_range_mm(scene.load_lens(), camera.wavelength_nm)
+    cell = math.floor(ZOOM_CELLS * math.log2(camera.focal_length_mm))
+    lengths = (min(max(2.0 ** (at / ZOOM_CELLS), low), high) for at in (cell + 0.5, cell, cell + 1))
+    return [{"focal_length_mm": length} for length in lengths]
 
 
 def _rounded_up(value: float, cells: int) -> float:
@@ -91,12 +122,15 @@ def _rounded_up(value: float, cells: int) -> float:
     return float(2.0 ** (math.ceil(cells * math.log2(value) - 1e-9) / cells))
 
 
-def _stopped(wide_open: Lens, state: Lens) -> Lens:
-    """Return a lens with its stop as wide as it is anywhere in the cell of a state."""
-    if wide_open.stop is None or state.stop is None:
-        return wide_open
+def _stopped(wide_open: Sequence[Lens], state: Lens) -> list[Lens]:
+    """Return lenses with their stop as wide as it is anywhere in the cell of a state."""
+    if state.stop is None:
+        return list(wide_open)
     widest_mm = _rounded_up(2 * state.stop.semi_diameter, 2 * CELLS_OF_A_STOP)
-    return wide_open.with_stop_diameter(min(widest_mm, 2 * wide_open.stop.semi_diameter))
+    return [
+        lens if lens.stop is None else lens.with_stop_diameter(min(widest_mm, 2 * lens.stop.semi_diameter))
+        for lens in wide_open
+    ]
 
 
 def _moved(shared: _Shared, back_mm: float) -> PupilSampling:
@@ -108,19 +142,40 @@ def _moved(shared: _Shared, back_mm: float) -> PupilSampling:
 
 
 @dataclass(frozen=True)
-class _CellOfFocus:
-    """What the cells of all stops have in common: the lens with its stop wide open, the distances of its middle,
-    nearest and farthest focus [mm], and the film."""
+class _Cell:
+    """A lens in its states in the middle and at the ends of a cell, each with its focus distance [mm], and the film.
 
-    content: ByContent
-    distances_mm: tuple[float, ...]
+    With its stop wide open it is what the cells of all stops have in common.
+    """
+
+    states: tuple[tuple[ByContent, float], ...]
+    method: Method
     radius_mm: float
     focused_nm: float
     wavelength_nm: Wavelengths
 
+    def name(self, kind: str) -> str:
+        """Return the name of what follows from it."""
+        (content, _), *others = self.states
+        beside = [pickle.dumps(content_of(other.lens)) for other, _ in others if other.lens is not content.lens]
+        distances = [distance for _, distance in self.states]
+        return content.name_of(
+            kind, beside, distances, self.method, self.radius_mm, self.focused_nm, self.wavelength_nm
+        )
+
+    def focused(self) -> list[tuple[Lens, float]]:
+        """Return the lens focused in each state, and last vertex to film [mm].
+
+        Raises
+        ------
+        InputError
+            Where an end of the cell is out of reach.
+        """
+        return [focused(of.lens, at, "film", self.method, self.focused_nm) for of, at in self.states]
+
 
 @lru_cache(maxsize=REMEMBERED)
-def _with_stop(cell: _CellOfFocus, semi_diameter_mm: float) -> _Shared | None:
+def _with_stop(cell: _Cell, semi_diameter_mm: float) -> _Shared | None:
     """Return the table of a cell for a stop; None where it has to be traced."""
     opened = _opened(cell)
     found = None if opened is None else _of_pupils(*opened, semi_diameter_mm)
@@ -139,9 +194,9 @@ def _of_shapes(shapes: PupilShapes) -> PupilSampling:
 
 
 @lru_cache(maxsize=FEW_REMEMBERED)
-def _opened(cell: _CellOfFocus) -> tuple[StoppedPupils, float] | None:
+def _opened(cell: _Cell) -> tuple[StoppedPupils, float] | None:
     """Return the rays that tables of all stops follow from, also from earlier runs, and last vertex to film [mm]."""
-    name = cell.content.name_of("opened", cell.distances_mm, cell.radius_mm, cell.focused_nm, cell.wavelength_nm)
+    name = cell.name("opened")
     if (kept := kept_arrays(KEPT, name)) is None:
         kept = _rays(cell)
         keep_arrays(KEPT, name, *kept)
@@ -152,17 +207,16 @@ def _opened(cell: _CellOfFocus) -> tuple[StoppedPupils, float] | None:
     return StoppedPupils(facts["radius_mm"], *rays), facts["back_mm"]
 
 
-def _rays(cell: _CellOfFocus) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def _rays(cell: _Cell) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return these rays as they are kept; nothing where they do not say what narrower stops let through."""
-    lens, nm = cell.content.lens, cell.wavelength_nm
-    assert lens.stop is not None
+    nm, widest_mm = cell.wavelength_nm, max(of.lens.stop.semi_diameter for of, _ in cell.states if of.lens.stop)
     try:
-        states = [focused(lens, distance, "film", "thick", cell.focused_nm) for distance in cell.distances_mm]
+        states = cell.focused()
         pupils = stopped_pupils(states, cell.radius_mm, nm if isinstance(nm, tuple) else (nm,))
     except InputError:  # an end of the cell is out of reach, or dark
         return {}, {}
     back_mm = states[0][1]
-    widest = None if pupils is None else _of_pupils(pupils, back_mm, lens.stop.semi_diameter)
+    widest = None if pupils is None else _of_pupils(pupils, back_mm, widest_mm)
     if pupils is None or widest is None or _loses_light(widest, states, pupils.radius_mm / BEYOND_FILM, nm):
         return {}, {}
     arrays = {"centres": pupils.centres, "reach": pupils.reach, "heights": pupils.heights}
@@ -171,22 +225,15 @@ def _rays(cell: _CellOfFocus) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
 
 
 @lru_cache(maxsize=REMEMBERED)
-def _remembered(
-    content: ByContent,
-    distances_mm: tuple[float, ...],
-    radius_mm: float,
-    method: Method,
-    focused_nm: float,
-    wavelength_nm: Wavelengths,
-) -> _Shared | None:
+def _remembered(cell: _Cell) -> _Shared | None:
     """Return the table of a cell, also from earlier runs; None where it would lose light or cannot be focused."""
-    name = content.name_of("shared", distances_mm, radius_mm, method, focused_nm, wavelength_nm)
+    name = cell.name("shared")
     kept = kept_arrays(KEPT, name)
     if kept is not None:
         facts = dict(kept[1])
         back_mm = facts.pop("back_mm")
         found = None if back_mm is None else _Shared(PupilSampling.of_facts(facts, kept[0]["table"]), back_mm)
-    elif (found := _made(content.lens, distances_mm, radius_mm, method, focused_nm, wavelength_nm)) is None:
+    elif (found := _made(cell)) is None:
         keep_arrays(KEPT, name, {}, {"back_mm": None})
     else:
         facts = found.sampling.facts_but_table() | {"back_mm": found.back_mm}
@@ -196,21 +243,14 @@ def _remembered(
     return found
 
 
-def _made(
-    lens: Lens,
-    distances_mm: tuple[float, ...],
-    radius_mm: float,
-    method: Method,
-    focused_nm: float,
-    wavelength_nm: Wavelengths,
-) -> _Shared | None:
+def _made(cell: _Cell) -> _Shared | None:
     try:
-        states = [focused(lens, distance, "film", method, focused_nm) for distance in distances_mm]
-        shapes = shared_shapes(states, radius_mm, wavelength_nm)
+        states = cell.focused()
+        shapes = shared_shapes(states, cell.radius_mm, cell.wavelength_nm)
     except InputError:  # an end of the cell is out of reach, or dark
         return None
     found = _Shared(_of_shapes(shapes), states[0][1])
-    return None if _loses_light(found, states, radius_mm / BEYOND_FILM, wavelength_nm) else found
+    return None if _loses_light(found, states, cell.radius_mm / BEYOND_FILM, cell.wavelength_nm) else found
 
 
 def _loses_light(

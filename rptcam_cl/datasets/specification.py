@@ -141,7 +141,15 @@ def _sharing(scene: Scene, vary: Mapping[str, Distribution]) -> Scene:
         return scene
     if {"camera", "camera.kind", "camera.pupil", "camera.rays"} & set(vary):
         return scene
-    states: tuple[str, ...] = ("camera.f_number", "camera.stop_diameter_mm", "camera.focus", "film.")
+    states: tuple[str, ...] = (
+        "camera.f_number",
+        "camera.stop_diameter_mm",
+        "camera.focal_length_mm",
+        "camera.focus",
+        "camera.movements.rise_mm",
+        "camera.movements.shift_mm",
+        "film.",
+    )
     if camera.focus.point is not None or camera.focus.object is not None:
         states += ("camera.eye", "camera.target", "objects")
     drawn = [key for key, law in vary.items() if law.kind not in ("choice", "grid")]

@@ -92,7 +92,16 @@ from rptcam_cl.optics.transmission import (
     known_nm,
     with_coating,
 )
-from rptcam_cl.optics.variable import configured, film_behind, floated, focused_by_group, moved, shift_of, zoomed
+from rptcam_cl.optics.variable import (
+    configured,
+    film_behind,
+    floated,
+    focused_by_group,
+    moved,
+    shift_of,
+    zoom_range_mm,
+    zoomed,
+)
 from rptcam_cl.optics.wave_image import (
     AIRY,
     Strehl,
@@ -280,5 +289,6 @@ __all__ = [
     "veiling_glare",
     "with_coating",
     "with_film",
+    "zoom_range_mm",
     "zoomed",
 ]

@@ -92,15 +92,12 @@ def first_order(lens: Prescription, wavelength_nm: float = LINE_D_NM, section: s
     """Return the first-order data of a lens at a wavelength [nm], in its y-z or x-z section."""
     if section not in ("x", "y"):
         raise InputError(f'section must be "x" or "y" (got {section!r})')
-    indices = lens.indices(wavelength_nm)
-    n_object, n_image = float(indices[0]), float(indices[-1])
     (a, _), (c, d) = system_matrix(lens, wavelength_nm, section=section).tolist()
     entrance, exit_ = _pupils(lens, wavelength_nm, section)
-    if abs(c) <= AFOCAL * sum(abs(surface.paraxial_curvature(section)) for surface in lens.surfaces):
-        rear = front = np.inf
+    front, rear = _focal_lengths(lens, c, wavelength_nm, section)
+    if np.isinf(rear):
         planes = Planes(-np.inf, np.inf)
     else:
-        rear, front = -n_image / c, -n_object / c
         planes = Planes((1 - d) * front, (a - 1) * rear)
     return FirstOrder(
         wavelength_nm=float(wavelength_nm),
@@ -116,6 +113,19 @@ def first_order(lens: Prescription, wavelength_nm: float = LINE_D_NM, section: s
         length_mm=lens.length,
         surfaces=len(lens.surfaces),
     )
+
+
+def focal_length_mm(lens: Prescription, wavelength_nm: float = LINE_D_NM) -> float:
+    """Return the rear focal length of a lens in its y-z section, as `first_order` has it, alone [mm]."""
+    return _focal_lengths(lens, float(system_matrix(lens, wavelength_nm)[1, 0]), wavelength_nm, "y")[1]
+
+
+def _focal_lengths(lens: Prescription, c: float, wavelength_nm: float, section: str) -> tuple[float, float]:
+    """Return the front and the rear focal length [mm] of a lens whose system matrix has `c` below on the left."""
+    if abs(c) <= AFOCAL * sum(abs(surface.paraxial_curvature(section)) for surface in lens.surfaces):
+        return np.inf, np.inf
+    indices = lens.indices(wavelength_nm)
+    return -float(indices[0]) / c, -float(indices[-1]) / c
 
 
 def _nodal(principal: Planes, rear: float, front: float) -> Planes:

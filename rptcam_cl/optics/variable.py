@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.colour import LINE_D_NM
+from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.optics.first_order import focal_length_mm
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.prescription import Configuration, FocusingGroup
 
+Array = NDArray[np.float64]
+
 STEPS = 64
+FEW = 8  # zoom lenses whose focal lengths are remembered
+REMEMBERED = 64  # and states
 
 
 def floated(lens: Lens, distance_mm: float) -> Lens:
@@ -62,25 +70,53 @@ def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM)
     """
     if len(lens.configurations) < 2:
         raise InputError(f"{lens.name}: is not a zoom lens (it has no configurations)")
-    states = np.linspace(0.0, len(lens.configurations) - 1.0, 1 + STEPS * (len(lens.configurations) - 1))
-    lengths = np.array([_between(lens, state).first_order(wavelength_nm).focal_length_mm for state in states])
-    above = lengths >= focal_length_mm
+    return _zoomed(_Zoom(lens), float(focal_length_mm), float(wavelength_nm))
+
+
+def zoom_range_mm(lens: Lens, wavelength_nm: float = LINE_D_NM) -> tuple[float, float]:
+    """Return the least and the greatest focal length of a zoom lens."""
+    lengths = _zoom_table(_Zoom(lens), float(wavelength_nm))[1]
+    return float(lengths.min()), float(lengths.max())
+
+
+@dataclass(frozen=True)
+class _Zoom:
+    """A zoom lens that equals every other one of the same surfaces, settings and name."""
+
+    lens: Lens
+
+    def __hash__(self) -> int:
+        return hash((self.lens.name, self.lens.surfaces, self.lens.configurations))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Zoom) and self.lens == other.lens
+
+
+@lru_cache(maxsize=FEW)
+def _zoom_table(zoom: _Zoom, wavelength_nm: float) -> tuple[Array, Array]:
+    """Return states between the configurations, and the focal length of each [mm]."""
+    steps = len(zoom.lens.configurations) - 1
+    states = np.linspace(0.0, float(steps), 1 + STEPS * steps)
+    return states, np.array([focal_length_mm(_between(zoom.lens, state), wavelength_nm) for state in states])
+
+
+@lru_cache(maxsize=REMEMBERED)
+def _zoomed(zoom: _Zoom, wanted_mm: float, wavelength_nm: float) -> Lens:
+    lens, (states, lengths) = zoom.lens, _zoom_table(zoom, wavelength_nm)
+    above = lengths >= wanted_mm
     change = np.flatnonzero(above[1:] != above[:-1])
     if not len(change):
-        near = states[np.argmin(np.abs(lengths - focal_length_mm))]
-        if abs(lengths - focal_length_mm).min() <= 1e-9 * focal_length_mm:
+        near = states[np.argmin(np.abs(lengths - wanted_mm))]
+        if abs(lengths - wanted_mm).min() <= 1e-9 * wanted_mm:
             return _between(lens, float(near))
         raise InputError(
-            f"{lens.name}: zooms from {lengths.min():.5g} to {lengths.max():.5g} mm (requested {focal_length_mm:g} mm)"
+            f"{lens.name}: zooms from {lengths.min():.5g} to {lengths.max():.5g} mm (requested {wanted_mm:g} mm)"
         )
     low, high = float(states[change[0]]), float(states[change[0] + 1])
-    for _ in range(60):
-        middle = (low + high) / 2
-        same = (_between(lens, middle).first_order(wavelength_nm).focal_length_mm >= focal_length_mm) == above[
-            change[0]
-        ]
-        low, high = (middle, high) if same else (low, middle)
-    return _between(lens, (low + high) / 2)
+    while low < (middle := (low + high) / 2) < high:  # until no number lies between
+        longer = focal_length_mm(_between(lens, middle), wavelength_nm) >= wanted_mm
+        low, high = (middle, high) if longer == above[change[0]] else (low, middle)
+    return _between(lens, middle)
 
 
 def moved(lens: Lens, shift_mm: float) -> Lens:

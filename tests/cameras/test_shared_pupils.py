@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.cameras import camera_model, lens_setting, shared_pupil
+from rptcam_cl.cameras.movements import film_frame, half_film_mm
 from rptcam_cl.cameras.pupil_check import left_out
 from rptcam_cl.cameras.pupil_sampling import PupilSampling
 from rptcam_cl.core.resources import CACHE_VARIABLE
@@ -32,7 +33,7 @@ def shared(scene: Scene) -> PupilSampling:
 def lost_and_passing(scene: Scene, sampling: PupilSampling) -> tuple[float, float]:
     """Share of the passing rays that a table leaves out, and of those that it draws which pass."""
     setting = lens_setting(scene)
-    radius = float(np.hypot(*scene.film.size_m())) * 500
+    radius = float(np.hypot(*film_frame(scene.camera).corners(half_film_mm(scene))[:, :2].T).max())
     film = np.stack([np.linspace(0.0, radius, 25), np.zeros(25)], axis=1)
     probe = FilmProbe(setting.lens, setting.film_distance_mm, NM)
     points = spread_points(probe.windows(film), 6000).reshape(-1, 2)
@@ -66,6 +67,57 @@ def test_a_cell_holds_the_pupils_of_all_its_states(
         lost, passing = lost_and_passing(scene, shared(scene))
         assert lost < 3e-5
         assert passing > (0.83 if traced else 0.88)  # stops differ by 9 % of the area in a cell
+
+
+@pytest.mark.parametrize(
+    "lens, lengths_mm, method",
+    [
+        ("zoom-70-200mm", (72.1, 193), "thick"),
+        pytest.param("zoom-70-200mm", (130, 140), "spot", marks=pytest.mark.slow),  # about the middle configuration
+        pytest.param("zoom-35-51mm", (35.1, 51), "thick", marks=pytest.mark.slow),
+        pytest.param("zoom-80-200mm", (80.1, 199), "thick", marks=pytest.mark.slow),
+    ],
+)
+def test_a_cell_of_zoom_holds_the_pupils_of_all_its_states(
+    lens: str, lengths_mm: tuple[float, float], method: str
+) -> None:
+    random = np.random.default_rng(5)
+    base = scene_of(lens, 24, 5, focus={"distance_m": 5, "method": method}, focal_length_mm=lengths_mm[1])
+    for _ in range(2):
+        at = {
+            "camera.focal_length_mm": random.uniform(*lengths_mm),
+            "camera.focus.distance_m": 1 / random.uniform(0, 0.2),
+        }
+        opened = set_keys(base, at)
+        number = lens_setting(opened).lens.first_order(NM).f_number * 2 ** random.uniform(0.02, 2)
+        scene = set_keys(opened, {"camera.f_number": number})
+        lost, passing = lost_and_passing(scene, shared(scene))
+        assert lost < 3e-5
+        assert passing > 0.8
+
+
+def test_focal_lengths_of_a_cell_have_one_table(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = scene_of("zoom-70-200mm", 24, 5, focal_length_mm=101.0, stop_diameter_mm=12.1)
+    first = shared(scene)
+    for trace in ("_made", "_rays"):
+        monkeypatch.setattr(shared_pupil, trace, None)  # whatever traces another table fails
+    assert shared(set_keys(scene, {"camera.focal_length_mm": 103.0})).table is first.table
+    with pytest.raises(TypeError):
+        shared(set_keys(scene, {"camera.focal_length_mm": 106.0}))
+
+
+@pytest.mark.parametrize("lens", ["dgauss-50mm", "retrofocus-35mm"])
+def test_a_film_that_is_shifted_has_the_table_of_a_larger_one(lens: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    base = scene_of(lens, 16, 4, f_number=4.1, movements={"rise_mm": 3.0, "shift_mm": -2.0})
+    assert camera_model(base).metadata["pupil"] == "shared"
+    found = shared(base)
+    lost, passing = lost_and_passing(base, found)
+    assert lost < 3e-5
+    assert passing > 0.88
+    for trace in ("_made", "_rays"):
+        monkeypatch.setattr(shared_pupil, trace, None)  # whatever traces another table fails
+    near = set_keys(base, {"camera.movements.rise_mm": 2.9, "camera.movements.shift_mm": 2.1})
+    assert shared(near).table is found.table
 
 
 @pytest.mark.parametrize("method", ["thick", "spot"])

@@ -130,6 +130,31 @@ def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_ar
     assert np.array_equal(alone.image.pixels, render(read_specification("drawn.yaml").frame(4)[1]).pixels)
 
 
+@pytest.mark.parametrize(
+    "key, lens",
+    [
+        ("camera.focal_length_mm: {uniform: [100, 101]}", "zoom-70-200mm"),
+        ("camera.movements.rise_mm: {uniform: [-2, 2]}", "dgauss-50mm"),
+    ],
+)
+def test_zooms_and_shifts_drawn_from_a_continuum_share_pupils(key: str, lens: str, place: Path) -> None:
+    lens_too = SPECIFICATION.replace("[depth]}", f"[depth], camera.lens: {lens}}}")
+    drawn, chosen = (
+        lens_too.replace("camera.f_number: {choice: [2.8, 8]}", each)
+        for each in (key, key.replace("uniform", "choice"))
+    )
+    (place / "drawn.yaml").write_text(drawn, "utf-8")
+    assert read_specification("drawn.yaml").scene.camera.pupil == "shared"
+    (place / "chosen.yaml").write_text(chosen, "utf-8")
+    assert read_specification("chosen.yaml").scene.camera.pupil == "auto"
+    forget_shared()
+    whole = list(dataset("drawn.yaml", "all", frames=3))
+    forget_shared()
+    [alone] = dataset("drawn.yaml", "some", only=[2])
+    assert alone.record == whole[2].record and alone.image.metadata["pupil"] == "shared"
+    assert np.array_equal(alone.image.pixels, whole[2].image.pixels)
+
+
 @pytest.mark.parametrize(("width_mm", "fits"), [(36, 1), (50, 3)], ids=["light in the corners", "dark corners"])
 def test_f_numbers_share_a_camera_model_and_frames_stay_what_they_are_alone(
     place: Path, width_mm: float, fits: int, monkeypatch: pytest.MonkeyPatch

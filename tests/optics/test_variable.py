@@ -3,7 +3,7 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics import load_lens, variable
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.variable import configured, focused_by_group, moved, zoomed
 
@@ -36,6 +36,18 @@ def test_zooming_to_a_focal_length_between(name):
         first, last = (configured(lens, lens.configurations[i].name).first_order().focal_length_mm for i in (0, -1))
         wanted = first + share * (last - first)
         assert zoomed(lens, wanted).first_order().focal_length_mm == pytest.approx(wanted, rel=1e-9)
+
+
+@pytest.mark.parametrize("name", ZOOMS)
+def test_a_zoom_lens_is_examined_once_for_all_focal_lengths(name, monkeypatch):
+    lens = load_lens(name)
+    low, high = variable.zoom_range_mm(lens)
+    assert zoomed(lens, low).first_order().focal_length_mm == pytest.approx(low, rel=1e-9)
+    counted = []
+    whole = variable.focal_length_mm
+    monkeypatch.setattr(variable, "focal_length_mm", lambda *args: counted.append(args) or whole(*args))
+    zoomed(load_lens(name), low + 0.4321 * (high - low))
+    assert 40 < len(counted) < 56  # those of the search alone, which halves a 64th as often as numbers tell it apart
 
 
 def test_outside_the_range_is_refused_with_the_range():
