@@ -171,7 +171,8 @@ def _folder(folder: Path) -> Path:
             temporary.touch()
         (folder / ".rptcam-sweep").unlink()
     except OSError as problem:
-        raise StateError(f"{folder}: cannot be written: {problem.strerror or problem}") from None
+        why = "is a file, not a folder" if folder.is_file() else f"cannot be written: {problem.strerror or problem}"
+        raise StateError(f"{folder}: {why}") from None
     return folder
 
 

@@ -34,7 +34,7 @@ COMMANDS = (
 def build_parser(command: str | None = None) -> Parser:
     """The parser of the whole command line, or of a single command, whose module alone is then imported."""
     parser = Parser(prog="rptcam", description="Render scenes through real photographic lenses, on OpenCL devices.")
-    parser.add_argument("--version", action="version", version=f"rptcam {__version__}")
+    parser.add_argument("-V", "--version", action="version", version=f"rptcam {__version__}")
     parser.add_argument(DEBUG, action="store_true", help="show where in the program an unexpected error arose")
     commands = parser.add_commands("command")
     for name in COMMANDS if command is None else (command,):
@@ -55,6 +55,8 @@ def _warn(
 
 
 def _run(arguments: Sequence[str]) -> int:
+    if arguments[:1] == ["help"]:
+        arguments = [*arguments[1:], "--help"]
     command = arguments[0] if arguments and arguments[0] in COMMANDS else None
     parsed, unknown = build_parser(command).parse_known_args(arguments)
     if unknown:

@@ -1,6 +1,7 @@
 """``rptcam examples``: lists the scenes that come with the package, and copies one to be rendered and changed."""
 
 import argparse
+import shlex
 import sys
 from pathlib import Path
 
@@ -36,7 +37,8 @@ def _run(arguments: argparse.Namespace) -> int:
         _list()
         return 0
     scene = _copied(arguments.scene, arguments.output or Path())
-    print(f"wrote {scene}; render it with: rptcam render {scene} -o {arguments.scene}.png", file=sys.stderr)
+    command = shlex.join(["rptcam", "render", str(scene), "-o", f"{arguments.scene}.png"])
+    print(f"wrote {scene}; render it with: {command}", file=sys.stderr)
     return 0
 
 
@@ -75,7 +77,8 @@ def _copied(name: str, folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as problem:
-        raise StateError(f"{folder}: cannot be made ({problem.strerror})") from None
+        why = "is a file, not a folder" if folder.is_file() else f"cannot be made ({problem.strerror})"
+        raise StateError(f"{folder}: {why}") from None
     for target, content in reversed(files.items()):  # the scene file last
         with replacing(target) as temporary:
             temporary.write_bytes(content)

@@ -18,8 +18,7 @@ from rptcam_cl.cli import (
     lens_trace,
     lens_wavefront,
 )
-from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import add_coating, add_lens, coated_lens, zoomed_lens
+from rptcam_cl.cli.lens_options import add_coating, add_lens, coated_lens, wavelength, zoomed_lens
 from rptcam_cl.cli.output import as_json
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.core.constants import LINE_D_NM
@@ -44,7 +43,7 @@ def add_to(commands: Commands) -> None:
     info = inner.add_parser("info", help=text, description=text.capitalize() + ".")
     add_lens(info)
     info.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
+        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
         help="wavelength in nanometres (default: %(default)s)",
     )  # fmt: skip
     info.add_argument(

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import add_catalogue, check_file, load, write
+from rptcam_cl.cli.lens_options import add_catalogue, check_file, load, wavelength, write
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.core.constants import LINE_D_NM
 from rptcam_cl.core.errors import InputError
@@ -26,7 +26,7 @@ def add_to(commands: Commands) -> None:
         "--focal-length-mm", type=values.positive, metavar="F", help="set a zoom lens and write it as it then is"
     )
     parser.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
+        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
         help="wavelength of the indices in a .dat table (default: %(default)s)",
     )  # fmt: skip
     parser.set_defaults(run=_run, parser=parser)

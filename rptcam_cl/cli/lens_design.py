@@ -21,8 +21,9 @@ def add_to(commands: Commands) -> None:
     """Add the command with its own commands."""
     text = "make a lens file of a single lens or an achromatic doublet"
     design = commands.add_parser("design", help=text, description=text.capitalize() + ".")
-    inner = design.add_subparsers(title="commands", metavar="COMMAND", dest="design_command", required=True)
-    single = inner.add_parser("singlet", help="a single lens by the lensmaker's equation")
+    inner = design.add_commands("design_command")
+    text = "a single lens by the lensmaker's equation"
+    single = inner.add_parser("singlet", help=text, description=text.capitalize() + ".")
     _add_common(single)
     single.add_argument("--glass", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     single.add_argument(
@@ -36,7 +37,8 @@ def add_to(commands: Commands) -> None:
         help="also write the distances that focus an object this far from the film",
     )
     single.set_defaults(run=_singlet, parser=single)
-    double = inner.add_parser("doublet", help="a cemented achromat from two glasses and one more condition")
+    text = "a cemented achromat from two glasses and one more condition"
+    double = inner.add_parser("doublet", help=text, description=text.capitalize() + ".")
     _add_common(double)
     double.add_argument("--crown", metavar="G", default="N-BK7", help=f"{_GLASS_HELP} (default: %(default)s)")
     double.add_argument("--flint", metavar="G", default="F2", help="glass on the film side (default: %(default)s)")

@@ -12,6 +12,7 @@ from rptcam_cl.cli.lens_options import (
     check_picture,
     count,
     lens_in_use,
+    wavelength,
     write_picture,
 )
 from rptcam_cl.cli.output import as_json, print_table
@@ -29,7 +30,7 @@ def add_to(commands: Commands) -> None:
     vignette.add_argument("--film-radius-mm", type=values.positive, metavar="R", help="how far (default: image circle)")
     vignette.add_argument("--steps", type=count, metavar="N", default=16, help="radii (default: %(default)s)")
     vignette.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
+        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
         help="wavelength in nanometres (default: %(default)s)",
     )  # fmt: skip
     add_plot(vignette)

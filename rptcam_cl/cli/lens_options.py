@@ -75,6 +75,15 @@ def wavelengths(text: str) -> list[float]:
     return found
 
 
+def wavelength(text: str) -> float:
+    """One wavelength [nm]."""
+    try:
+        (found,) = wavelengths(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"got {text}; allowed one wavelength from 200 to 3000 nm") from None
+    return found
+
+
 def add_lens(parser: argparse.ArgumentParser) -> None:
     """Add the lens and how it is set."""
     parser.add_argument("lens", metavar="LENS", help="a name from the list, or a lens file")

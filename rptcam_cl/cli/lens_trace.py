@@ -4,8 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING, Any
 
-from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.lens_options import add_lens, lens_in_use, number
+from rptcam_cl.cli.lens_options import add_lens, lens_in_use, number, wavelength
 from rptcam_cl.cli.lens_rays import RayList, read_rays
 from rptcam_cl.cli.output import as_json, print_table
 from rptcam_cl.cli.parser import Commands
@@ -38,7 +37,7 @@ def add_to(commands: Commands) -> None:
         "--start", choices=("film", "scene"), default="film", help="side where rays begin (default: %(default)s)"
     )
     parser.add_argument(
-        "--wavelength-nm", type=values.positive, metavar="W", default=LINE_D_NM,
+        "--wavelength-nm", type=wavelength, metavar="W", default=LINE_D_NM,
         help="of rays that have none of their own (default: %(default)s)",
     )  # fmt: skip
     parser.add_argument(

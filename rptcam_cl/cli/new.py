@@ -1,6 +1,7 @@
 """``rptcam new``: writes a starting scene round a model."""
 
 import argparse
+import shlex
 import sys
 from pathlib import Path
 
@@ -46,7 +47,8 @@ def _run(arguments: argparse.Namespace) -> int:
     if target.suffix.lower() not in SUFFIXES:
         got, hint = target.suffix or "no suffix", ""
         if target.is_file() and arguments.model is None:
-            hint = f"; for a scene of that model: rptcam new {target.stem}.yaml --model {target}"
+            words = ["rptcam", "new", f"{target.stem}.yaml", "--model", str(target)]
+            hint = f"; for a scene of that model: {shlex.join(words)}"
         raise InputError(f"{target}: a scene file is YAML (got {got}; allowed: {', '.join(SUFFIXES)}){hint}")
     if target.exists():
         raise InputError(f"{target}: is there already; choose another name, or remove it first")
@@ -64,9 +66,8 @@ def _run(arguments: argparse.Namespace) -> int:
         temporary.write_text(scene_text(start.scene, (HEAD,)), "utf-8")
     for message in (*start.report, *(f"copied {path.name}" for path in copied), *_warned(scene.warnings, start.report)):
         print(message, file=sys.stderr)
-    print(
-        f"wrote {target}; next: rptcam render {target} -o {target.stem}.png, or rptcam view {target}", file=sys.stderr
-    )
+    named, picture = shlex.quote(str(target)), shlex.quote(f"{target.stem}.png")
+    print(f"wrote {target}; next: rptcam render {named} -o {picture}, or rptcam view {named}", file=sys.stderr)
     return 0
 
 

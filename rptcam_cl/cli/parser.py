@@ -4,6 +4,7 @@ import argparse
 import difflib
 import math
 import re
+import shlex
 import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn, Protocol, TypeVar
@@ -37,6 +38,8 @@ class Parser(argparse.ArgumentParser):
         choice = re.search(r"invalid choice: '(.*)' \(choose from (.*)\)", message)
         if choice and message.startswith(f"argument {COMMAND}: "):
             message = f"there is no command {choice[1]}"
+            if choice[1].endswith((".yaml", ".yml")):
+                message += f"; to render it: rptcam render {shlex.quote(choice[1])} -o OUT.png"
         hint = nearest(choice[1], re.findall(r"[\w-]+", choice[2])) if choice else ""
         raise InputError(f"{self.prog}: {message}{hint}; see {self.prog} --help")
 
@@ -71,11 +74,21 @@ def _number(kind: Callable[[str], Number], lowest: float, highest: float, allowe
     return parse
 
 
+def _whole(text: str) -> int:
+    """A whole number, as ``1000000`` or ``1e6``."""
+    try:
+        return int(text)
+    except ValueError:
+        if len(text) < 20 and (number := float(text)).is_integer():
+            return int(number)
+        raise
+
+
 _SMALLEST = math.nextafter(0.0, 1.0)
 _LARGEST = math.nextafter(math.inf, 0.0)
 
-spp = _number(int, 1, 2**32 - 1, "1 to 4294967295")  # sample numbers have 32 bits on the device
-seed = _number(int, 0, 2**64 - 1, "0 to 2^64 - 1")
+spp = _number(_whole, 1, 2**32 - 1, "a whole number from 1 to 4294967295")  # sample numbers have 32 bits on the device
+seed = _number(int, 0, 2**64 - 1, "a whole number from 0 to 2^64 - 1")
 port = _number(int, 0, 2**16 - 1, "0 to 65535; 0 takes one that is free")
 positive = _number(float, _SMALLEST, _LARGEST, "a finite number above 0")
 
@@ -224,7 +237,9 @@ def layers(text: str) -> tuple[str, ...]:
     for index, name in enumerate(names):
         if name not in LAYER_NAMES:
             hint = nearest(name, LAYER_NAMES)
-            raise argparse.ArgumentTypeError(f"got {name}{hint}; allowed all, {', '.join(LAYER_NAMES)}")
+            raise argparse.ArgumentTypeError(
+                f"got {name or f'a comma too many in {text}'}{hint}; allowed all, {', '.join(LAYER_NAMES)}"
+            )
         if name in names[:index]:
             raise argparse.ArgumentTypeError(f"{name} twice; allowed each layer once")
     return names

@@ -161,6 +161,9 @@ def digests_of_lens(source: Path | Mapping[str, Any], folders: Folders) -> dict[
 
 def _unknown(name: str) -> InputError:
     known = list_lenses()
+    if names_a_file(name):
+        near = difflib.get_close_matches(Path(name).stem, known, n=1, cutoff=0.8)
+        return InputError(f"{name}: no such lens file" + (f"; did you mean {near[0]}, of the library?" if near else ""))
     near = difflib.get_close_matches(name, known, n=3, cutoff=0.4)
     hint = f"did you mean {', '.join(near)}?" if near else f"names: {', '.join(known)}"
     return InputError(f"{name}: no such lens file or name; {hint}")

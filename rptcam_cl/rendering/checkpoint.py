@@ -106,12 +106,12 @@ def read_checkpoint(path: str | os.PathLike[str]) -> Checkpoint:
 
 
 def _damaged(path: str | os.PathLike[str]) -> StateError:
-    return StateError(f"{path}: this saved render is damaged (remove it, or render without --resume)")
+    return StateError(f"{path}: this saved render is damaged")
 
 
 def _header_length(path: str | os.PathLike[str], start: bytes, size: int) -> int:
     if len(start) < _START.size or not start.startswith(MAGIC):
-        raise StateError(f"{path}: is not a saved render (remove it, or render without --resume)")
+        raise StateError(f"{path}: is not a saved render")
     _, version, length = _START.unpack(start)
     if version > VERSION:
         raise StateError(f"{path}: was saved by a later version (its format is {version}; this one reads {VERSION})")
@@ -195,18 +195,24 @@ class Saver:
         """
         if not self.path.exists():
             return None
-        found = read_checkpoint(self.path)
-        for name, value in self._facts.items():
-            if found.facts.get(name) != value:
-                check_facts(self.path, found.facts)
-                raise self._misfit(name, found.facts.get(name), value)
-        check_facts(self.path, found.facts)
+        try:
+            found = self._fitting()
+        except StateError as problem:
+            raise StateError(f"{problem} (remove it, or render without --resume)") from None
         self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
         self.metered_cd_m2 = found.facts.get("metered_cd_m2")
         self.focus = found.facts.get("focus")
         self.parts = list(found.facts.get("work", []))
         arrays = self.part.unpacked(found.arrays, self._layout.tiles, self._layout.pixels)
         return SavedState(int(found.facts["done"]), arrays)
+
+    def _fitting(self) -> Checkpoint:
+        found = read_checkpoint(self.path)
+        check_facts(self.path, found.facts)
+        for name, value in self._facts.items():
+            if found.facts.get(name) != value:
+                raise self._misfit(name, found.facts.get(name), value)
+        return found
 
     def _misfit(self, name: str, saved: Any, wanted: Any) -> StateError:
         if name == "part":
@@ -216,7 +222,7 @@ class Saver:
             "version": f"it was saved by version {saved}, and this is {wanted}",
             "scene": "it is of another scene, or one that has changed since",
         }.get(name, f"its {name} is {saved}, and this render's {wanted}")
-        return StateError(f"{self.path}: does not continue this render: {what} (remove it, or render without --resume)")
+        return StateError(f"{self.path}: does not continue this render: {what}")
 
     @property
     def devices(self) -> str:
@@ -284,7 +290,7 @@ def check_facts(path: Path, facts: dict[str, Any]) -> None:
     }
     for name, right in known.items():
         if not right:
-            raise StateError(f"{path}: this saved render is damaged: {name} (remove it, or render without --resume)")
+            raise StateError(f"{path}: this saved render is damaged: {name}")
 
 
 def _is_part(fact: Any) -> bool:

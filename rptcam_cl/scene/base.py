@@ -61,6 +61,8 @@ def near_name(word: object, names: Sequence[str]) -> str:
     lower, given = {name.lower(): name for name in names}, str(word).lower()
     same = _MEANS.get(given)
     matches = [same] if same in lower else get_close_matches(given, lower, n=1, cutoff=0.6)
+    if not matches:  # the name without its unit, as fov for fov_degrees
+        matches = [name for name in lower if given and name.startswith(f"{given}_")][:1]
     return f"; did you mean {lower[matches[0]]}?" if matches else ""
 
 

@@ -44,9 +44,19 @@ def shell(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
         (["lens", "info"], "required: LENS"),
         (["lens", "info", "dgauss-50mm", "--f-number", "0"], "allowed a finite number above 0"),
         (["lens", "info", "dgauss-50mm", "--wavelength-nm", "red"], "got red"),
+        *(
+            (["lens", *words, "--wavelength-nm", given], f"--wavelength-nm: got {given}; allowed")
+            for words in (["info", "ball"], ["vignette", "ball"], ["trace", "ball"], ["convert", "ball"])
+            for given in ("5e-7", "400,500")
+        ),
+        (["my scene.yaml", "-o", "a.png"], "to render it: rptcam render 'my scene.yaml' -o OUT.png; see"),
+        (["help", "rendr"], "there is no command rendr; did you mean render"),
         (["render", "--set"], "expected one argument"),
         (["demo", "first_lght"], "did you mean first_light"),
-        (["demo", "--spp", "many"], "demo: argument --spp: got many; allowed 1 to 4294967295; see rptcam demo --help"),
+        (
+            ["demo", "--spp", "many"],
+            "demo: argument --spp: got many; allowed a whole number from 1 to 4294967295; see rptcam demo --help",
+        ),
     ],
 )
 def test_misspelt_command_gets_exit_code_2_and_a_hint(rptcam: Command, words: list[str], message: str) -> None:
@@ -104,18 +114,19 @@ def test_every_lens_is_listed_by_name_and_title(rptcam: Command, checkout: Path)
 
 
 def test_help_and_version_go_to_standard_output() -> None:
-    for words in (["--help"], ["render", "--help"], ["lens", "info", "--help"]):
+    for words in (["--help"], ["render", "--help"], ["lens", "info", "--help"], ["help"], ["help", "lens", "info"]):
         done = shell(*words)
         assert (done.returncode, done.stderr) == (0, "")
         assert done.stdout.startswith("usage: rptcam")
-    assert shell("--version").stdout == f"rptcam {__version__}\n"
+    assert shell("--version").stdout == shell("-V").stdout == f"rptcam {__version__}\n"
 
 
-@pytest.mark.parametrize("words", [[], ["lens"], ["--debug"]])
+@pytest.mark.parametrize("words", [[], ["lens"], ["lens", "design"], ["--debug"]])
 def test_without_a_command_the_help_is_shown_as_an_error(rptcam: Command, words: list[str]) -> None:
     run = rptcam(*words)
     assert (run.code, run.out) == (2, "")
-    assert run.err == build_parser().format_help() if words != ["lens"] else run.err.startswith("usage: rptcam lens")
+    assert run.err.startswith(f"usage: {' '.join(['rptcam', *words]).removesuffix(' --debug')} [-h]")
+    assert "commands:\n  COMMAND\n" in run.err
 
 
 def test_help_has_a_line_for_each_command(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -33,6 +33,21 @@ def test_copied_scenes_are_rendered_in_their_new_folder(name: str, tmp_path: Pat
     assert np.isfinite(film).all() and film.mean() > 0.01 and film.std() > 0.01
 
 
+def test_commands_to_go_on_with_can_be_pasted(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    folder = tmp_path / "my scenes"
+    assert main(["examples", "prism", "-o", str(folder)]) == 0
+    assert capsys.readouterr().err.endswith(f"rptcam render '{folder / 'prism.yaml'}' -o prism.png\n")
+    assert main(["new", str(folder / "a b.yaml")]) == 0
+    words = f"rptcam render '{folder / 'a b.yaml'}' -o 'a b.png', or rptcam view '{folder / 'a b.yaml'}'\n"
+    assert capsys.readouterr().err.endswith(words)
+
+
+def test_folder_that_is_a_file_is_said_to_be_one(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "taken").write_text("mine")
+    assert main(["examples", "prism", "-o", str(tmp_path / "taken")]) == 4
+    assert capsys.readouterr().err == f"error: {tmp_path / 'taken'}: is a file, not a folder\n"
+
+
 def test_copy_replaces_no_changed_scene(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "prism.yaml").write_text("mine")
     assert main(["examples", "prism", "-o", str(tmp_path)]) == 2
@@ -64,7 +79,9 @@ def test_model_in_place_of_the_scene_is_told_where_it_goes(
         (["s.json"], "a scene file is YAML"),
         (["s.yaml", "--model", "lost.glb"], "lost.glb: no such file"),
         (["s.yaml", "--hdri", "lost.hdr"], "lost.hdr: no such file"),
+        (["s.yaml", "--hdri", __file__], "test_new_and_examples.py: is not a picture that can be read (allowed: PNG"),
         (["s.yaml", "--lens", "dgaus-50mm"], "did you mean"),
+        (["s.yaml", "--lens", "lost/dgauss-50m.yaml"], "no such"),
         (["s.yaml", "--metres-per-unit", "0"], "a finite number above 0"),
     ],
 )

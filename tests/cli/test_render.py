@@ -40,6 +40,13 @@ def test_options_reach_the_renderer(scene: Path, renderer: Any, rptcam: Command)
     assert {key: asked[key] for key in expected} == expected
 
 
+def test_large_numbers_of_samples_may_be_written_as_people_write_them(
+    scene: Path, renderer: Any, rptcam: Command
+) -> None:
+    assert rptcam("render", "scene.yaml", "-o", "a.npy", "--spp", "1e6").code == 0
+    assert renderer.asked[-1]["spp"] == 1_000_000
+
+
 def test_options_left_out_leave_the_choice_to_the_scene(scene: Path, renderer: Any, rptcam: Command) -> None:
     assert rptcam("render", "scene.yaml", "-o", "a.npy").code == 0
     (asked,) = renderer.asked
@@ -104,16 +111,20 @@ def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rp
         (["-o"], 2, "expected one argument"),
         (["-o", "a.png", "--noise", "1"], 2, "--noise: got 1; allowed a number between 0 and 1"),
         (["-o", "a.png", "--noise", "nan"], 2, "--noise: got nan; allowed a number between 0 and 1"),
-        (["-o", "a.png", "--spp", "0"], 2, "--spp: got 0; allowed 1 to 4294967295"),
+        (["-o", "a.png", "--spp", "0"], 2, "--spp: got 0; allowed a whole number from 1 to 4294967295"),
         (["-o", "a.png", "--spp", "-1"], 2, "--spp: got -1"),
         (["-o", "a.png", "--spp", "4294967296"], 2, "--spp: got 4294967296"),
         (["-o", "a.png", "--spp", "1.5"], 2, "--spp: got 1.5"),
+        (["-o", "a.png", "--spp", "5e9"], 2, "--spp: got 5e9"),
+        (["-o", "a.png", "--spp", "inf"], 2, "--spp: got inf"),
+        (["-o", "a.exr", "--layers", "depth,"], 2, "--layers: got a comma too many in depth,; allowed all"),
+        (["-o", "a.png", "--set", "camera.fov=50"], 2, "camera.fov: unknown key; did you mean fov_degrees"),
         (["-o", "a.png", "--spp", "9" * 5000], 2, "--spp: got 999"),
         (["-o", "a.png", "--time", "0"], 2, "--time: got 0; allowed a time above 0, as 60s, 2min or 1h"),
         (["-o", "a.png", "--time", "nan"], 2, "--time: got nan"),
         (["-o", "a.png", "--time", "inf"], 2, "--time: got inf"),
         (["-o", "a.png", "--time", "-3"], 2, "--time: got -3"),
-        (["-o", "a.png", "--seed", "-1"], 2, "--seed: got -1; allowed 0 to"),
+        (["-o", "a.png", "--seed", "-1"], 2, "--seed: got -1; allowed a whole number from 0 to"),
         (["-o", "a.png", "--seed", "18446744073709551616"], 2, "--seed: got 18446744073709551616"),
         (["-o", "a.png", "--size", "0x10"], 2, "--size: got 0x10; allowed WxH"),
         (["-o", "a.png", "--size", "640"], 2, "--size: got 640"),

@@ -143,6 +143,12 @@ def test_parts_of_another_render_are_refused(other, folder, tmp_path):
     assert str(stranger) in str(refusal.value)
 
 
+def test_file_that_is_no_part_is_not_to_be_removed(tmp_path):
+    (tmp_path / "scene.yaml").write_text("film: {}")
+    with pytest.raises(StateError, match=r"scene\.yaml: is not a saved render$"):
+        rptcam_cl.merge([tmp_path / "scene.yaml"])
+
+
 def test_array_of_another_size_is_refused(folder, tmp_path):
     saved = read_checkpoint(folder / "1.rpck")
     write_checkpoint(tmp_path / "1.rpck", saved.facts, saved.arrays | {"film": np.zeros((6, 64), np.float32)})

@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import GltfCamera, GltfLight
+from rptcam_cl.assets.pictures import read_picture
 from rptcam_cl.cameras import LensSetting, lens_setting
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.importers.starting.copies import Copies
 from rptcam_cl.importers.starting.framing import Framing, View
 from rptcam_cl.importers.starting.stage import balls, studio
@@ -234,6 +235,10 @@ class _Stage:
             self._start.report.append(f"{len(lights)} lamp{'s' if len(lights) > 1 else ''} of the file")
         if wishes.hdri is not None:
             name = self._start.copies.name_of(wishes.hdri)
+            try:
+                read_picture(wishes.hdri)
+            except (InputError, StateError) as problem:
+                raise type(problem)(f"{wishes.hdri}: {problem}") from None
             scene["environment"] = {"kind": "image", "file": name, "up": _rounded(self._up)}
         elif not lights:
             eye = np.array(scene["camera"]["eye"], dtype=float)
