@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
 from rptcam_cl.lenstools.colours import INK
 from rptcam_cl.lenstools.fields import at_plane, default_fields
@@ -24,7 +25,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Row = dict[str, Any]
 
-NEAR = 1e-3  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
+NEAR = 1e-5  # of the size of the first surface: how far from the chief ray the rays lie that say where it is sharp
+ACROSS = 64  # rays across a beam whose width, or middle, is sought
 
 
 def _through(setting: Setting, lens: Lens, degrees: float, wavelength_nm: float, points: Array) -> Rays:
@@ -36,13 +38,19 @@ def fan_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Sequence
     """Return where the rays of the tangential and the sagittal fan of each field land beside its chief ray [um].
 
     `pupil` goes from -1 to 1 over what passes in the plane of the first vertex, along y and along x; at 0 is the chief
-    ray of the setting's wavelength. What does not pass has no row.
+    ray of the setting's wavelength, or, where none of the field reaches the middle of the stop, the ray through the
+    middle of what passes. What does not pass has no row.
     """
     rows: list[Row] = []
     for degrees in fields:
-        height, chief = chief_ray(setting.lens, degrees, setting.wavelength_nm, setting.object_distance_mm)
+        beam, main = Beam(degrees, setting.object_distance_mm), setting.wavelength_nm
+        points, _, _ = passing_beam(setting.lens, beam, main, ACROSS)
+        try:
+            height, chief = chief_ray(setting.lens, degrees, main, setting.object_distance_mm)
+        except InputError:
+            height = float(points[:, 1].mean())
+            chief = _through(setting, unobstructed(setting.lens), degrees, main, np.array([[0.0, height]]))
         middle = at_plane(chief.origins, chief.directions, setting.film_z)[0, :2]
-        points, _, _ = passing_beam(setting.lens, Beam(degrees, setting.object_distance_mm), setting.wavelength_nm, 64)
         for axis in (1, 0):
             start = np.array([0.0, height])
             reach = float(np.abs(points[:, axis] - start[axis]).max())
@@ -64,13 +72,22 @@ def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Se
     """Return where thin pencils about the chief ray are sharp, along the axis from the film [mm], as Coddington has it.
 
     By rays close beside the chief ray on both sides, through obstructions in the middle of the lens. Positive: behind
-    the film.
+    the film. None where rims stop them, or no ray of the field reaches the middle of the stop.
+
+    Raises
+    ------
+    InputError
+        When no ray of any field reaches the stop.
     """
+    refused: InputError | None = None
     step = NEAR * min(setting.lens.surfaces[0].semi_diameter, 1e3)
     rows: list[Row] = []
     for degrees in fields:
         for wavelength in wavelengths_nm:
-            height, _ = chief_ray(setting.lens, degrees, wavelength, setting.object_distance_mm)
+            try:
+                height, _ = chief_ray(setting.lens, degrees, wavelength, setting.object_distance_mm)
+            except InputError as problem:  # what passes goes nowhere near the middle of the stop
+                refused, height = problem, math.nan
             beside = np.array([0.0, height]) + step * np.array([[0.0, 1.0], [0.0, -1.0], [1.0, 0.0], [-1.0, 0.0]])
             traced = _through(setting, unobstructed(setting.lens), degrees, wavelength, beside)
             at = at_plane(traced.origins, traced.directions, setting.film_z)
@@ -83,6 +100,8 @@ def curvature_rows(setting: Setting, fields: Sequence[float], wavelengths_nm: Se
                 {"field_degrees": degrees, "wavelength_nm": wavelength, "tangential_mm": off[0], "sagittal_mm": off[1],
                  "astigmatism_mm": None if None in off else off[0] - off[1]}  # type: ignore[operator]
             )  # fmt: skip
+    if refused is not None and all(row["tangential_mm"] is row["sagittal_mm"] is None for row in rows):
+        raise refused
     return rows
 
 

@@ -62,6 +62,23 @@ def test_thin_pencils_are_sharp_where_narrow_spots_are_least(lens):
         assert focus["shift_mm"][np.argmin(focus[column])] == pytest.approx(curvature[expected][1], abs=0.02)
 
 
+def test_thin_pencils_are_thin_enough_for_aspheres_with_odd_powers():
+    curvature = traceable(load_lens("phone-5.6mm")).field_curvature([0.0])
+    assert curvature["tangential_mm"][0] == pytest.approx(0.0, abs=1e-5)  # the film stands at the first-order focus
+
+
+def test_fields_whose_chief_ray_is_cut_off_have_fans_and_no_thin_pencils():
+    lens = traceable(load_lens("telephoto-400mm"))
+    curvature = lens.field_curvature([3.0, 3.4])
+    assert np.isfinite(curvature.rows[0]["tangential_mm"])
+    assert np.isnan(curvature.rows[1]["tangential_mm"])
+    assert np.isnan(curvature.rows[1]["astigmatism_mm"])
+    fan = lens.ray_fan([3.4], [587.5618], rays=21)
+    assert fan["off_um"][fan["pupil"] == 0.0] == pytest.approx(0.0, abs=1e-6)
+    with pytest.raises(InputError, match=r"no ray at 3\.4 degrees reaches the centre of the stop"):
+        lens.field_curvature([3.4])
+
+
 def test_ray_fans_pass_through_the_chief_ray_and_span_the_spot(lens):
     fan = lens.ray_fan([10.0], [587.5618], rays=21)
     middle = fan["off_um"][fan["pupil"] == 0.0]
