@@ -144,16 +144,30 @@ def _zones(lens: Lens, front_mm: float, wavelength_nm: float) -> tuple[Array, Ar
 
     They are spread evenly over the entrance pupil, from the edge of what obstructs its middle.
     """
-    pupil = lens.first_order(wavelength_nm).entrance_pupil
+    plane, limit = _pupil_plane(lens, front_mm, wavelength_nm)
     reach = _ring if lens.is_obstructed else _disk
-    inner, outer = reach(lens, front_mm, pupil.distance_mm, 2.0 * pupil.diameter_mm, wavelength_nm)
+    inner, outer = reach(lens, front_mm, plane, limit, wavelength_nm)
     nodes, weights = np.polynomial.legendre.leggauss(ZONES)
     share = inner / outer
     radii = outer * np.sqrt(share * share + (1.0 - share * share) * ((nodes + 1) / 2))
-    rays = lens.trace(*_meridional(front_mm, pupil.distance_mm, radii), wavelength_nm, start="scene")
+    rays = lens.trace(*_meridional(front_mm, plane, radii), wavelength_nm, start="scene")
     slopes = rays.directions[:, 1] / rays.directions[:, 2]
     heights = rays.origins[:, 1] + (lens.length - rays.origins[:, 2]) * slopes
     return heights, lens.sense * slopes, weights / 2
+
+
+def _pupil_plane(lens: Lens, front_mm: float, wavelength_nm: float) -> tuple[float, float]:
+    """Return z of a plane over which an axial beam is spread as over the entrance pupil, and twice its radius there.
+
+    It is that of the entrance pupil; where this is at infinity or before the object, as of lenses that see objects
+    telecentrically, it is that of the first vertex: what is even over one plane is even over all.
+    """
+    pupil = lens.first_order(wavelength_nm).entrance_pupil
+    if np.isfinite(pupil.distance_mm) and pupil.distance_mm > -front_mm:
+        return pupil.distance_mm, 2.0 * pupil.diameter_mm
+    if not np.isfinite(lens.surfaces[0].semi_diameter):
+        raise InputError(f"{lens.name}: the first surface needs a diameter")
+    return 0.0, 2.0 * lens.surfaces[0].semi_diameter
 
 
 def _ring(lens: Lens, front_mm: float, plane: float, limit: float, wavelength_nm: float) -> tuple[float, float]:

@@ -206,7 +206,7 @@ def _check_steep(lens: Lens, beam: Beam) -> None:
 def distortion(lens: Lens, film_distance_mm: float, field_degrees: float, wavelength_nm: float = LINE_D_NM) -> float:
     """Return the chief ray's film height over that of the ideal f tan(angle), less 1, for an object at infinity."""
     _, ray = chief_ray(lens, field_degrees, wavelength_nm)
-    ideal = lens.first_order(wavelength_nm).focal_length_mm * np.tan(np.radians(field_degrees))
+    ideal = lens.first_order(wavelength_nm).front_focal_length_mm * np.tan(np.radians(field_degrees))
     return float(_at_film(lens, ray, film_distance_mm)[0, 1] / ideal - 1.0)
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import load_lens
+from rptcam_cl.optics.best_focus import best_film_distance
 from rptcam_cl.optics.focus import film_distance, nearest_object_distance, object_distance
 from tests.optics.truth import NAMES, truth, truth_lens
 
@@ -111,3 +112,33 @@ def test_a_virtual_object_is_refused():
         object_distance(lens, 30.0)
     assert object_distance(lens, lens.first_order().back_focal_distance_mm) == np.inf
     assert film_distance(lens, np.inf) == lens.first_order().back_focal_distance_mm
+
+
+def stopped_behind(gap, semi_diameter):
+    """Return a biconvex lens of 50 mm whose stop stands behind it."""
+    return load_lens(
+        {
+            "name": "behind",
+            "surfaces": [
+                {"radius": 51.68, "thickness": 3, "glass": {"index": 1.5168}, "diameter": 30},
+                {"radius": -51.68, "thickness": gap, "diameter": 30},
+                {"stop": True, "diameter": 2 * semi_diameter},
+            ],
+        }
+    )
+
+
+TELECENTRIC = 49.50059928086297  # the gap with the stop in the rear focal plane: the entrance pupil is at infinity
+
+
+@pytest.mark.parametrize("share", [1 - 1e-9, 1.0, 1 + 1e-9, 1.02, 1.2])
+def test_best_focus_of_lenses_that_see_objects_telecentrically(share):
+    lens = stopped_behind(TELECENTRIC * share, 0.5)
+    radii = np.sqrt(np.linspace(0.0, 1.0, 200_001)[1:]) * 15.0  # even over a plane, up to the first ray that is stopped
+    through = np.column_stack([0 * radii, radii, 0 * radii])
+    rays = lens.trace(through, np.add(through, (0.0, 0.0, 200.0)), start="scene")
+    seen = slice(0, int(np.argmin(rays.passed)))
+    slopes = rays.directions[seen, 1] / rays.directions[seen, 2]
+    heights = rays.origins[seen, 1] + (lens.length - rays.origins[seen, 2]) * slopes
+    least = -np.sum(heights * slopes) / np.sum(slopes**2)
+    assert best_film_distance(lens, 200.0, "front") == pytest.approx(least, abs=1e-3)

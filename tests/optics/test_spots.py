@@ -167,3 +167,9 @@ def test_a_beam_fills_a_first_surface_that_is_a_whole_hemisphere(radius):
     lens = load_lens({"name": "ball", "surfaces": rows})
     found = spot(lens, lens.first_order().back_focal_distance_mm, Beam(0.0), across=128)
     assert found.area == pytest.approx(np.pi * radius**2, rel=0.01)
+
+
+def test_distortion_in_other_media_is_against_the_angle_in_front_of_the_lens():
+    eye = load_lens("human-eye")  # with water behind it
+    film = eye.first_order().back_focal_distance_mm
+    assert distortion(eye, film, 0.1) == pytest.approx(0, abs=1e-6)

@@ -173,7 +173,7 @@ class LensTable:
         if self.object_height and np.isfinite(self.object_distance):
             return abs(self.object_height) / max(abs(self.object_distance + pupil_distance), UNKNOWN_DIAMETER)
         if self.image_height:
-            length = abs(lens.first_order().focal_length_mm)
+            length = abs(lens.first_order().front_focal_length_mm)
             return min(abs(self.image_height) / length, STEEPEST) if np.isfinite(length) and length else 0.0
         return float(np.tan(np.radians(min(self.field_degrees, 60.0))))
 
