@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
@@ -14,6 +15,7 @@ from examples.figures.numbers import Numbers, Row
 from examples.figures.shares import passing_share
 from rptcam_cl import load_lens, render
 from rptcam_cl.optics.irradiance import film_irradiance
+from rptcam_cl.optics.summary import image_circle
 
 # Lens, film distance and stop [mm]: irradiance of the film at these radii [mm] for a world of radiance 1.
 RADII = (0, 5, 10, 15, 20, 25, 30, 35)
@@ -50,6 +52,17 @@ DEPTHS = {6: "6823", 7: "5800", 8: "4777", 9: "3754", 10: "2731", 11: "1708"}
 SPHERE = "515"
 VERTEX = np.array([2.3, 0.05, 0.5])
 UNIT_MM = 5000.0
+
+ACROSS = 300  # pixels of the pictures of four samples
+FILM_MM = 70 / math.sqrt(2)  # their sides
+# Shapes of the stop, and their areas over that of the circle around them. The heart is x = 16 sin^3 t, y = 13 cos t -
+# 5 cos 2t - 2 cos 3t - cos 4t, of area 180 pi within a radius of 17.
+SHAPES: dict[str, tuple[dict[str, Any], float]] = {
+    "circle": ({"shape": "circle"}, 1.0),
+    "five blades": ({"shape": "polygon", "blades": 5}, 5 / 2 * math.sin(2 * math.pi / 5) / math.pi),
+    "star": ({"shape": "star", "points": 5}, 5 * 0.4 * math.sin(math.pi / 5) / math.pi),
+    "heart": ({"shape": "heart"}, 180 / 17**2),
+}
 
 Values = NDArray[np.float64]
 
@@ -175,6 +188,61 @@ def floor_light() -> Numbers:
         ("irradiance of the floor / radiance of the lamp",), ("1.204",), (float(np.pi * picture.mean()),), ".3f", 0.005
     )
     return Numbers(("",), ("",), [row], below=False, noise=0.005)
+
+
+def aimed_shares(names: Sequence[str]) -> Numbers:
+    """Compare the share of rays that pass, of those from inside the image circle, with one: none would be lost."""
+    rows = []
+    for name in names:
+        figure = shared(name, "")
+        camera: Any = figure.load().camera
+        counts = render(figure.load(), size=(ACROSS, ACROSS), spp=4).stats["lens"]
+        place = (np.arange(ACROSS) + 0.5) / ACROSS - 0.5
+        inside = np.hypot(*np.meshgrid(place, place)) * FILM_MM < image_circle(
+            load_lens(camera.lens), camera.focus.film_distance_mm
+        )
+        share = counts["passed"] / sum(counts.values()) / inside.mean()
+        rows.append(Row((f"`{camera.lens}`",), ("1",), (float(share),), ".2f", error=0.1))
+    return Numbers(
+        ("4 samples per pixel",),
+        ("share of rays from inside the image circle that pass",),
+        rows,
+        below=False,
+        document="if none were lost",
+        noise=0.01,
+    )
+
+
+def shape_light() -> Numbers:
+    """Compare the light that shaped stops let through, over that of a round one, with the areas of the shapes."""
+    light = {shape: _middle_through(aperture) for shape, (aperture, _) in SHAPES.items()}
+    rows = [
+        Row((shape,), (f"{area:.3f}",), (light[shape] / light["circle"],), ".3f", error=0.005)
+        for shape, (_, area) in SHAPES.items()
+        if shape != "circle"
+    ]
+    return Numbers(
+        ("stop of 4.3 mm",), ("light over that of a circle",), rows, below=False, document="area", noise=0.005
+    )
+
+
+def _middle_through(aperture: dict[str, Any]) -> float:
+    """Return the irradiance in the middle of the film for a world of radiance 1: a small stop, so that areas decide."""
+    scene = {
+        "film": {"resolution": [1, 1], "size_mm": [0.2, 0.2]},
+        "camera": {
+            "kind": "realistic",
+            "lens": "dgauss-50mm",
+            "stop_diameter_mm": 4.3,
+            "aperture": aperture,
+            "focus": {"film_distance_mm": 36.77},
+            "eye": [0, 0, 0],
+            "target": [0, 0, -1],
+        },
+        "exposure": "irradiance",
+        "environment": {"kind": "constant", "radiance": 1},
+    }
+    return float(np.asarray(render(scene, spp=16384), float)[0, 0, 1])
 
 
 def depths() -> Numbers:

@@ -48,6 +48,12 @@ LENSES_2015 = {
     "fisheye-10mm": (23.192, "3165", "13.45", "81.5"),
     "telephoto-250mm": (123.7439, "3668", "beyond 40", "beyond 242"),
 }
+# f-number, film distance, and what the circle across must be: the film's side, or more than its diagonal [mm].
+FITTED_2003 = {
+    "telephoto-250mm": (5.6, 123.7439, "beyond 70"),
+    "wide-22mm": (4.0, 14.54, "50.8"),
+    "fisheye-10mm": (4.0, 23.192, "26.9"),
+}
 # Stop diameters [mm] by f-number.
 STOPS_2003 = {
     ("dgauss-100mm", 2.0): "34.2675",
@@ -126,6 +132,17 @@ def focus_and_circle() -> Numbers:
     columns = ("in focus from the first vertex [mm]", "image circle, radius [mm]", "[px]")
     reason = "Near its edge the pupil is a sliver; ours is followed to 28.31 mm, a twentieth of a pixel farther."
     return Numbers(("lens", "film distance [mm]"), columns, rows, reason=reason)
+
+
+def fitted_films() -> Numbers:
+    """Compare the sides of the films of the reference pictures with the image circles of the lenses at their stops."""
+    rows = []
+    for name, (f_number, film, side) in FITTED_2003.items():
+        lens = load_lens(name)
+        circle = 2 * image_circle(lens.with_stop_diameter(stop_diameter_by_sine(lens, f_number)), film)
+        ours = f"{circle:.1f}" if side.startswith("beyond") else circle
+        rows.append(Row((f"`{name}`, f/{f_number:g}",), (side,), (ours,), ".1f"))
+    return Numbers(("film fitted to",), ("image circle across [mm]",), rows, below=False, document="film")
 
 
 def stops() -> Numbers:

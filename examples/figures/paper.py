@@ -170,15 +170,17 @@ purple fringes; through the doublet a thread of orange is left, and the box is o
 The same scene. The paper's autofocus climbs the variance of the whole picture and is said to come to 25 units from
 any start; that curve is flat within 1 % from 16 to 26 units here, and as broad in the paper's own renderer
 ([curves](autofocus.md#the-figures-of-the-paper)). Found here is the sphere in the white rectangle, whose front is at
-24.5 and whose rim is at 25, by its contrast and by its distance.""",
+24.5 and whose rim is at 25, by its contrast and by its distance: it is sharp in the picture, the nearest is not.""",
             (shared("autofocus_paper", "by contrast"),),
             (found_by_autofocus,),
+            theirs="autofocus that climbs to 25 units from any start.",
         ),
         Group(
             "Snell's law",
             """\
 Where rays far from the axis are in focus, by the law that bends sines, by the paper's, which bends tangents, and
-through our lens. The two differ in the sign of spherical aberration.""",
+through our lens. The two differ in the sign of spherical aberration: in the document rays far from the axis meet
+farther off than those near it, here nearer, as through glass. There is no picture of it.""",
             (),
             (snell,),
         ),
@@ -186,7 +188,7 @@ through our lens. The two differ in the sign of spherical aberration.""",
             "White",
             """\
 The paper gives each wavelength a colour and divides by its length, so that a white world turns orange-brown and a fifth
-darker. Here the colours of all wavelengths add up to white.""",
+darker. Here the colours of all wavelengths add up to white, to 0.2 %: an even picture, not shown.""",
             (),
             (white,),
         ),
@@ -194,7 +196,8 @@ darker. Here the colours of all wavelengths add up to white.""",
             "Closed forms",
             """\
 Equations 3 to 12 of the paper, by `rptcam_cl.optics.design`. At four focal lengths the object is as near as it can be
-and the two roots are one. Equation 12 lacks a minus sign: an achromat needs P1/V1 + P2/V2 = 0.""",
+and the two roots are one. Equation 12 lacks a minus sign: an achromat needs P1/V1 + P2/V2 = 0. Formulas, not pictures:
+ours agree to the last digit, but where a lens as thick as it is takes the place of a thin one.""",
             (),
             (placements, thick_placements, focal_lengths, doublet_of_the_paper, glasses),
         ),

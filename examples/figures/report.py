@@ -4,7 +4,15 @@ from __future__ import annotations
 
 from examples.figures.blur_graph import confusion_graph, thin_lens_rays
 from examples.figures.figure import Drawing, Figure, Group, Section, shared
-from examples.figures.report_numbers import ball, biconcave_disks, blurs_of_balls, retries, seen
+from examples.figures.report_numbers import (
+    ball,
+    biconcave_disks,
+    blurs_of_balls,
+    confusion_points,
+    focus_of_balls,
+    retries,
+    seen,
+)
 
 
 def photographic(lens: str, title: str) -> Figure:
@@ -37,8 +45,11 @@ most of these pictures.""",
         ),
         Group(
             "Thin lens: three distances in focus",
-            "Radius 0.1 m: the red ball at 2 m, the gold one at 3 m and the blue one at 4 m are sharp in turn.",
+            """\
+Radius 0.1 m: the red ball at 2 m, the gold one at 3 m and the blue one at 4 m are sharp in turn. Below, where the
+blur ends, from the blur of a card a fifth nearer and of one a quarter farther.""",
             tuple(shared(f"thin_lens_focus_{distance}", f"{distance} m") for distance in (2, 3, 4)),
+            (focus_of_balls,),
             theirs="a room at an aperture radius of 0.1, focused at 2, 3 and 4.",
         ),
         Group(
@@ -59,10 +70,11 @@ field. The blur of the red and the blue ball doubles with the opening.""",
             """\
 Light of one point that goes through a thin lens meets in one point again. On a film nearer or farther than that it has
 the width of the *circle of confusion*: the aperture's share of the way that is left. The graph grows without bound
-towards the lens and levels off behind the focus. Through real glass, below, light of the rim meets before that of the
-middle; a stop in front leaves the middle alone; a biconcave lens spreads whatever comes.""",
+towards the lens and levels off behind the focus; its points, our camera's, lie on the curves of the formula, as the
+table says. Through real glass light of the rim meets before that of the middle; a stop in front leaves the middle
+alone; a biconcave lens spreads whatever comes.""",
             (),
-            (),
+            (confusion_points,),
             (
                 Drawing("report_thin_lens_rays", "a thin lens", chart=thin_lens_rays),
                 Drawing("report_circle_of_confusion", "the circle of confusion", chart=confusion_graph),

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from examples.figures.blur import thin_lens_blurs
+from examples.figures.blur_graph import MEASURED_M, RADII
 from examples.figures.figure import shared
 from examples.figures.numbers import Numbers, Row
 from examples.figures.paper_lens_numbers import blur_on_film
@@ -70,6 +71,32 @@ def blurs_of_balls() -> Numbers:
         rows.append(Row(label, [f"{formula:.1f}" for formula, _ in pairs], [ours for _, ours in pairs], ".1f"))
     columns = [f"ball at {distance} m" for distance in BALLS]
     return Numbers(("in focus", "radius"), columns, rows, document="formula, blur [px of 800]", noise=0.01)
+
+
+def focus_of_balls() -> Numbers:
+    """Compare where the three thin lenses are sharp, by the blur of cards nearer and farther, with what was set.
+
+    The blur is in proportion to |1 - f / d| for a card at d, so that two cards say where it ends.
+    """
+    rows = []
+    for distance in BALLS:
+        camera: Any = shared(f"thin_lens_focus_{distance}", "").load().camera
+        near, far = (thin_lens_blurs(camera, share * distance)[1] for share in (0.8, 1.25))
+        sharp = (near + far) / (near / (1.25 * distance) + far / (0.8 * distance))
+        rows.append(Row((f"{distance} m",), (f"{distance}",), (sharp,), ".4f", error=1e-4))
+    return Numbers(("focused at",), ("without blur [m]",), rows, below=False, document="set")
+
+
+def confusion_points() -> Numbers:
+    """Compare the points of the graph, which are our camera's, with its curves, which are the formula's."""
+    rows = []
+    for name in RADII:
+        camera: Any = shared(name, "").load().camera
+        pairs = [thin_lens_blurs(camera, distance) for distance in MEASURED_M]
+        label = (f"{camera.aperture_radius_m:g} m",)
+        rows.append(Row(label, [f"{formula:.2f}" for formula, _ in pairs], [ours for _, ours in pairs]))
+    columns = [f"{distance:g} m" for distance in MEASURED_M]
+    return Numbers(("radius, focused at 3 m",), columns, rows, document="formula, blur [px of 800]", noise=0.01)
 
 
 def ball() -> Numbers:
