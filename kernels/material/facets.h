@@ -1,6 +1,7 @@
 // Materials of GGX facets: conductor, metal, rough dielectric, rough plastic, principled. Directions in the frame of the
 // normal on the side of `wi`. One facet normal is drawn for all of them; what light takes to leave it, and the diffuse base,
 // the sheen and the clear coat that some have, are chosen by one number, and the density is that of the whole mixture.
+// A coat with normals of its own has a frame of its own, about vertex.coat_n, which is in the frame of the others here.
 #ifndef FACETS_H
 #define FACETS_H
 #include "material/bsdf.h"
@@ -25,6 +26,9 @@ typedef struct {
     Alpha coat_alpha;
     Cover coat_cover;
     F     coat;             // probability of choosing the coat, if not the base
+#endif
+#if HAS_COAT_NORMAL
+    F3    coat_s, coat_t, coat_n;   // frame of the coat
 #endif
 } Lobes;
 
@@ -186,6 +190,16 @@ static inline void add_sheen(Lobes *lobes, Vertex vertex, I behind, F below)
 }
 #endif
 
+#if HAS_CLEARCOAT
+static inline F3 to_coat(Lobes lobes, F3 w)
+{
+#if HAS_COAT_NORMAL
+    w = to_frame(lobes.coat_s, lobes.coat_t, lobes.coat_n, w);
+#endif
+    return w;
+}
+#endif
+
 static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
 {
     Lobes lobes;
@@ -212,7 +226,11 @@ static Lobes lobes_of(Vertex vertex, F3 wi, I behind)
     F alpha = coated ? vertex.closure.coat_alpha : ONE;
     lobes.coat_alpha = same_alpha(alpha);
     lobes.coat_cover = cover_of((F)(COAT_REFLECTANCE), alpha, coat);
-    F share = cover_albedo(lobes.coat_cover, wi.z);
+#if HAS_COAT_NORMAL
+    lobes.coat_n = vertex.coat_n;
+    frame(lobes.coat_n, &lobes.coat_s, &lobes.coat_t);
+#endif
+    F share = cover_albedo(lobes.coat_cover, to_coat(lobes, wi).z);
     lobes.coat = share > 0.0f ? MAX(share, (F)(LEAST_COAT)) : ZERO;
 #endif
     return lobes;
@@ -237,11 +255,23 @@ static F3 lobes_eval(Vertex vertex, Lobes lobes, F3 wo, F3 h, F *pdf)
     }
 #endif
 #if HAS_CLEARCOAT
-    F taken = (1.0f - cover_albedo(lobes.coat_cover, lobes.wi.z)) * (1.0f - cover_albedo(lobes.coat_cover, absolute(wo.z)));
+    F3 coat_wi = to_coat(lobes, lobes.wi);
+    F3 coat_wo = to_coat(lobes, wo);
+    F taken = (1.0f - cover_albedo(lobes.coat_cover, coat_wi.z)) * (1.0f - cover_albedo(lobes.coat_cover, absolute(coat_wo.z)));
     F coat_density;
-    F coat = ggx_reflect(lobes.wi, wo, h, lobes.coat_alpha, &coat_density);
+#if HAS_COAT_NORMAL
+    h = normalized(add(coat_wi, coat_wo));
+    c = MAX(dot3(coat_wi, h), ZERO);
+#endif
+    F coat = ggx_reflect(coat_wi, coat_wo, h, lobes.coat_alpha, &coat_density);
     coat *= vertex.closure.coat * (COAT_REFLECTANCE + (1.0f - COAT_REFLECTANCE) * schlick(c));
-    coat = lobes.coat > 0.0f ? coat : ZERO;
+    I shines = lobes.coat > 0.0f;
+#if HAS_COAT_NORMAL
+    I through = lobes.clear & (wo.z < 0.0f);
+    shines = shines & NOT(through);
+    coat_density = through ? ZERO : coat_density;
+#endif
+    coat = shines ? coat : ZERO;
     density += lobes.coat * (coat_density - density);
 #endif
 #if HAS_BASE
@@ -304,10 +334,19 @@ static F3 facets_sample(Vertex vertex, F3 wi, I behind, F u, F v, F lobe, F3 *wo
     alpha = select_Alpha(coated, lobes.coat_alpha, alpha);
 #endif
     // Reflect at a visible facet, refract through it, or leave the base.
+#if HAS_COAT_NORMAL
+    F3 h = ggx_visible_normal(select3(coated, to_coat(lobes, wi), wi), alpha, u, v);
+    h = select3(coated, from_frame(lobes.coat_s, lobes.coat_t, lobes.coat_n, h), h);
+#else
     F3 h = ggx_visible_normal(wi, alpha, u, v);
+#endif
     F c = dot3(wi, h);
     F3 to = sub(scale(h, 2.0f * c), wi);
     I good = to.z > 0.0f;
+#if HAS_COAT_NORMAL
+    I seen = (dot3(lobes.coat_n, to) > 0.0f) & (NOT(lobes.clear) | good);
+    good = coated ? seen : good;
+#endif
 #if HAS_REFRACTION
     Facet facet = facet_of(vertex, lobes, c);
     I passes = lobes.clear & (lobe >= facet.reflects);

@@ -21,6 +21,9 @@ static inline F3 glossy_eval(Vertex vertex, F3 d, Side side, F3 wo, F *pdf)
     surface_frame(vertex, side.n, &s, &t);
     F3 wi = scale(to_frame(s, t, side.n, d), -ONE);
     wi.z = side.cosine;
+#if HAS_COAT_NORMAL
+    vertex.coat_n = to_frame(s, t, side.n, side.coat);
+#endif
     return facets_eval(vertex, wi, to_frame(s, t, side.n, wo), side.behind, pdf);
 }
 
@@ -30,6 +33,9 @@ static Scattered glossy_sample(Vertex vertex, F3 d, Side side, F u, F v, F lobe)
     surface_frame(vertex, side.n, &s, &t);
     F3 wi = scale(to_frame(s, t, side.n, d), -ONE);
     wi.z = side.cosine;
+#if HAS_COAT_NORMAL
+    vertex.coat_n = to_frame(s, t, side.n, side.coat);
+#endif
     F3 wo;
     Scattered out;
     out.weight = facets_sample(vertex, wi, side.behind, u, v, lobe, &wo, &out.pdf);

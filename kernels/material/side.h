@@ -7,35 +7,49 @@ typedef struct {
     F3 n;           // shading normal on the side of the path
     F  cosine;      // of the path to it, >= 0
     I  behind;      // the path comes from the back
+#if HAS_COAT_NORMAL
+    F3 coat;        // normal of the clear coat, likewise
+#endif
 } Side;
 
 #if HAS_SHADING_NORMAL
 #define GRAZING 1e-3f       // least cosine of a path to the shading normal, and of its mirror image to the true one
+
+// A shading normal on the side of the path as the path sees it, and the cosine to it; `out` is the true one on that side.
+static F3 facing_normal(F3 n, F3 out, F3 d, I shiny, F *cosine)
+{
+    *cosine = -dot3(n, d);
+    // A shading normal that turns its back on the path is bent until it just faces it: no black fringes.
+    I away = *cosine < GRAZING;
+    if (ANY(away)) {
+        F3 bent = normalized(along(n, d, *cosine - GRAZING));
+        n = select3(away, bent, n);
+        *cosine = away ? MAX(-dot3(n, d), ZERO) : *cosine;
+    }
+    // One whose mirror direction is below the surface is bent until that just leaves it: no black rims of shiny meshes.
+    F3 mirrored = along(d, n, 2.0f * *cosine);
+    F rise = dot3(mirrored, out);
+    I sunk = (rise < GRAZING) & shiny;
+    if (ANY(sunk)) {
+        F3 bent = normalized(sub(normalized(along(mirrored, out, GRAZING - rise)), d));
+        n = select3(sunk, bent, n);
+        *cosine = sunk ? MAX(-dot3(n, d), ZERO) : *cosine;
+    }
+    return n;
+}
 
 static Side side_of(Vertex vertex, F3 d)
 {
     Side side;
     F front = -dot3(vertex.ng, d);
     side.behind = front < 0.0f;
-    side.n = scale(vertex.n, with_sign(ONE, front));
-    side.cosine = -dot3(side.n, d);
-    // A shading normal that turns its back on the path is bent until it just faces it: no black fringes.
-    I away = side.cosine < GRAZING;
-    if (ANY(away)) {
-        F3 bent = normalized(along(side.n, d, side.cosine - GRAZING));
-        side.n = select3(away, bent, side.n);
-        side.cosine = away ? MAX(-dot3(side.n, d), ZERO) : side.cosine;
-    }
-    // One whose mirror direction is below the surface is bent until that just leaves it: no black rims of shiny meshes.
-    F3 out = scale(vertex.ng, with_sign(ONE, front));
-    F3 mirrored = along(d, side.n, 2.0f * side.cosine);
-    F rise = dot3(mirrored, out);
-    I sunk = (rise < GRAZING) & (vertex.kind != MATERIAL_MATTE);
-    if (ANY(sunk)) {
-        F3 bent = normalized(sub(normalized(along(mirrored, out, GRAZING - rise)), d));
-        side.n = select3(sunk, bent, side.n);
-        side.cosine = sunk ? MAX(-dot3(side.n, d), ZERO) : side.cosine;
-    }
+    F sign = with_sign(ONE, front);
+    F3 out = scale(vertex.ng, sign);
+    side.n = facing_normal(scale(vertex.n, sign), out, d, vertex.kind != MATERIAL_MATTE, &side.cosine);
+#if HAS_COAT_NORMAL
+    F unused;
+    side.coat = facing_normal(scale(vertex.coat_n, sign), out, d, TRUE, &unused);
+#endif
     return side;
 }
 
@@ -45,7 +59,16 @@ static inline I consistent(Vertex vertex, Side side, F3 wo)
 {
     F true_side = dot3(vertex.ng, wo);
     true_side = side.behind ? -true_side : true_side;
-    return (true_side > 0.0f) == (dot3(side.n, wo) > 0.0f);
+    I agrees = (true_side > 0.0f) == (dot3(side.n, wo) > 0.0f);
+#if HAS_COAT_NORMAL
+    // An opaque surface sends nothing but the light of its coat where only the coat's normal agrees.
+    I coated = (vertex.kind == MATERIAL_PRINCIPLED) & (vertex.closure.coat > 0.0f);
+#if HAS_TRANSMISSION
+    coated = coated & (vertex.closure.transmission == 0.0f);
+#endif
+    agrees = agrees | (coated & (true_side > 0.0f) & (dot3(side.coat, wo) > 0.0f));
+#endif
+    return agrees;
 }
 #else
 static inline Side side_of(Vertex vertex, F3 d)

@@ -11,6 +11,9 @@
 typedef struct {
     F3 p, n;        // position and outward unit normal for shading
     F3 ng;          // outward unit normal of the surface itself
+#if HAS_COAT_NORMAL
+    F3 coat_n;      // as `n`, of the clear coat
+#endif
 #if HAS_TANGENT
     F3 tangent;     // dp/du, of any length
 #endif
@@ -76,12 +79,12 @@ static void take_brushing(Vertex *vertex, I mine, const __global Material *mater
 }
 #endif
 
-#if HAS_NORMAL_MAP
+#if HAS_NORMAL_MAP || HAS_COAT_NORMAL
 // The shading normal that a picture of normals in the tangent frame gives.
-static F3 mapped_normal(const __global Material *material, SurfacePoint point, Scene scene)
+static F3 mapped_normal(int texture, float times, SurfacePoint point, Scene scene)
 {
-    F3 texel = texture_color(material->normal_texture, point.u, point.v, scene);
-    F strength = (F)(2.0f * material->normal_strength);
+    F3 texel = texture_color(texture, point.u, point.v, scene);
+    F strength = (F)(2.0f * times);
     F3 x, y;
     tangent_frame(point, &x, &y);
     F3 m = f3(strength * (texel.x - 0.5f), strength * (texel.y - 0.5f), MAX(2.0f * texel.z - 1.0f, (F)(1e-3f)));
@@ -132,7 +135,13 @@ static void take_material(Vertex *vertex, I mine, const __global Material *mater
 #endif
 #if HAS_NORMAL_MAP
     if (material->normal_texture >= 0)
-        vertex->n = select3(mine, mapped_normal(material, point, scene), vertex->n);
+        vertex->n = select3(mine, mapped_normal(material->normal_texture, material->normal_strength, point, scene), vertex->n);
+#endif
+#if HAS_COAT_NORMAL
+    F3 coat_n = material->coat_flat ? point.n : vertex->n;
+    if (material->coat_normal_texture >= 0)
+        coat_n = mapped_normal(material->coat_normal_texture, material->coat_normal_strength, point, scene);
+    vertex->coat_n = select3(mine, coat_n, vertex->coat_n);
 #endif
 }
 
@@ -179,6 +188,9 @@ static Vertex vertex_of(Ray ray, Hit hit, I on, F choice, Scene scene)
     vertex.p = p;
     vertex.n = f3(ZERO, ZERO, ONE);
     vertex.ng = vertex.n;
+#if HAS_COAT_NORMAL
+    vertex.coat_n = vertex.n;
+#endif
 #if HAS_TANGENT
     vertex.tangent = f3(ONE, ZERO, ZERO);
 #endif

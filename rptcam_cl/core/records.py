@@ -136,6 +136,10 @@ MATERIAL = Record(
         ("float", "anisotropy_turn"),  # of the direction of `alpha`, from u towards v [turns]
         ("int", "specular_texture"),
         ("int", "specular_color_texture"),
+        ("int", "coat_normal_texture"),
+        ("float", "coat_normal_strength"),
+        ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
+        ("int", "reserved_0"),
     ),
 )
 

@@ -35,7 +35,8 @@ from rptcam_cl.scene import (
 
 _TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "coat_texture",
              "coat_roughness_texture", "sheen_texture", "opacity_texture", "factor_texture",
-             "normal_texture", "anisotropy_texture", "specular_texture", "specular_color_texture")  # fmt: skip
+             "normal_texture", "anisotropy_texture", "specular_texture", "specular_color_texture",
+             "coat_normal_texture")  # fmt: skip
 
 Faceted = Conductor | Dielectric | Plastic | Principled
 
@@ -151,6 +152,10 @@ class _Filler:
         record["transmission"] = material.transmission
         self._number(record, "coat", material.clearcoat)
         coat_roughness = self._roughness(record, "coat_roughness_texture", material.clearcoat_roughness)
+        record["coat_flat"] = material.clearcoat_flat
+        if material.clearcoat_normal_map is not None:
+            _, record["coat_normal_texture"] = self._textures.slot(material.clearcoat_normal_map, limit=1.0)
+            record["coat_normal_strength"] = material.clearcoat_normal_map.strength
         record["coat_alpha"] = alpha_pair(coat_roughness, 0.0)[0]
         if not isinstance(material.sheen, tuple) or max(material.sheen) > 0:
             self._sheen(record, material)
@@ -188,6 +193,8 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     kinds = set(records["kind"].tolist())
     principled = records["kind"] == MaterialKind.PRINCIPLED
     clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
+    coated = principled & ((records["coat"] > 0) | (records["coat_texture"] >= 0))
+    flat = (records["coat_flat"] != 0) & (records["normal_texture"] >= 0)
     tinted = records["specular_color"][principled] != (1, 1, 1, 0)
     brushed = records["anisotropy_texture"] >= 0
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
@@ -196,7 +203,8 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
         "HAS_ANISOTROPY_MAP": np.any(brushed),
         "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0),
-        "HAS_CLEARCOAT": np.any(records["coat"][principled] > 0) or np.any(records["coat_texture"] >= 0),
+        "HAS_CLEARCOAT": np.any(coated),
+        "HAS_COAT_NORMAL": np.any(coated & ((records["coat_normal_texture"] >= 0) | flat)),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),
         "HAS_ABSORPTION": np.any(records["absorption"][clear] > 0),
         "HAS_GLOW": np.any(records["glow"] > 0) or np.any(records["glow_texture"] >= 0),

@@ -84,7 +84,7 @@ def lobes_of(materials: NDArray[np.void], index: int, share: float = 1.0) -> Ite
     painted = coloured or max(record[f"{name}_texture"] for name in PAINTED) >= 0
     if share > 0 and alpha <= SMOOTH_ALPHA and not painted:
         yield Lobe(record, share, alpha)
-    even = record["coat_texture"] < 0 and record["coat_roughness_texture"] < 0
+    even = max(record[f"coat_{name}texture"] for name in ("", "roughness_", "normal_")) < 0
     coated = kind is MaterialKind.PRINCIPLED and record["coat"] > 0 and record["coat_alpha"] <= SMOOTH_ALPHA
     if share > 0 and coated and even:
         yield Lobe(record, share, float(record["coat_alpha"]), coat=True)

@@ -25,7 +25,12 @@ from rptcam_cl.plan.primitives import Owners, Primitive, owners_of, pack_primiti
 from rptcam_cl.plan.textures import Textures
 from rptcam_cl.scene import Scene, file_references
 
-FRAMED = ("HAS_ANISOTROPY_TURN", "HAS_ANISOTROPY_MAP", "HAS_NORMAL_MAP")  # what wants the frame of u and v
+FRAMED = (
+    "HAS_ANISOTROPY_TURN",
+    "HAS_ANISOTROPY_MAP",
+    "HAS_NORMAL_MAP",
+    "HAS_COAT_NORMAL",
+)  # what wants the frame of u and v
 FEW = 16  # primitives, as many as lanes that a processor permutes at once
 
 
@@ -108,10 +113,11 @@ def _facts_of_shapes(
 ) -> dict[str, int]:
     """Return which kinds of primitives there are, and what their surfaces require beside positions and normals."""
     kinds = {primitive.kind for primitive in primitives}
+    bumpy = materials["HAS_NORMAL_MAP"] or materials["HAS_COAT_NORMAL"]
     return {f"HAS_{kind.name}": int(kind in kinds) for kind in Kind} | {
-        "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or materials["HAS_NORMAL_MAP"]),
+        "HAS_TANGENT": int(materials["HAS_ANISOTROPY"] or any(materials[name] for name in FRAMED)),
         "HAS_BITANGENT": int(any(materials[name] for name in FRAMED)),
-        "HAS_SHADING_NORMAL": int(materials["HAS_NORMAL_MAP"] or any(map(_is_smooth, primitives))),
+        "HAS_SHADING_NORMAL": int(bumpy or any(map(_is_smooth, primitives))),
         "HAS_AFFINE": int(bool(kinds - {Kind.SPHERE, Kind.MESH})),
         "HAS_INSTANCES": int(meshes is not None and meshes.packed.instanced),
     }

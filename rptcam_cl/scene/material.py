@@ -9,7 +9,7 @@ from pydantic import BeforeValidator, Field, model_validator
 
 from rptcam_cl.scene.base import Alternatives, SceneModel, listed, near_name, refuse
 from rptcam_cl.scene.dielectric import ABSORPTION, LEAST_BEND, ROUGHNESS, AbsorbingMaterial, Dielectric, ThinGlass
-from rptcam_cl.scene.material_parts import AnisotropyMap, BumpyMaterial, CoveringMaterial, RoughMaterial
+from rptcam_cl.scene.material_parts import AnisotropyMap, BumpyMaterial, CoveringMaterial, NormalMap, RoughMaterial
 from rptcam_cl.scene.metal import Conductor
 from rptcam_cl.scene.quantities import NUMBER, Albedo, Fraction, Turn, list_of
 from rptcam_cl.scene.texture import Emission, Reflectance, Share
@@ -61,6 +61,12 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     clearcoat_roughness: Share = 0.03
     """Roughness of the clear coat, the root of GGX's alpha: a number, or a texture."""
 
+    clearcoat_normal_map: NormalMap | None = None
+    """Normals of the clear coat from a picture; the shape needs texture coordinates."""
+
+    clearcoat_flat: bool = Field(default=False, strict=True)
+    """Whether the clear coat lies flat over what is below, and does not follow its normals."""
+
     sheen: Reflectance = (0.0, 0.0, 0.0)
     """Colour of the light that fibres standing up from a cloth send back at grazing angles: channels 0 to 1, or a
     texture."""
@@ -74,12 +80,16 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     alternatives: ClassVar[tuple[Alternatives, ...]] = (ABSORPTION,)
 
     @model_validator(mode="after")
-    def _check_stretch(self) -> Self:
+    def _check_maps(self) -> Self:
         if self.anisotropy_map is not None and self.anisotropy > 0:
             raise refuse(
                 "does not count beside anisotropy_map", got=self.anisotropy, path=("anisotropy",),
                 allowed="strength of the map",
             )  # fmt: skip
+        if self.clearcoat_normal_map is not None and self.clearcoat_flat:
+            raise refuse(
+                "does not count beside clearcoat_normal_map", got=True, path=("clearcoat_flat",), allowed="false"
+            )
         return self
 
     @model_validator(mode="after")

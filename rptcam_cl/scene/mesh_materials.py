@@ -54,7 +54,7 @@ class _Translation:
         self._given = given
         self._folders = folders
         self._cover = self._covering()
-        self._normals = {"normal_map": self._normal_map()}
+        self._normals: dict[str, Any] = {"normal_map": self._normal_map(given.normals, given.normals_strength)}
 
     def material(self) -> Material:
         """Return the material."""
@@ -106,6 +106,7 @@ class _Translation:
             "sheen": self._colour(given.sheen, given.sheen_texture),
             "sheen_roughness": given.sheen_roughness,
             **self._stretch(),
+            **self._coat_normals(),
         }  # fmt: skip
         return Principled(
             kind="principled",
@@ -118,6 +119,14 @@ class _Translation:
             **self._normals,
             **cover,
         )
+
+    def _coat_normals(self) -> dict[str, Any]:
+        given = self._given
+        if given.clearcoat == 0:
+            return {}
+        if given.clearcoat_normals is None:
+            return {"clearcoat_flat": given.clearcoat_flat and given.normals is not None}
+        return {"clearcoat_normal_map": self._normal_map(given.clearcoat_normals, given.clearcoat_normals_strength)}
 
     def _specular(self) -> float | ImageTexture:
         file_texture = self._given.specular_texture
@@ -189,12 +198,11 @@ class _Translation:
             return {"opacity": _clipped(given.opacity, 0.0, 1.0), **mask}
         return {"opacity": self._share(given.opacity, file_texture, "a" if transparent else "r"), **mask}
 
-    def _normal_map(self) -> NormalMap | None:
-        given = self._given
-        if given.normals is None:
+    def _normal_map(self, normals: FileTexture | None, strength: float) -> NormalMap | None:
+        if normals is None:
             return None
-        found = NormalMap(**self._laid(given.normals), strength=_clipped(given.normals_strength, 0.0, 10.0))
-        self._fill(found, given.normals)
+        found = NormalMap(**self._laid(normals), strength=_clipped(strength, 0.0, 10.0))
+        self._fill(found, normals)
         return found
 
     def _source(self, file_texture: FileTexture) -> Path | bytes:

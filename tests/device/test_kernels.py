@@ -56,6 +56,7 @@ EVERY_MATERIAL = {
     "principled": {
         "kind": "principled", "roughness": IMAGE, "metallic": IMAGE, "transmission": 0.5, "clearcoat": IMAGE,
         "clearcoat_roughness": IMAGE, "emission": 1, "sheen": IMAGE, "specular": IMAGE,
+        "clearcoat_normal_map": {"file": IMAGE["file"]},
         "specular_color": IMAGE, "normal_map": {"file": IMAGE["file"]},
     },
     "mix": {"kind": "mix", "materials": ["metal", "plastic"]},

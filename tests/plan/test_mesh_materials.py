@@ -101,6 +101,13 @@ def keys_of(material: Material) -> dict[str, Any]:
             {"specular": 0.5, "specular_texture": SEEN, "specular_color_texture": DOTS},
             {"specular": "seen", "specular_color": "dots", "index": 1.5},
         ),
+        ({"clearcoat": 1.0, "clearcoat_flat": True, "normals": DOTS}, {"clearcoat_flat": True, "normal_map": "dots"}),
+        ({"clearcoat": 1.0, "clearcoat_flat": True}, {"clearcoat_flat": False}),
+        ({"clearcoat": 1.0, "normals": DOTS}, {"clearcoat_flat": False}),
+        (
+            {"clearcoat": 1.0, "clearcoat_flat": True, "normals": DOTS, "clearcoat_normals": SEEN},
+            {"clearcoat_normal_map": "seen", "normal_map": "dots"},
+        ),
         ({"specular": 0.5, "specular_texture": DOTS}, {"specular": 0.5}),  # a picture without alpha
         ({"specular_color": (1, 0.2, 0.5)}, {"specular_color": (1, 0.2, 0.5), "index": 1.5}),
         ({"specular_color": (2, 1, 0), "transmission": 1.0, "solid": True}, {"specular_color": (1, 1, 0)}),

@@ -186,46 +186,6 @@ def test_brushed_metal_turns_from_u_towards_v(mirrored):
         same(sheet(0, -30 * mirrored), sheet(30, 0))
 
 
-def brushed_picture(path, *texels):
-    """Write a picture of directions and strengths, one column each; return each angle [degrees] and strength."""
-    codes = [np.round((direction[0] * 127.5 + 127.5, direction[1] * 127.5 + 127.5, strength * 255))
-             for *direction, strength in texels]  # fmt: skip
-    Image.fromarray(np.array([codes] * 2).astype(np.uint8)).save(path)
-    return [(math.degrees(math.atan2(g - 127.5, r - 127.5)), b / 255) for r, g, b in codes]
-
-
-def spun(turn, strength, roughness=0.4):
-    """Numbers that stretch highlights by a strength as glTF has it."""
-    across = roughness**2
-    along = across + (1 - across) * strength**2
-    stretch = {"roughness": (along * across) ** 0.25, "anisotropy": (1 - across / along) / 0.9}
-    return {"kind": "principled", "metallic": 1.0, "anisotropy_rotation_degrees": turn} | stretch
-
-
-@pytest.mark.parametrize("roughness", [0.4, {"kind": "gradient", "start": 0.4, "end": 0.4}])
-def test_constant_anisotropy_map_is_as_numbers(tmp_path, monkeypatch, roughness):
-    monkeypatch.chdir(tmp_path)
-    ((angle, strength),) = brushed_picture("brushed.png", (0.5, 0.8, 0.6))
-    stretch = {"anisotropy_map": {"file": "brushed.png", "strength": 0.9}, "anisotropy_rotation_degrees": 10}
-    mapped = {"kind": "principled", "metallic": 1.0, "roughness": roughness, **stretch}
-    same(ball(mapped, 2), ball(spun(angle + 10, 0.9 * strength), 2))
-    with pytest.raises(AssertionError):
-        same(ball(mapped, 2), ball(spun(angle - 10, 0.9 * strength), 2))
-
-
-def test_anisotropy_map_brushes_each_place_by_its_texel(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    halves = brushed_picture("halves.png", (0.9, 0.3, 0.3), (-0.2, 0.7, 0.7))
-    picture = {"file": "halves.png", "filter": "nearest", "scale": [3, 1]}
-    mapped = {"kind": "principled", "metallic": 1.0, "roughness": 0.4, "anisotropy_map": picture}
-    stripes = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [6, 1e-6], "offset": [0, 0.5]}
-    a = batches(ball(mapped, 2), "brushed by a map", 4, spp=16)
-    mixed = {"kind": "mix", "materials": [spun(*half) for half in halves], "factor": stripes}
-    assert_same_tiles(a, batches(ball(mixed, 2), "brushed by a mix", 4, spp=16))
-    with pytest.raises(AssertionError):
-        assert_same_tiles(a, batches(ball(spun(*halves[0]), 2), "brushed as one half", 4, spp=16))
-
-
 def test_metallic_principled_is_the_conductor_but_for_schlick():
     # at F0 = 1 Schlick's reflectance is 1 at every angle
     shiny = {"kind": "principled", "base_color": 1.0, "metallic": 1.0, "roughness": 0.4}

@@ -17,6 +17,7 @@ from tests.rendering import test_determinism as determinism
 from tests.rendering import test_emitters as emitters
 from tests.rendering import test_furnaces as furnaces
 from tests.rendering import test_lens_light as lens
+from tests.rendering import test_material_maps as maps
 from tests.rendering import test_materials as materials
 from tests.rendering import test_world as world
 from tests.rendering.light import test_light_tree as tree
@@ -65,6 +66,11 @@ def in_folder(test, shape):
     """Run a test that writes pictures in a folder of its own."""
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
         test(Path(folder), patch, shape)
+
+
+def without_shape(test):
+    """Run a test that writes pictures in a folder of its own, and takes nothing else."""
+    in_folder(lambda folder, patch, _: test(folder, patch), None)
 
 
 def long_render():
@@ -187,10 +193,15 @@ MUTANTS = [
            "return along(scale(x, cosine * u + sine * v), y, cosine * v - sine * u);",
            lambda: materials.test_brushed_metal_turns_from_u_towards_v(1)),
     Mutant("strength of brushing not squared", "(1.0f - across) * strength * strength", "(1.0f - across) * strength",
-           lambda: in_folder(materials.test_constant_anisotropy_map_is_as_numbers, 0.4)),
+           lambda: in_folder(maps.test_constant_anisotropy_map_is_as_numbers, 0.4)),
     Mutant("grazing light coloured", "return along(f0, sub(f3(most, most, most), f0), steep);",
            "return scale(f0, 1.0f + (1.0f - max3(f0)) / max3(f0) * steep);",
            lambda: bsdf_values.test_value_is_that_of_the_formula(open_session(), "coloured gloss")),
+    Mutant("coat drawn about the base's normal",
+           "h = select3(coated, from_frame(lobes.coat_s, lobes.coat_t, lobes.coat_n, h), h);", "",
+           lambda: without_shape(maps.test_flat_coat_shines_over_a_wild_base_as_over_a_smooth_one)),
+    Mutant("coat hidden where the base looks away", "agrees = agrees | (coated &", "agrees = agrees & TRUE | (FALSE &",
+           lambda: without_shape(maps.test_flat_coat_shines_over_a_wild_base_as_over_a_smooth_one)),
     Mutant("roughness not squared", "return MAX(roughness * roughness, (F)(SMALLEST_ALPHA));", "return roughness;",
            materials.test_textured_numbers_are_as_constant_ones,
            lambda: materials.test_textures_of_layers_are_as_constant_ones({"clearcoat_roughness": 0.5})),

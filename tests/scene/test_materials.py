@@ -52,6 +52,7 @@ REFUSED = [
         "{kind: principled, transmission: 1, index: 6}",
         "index: is out of range (got 6; allowed: at most 5 beside transm",
     ),
+    ("{kind: principled, clearcoat_flat: true, clearcoat_normal_map: {file: a}}", "clearcoat_flat: does not count"),
     ("{kind: principled, anisotropy: 0.5, anisotropy_map: {file: a.png}}", "anisotropy: does not count beside"),
     ("{kind: principled, transmission: 1, index: 1.0}", "index: bends light too little for transmission"),
     ("{kind: principled, roughness: {kind: wood}}", "is not a known choice"),

@@ -77,6 +77,10 @@ class FileMaterial:
         What a transparent solid leaves of white light after a distance [m].
     clearcoat, clearcoat_roughness : float
         0 to 1; the paintings are read in the channels r and g.
+    clearcoat_normals : FileTexture or None
+        Normals of the coat in the tangent frame.
+    clearcoat_flat : bool
+        Whether a coat without them does not follow `normals`.
     sheen : (red, green, blue)
         Of fibres at grazing angles, linear, 0 to 1.
     anisotropy : float
@@ -115,6 +119,9 @@ class FileMaterial:
     clearcoat_texture: FileTexture | None = None
     clearcoat_roughness: float = 0.0
     clearcoat_roughness_texture: FileTexture | None = None
+    clearcoat_normals: FileTexture | None = None
+    clearcoat_normals_strength: float = 1.0
+    clearcoat_flat: bool = False
     sheen: Colour = (0.0, 0.0, 0.0)
     sheen_texture: FileTexture | None = None
     sheen_roughness: float = 0.0
@@ -133,5 +140,5 @@ class FileMaterial:
             self, base_texture=None, metallic_texture=None, roughness_texture=None, opacity_texture=None,
             normals=None, emission_texture=None, transmission_texture=None, clearcoat_texture=None,
             clearcoat_roughness_texture=None, sheen_texture=None, anisotropy_texture=None,
-            specular_texture=None, specular_color_texture=None,
+            specular_texture=None, specular_color_texture=None, clearcoat_normals=None,
         )  # fmt: skip

@@ -139,8 +139,10 @@ class GltfMaterials:
                 clearcoat_texture=self._texture(coat, "clearcoatTexture"),
                 clearcoat_roughness=coat.number("clearcoatRoughnessFactor", 0.0, 0, 1),
                 clearcoat_roughness_texture=self._texture(coat, "clearcoatRoughnessTexture"),
+                clearcoat_normals=self._texture(coat, "clearcoatNormalTexture"),
+                clearcoat_normals_strength=coat.part("clearcoatNormalTexture").number("scale", 1.0),
+                clearcoat_flat=True,
             )
-            self._leave_out(coat, "clearcoatNormalTexture")
         for sheen in part.extensions("KHR_materials_sheen"):
             material = replace(
                 material,
