@@ -70,9 +70,9 @@ static F3 caustic_radiance(Vertex vertex, F3 d, I on, I primitive, I most, Scene
     float per_cell = grid->low.w;
     float radius2 = grid->high.w * grid->high.w;
     p = select3(on, p, f3_of(grid->low));
-    I x = TO_I(floor(p.x * per_cell - 0.5f));
-    I y = TO_I(floor(p.y * per_cell - 0.5f));
-    I z = TO_I(floor(p.z * per_cell - 0.5f));
+    I x = TO_I(FLOOR(p.x * per_cell - 0.5f));
+    I y = TO_I(FLOOR(p.y * per_cell - 0.5f));
+    I z = TO_I(FLOOR(p.z * per_cell - 0.5f));
     for (int i = 0; i < 8; ++i) {
         I cx = (x + (i & 1)) & grid->mask_x;
         I cy = (y + ((i >> 1) & 1)) & grid->mask_y;

@@ -7,7 +7,7 @@
 static inline F exponential(F x)
 {
     F bounded = MAX(x, (F)(-87.0f));
-    F k = floor(bounded * 1.44269504f + 0.5f);
+    F k = FLOOR(bounded * 1.44269504f + 0.5f);
     F r = (bounded - k * 0.693359375f) + k * 2.12194440e-4f;
     F p = 1.0f + r * (1.0f + r * (0.5f + r * (1.66666667e-1f + r * (4.16666667e-2f
                                                                   + r * (8.33333333e-3f + r * 1.38888889e-3f)))));

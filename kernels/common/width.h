@@ -187,4 +187,13 @@ typedef I Kept;
 #define MIN(a, b)         ((a) < (b) ? (a) : (b))
 #define MAX(a, b)         ((a) > (b) ? (a) : (b))
 
+// The greatest whole numbers that are no greater. PoCL's own function takes ten instructions where the processor has one.
+#if VW == 16 && defined CLANG_AVX512
+#define FLOOR(v)  __builtin_ia32_rndscaleps_mask(v, 1, v, (ushort)0xffff, 4)
+#elif VW == 8 && defined CLANG_AVX2 && !DOUBLE
+#define FLOOR(v)  __builtin_ia32_roundps256(v, 1)
+#else
+#define FLOOR(v)  floor(v)
+#endif
+
 #endif

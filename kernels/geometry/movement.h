@@ -49,7 +49,7 @@ static Placing placing_of(int primitive, F time, Scene scene)
     p.pivot = ROW_OF_SEGMENT_HERE(pivot);
     F half_turns = 0.5f * share * OF_SEGMENT_HERE(travel.w);
     F sine, cosine;
-    sincos_turns(half_turns - floor(half_turns), &sine, &cosine);
+    sincos_turns(half_turns - FLOOR(half_turns), &sine, &cosine);
     F near_one = 1.5f - 0.5f * (sine * sine + cosine * cosine);     // a step of Newton's to unit length
     p.v = scale(ROW_OF_SEGMENT_HERE(axis), sine * near_one);
     p.w = cosine * near_one;

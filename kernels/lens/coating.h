@@ -40,7 +40,7 @@ static F layer_share(F n, F m, real f, F turns, F c, F d)
     F inside = root(1.0f - ratio * ratio * (1.0f - c * c));
     F turn = turns * inside;
     F sine, cosine;
-    sincos_turns(turn - floor(turn), &sine, &cosine);
+    sincos_turns(turn - FLOOR(turn), &sine, &cosine);
     F nc = n * c, fi = f * inside, md = m * d;
     F fc = f * c, ni = n * inside, mi = m * inside, fd = f * d;
     F s = (nc + fi) * (fi + md), s_back = (nc - fi) * (fi - md);
@@ -76,7 +76,7 @@ static Fields through_dark_layer(Fields b, real f, real k, F per_index, F sine2,
     F large = MAX(root(0.5f * (length + absolute(square_re))), (F)(LEAST_COSINE)), small = 0.5f * square_im / large;
     F re = square_re > 0.0f ? large : small, im = square_re > 0.0f ? small : large;
     F turn = re * per_index, sine, cosine;
-    sincos_turns(turn - floor(turn), &sine, &cosine);
+    sincos_turns(turn - FLOOR(turn), &sine, &cosine);
     F damped = exponential(-DARK_TURNS * im * per_index), back = damped * damped;
     F sum = 0.5f + 0.5f * back, rest = 0.5f - 0.5f * back;
     F c_re = cosine * sum, c_im = -(sine * rest);                           // of the cosine and of -i sine, damped
@@ -124,7 +124,7 @@ static Fields through_layers(const __global Surface *s, F n, F c, F per, F behin
         F part = n / f;
         F inside = MAX(root(1.0f - part * part * (1.0f - c * c)), (F)(LEAST_COSINE));
         F turn = s->stack[2 * k + 1] * per * inside, sine, cosine;
-        sincos_turns(turn - floor(turn), &sine, &cosine);
+        sincos_turns(turn - FLOOR(turn), &sine, &cosine);
         F admittance = p ? inside / f : f * inside;
         F under = sine / admittance, over = sine * admittance;
         Fields b = a;

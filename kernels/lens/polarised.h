@@ -127,7 +127,7 @@ static void surface_amplitudes(const __global Surface *s, F c, int reflects, Amp
         real n = s->index, m = n / eta, f = s->layer;
         F inside = root(1.0f - (n / f) * (n / f) * (1.0f - c * c));
         F turn = 0.5f * s->layer_turns * inside, sine, cosine;
-        sincos_turns(turn - floor(turn), &sine, &cosine);
+        sincos_turns(turn - FLOOR(turn), &sine, &cosine);
         F first_s = (n * c - f * inside) / (n * c + f * inside), second_s = (f * inside - m * d) / (f * inside + m * d);
         F first_p = (f * c - n * inside) / (f * c + n * inside), second_p = (m * inside - f * d) / (m * inside + f * d);
         *across = layer_amplitude(first_s, second_s, sine, cosine, reflects);

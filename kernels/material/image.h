@@ -64,8 +64,8 @@ static inline F wrapped(F x, int wrap)
     if (wrap == WRAP_CLAMP)
         return MIN(MAX(x, ZERO), ONE);
     if (wrap == WRAP_REPEAT)
-        return x - floor(x);
-    F y = x - 2.0f * floor(0.5f * x);
+        return x - FLOOR(x);
+    F y = x - 2.0f * FLOOR(0.5f * x);
     return MIN(y, 2.0f - y);
 }
 
@@ -79,7 +79,7 @@ static inline void between(F x, int count, int wrap, I *before, F *after)
         place = place < 0.0f ? place + (float)count : place;
     else
         place = MIN(MAX(place, ZERO), (F)((float)(count - 1)));
-    F whole = floor(place);
+    F whole = FLOOR(place);
     *before = within(TO_I(whole), count);
     *after = place - whole;
 }

@@ -33,8 +33,8 @@ static inline F fade(F t) { return t * t * t * (t * (t * 6.0f - 15.0f) + 10.0f);
 // Within -1 … 1; standard deviation 0.18.
 static F gradient_noise(F x, F y, uint seed)
 {
-    F fx = floor(x);
-    F fy = floor(y);
+    F fx = FLOOR(x);
+    F fy = FLOOR(y);
     I column = TO_I(fx);
     I row = TO_I(fy);
     F dx = x - fx;

@@ -11,13 +11,13 @@ static F pattern_at(const __global Texture *t, F x, F y)
 {
     F k = ZERO;
 #if HAS_CHECKER || HAS_GRID
-    F cell_x = floor(x);
-    F cell_y = floor(y);
+    F cell_x = FLOOR(x);
+    F cell_y = FLOOR(y);
 #endif
 #if HAS_CHECKER
     if (t->kind == TEXTURE_CHECKER) {
         F half_sum = 0.5f * (cell_x + cell_y);
-        k = half_sum != floor(half_sum) ? ONE : ZERO;
+        k = half_sum != FLOOR(half_sum) ? ONE : ZERO;
     }
 #endif
 #if HAS_GRID
