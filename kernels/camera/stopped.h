@@ -3,14 +3,29 @@
 #define STOPPED_H
 #include "camera/film_point.h"
 
-static void count_stopped(Lane lane, CameraRay ray, __global uint *counters)
+typedef struct { uint of[RAY_STATUS_COUNT]; } Stopped;
+
+static inline Stopped none_stopped(void)
+{
+    Stopped stopped;
+    for (int status = 0; status < RAY_STATUS_COUNT; ++status)
+        stopped.of[status] = 0u;
+    return stopped;
+}
+
+static inline void count_stopped(Stopped *stopped, Lane lane, CameraRay ray)
 {
     if (ANY(ray.status != RAY_OK))
-        for (int status = RAY_OK + 1; status < RAY_STATUS_COUNT; ++status) {
-            uint n = COUNT(lane.inside & (ray.status == status));
-            if (n != 0u)
-                atomic_add(counters + status, n);
-        }
+        for (int status = RAY_OK + 1; status < RAY_STATUS_COUNT; ++status)
+            stopped->of[status] += COUNT(lane.inside & (ray.status == status));
+}
+
+// Work items wait for each other here: once for many rays.
+static void add_stopped(Stopped stopped, __global uint *counters)
+{
+    for (int status = RAY_OK + 1; status < RAY_STATUS_COUNT; ++status)
+        if (stopped.of[status] != 0u)
+            atomic_add(counters + status, stopped.of[status]);
 }
 
 #endif

@@ -26,6 +26,7 @@ static CameraRays kept_rays(uint first, Wave wave, const __global uint *tiles, c
 {
     Lane lane = lane_of(first, wave, tiles);
     uint place = record_of(first, wave);
+    Stopped stopped = none_stopped();
     for (uint step = 0; step < wave.samples; step += CAMERA_PACKETS) {
         Packet packets[CAMERA_PACKETS];
 #pragma nounroll
@@ -41,12 +42,13 @@ static CameraRays kept_rays(uint first, Wave wave, const __global uint *tiles, c
         for (uint i = 0; i < CAMERA_PACKETS; ++i) {
             Draw draw = packets[i].draw;
             CameraRay ray = leave_packet(&packets[i], camera);
-            count_stopped(draw.lane, ray, counters);
+            count_stopped(&stopped, draw.lane, ray);
             if (step + i < wave.samples)
                 write_record(into_world(draw, ray, wave.seed, camera TRAJECTORY), place + (step + i) * RAYS_TOGETHER,
                              records);
         }
     }
+    add_stopped(stopped, counters);
     return start_rays(first, wave, tiles, records);
 }
 

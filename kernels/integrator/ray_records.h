@@ -36,13 +36,15 @@ static inline CameraRays start_rays(uint first, Wave wave, const __global uint *
 
 static inline I rays_left(CameraRays rays) { return rays.next < rays.end; }
 
-// The next rays of the lanes `start`; those that the lens blocked are passed over.
+// The next rays of the lanes `start`. Those whose ray the lens has blocked take another one at once where it blocks many, and
+// wait for the next time where it blocks few. Fact: BLOCKS_MANY.
 static WorldRay take_rays(CameraRays *rays, I start)
 {
     I source = start ? rays->next : (I)(rays->home);
     Eight record = load_eight(rays->records, source * 8);
     rays->lane.sample = start ? rays->lane.sample + 1u : rays->lane.sample;
     rays->next = start ? rays->next + (int)RAYS_TOGETHER : rays->next;
+#if BLOCKS_MANY
     I blocked = start & (record.f[3] == 0.0f) & rays_left(*rays);
     if (ANY(blocked)) {
         while (ANY(blocked)) {
@@ -53,6 +55,7 @@ static WorldRay take_rays(CameraRays *rays, I start)
         }
         record = load_eight(rays->records, source * 8);
     }
+#endif
     WorldRay r;
     r.o = f3(record.f[0], record.f[1], record.f[2]);
     r.weight = record.f[3];

@@ -22,7 +22,9 @@ static void start_path(Draw draw, CameraRay ray, uint slot, Wave wave, const __g
                        __global uint *counters, __global float *state, uint capacity TRAJECTORY_PARAMETER)
 {
 #if CAMERA_HAS_LENS
-    count_stopped(draw.lane, ray, counters);
+    Stopped stopped = none_stopped();
+    count_stopped(&stopped, draw.lane, ray);
+    add_stopped(stopped, counters);
 #endif
     // Place the ray in the world, and write the record of the stream or the state of the path.
     WorldRay world = into_world(draw, ray, wave.seed, camera TRAJECTORY);
