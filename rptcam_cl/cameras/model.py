@@ -15,7 +15,7 @@ from rptcam_cl.cameras.entrance_pupil import EntrancePupil
 from rptcam_cl.cameras.lamp_reach import LampReach
 from rptcam_cl.cameras.setting import LensSetting
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW
+from rptcam_cl.core.records import CAMERA, DISPERSION_NM, SURFACE, VIEW, PupilKind
 from rptcam_cl.optics import FirstOrder
 from rptcam_cl.scene import Film, LensCamera, Pose
 
@@ -123,6 +123,11 @@ class CameraModel:
     def crosses_surfaces(self) -> bool:
         """Whether the kernel takes rays through surface after surface."""
         return self.kernel == SURFACE_BY_SURFACE
+
+    @property
+    def blocks_many(self) -> bool:
+        """Whether many of its rays bring nothing: they aim at more than what passes, or half of the pupil counts."""
+        return self.facts.get("PUPIL_KIND") != PupilKind.OUTLINES or bool(self.facts.get("HALF_PUPIL"))
 
 
 def camera_record(pose: Pose, film: Film, kind: str, **own: float) -> NDArray[np.void]:

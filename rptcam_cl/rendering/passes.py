@@ -23,7 +23,7 @@ import numpy as np
 
 from rptcam_cl.cameras import CameraModel
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.core.records import WAVE, PupilKind, device_declarations, floats_per_slot
+from rptcam_cl.core.records import WAVE, device_declarations, floats_per_slot
 from rptcam_cl.device import Launch, Program, Session
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers, camera_buffers
@@ -201,7 +201,7 @@ class StreamPass:
         kept = {"rays": buffers.state} if keeps_rays else {}
         facts: dict[str, int | str] = {"RAYS_FILE": "integrator/read_rays.h"}
         if not makes_rays or keeps_rays:
-            facts["BLOCKS_MANY"] = int(plan.camera.facts.get("PUPIL_KIND") != PupilKind.OUTLINES)
+            facts["BLOCKS_MANY"] = int(plan.camera.blocks_many)
         made: dict[str, Any] = {}
         if makes_rays:
             packets = PACKETS if plan.camera.crosses_surfaces and session.lanes > 1 else 1
