@@ -12,12 +12,13 @@ import pickle
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras.lamp_fits import LampFit, Polynomial, SeenLamp, fits_of_small
+from rptcam_cl.cameras.lamp_reach import LampReach
 from rptcam_cl.cameras.model import CameraModel
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.kept import identity_of_code, keep_arrays, kept_arrays, name_of
@@ -133,15 +134,16 @@ class _Entries:
         return _Entries(self.blocks[keep], self.floats[keep], self.part[keep], self.entry[keep])
 
 
-def _nine(grid: Array, flips: tuple[bool, bool]) -> Array:
-    """Return the values of each block at the points of `GRID` (n, 9, k), from those at edges and middles (y, x, k)."""
-    down, across = (
-        (part[:-2:2], part[1:-1:2], part[2::2]) for part in (np.arange(len(grid)), np.arange(grid.shape[1]))
-    )
-    rows = down[::-1] if flips[1] else down
-    columns = across[::-1] if flips[0] else across
-    found = np.stack([grid[np.ix_(row, column)] for row in rows for column in columns], axis=2)
-    return found.reshape(-1, 9, grid.shape[-1])
+NO_ENTRIES = _Entries(np.zeros(0, np.int64), np.zeros((0, LAMP)), np.zeros(0), np.zeros((0, 9, 2)))
+
+
+def _nine(grid: Array, which: NDArray[np.intp], flips: tuple[bool, bool]) -> Array:
+    """Return the values of some blocks at the points of `GRID` (n, 9, k), from those at all edges and middles
+    (y, x, k)."""
+    row, column = np.divmod(which, (grid.shape[1] - 1) // 2)
+    down, across = (np.array([2, 1, 0] if flip else [0, 1, 2]) for flip in flips[::-1])
+    rows, columns = 2 * row[:, None, None] + down[:, None], 2 * column[:, None, None] + across
+    return np.asarray(grid[rows, columns].reshape(-1, 9, grid.shape[-1]))
 
 
 def _polar(m: Array) -> tuple[Array, Array]:
@@ -161,48 +163,54 @@ def _polar(m: Array) -> tuple[Array, Array]:
 def _entries(lamp: SeenLamp, fit: LampFit, blocks: _Blocks) -> _Entries:
     columns, rows = blocks.touched(fit)
     if not (len(columns) and len(rows)):
-        return _Entries(np.zeros(0, np.int64), np.zeros((0, LAMP)), np.zeros(0), np.zeros((0, 9, 2)))
-    numbers = (rows[:, None] * blocks.counts[0] + columns).ravel()
+        return NO_ENTRIES
     x, y = blocks.places(columns, rows)
-    middle = np.stack(np.meshgrid(x[1::2], y[1::2]), axis=-1).reshape(-1, 2)
 
     def at_middles(polynomial: Polynomial) -> Array:
-        return polynomial.on_grid(x[1::2], y[1::2]).reshape(len(numbers), -1)
+        return polynomial.on_grid(x[1::2], y[1::2]).reshape(len(rows) * len(columns), -1)
 
-    # The place in the pupil as an affine map of the film point, and what it leaves out at the corners.
-    about = _nine(fit.middle.on_grid(x, y), (x[0] > x[-1], y[0] > y[-1]))
-    places, entry = about[..., :2], about[..., 2:]
-    slope = np.stack([places[:, 5] - places[:, 3], places[:, 7] - places[:, 1]], axis=-1) / (2 * blocks.half)
-    at = places[:, 4]
-    corners = GRID * blocks.half
-    left_out = places - at[:, None] - (slope[:, None, :, 0] * corners[:, :1] + slope[:, None, :, 1] * corners[:, 1:])
-    some, everywhere = fit.near(places)
-    margin = np.where(some, np.hypot(left_out[..., 0], left_out[..., 1]), 0.0).max(axis=1) + 2 * fit.middle.error
+    # The lamp's part of the pupil; only blocks that see it small need more.
     ends = np.array([[at_middles(end) for end in pair] for pair in fit.edges])
     parts = np.moveaxis((ends[:, 0] - ends[:, 1]) / 2, 0, -1)
+    full, pupil_area, pupil_middle = np.pi if lamp.is_round else 4.0, fit.pupil_area, fit.pupil_middle
+    part = full * np.abs(_determinants(parts)) / pupil_area
+    which = np.flatnonzero(part < LARGEST_PART)
+    if not len(which):
+        return NO_ENTRIES
+    part, parts, ends = part[which], parts[which], ends[:, :, which]
+    # The place in the pupil as an affine map of the film point, and what it leaves out at the corners.
+    about = _nine(fit.middle.on_grid(x, y), which, (x[0] > x[-1], y[0] > y[-1]))
+    places, entry = about[..., :2], about[..., 2:]
+    some, everywhere = fit.near(places)
+    half = blocks.half
+    slope = np.stack([places[:, 5] - places[:, 3], places[:, 7] - places[:, 1]], axis=-1) / (2 * half)
+    at = places[:, 4]
+    corners = GRID * half
+    left_out = places - at[:, None] - (slope[:, None, :, 0] * corners[:, :1] + slope[:, None, :, 1] * corners[:, 1:])
+    margin = np.where(some, np.hypot(left_out[..., 0], left_out[..., 1]), 0.0).max(axis=1) + 2 * fit.middle.error
     margin = margin + np.linalg.norm((ends[:, 0] + ends[:, 1]) / 2 - at, axis=-1).max(axis=0)
     shift = np.zeros_like(at)
     if fit.colours is not None:
-        first, second = (at_middles(each) for each in fit.colours)
+        first, second = (at_middles(each)[which] for each in fit.colours)
         shift = (second - first) / (COLOURS[1] - COLOURS[0])
         margin = margin + np.linalg.norm(at - (first + second) / 2, axis=1) / 2
         at = (first + second) / 2 - shift * sum(COLOURS) / 2
     # The lamp's part of the pupil, wide enough for that.
     factors, largest = _polar(parts)
     widened = parts * WIDER + margin[:, None, None] * factors
-    full = np.pi if lamp.is_round else 4.0
-    part, taken = (full * np.abs(_determinants(matrix)) / fit.pupil_area for matrix in (parts, widened))
+    taken = full * np.abs(_determinants(widened)) / pupil_area
     beyond = largest + margin
     radius = fit.pupil_radius * 1.03 + beyond
+    middle = np.column_stack([x[1::2][which % len(columns)], y[1::2][which // len(columns)]])
     constant = at - (slope @ middle[..., None])[..., 0]
-    n = len(numbers)
+    n = len(which)
     floats = np.column_stack([
         np.zeros(n), constant[:, 0], slope[:, 0], constant[:, 1], slope[:, 1], shift, widened.reshape(n, 4),
-        np.full(n, float(lamp.is_round)), np.broadcast_to(fit.pupil_middle, (n, 2)), radius**2,
+        np.full(n, float(lamp.is_round)), np.broadcast_to(pupil_middle, (n, 2)), radius**2,
         np.where(everywhere.all(axis=1), 0.0, beyond),
     ])  # fmt: skip
-    keep = np.flatnonzero(some.any(axis=1) * (part < LARGEST_PART) * (taken < LARGEST_AIM))
-    return _Entries(numbers, floats, part, entry).kept(keep)
+    numbers = (rows[:, None] * blocks.counts[0] + columns).ravel()[which]
+    return _Entries(numbers, floats, part, entry).kept(np.flatnonzero(some.any(axis=1) * (taken < LARGEST_AIM)))
 
 
 def _determinants(m: Array) -> Array:
@@ -295,7 +303,7 @@ def _seen(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> _Seen
     assert reach is not None
     resolution = int(record["width"]), int(record["height"])
     flip = 1.0 if record["per_width"] > 0 else -1.0
-    fits = fits_of_small(lamps, reach, SEEN_NM if camera.bends_colours else None, FAR_TOO_LARGE * LARGEST_PART)
+    fits = _fits(camera, reach, lamps)
     blocks = _fine_enough(_Blocks(0, resolution, np.array(reach.film_scale), flip), list(fits.values()))
     found = {number: _entries(lamps[number], fit, blocks) for number, fit in fits.items()}
     shown = [
@@ -307,6 +315,29 @@ def _seen(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows) -> _Seen
 
 
 _known: OrderedDict[Hashable, _Seen] = OrderedDict()  # what was used last comes last
+_fitted: OrderedDict[Hashable, dict[int, LampFit]] = OrderedDict()
+Found = TypeVar("Found")
+
+
+def _once(known: OrderedDict[Hashable, Found], key: Hashable, find: Callable[[], Found]) -> Found:
+    """Return what was found for a key lately, else what is found now."""
+    found = known.pop(key) if key in known else find()
+    known[key] = found
+    while len(known) > REMEMBERED:
+        known.popitem(last=False)
+    return found
+
+
+def _places(lamps: Sequence[SeenLamp]) -> tuple[object, ...]:
+    """Return what a lens makes of lamps, whatever they emit."""
+    return tuple((each.centre.tobytes(), each.axes.tobytes(), each.is_round) for each in lamps)
+
+
+def _fits(camera: CameraModel, reach: LampReach, lamps: Sequence[SeenLamp]) -> dict[int, LampFit]:
+    """Return how lamps are seen: found once for places and a lens, whatever the size of the film."""
+    colours_nm = SEEN_NM if camera.bends_colours else None
+    key = pickle.dumps(reach.made_of), colours_nm, _places(lamps)
+    return _once(_fitted, key, lambda: fits_of_small(lamps, reach, colours_nm, FAR_TOO_LARGE * LARGEST_PART))
 
 
 def _remembered(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str | None) -> _Seen:
@@ -314,15 +345,10 @@ def _remembered(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, si
     if sights is None:
         return _seen(camera, lamps, shows)
     assert camera.reach is not None
-    record = camera.record[0]
-    places = tuple((each.centre.tobytes(), each.axes.tobytes(), each.is_round) for each in lamps)
-    film = record["width"], record["height"], record["per_width"] > 0, camera.bends_colours
-    key = sights, pickle.dumps(camera.reach.made_of), film, places
-    found = _known.pop(key, None) or _seen(camera, lamps, shows)
-    _known[key] = found
-    while len(_known) > REMEMBERED:
-        _known.popitem(last=False)
-    return found
+    record, reach = camera.record[0], camera.reach
+    film = record["width"], record["height"], record["per_width"] > 0, reach.film_scale, camera.bends_colours
+    key = sights, pickle.dumps(reach.made_of), film, _places(lamps)
+    return _once(_known, key, lambda: _seen(camera, lamps, shows))
 
 
 def _tables(camera: CameraModel, lamps: Sequence[SeenLamp], seen: _Seen) -> LampTables:
@@ -343,7 +369,7 @@ def _name(camera: CameraModel, lamps: Sequence[SeenLamp], sights: str) -> str:
     lamp_content = [(each.centre.tobytes(), each.axes.tobytes(), each.is_round, each.radiance) for each in lamps]
     state = camera.record.tobytes(), camera.bends_colours, camera.axial_weight, lamp_content
     code = identity_of_code(("core", "colour", "optics", "cameras"))
-    return name_of(code, sights, pickle.dumps(camera.reach.made_of), state)
+    return name_of(code, sights, pickle.dumps(camera.reach.made_of), camera.reach.film_scale, state)
 
 
 def _kept_or_found(camera: CameraModel, lamps: Sequence[SeenLamp], shows: Shows, sights: str) -> LampTables:

@@ -108,7 +108,8 @@ class LampFit:
     @property
     def pupil_area(self) -> float:
         """About that of this part."""
-        return float(4 * np.pi * np.sqrt(np.linalg.det(np.cov(self.pupil.T))))
+        away = self.pupil.T - self.pupil.mean(axis=0)[:, None]
+        return float(4 * np.pi * np.sqrt(np.linalg.det(np.dot(away, away.T) * (1 / (away.shape[1] - 1)))))
 
     def near(self, places: Array) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Return which places of the pupil (..., 2) have rays that pass in their neighbourhood, and all over it."""
@@ -118,11 +119,12 @@ class LampFit:
             cell = np.clip((points - low) * (CELLS / (high - low)) + 2, 0, CELLS + 3).astype(np.intp)
             return cell[..., 0], cell[..., 1]
 
-        lit = np.zeros((CELLS + 4, CELLS + 4), dtype=bool)
-        lit[cells(self.pupil * (1 - 1e-9) + (low + high) / 2 * 1e-9)] = True
-        around: NDArray[np.bool_] = np.lib.stride_tricks.sliding_window_view(np.pad(lit, 1), (3, 3))
-        some, everywhere = (np.asarray(each(axis=(2, 3))) for each in (around.any, around.all))
-        return some[cells(places)], everywhere[cells(places)]
+        lit = np.zeros((CELLS + 6, CELLS + 6), dtype=bool)
+        row, column = cells(self.pupil * (1 - 1e-9) + (low + high) / 2 * 1e-9)
+        lit[row + 1, column + 1] = True
+        around = np.array([lit[i : CELLS + 4 + i, j : CELLS + 4 + j] for i, j in np.ndindex(3, 3)])
+        at = cells(places)
+        return np.any(around, axis=0)[at], np.all(around, axis=0)[at]
 
 
 def fits_of_small(
@@ -136,7 +138,7 @@ def fits_of_small(
     if not lamps:
         return {}
     points = np.array([[lamp.centre, *(lamp.centre + lamp.axes)] for lamp in lamps])
-    near = reach.near(points.reshape(-1, 3), None).reshape(-1, 3, *NEAR)
+    near = _near(points, reach)
     small = np.flatnonzero(_parts_of_pupil(points, near, reach) < largest)
     fits = {}
     for low in range(0, len(small), AT_ONCE):
@@ -155,6 +157,15 @@ def fits_of_small(
             if fit is not None:
                 fits[number] = fit
     return fits
+
+
+def _near(points: Array, reach: LampReach) -> Array:
+    """Return where the middles and the first ends of lamps (n, 3, 3) are seen; of the ends where a middle is."""
+    near = np.zeros((*points.shape[:2], *NEAR))
+    near[:, 0] = reach.near(points[:, 0], None)
+    seen = np.flatnonzero(reach.rays(points[:, 0], SCANT_ACROSS, None, near[:, 0]).passed.any(axis=1))
+    near[seen, 1:] = reach.near(points[seen, 1:].reshape(-1, 3), None).reshape(-1, 2, *NEAR)
+    return near
 
 
 def _parts_of_pupil(points: Array, near: Array, reach: LampReach) -> Array:

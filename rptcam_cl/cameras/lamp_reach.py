@@ -62,7 +62,7 @@ class LampReach:
     entry_z_m : float
         Where rays enter the camera, on its axis.
     made_of : tuple
-        All that it follows from; it can be pickled.
+        All that rays follow from; it can be pickled.
     area : float
         Of the pupil, where all film points have the same; 0 elsewhere.
     near : callable
@@ -104,7 +104,7 @@ def thin_lens_reach(
         pupil, entry = np.broadcast_to(disk, film.shape), np.broadcast_to(on_lens, film.shape)
         return Reached(film, pupil, entry, np.asarray(np.isfinite(film).all(axis=-1)))
 
-    made_of = ("thin", radius_m, focus_m, half_tangents, shape)
+    made_of = ("thin", radius_m, focus_m, shape)
     return LampReach(rays, half_tangents, made_of, area=np.pi if shape is None else shape.area)
 
 
@@ -122,7 +122,7 @@ def thick_lens_reach(
         entry = (height[0] * film + height[1] * disk) * 1e-3
         return Reached(film, np.broadcast_to(disk, film.shape), entry, np.asarray(np.isfinite(film).all(axis=-1)))
 
-    made_of = ("thick", height, slope, first_vertex_m, half_film_mm)
+    made_of = ("thick", height, slope, first_vertex_m)
     return LampReach(rays, (-half_film_mm[0], -half_film_mm[1]), made_of, first_vertex_m, np.pi)
 
 
@@ -175,5 +175,5 @@ def lens_reach(
         aims = middle + _square(across) * (half + cell / 2)
         return through(starts(points), aims, wavelength_nm if nm is None else nm)
 
-    made_of = (content_of(lens), film_distance_mm, wavelength_nm, half_film_mm)
+    made_of = (content_of(lens), film_distance_mm, wavelength_nm)
     return LampReach(rays, (-half_film_mm[0], -half_film_mm[1]), made_of, -film_z * 1e-3, near=near)

@@ -101,7 +101,7 @@ def _canonical(item: shapes.Object) -> Iterator[tuple[Kind, Matrix]]:
 
 def _is_similarity(linear: Matrix) -> bool:
     gram = linear.T @ linear
-    return bool(np.allclose(gram, gram[0, 0] * np.eye(3), rtol=0, atol=1e-9 * gram[0, 0]))
+    return bool(np.abs(gram - gram[0, 0] * np.eye(3)).max() <= 1e-9 * gram[0, 0])
 
 
 def world_from_scene(scene: Scene) -> Matrix:

@@ -7,7 +7,7 @@ import pytest
 
 from rptcam_cl.cameras import SeenLamp, aimed_at_lamps, camera_model, lamp_aim, lens_setting
 from rptcam_cl.core.resources import CACHE_VARIABLE
-from rptcam_cl.scene import load_scene
+from rptcam_cl.scene import load_scene, set_keys
 
 LAMP = 18  # floats of a lamp in a block
 RADIUS = 0.004
@@ -18,7 +18,7 @@ ON_FILM = {"centre": [0.0, 0.0, -3.0], "aside": [0.15, -0.1, -2.5]}
 
 
 def scene_with(camera):
-    return load_scene({"camera": camera, "film": {"resolution": [96, 64], "size_mm": [9, 6]}})
+    return load_scene({"camera": camera, "film": {"resolution": [96, 64], "width_mm": 9}})
 
 
 def round_lamp(centre):
@@ -161,3 +161,26 @@ def test_lamps_that_shine_in_another_way_are_found_where_they_were(monkeypatch, 
     for other, lamps, sights in ((model, [round_lamp([0.1, 0, -3.0])], "sights"), (model, [lamp], "others")):
         with pytest.raises(FoundAnewError):
             aimed_at_lamps(other, lamps, everything, sights, on_disk=False)
+
+
+@pytest.mark.parametrize("camera", [THIN, REALISTIC, REALISTIC | {"kind": "thick_lens"}], ids=["thin", "lens", "thick"])
+def test_a_film_of_another_size_sees_lamps_through_the_same_places(monkeypatch, camera):
+    lamps = [round_lamp([0, 0, -3.0]), round_lamp([0.15, -0.1, -2.5])]
+    wide = scene_with(camera)
+    narrow = camera_model(set_keys(wide, {"film.width_mm": 7.5}))
+    lamp_aim._fitted.clear()
+    expected = aimed_at_lamps(narrow, lamps, everything)
+    lamp_aim._fitted.clear()
+    before = aimed_at_lamps(camera_model(wide), lamps, everything)
+
+    def refuse(*_):
+        raise FoundAnewError
+
+    monkeypatch.setattr(lamp_aim, "fits_of_small", refuse)
+    found = aimed_at_lamps(narrow, lamps, everything)
+    assert found.tables.tobytes() == expected.tables.tobytes() != before.tables.tobytes()
+    stopped = {"camera.f_number": 4}
+    with pytest.raises(FoundAnewError):
+        aimed_at_lamps(camera_model(set_keys(wide, stopped)), lamps, everything)
+    with pytest.raises(FoundAnewError):
+        aimed_at_lamps(narrow, lamps[:1], everything)
