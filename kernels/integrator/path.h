@@ -15,6 +15,7 @@
 #endif
 
 #define LEAST_UNLIT   4.0f      // chance of a path without light to go on, over its throughput, at least
+#define LARGEST_DENSITY 1e18f   // of a direction, whose square float32 still holds; far above that of any BSDF
 #define LEAST_CHANCE  0.05f     // of a path to go on: what survives less is seldom, but then weighs much
 
 // What limits and seeds the paths of a wave.
@@ -154,8 +155,9 @@ static ShadowRay light_sample(Path path, Vertex vertex, I on, Hit hit, Scene sce
     LightSample light = sample_emitter(scene, vertex.p, n, u.a, u.b, u.c);
     F pdf;
     F3 through = mul(path.beta, scatter_eval(vertex, path.ray.d, light.direction, &pdf));
-    F light2 = light.pdf * light.pdf;
-    F mis = light.pdf > 0.0f ? light2 / (light2 + pdf * pdf) : ONE;
+    F rival = MIN(light.pdf, (F)(LARGEST_DENSITY));
+    F rival2 = rival * rival;
+    F mis = rival > 0.0f ? rival2 / (rival2 + pdf * pdf) : ONE;
     ShadowRay shadow;
     shadow.light = scale(mul(through, light.radiance), mis);
     shadow.ray.o = departure(vertex, light.direction);

@@ -120,8 +120,8 @@ def sphere(center, radius, radiance=1.0):
 # E = pi L (r / d)^2 cos exactly, while the sphere is whole above the horizon
 @pytest.mark.parametrize(
     ("distance", "radius"),
-    [(1.5, 0.9), (2.0, 2.0 * math.sqrt(1e-4 / math.pi)), (2.0, 2e-6), (1.0, 0.999)],
-    ids=["wide", "1e-4 sr", "3e-12 sr", "a thousandth above the surface"],
+    [(1.5, 0.9), (2.0, 2.0 * math.sqrt(1e-4 / math.pi)), (2.0, 2e-6), (2.0, 2e-11), (1.0, 0.999)],
+    ids=["wide", "1e-4 sr", "3e-12 sr", "3e-22 sr", "a thousandth above the surface"],
 )
 def test_sphere(distance, radius):
     scene = ground_under([sphere([0, 0, distance], radius, 1 / radius**2)], eye=(-0.02, 0, 0.0001))
