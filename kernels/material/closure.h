@@ -68,7 +68,7 @@
     WHEN(HAS_SHEEN,        EACH(F,     sheen_peak,   ZERO,             (F)(material->sheen_peak))) \
     WHEN(HAS_SHEEN,        EACH(F,     sheen_half,   ZERO,             (F)(material->sheen_half))) \
     WHEN(HAS_SHEEN,        EACH(Cover, sheen_cover,  no_cover(),       known_cover(material->sheen_cover, material->sheen_last))) \
-    WHEN(HAS_ABSORPTION,   EACH(F3,    absorption,   BLACK_3,          coefficient(material->absorption, scene))) /* 1/m */ \
+    WHEN(HAS_ABSORPTION,   EACH(F3,    absorption,   BLACK_3,          absorption_of(material, scene))) /* 1/m */ \
     WHEN(HAS_GLOW,         EACH(F3,    glow,         BLACK_3,          glow_of(material, u, v, scene)))  /* own radiance */
 
 // A coefficient or colour at the wavelengths of the path, by the number of its spectrum.
@@ -82,6 +82,14 @@ static inline F3 at_wavelengths(F3 rgb, float spectrum, Scene scene)
 }
 
 static inline F3 coefficient(float4 rgb, Scene scene) { return at_wavelengths(f3_of(rgb), rgb.w, scene); }
+
+#if HAS_ABSORPTION
+// Coefficient of what lies behind the surface: behind a pane lies what is before it.
+static inline F3 absorption_of(const __global Material *material, Scene scene)
+{
+    return material->kind == MATERIAL_THIN_GLASS ? BLACK_3 : coefficient(material->absorption, scene);
+}
+#endif
 
 #if HAS_ROUGHNESS_TEXTURE || HAS_COAT_ROUGHNESS_TEXTURE
 // Alpha where a texture gives the roughness, its root.

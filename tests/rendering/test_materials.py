@@ -66,6 +66,17 @@ def test_rough_glass_absorbs(kind):
     assert red > 1.5 * green > 2 * blue
 
 
+def test_pane_from_behind_is_the_same_beside_glass_that_absorbs():
+    pane = {"kind": "thin_glass", "transmittance": [1.0, 0.5, 0.1]}
+    behind = {"shape": "rectangle", "corner": [-1, 0, -1], "edge_u": [0, 0, 2], "edge_v": [2, 0, 0], "material": pane}
+    films = []
+    for absorption in (0.0, 1.0):
+        ball = {**SPHERE, "center": [9, 0, 0], "material": {"kind": "dielectric", "absorption_per_m": absorption}}
+        scene = scene_of([behind, ball], looking([0, -3, 0], [0, 0, 0], 10), environment=WHITE)
+        films.append(pixels(scene, spp=4))
+    np.testing.assert_allclose(films[1], films[0], rtol=1e-6)
+
+
 @pytest.mark.parametrize("degrees", [0, 60, 80])
 def test_pane_passes_what_all_its_reflections_leave(degrees):
     # through the pane one sees a lamp-white half world, off the pane the black other half

@@ -185,6 +185,8 @@ MUTANTS = [
            lambda: bsdf_values.test_reflection_is_the_same_either_way(open_session(), "principled")),
     Mutant("absorption also outside", "I inside = dot3(vertex.ng, d) > 0.0f;", "I inside = TRUE;",
            materials.test_light_through_an_absorbing_slab_is_beers_law),
+    Mutant("panes absorb the way to them", "material->kind == MATERIAL_THIN_GLASS ? BLACK_3 : ", "",
+           materials.test_pane_from_behind_is_the_same_beside_glass_that_absorbs),
     Mutant("one reflection in a pane", "MAX(1.0f - r * r * t * t, (F)(SMALLEST))", "ONE",
            lambda: materials.test_pane_passes_what_all_its_reflections_leave(80)),
     Mutant("normals of mirrored coordinates", "with_sign(ONE, dot3(*y, point.bitangent))", "ONE",
