@@ -15,9 +15,6 @@ static ShadowRay light_of_start(Vertex vertex, StartPoint start, F4 u, Scene sce
     shadow.ray.origin = start.hit.primitive;
     shadow.ray.triangle = start.hit.triangle;
     shadow.light = scale(light.radiance, absolute(dot3(vertex.ng, light.direction)) * start.area);
-#if HAS_ABSORPTION
-    shadow.light = mul(shadow.light, transmittance(vertex, scale(light.direction, -ONE), light.reach));
-#endif
     shadow.target = light.primitive;
     shadow.target_triangle = light.triangle;
     // What surrounds the scene stays with the paths.
@@ -98,15 +95,16 @@ __kernel void photons(SCENE_PARAMETERS
         on = on & (hit.primitive >= 0);
         if (!ANY(on))
             break;
+#if HAS_ABSORPTION
+        // As on a path, which comes the other way and meets this vertex second.
+        path.beta = mul(path.beta, transmittance(vertex, scale(path.ray.d, -ONE), hit.t));
+#endif
 #if HAS_MIX
         F choice = random4(stream, sample, (U)(2u * edges + 2u), pass.seed).c;
 #else
         F choice = ZERO;
 #endif
         vertex = vertex_of(path.ray, hit, on, choice, scene);
-#if HAS_ABSORPTION
-        path.beta = mul(path.beta, transmittance(vertex, path.ray.d, hit.t));
-#endif
         I ends = on & ((caustic_role(on, hit.primitive, scene) & ROLE_RECEIVER) != 0);
         mark = ends ? hit.primitive | ((I)((int)edges + 1) << EDGES_SHIFT) : mark;
         place = select3(ends, vertex.p, place);

@@ -82,6 +82,16 @@ def test_light_of_a_lamp_without_size_is_the_closed_form(eye, foot, irradiance):
     assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)  # five times the noise
 
 
+def test_floor_in_water_gets_what_the_water_leaves():
+    # index 1: light goes straight on, 0.1 m of it in the water; of the way to the eye a path counts nothing
+    water = {"kind": "dielectric", "index": 1.0, "absorption_per_m": [0, 3, 10]}
+    pool = {"shape": "box", "min": [-0.1, -0.1, -0.1], "max": [0.1, 0.1, 0.1], "material": water}
+    camera = looking([0.1, 0, 0.4], [0, 0, 0], fov=4)
+    film = pixels(scene(pool, camera=camera, lights=[LAMP], size=(16, 16), depth=4), spp=512, seed=1)
+    expected = np.array(GREY["reflectance"]) / math.pi * 3.0 * np.exp([0, -0.3, -1.0])
+    assert film.mean(axis=(0, 1)) == pytest.approx(expected, rel=0.01)
+
+
 @pytest.fixture(scope="module")
 def whole():
     return pixels(glasses(), spp=21, seed=5)
