@@ -19,8 +19,7 @@ from rptcam_cl.viewfinder import Viewfinder, ViewServer
 SCENE = Path("examples/first_light.yaml")
 FOLDER = Path("docs/images/viewfinder")
 SIZE = (960, 540)
-SAMPLES = {"focus": 192}  # that the picture has at least: peaking needs little noise
-FEW = 24
+SAMPLES = 96  # that the picture has at least: hardly any grain
 PAWN = (0.5, 0.62)
 FOLLOWING = """document.addEventListener('vf-painted', ({detail}) => {
     if (detail.kind === 'picture') window.last = detail;
@@ -36,10 +35,10 @@ def until(page: Page, holds: str, seconds: float = 180.0) -> None:
         page.wait_for_timeout(50)
 
 
-def rest(page: Page, samples: int) -> None:
+def rest(page: Page) -> None:
     """Wait until the picture has its samples."""
     page.wait_for_timeout(500)
-    until(page, f"window.last.scale > 0.99 && window.last.spp >= {samples}", 600.0)
+    until(page, f"window.last.scale > 0.99 && window.last.spp >= {SAMPLES}", 600.0)
 
 
 def point(page: Page, x: float, y: float, *, click: bool = False) -> None:
@@ -80,7 +79,7 @@ def raw(page: Page) -> None:
     for _ in range(3):
         page.focus("[data-dial=shutter_s]")
         page.keyboard.press("ArrowRight")
-        page.wait_for_timeout(300)
+        page.wait_for_timeout(2000)
     page.click("[data-tab=exposure]")
     page.wait_for_selector("[data-name=needle]:visible", timeout=60_000)
     page.wait_for_selector("[data-name=raw]:visible", timeout=60_000)
@@ -165,7 +164,7 @@ def shoot(browser: Browser, name: str, folder: Path) -> None:
         page.goto(server.address(server.tokens.lasting))
         until(page, "window.last !== undefined")
         SHOTS[name](page)
-        rest(page, SAMPLES.get(name, FEW))
+        rest(page)
         page.screenshot(path=FOLDER / f"{name}.jpg", type="jpeg", quality=86, full_page=name == "narrow")
         page.close()
         server.stop()
