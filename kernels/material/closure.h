@@ -60,7 +60,7 @@
     WHEN(HAS_PRINCIPLED,   EACH(F,     metallic,     ZERO,             NUMBER(HAS_METALLIC_TEXTURE, metallic))) \
     WHEN(HAS_PRINCIPLED,   EACH(F,     specular,     ZERO,             NUMBER(HAS_SPECULAR_TEXTURE, specular))) \
     WHEN(HAS_SPECULAR_COLOR, EACH(F3,  specular_color, WHITE_3,        COLOR(HAS_SPECULAR_COLOR_TEXTURE, specular_color))) \
-    WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             (F)(material->transmission))) \
+    WHEN(HAS_TRANSMISSION, EACH(F,     transmission, ZERO,             NUMBER(HAS_TRANSMISSION_TEXTURE, transmission))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat,         ZERO,             NUMBER(HAS_COAT_TEXTURE, coat))) \
     WHEN(HAS_CLEARCOAT,    EACH(F,     coat_alpha,   ONE,              ALPHA(HAS_COAT_ROUGHNESS_TEXTURE, coat))) \
     WHEN(HAS_SHEEN,        EACH(F3,    sheen,        BLACK_3,          COLOR(HAS_SHEEN_TEXTURE, sheen))) \

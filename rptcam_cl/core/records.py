@@ -139,7 +139,7 @@ MATERIAL = Record(
         ("int", "coat_normal_texture"),
         ("float", "coat_normal_strength"),
         ("int", "coat_flat"),  # whether the coat has the normals of the shape, and not those of `normal_texture`
-        ("int", "reserved_0"),
+        ("int", "transmission_texture"),
     ),
 )
 

@@ -127,8 +127,8 @@ def _receives(material: Material) -> bool:
     if isinstance(material, Principled):
         roughness = material.roughness
         rough = not isinstance(roughness, float) or roughness**2 >= LEAST_ALPHA
-        metallic = material.metallic
-        return rough and material.transmission < 0.5 and (not isinstance(metallic, float) or metallic < 0.5)
+        others = material.metallic, material.transmission
+        return rough and all(not isinstance(share, float) or share < 0.5 for share in others)
     if isinstance(material, Plastic):
         return material.alphas is None or min(material.alphas) >= LEAST_ALPHA
     return isinstance(material, Matte)

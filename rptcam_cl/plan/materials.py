@@ -36,7 +36,7 @@ from rptcam_cl.scene import (
 _TEXTURES = ("texture", "glow_texture", "roughness_texture", "metallic_texture", "coat_texture",
              "coat_roughness_texture", "sheen_texture", "opacity_texture", "factor_texture",
              "normal_texture", "anisotropy_texture", "specular_texture", "specular_color_texture",
-             "coat_normal_texture")  # fmt: skip
+             "coat_normal_texture", "transmission_texture")  # fmt: skip
 
 Faceted = Conductor | Dielectric | Plastic | Principled
 
@@ -149,7 +149,7 @@ class _Filler:
             record["anisotropy_turn"] = _turn(material)
         self._number(record, "specular", material.specular)
         self._colour(record, "specular_color", "specular_color_texture", material.specular_color, 1.0)
-        record["transmission"] = material.transmission
+        self._number(record, "transmission", material.transmission)
         self._number(record, "coat", material.clearcoat)
         coat_roughness = self._roughness(record, "coat_roughness_texture", material.clearcoat_roughness)
         record["coat_flat"] = material.clearcoat_flat
@@ -195,6 +195,7 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
     clear = np.isin(records["kind"], (MaterialKind.DIELECTRIC, MaterialKind.ROUGH_DIELECTRIC, MaterialKind.PRINCIPLED))
     coated = principled & ((records["coat"] > 0) | (records["coat_texture"] >= 0))
     flat = (records["coat_flat"] != 0) & (records["normal_texture"] >= 0)
+    clearing = records["transmission_texture"] >= 0
     tinted = records["specular_color"][principled] != (1, 1, 1, 0)
     brushed = records["anisotropy_texture"] >= 0
     facts = {f"HAS_{kind.name}": int(kind in kinds) for kind in MaterialKind}
@@ -202,7 +203,8 @@ def _facts(records: NDArray[np.void]) -> dict[str, int]:
         "HAS_ANISOTROPY": np.any(records["alpha"] != records["alpha_across"]) or np.any(brushed),
         "HAS_ANISOTROPY_TURN": np.any(records["anisotropy_turn"][~brushed] != 0),
         "HAS_ANISOTROPY_MAP": np.any(brushed),
-        "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0),
+        "HAS_TRANSMISSION": np.any(records["transmission"][principled] > 0) or np.any(clearing),
+        "HAS_TRANSMISSION_TEXTURE": np.any(clearing),
         "HAS_CLEARCOAT": np.any(coated),
         "HAS_COAT_NORMAL": np.any(coated & ((records["coat_normal_texture"] >= 0) | flat)),
         "HAS_SHEEN": np.any(records["sheen"][principled] > 0) or np.any(records["sheen_texture"] >= 0),

@@ -52,8 +52,8 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
     index: Annotated[float, Field(ge=1, le=MOST_INDEX), NUMBER] = 1.5
     """Refractive index of the dielectric; at most 5 beside transmission."""
 
-    transmission: Fraction = 0.0
-    """Share of the dielectric's base that is transparent: a solid that refracts."""
+    transmission: Share = 0.0
+    """Share of the dielectric's base that is transparent, a solid that refracts: a number, or a texture."""
 
     clearcoat: Share = 0.0
     """Share of the surface under a clear coat of index 1.5: a number, or a texture."""
@@ -94,12 +94,14 @@ class Principled(AbsorbingMaterial, BumpyMaterial):
 
     @model_validator(mode="after")
     def _check_bend(self) -> Self:
-        if self.transmission > 0 and self.index < 1 + LEAST_BEND:
+        if self.transmission == 0:
+            return self
+        if self.index < 1 + LEAST_BEND:
             raise refuse(
                 "bends light too little for transmission", got=self.index, path=("index",),
                 allowed=f"at least {1 + LEAST_BEND:g} beside transmission",
             )  # fmt: skip
-        if self.transmission > 0 and self.index > MOST_BEND:
+        if self.index > MOST_BEND:
             raise refuse(
                 "is out of range", got=self.index, path=("index",), allowed=f"at most {MOST_BEND:g} beside transmission"
             )

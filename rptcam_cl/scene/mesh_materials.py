@@ -72,7 +72,8 @@ class _Translation:
 
     def _solid(self) -> Dielectric | Principled:
         given = self._given
-        clear = given.transmission == 1 and min(given.base_color) == 1 and given.base_texture is None
+        pictures = given.base_texture or given.transmission_texture
+        clear = given.transmission == 1 and min(given.base_color) == 1 and pictures is None
         plain = given.roughness == given.metallic == given.clearcoat == max(*given.emission, *given.sheen) == 0
         if clear and plain:
             return Dielectric(
@@ -112,7 +113,7 @@ class _Translation:
             kind="principled",
             base_color=self._base(),
             **self._reflectance(transmission),
-            transmission=transmission,
+            transmission=self._share(transmission, given.transmission_texture, "r"),
             emission=self._emission(),
             **gloss,
             **(self._absorption() if transmission else {}),

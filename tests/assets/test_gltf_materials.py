@@ -93,6 +93,19 @@ def test_anisotropy_carries_over(read: Read) -> None:
     assert not found.without_textures().has_textures
 
 
+def test_solids_take_the_picture_of_transmission_and_need_none_of_thickness(read: Read) -> None:
+    found = contents_of(read, {
+        "pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}},
+        "extensions": {
+            "KHR_materials_volume": {"thicknessFactor": 1, "thicknessTexture": {"index": 0}},
+            "KHR_materials_transmission": {"transmissionFactor": 0.75, "transmissionTexture": {"index": 0}},
+        },
+    })  # fmt: skip
+    assert not found.notes
+    material = found.parts[0].material
+    assert material is not None and material.solid and material.transmission_texture is not None
+
+
 def test_index_of_nothing_is_that_of_a_mirror(read: Read) -> None:
     assert material_of(read, {"extensions": {"KHR_materials_ior": {"ior": 0}}}).index == math.inf
 
@@ -211,10 +224,10 @@ def test_surface_without_texture_coordinates_has_no_pictures(read: Read) -> None
         ),
         (
             {
+                "pbrMetallicRoughness": {"metallicRoughnessTexture": {"index": 0}},
                 "extensions": {
                     "KHR_materials_transmission": {"transmissionFactor": 1, "transmissionTexture": {"index": 0}},
-                    "KHR_materials_volume": {"thicknessFactor": 0.01},
-                }
+                },
             },
             {},
             "KHR_materials_transmission.transmissionTexture is left out",

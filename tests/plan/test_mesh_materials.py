@@ -85,6 +85,10 @@ def keys_of(material: Material) -> dict[str, Any]:
         ),
         ({"transmission": 0.25}, {"kind": "mix", "factor": 0.25}),
         ({"transmission": 1.0, "transmission_texture": DOTS}, {"kind": "mix", "factor": "dots"}),
+        (
+            {"transmission": 1.0, "transmission_texture": DOTS, "solid": True, "base_color": (1, 1, 1), "roughness": 0},
+            {"kind": "principled", "transmission": "dots"},
+        ),
         ({"transmission": 0.5, "opacity": 0.25}, {"kind": "mix", "factor": 0.5, "opacity": 0.25}),
         (
             {

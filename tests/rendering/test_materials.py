@@ -140,6 +140,7 @@ def test_textured_numbers_are_as_constant_ones():
         {"clearcoat_roughness": 0.5},
         {"sheen": [0.5, 0.25, 1]},
         {"specular": 0.5, "specular_color": [0.25, 1, 0.5]},
+        {"transmission": 0.75},
     ],
 )
 def test_textures_of_layers_are_as_constant_ones(keys):
@@ -155,11 +156,13 @@ def test_textures_of_layers_are_as_constant_ones(keys):
         ("sheen", (0, [0.9, 0.6, 0.3])),
         ("specular", (0.1, 1)),
         ("specular_color", (1, [0.9, 0.3, 0])),
+        ("transmission", (0.1, 0.9)),
     ],
 )
 def test_texture_of_a_layer_is_both_of_its_values_side_by_side(key, values):
     plain = {"kind": "principled", "base_color": 0.1, "roughness": 0.6, "clearcoat": 1, "clearcoat_roughness": 0.2}
     plain |= {"clearcoat": 0, "roughness": 0.2, "index": 3} if key.startswith("specular") else {}
+    plain |= {"base_color": 0.8} if key == "transmission" else {}
     board = {"kind": "checker", "scale": [4, 4], **dict(zip(("even", "odd"), values, strict=True))}
     halves = [{**plain, key: value} for value in values]
     stripes = {"kind": "checker", "even": 0.0, "odd": 1.0, "scale": [4, 4]}

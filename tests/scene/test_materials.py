@@ -54,6 +54,10 @@ REFUSED = [
     ),
     ("{kind: principled, clearcoat_flat: true, clearcoat_normal_map: {file: a}}", "clearcoat_flat: does not count"),
     ("{kind: principled, anisotropy: 0.5, anisotropy_map: {file: a.png}}", "anisotropy: does not count beside"),
+    (
+        "{kind: principled, transmission: {kind: gradient, start: 0, end: 1}, index: 1.0}",
+        "index: bends light too little for transmission",
+    ),
     ("{kind: principled, transmission: 1, index: 1.0}", "index: bends light too little for transmission"),
     ("{kind: principled, roughness: {kind: wood}}", "is not a known choice"),
     ("{kind: principled, normal_map: {file: ../n.png}}", "n.png"),

@@ -70,7 +70,7 @@ class FileMaterial:
     index : float
         Refractive index, 1 to infinity.
     transmission : float
-        Share of the base that is transparent; the painting is read in the channel r, and of panes alone.
+        Share of the base that is transparent; the painting is read in the channel r.
     solid : bool
         Whether what is transparent is a solid that refracts, and not a pane without thickness.
     attenuation : (colour, distance) or None

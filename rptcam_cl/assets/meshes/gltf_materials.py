@@ -124,10 +124,9 @@ class GltfMaterials:
             )
         for volume in part.extensions("KHR_materials_volume"):
             material = replace(material, **_volume(volume))
-            self._leave_out(volume, "thicknessTexture")
         for transmission in part.extensions("KHR_materials_transmission"):
             material = replace(material, transmission=transmission.number("transmissionFactor", 0.0, 0, 1))
-            if material.solid or material.metallic_texture is not None:
+            if material.metallic_texture is not None and not material.solid:
                 self._leave_out(transmission, "transmissionTexture")
             else:
                 texture = self._texture(transmission, "transmissionTexture")
