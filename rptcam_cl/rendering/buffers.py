@@ -138,7 +138,8 @@ class SceneBuffers:
         if earlier is not None and _has_same_primitives(earlier._plan, plan):
             tree = earlier._tree
         else:
-            tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements)
+            new = earlier is None  # the next plan of a series has other primitives
+            tree = primitive_tree(plan.primitives, plan.kind_end, self._session, plan.movements, on_disk=new)
         self._tree: PrimitiveTree | None = tree
         if tree is not None:
             self.tree_facts |= tree.facts

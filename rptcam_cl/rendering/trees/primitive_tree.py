@@ -45,7 +45,12 @@ class PrimitiveTree:
 
 
 def primitive_tree(
-    records: NDArray[np.void], kind_end: NDArray[np.int32], session: Session, movements: Movements | None = None
+    records: NDArray[np.void],
+    kind_end: NDArray[np.int32],
+    session: Session,
+    movements: Movements | None = None,
+    *,
+    on_disk: bool = True,
 ) -> PrimitiveTree | None:
     """Return the tree over the bounded primitives of a scene, or None where there are too few to gain by one.
 
@@ -57,6 +62,8 @@ def primitive_tree(
         Per kind, the index after its last one.
     movements
         Of what moves, if anything does: its box holds all of its way.
+    on_disk
+        Whether a tree over few boxes, too, is kept from one run to the next.
     """
     kinds = np.searchsorted(kind_end, np.arange(kind_end[Kind.CONE]), side="right")
     bounded = np.flatnonzero(kinds != Kind.PLANE).astype(np.int32)
@@ -70,7 +77,8 @@ def primitive_tree(
     infinity = np.float32(np.inf)
     lower32 = np.nextafter(lower.astype(np.float32), -infinity)
     upper32 = np.nextafter(upper.astype(np.float32), infinity)
-    nodes, order, stack = _kept_or_built(lower32, upper32, session)
+    on_disk = on_disk or len(bounded) > FEW
+    nodes, order, stack = (_kept_or_built if on_disk else _built)(lower32, upper32, session)
     return PrimitiveTree(nodes, bounded[order], {"HAS_PRIMITIVE_TREE": 1, "PRIMITIVE_STACK": stack})
 
 
@@ -83,14 +91,21 @@ def _kept_or_built(
     name = name_of(builder_identity(), identity_of_code(("rendering/trees",)), driver, boxes)
     if (kept := kept_arrays(KEPT, name)) is not None:
         return kept[0]["nodes"], kept[0]["order"], kept[1]["stack"]
+    nodes, order, stack = _built(lower, upper, session)
+    keep_arrays(KEPT, name, {"nodes": nodes, "order": order}, {"stack": stack})
+    return nodes, order, stack
+
+
+def _built(
+    lower: NDArray[np.float32], upper: NDArray[np.float32], session: Session
+) -> tuple[NDArray[np.float32], NDArray[np.int32], int]:
+    """Return the same of a new tree."""
     if len(lower) <= FEW:
         check_boxes(lower, upper)
         tree = tree_of_few(lower, upper, LEAF)
     else:
         tree = build_bvh(lower, upper, width=2, leaf_size=LEAF, session=session)
-    nodes, order, stack = _nodes(tree), tree.blocks[tree.blocks >= 0], stack_size(quality(tree).depth)
-    keep_arrays(KEPT, name, {"nodes": nodes, "order": order}, {"stack": stack})
-    return nodes, order, stack
+    return _nodes(tree), tree.blocks[tree.blocks >= 0], stack_size(quality(tree).depth)
 
 
 def primitive_bounds(records: NDArray[np.void], kinds: NDArray[np.int64]) -> tuple[Array, Array]:
