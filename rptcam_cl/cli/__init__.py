@@ -60,8 +60,8 @@ def _run(arguments: Sequence[str]) -> int:
     command = arguments[0] if arguments and arguments[0] in COMMANDS else None
     parsed, unknown = build_parser(command).parse_known_args(arguments)
     if unknown:
-        options = [name for name in parsed.parser.option_names() if name.startswith("--")]
-        hint = nearest(unknown[0].partition("=")[0], options)
+        options = [name.strip("-") for name in parsed.parser.option_names() if name.startswith("--")]
+        hint = nearest(unknown[0].partition("=")[0].strip("-"), options, "--")
         raise InputError(f"{parsed.parser.prog}: unknown argument {unknown[0]}{hint}; see {parsed.parser.prog} --help")
     code: int = parsed.run(parsed)
     sys.stdout.flush()

@@ -14,10 +14,10 @@ from rptcam_cl.core.errors import InputError
 Number = TypeVar("Number", int, float)
 
 
-def nearest(word: str, known: Iterable[str]) -> str:
-    """The text ``; did you mean ...?`` with the known word most like ``word``, or nothing."""
+def nearest(word: str, known: Iterable[str], prefix: str = "") -> str:
+    """The text ``; did you mean ...?`` with the known word most like ``word``, after a prefix, or nothing."""
     matches = difflib.get_close_matches(word, list(known), n=1)
-    return f"; did you mean {matches[0]}?" if matches else ""
+    return f"; did you mean {prefix}{matches[0]}?" if matches else ""
 
 
 COMMAND = "COMMAND"  # what stands for the name of a command in the help

@@ -257,6 +257,8 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
         frames.check_options(arguments)
     elif arguments.video is not None:
         raise InputError("--video: is of a sequence (allowed: with --frames)")
+    elif many := [path for path in (*arguments.outputs, *arguments.raws) if "##" in path.name]:
+        raise InputError(f"{many[0]}: #### stands for the number of a frame (allowed: with --frames, as --frames 1-24)")
     spread = cluster.requested(arguments)
     _check_outputs(arguments, scene)
     print_warnings(scene.warnings)

@@ -60,7 +60,8 @@ class DatasetFolder:
         try:
             self.frames.mkdir(parents=True, exist_ok=True)
         except OSError as problem:
-            raise StateError(f"{self.path}: cannot be made: {problem.strerror or problem}") from None
+            why = "is a file, not a folder" if self.path.is_file() else f"cannot be made: {problem.strerror or problem}"
+            raise StateError(f"{self.path}: {why}") from None
         about, mine = self.path / ABOUT, {"key": self.wanted.key, "shard": self.shard}
         if about.exists():
             try:

@@ -40,6 +40,7 @@ def shell(*words: str, **options: Any) -> subprocess.CompletedProcess[str]:
         (["frobnicate"], "rptcam: there is no command frobnicate; see rptcam --help"),
         (["lens", "lst"], "did you mean list"),
         (["devices", "--jsn"], "unknown argument --jsn; did you mean --json"),
+        (["develop", "a.exr", "-o", "a.png", "--ev", "2"], "unknown argument --ev; see"),
         (["--verbose", "devices"], "unknown argument --verbose"),
         (["lens", "info"], "required: LENS"),
         (["lens", "info", "dgauss-50mm", "--f-number", "0"], "allowed a finite number above 0"),

@@ -103,6 +103,7 @@ def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rp
         (["-o", "missing/a.png"], 4, "there is no folder"),
         (["-o", "/proc/a.png"], 4, "cannot be written"),
         (["-o", "a.png", "-o", "./a.png"], 2, "same file twice"),
+        (["-o", "a.####.png"], 2, "#### stands for the number of a frame"),
         (["-o", "a.png", "-o", "b.txt"], 2, r"b\.txt"),
         (["-o", "a.png", "--stats", "scene.yaml"], 2, r"\.json"),
         (["-o", "a.png", "--stats", "missing/s.json"], 4, "there is no folder"),
