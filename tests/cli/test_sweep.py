@@ -36,3 +36,12 @@ def test_mistake_of_a_sweep_is_named(scene: Path, rptcam: Command, words: list[s
     assert run.code == 2
     assert re.search(re.escape(message), run.err), run.err
     assert not Path("out").exists()
+
+
+@pytest.mark.parametrize("words", [("sweep", "scene.yaml", "--over", "picture.ev=1,2"), ("dataset", "spec.yaml")])
+def test_folder_to_write_to_that_is_a_file_is_said_to_be_one(
+    scene: Path, rptcam: Command, words: tuple[str, ...]
+) -> None:
+    Path("spec.yaml").write_text("scene: scene.yaml\nframes: 2\nvary: {picture.ev: {uniform: [0, 1]}}\n")
+    run = rptcam(*words, "-o", "spec.yaml")
+    assert (run.code, run.err) == (4, "error: spec.yaml: is a file, not a folder\n")
