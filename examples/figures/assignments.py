@@ -66,7 +66,7 @@ def found_by_telephoto() -> Figure:
 def stop_shape(name: str, title: str, aperture: str) -> Figure:
     """Return the chess board through a shaped stop."""
     changes = (f"camera.aperture={aperture}", "film.crop=[0.1, 0.9, 0, 0.6]")
-    return Figure(f"assignment_bokeh_{name}", title, "first_light.yaml", changes, (1200, 675), 128)
+    return Figure(f"assignment_bokeh_{name}", title, "first_light.yaml", changes, (1200, 675), 512)
 
 
 def targets(name: str, title: str, *changes: str) -> Figure:
@@ -148,8 +148,8 @@ film distances that the assignment accepts, 62.09, 39.80 and 116.85 mm, beside o
             "Bokeh",
             """\
 [The chess board](../examples/README.md#first-light) through stops of other shapes, in the middle of a double Gauss.
-Towards the edges rims cut the shapes as they cut disks; the glass ball turns them upside down. Each shape lies within
-the round stop, and takes as much of its light as it has of its area.""",
+Towards the edges rims cut the shapes as they cut disks. Each shape lies within the round stop, and takes as much of
+its light as it has of its area.""",
             (
                 stop_shape("blades", "five blades", "{shape: polygon, blades: 5}"),
                 stop_shape("star", "star", "{shape: star, points: 5}"),
