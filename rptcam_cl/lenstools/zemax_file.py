@@ -97,7 +97,7 @@ def _surface(row: Row, makers: Sequence[str]) -> list[list[str]]:
     if conic:
         lines.append(f"  CONI {number(conic)}")
     lines.append(f'  DIAM {number(surface.semi_diameter)} 1 0 0 1 ""')
-    if surface.inner_semi_diameter:
+    if surface.inner_semi_diameter or _is_bare_plane(surface):  # whose semi-diameter alone would stop nothing
         lines.append(f"  CLAP {number(surface.inner_semi_diameter)} {number(surface.semi_diameter)} 0")
     if surface.region is not None:
         lines.append(f"  SQAP {number(surface.region.half_width)} {number(surface.region.half_height)}")
@@ -107,6 +107,11 @@ def _surface(row: Row, makers: Sequence[str]) -> list[list[str]]:
     there, back = _break((x, y), (a, b, c), False, 0.0), _break((-x, -y), (-a, -b, -c), True, gap - z)
     ahead = [_break((0, 0), (0, 0, 0), False, z)] if z else []
     return [*ahead, there, lines, back]
+
+
+def _is_bare_plane(surface: Surface) -> bool:
+    shaped = surface.curvature or surface.aspheric or surface.form or surface.is_mirror
+    return not (shaped or surface.is_stop or surface.region) and surface.glass == AIR
 
 
 def _break(

@@ -108,6 +108,17 @@ def test_every_kind_of_surface_comes_back_or_is_refused(
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
+def test_plates_with_an_opening_before_and_behind_a_lens_come_back(tmp_path: Path, suffix: str) -> None:
+    plate = {"thickness": 5.0, "diameter": 7.0}
+    front = {"radius": 60.0, "thickness": 4.0, "glass": "N-SK16", "diameter": 20.0, "stop": True}
+    rear = {"radius": -70.0, "thickness": 3.0, "diameter": 20.0}
+    lens = load_lens({"name": "hood", "surfaces": [plate, front, rear, plate]})
+    back = again(lens, suffix, tmp_path)
+    assert [surface.semi_diameter for surface in back.surfaces] == [3.5, 10, 10, 3.5]
+    check_same_rays(lens, back)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
 def test_what_neither_can_say_is_refused_by_name(suffix: str) -> None:
     for lens, reason in [
         (load_lens("zoom-70-200mm"), "it is a zoom lens"),
