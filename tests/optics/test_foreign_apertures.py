@@ -173,3 +173,12 @@ def test_aspheric_coefficients_of_iset_are_refused_as_their_powers_are_not_known
     path.write_text(path.read_text().replace("[0.0, 0.0]", "[0.0, 1e-5]"))
     with pytest.raises(InputError, match=r"surfaces\[0\]\.aspheric_coefficients: the powers they belong to"):
         load_lens(path)
+
+
+@pytest.mark.parametrize("gap", [-1.0, 0.0])
+def test_diameters_are_chosen_where_surfaces_cross_on_the_axis(tmp_path, gap):
+    path = tmp_path / "a.seq"
+    path.write_text(f"RDM\nEPD 5\nSO 0 1E11\nS 50 5 N-BK7\n STO\nS 50 {gap}\nS -60 3 N-BK7\nS -60 40\nSI 0 0\n")
+    lens = load_lens(path)
+    assert all(surface.semi_diameter > 2 for surface in lens.surfaces)
+    assert any("stands in front" in note or "cross" in note for note in lens.warnings)

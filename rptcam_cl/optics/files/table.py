@@ -23,6 +23,7 @@ Array = NDArray[np.float64]
 STEEPEST = math.tan(math.radians(60))  # field that diameters are chosen for
 LEAST_GLASS = 0.3  # of a six-digit code: 003283 means n_d = 2.003
 UNKNOWN_DIAMETER = 1e-6  # small enough for every shape while first-order data are computed
+LEAST_LEFT = 0.1  # of a diameter that is shrunk so that surfaces do not cross
 RIM = 1.05  # clear diameters that a file does not give leave this margin around the beam
 
 
@@ -179,14 +180,16 @@ class LensTable:
 
     @staticmethod
     def _uncross(chosen: dict[str, Any], first: dict[str, Any], second: dict[str, Any]) -> None:
-        """Shrink a chosen diameter until two neighbouring surfaces do not cross inside it."""
+        """Shrink a chosen diameter until two neighbouring surfaces do not cross inside it, unless little were left."""
         if first.get("stop") or second.get("stop"):
             return
-        while chosen["diameter"] > 0:
+        whole = chosen["diameter"]
+        while chosen["diameter"] > LEAST_LEFT * whole:
             height = min(first["diameter"], second["diameter"]) / 2
             if first["thickness"] + _sag(second, height) - _sag(first, height) >= 0:
                 return
             chosen["diameter"] = min(chosen["diameter"], 2 * height) * 0.98
+        chosen["diameter"] = whole  # they cross by more than a rim, which a warning says
 
     def _half_pupil(self, lens: Lens, stop: int) -> float:
         """Return the radius of the entrance pupil: as the file says, else as its rims let through."""
