@@ -134,6 +134,7 @@ def _solid(primitive: Primitive, record: np.void) -> float:
     return area_of_solid(primitive.kind, primitive.placement[:3, :3])
 
 
+_BRIGHTEST_AFAR = 1e30  # over the lamps near by, of which nothing is to be seen then; sums of it are float32 still
 _SAMPLED = {Kind.RECTANGLE: _flat, Kind.DISK: _flat, Kind.SPHERE: _sphere, **dict.fromkeys(SOLIDS, _solid)}
 
 
@@ -271,7 +272,8 @@ def _with_tree(
     records["leaf"][:count] = tree.leaf_of
     # The tree estimates power / distance², pi times an irradiance; an even sky gives that a quarter of its flux.
     even = np.where(records["kind"][count:] == EmitterKind.ENVIRONMENT, 4.0, 1.0)
-    records["pick"][count:] = powers[count:] / (reach**2 * even * powers[:count].sum())
+    afar = powers[count:] / (reach**2 * even * powers[:count].sum())
+    records["pick"][count:] = np.minimum(afar, _BRIGHTEST_AFAR)
     surroundings.record["lamps"], surroundings.record["light_levels"] = count, tree.levels
     return tree
 

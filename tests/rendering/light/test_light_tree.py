@@ -171,6 +171,16 @@ def test_picks_are_finite_at_the_extremes(session, plan, scale) -> None:
         assert (picked < plan.emitters.count).all()
 
 
+def test_light_from_infinity_may_be_1e40_times_that_of_the_lamps() -> None:
+    rows = [(x, y, 2) for x in (-20, 0, 20) for y in (-20, 0, 20)]
+    faint = [{"shape": "sphere", "center": place, "radius": 0.1, "material": lamp(1e-20)} for place in rows]
+    afar = {"kind": "directional", "direction": [0, 0, -1], "irradiance": 1e20}
+    scene = scene_of([GROUND, *faint], looking([0, -1, 1], [0, 5, 0], 10), depth=2, lights=[afar])
+    assert make_plan(load_scene(scene)).facts["LIGHT_TREE"] == 1
+    mean, _ = flat_mean(scene, "faint lamps", spp=4)
+    assert mean == pytest.approx(1e20 / math.pi, rel=1e-5)
+
+
 def test_lamps_without_power_are_never_picked(session) -> None:
     plan = planned()
     lamps = lamps_of(plan.emitters.records, np.where(np.arange(plan.emitters.count) % 3 == 0, 0.0, 1.0))
