@@ -182,3 +182,10 @@ def test_diameters_are_chosen_where_surfaces_cross_on_the_axis(tmp_path, gap):
     lens = load_lens(path)
     assert all(surface.semi_diameter > 2 for surface in lens.surfaces)
     assert any("stands in front" in note or "cross" in note for note in lens.warnings)
+
+
+def test_pupils_beyond_all_bounds_are_refused_in_one_line(tmp_path):
+    path = tmp_path / "a.seq"
+    path.write_text("RDM\nEPD 1E200\nSO 0 1E11\nS 50 5 N-BK7\n STO\nS 0 2\n K 1\nS 0 3 N-BK7\n K 1\nS 0 40\nSI 0 0\n")
+    with pytest.raises(InputError, match="diameter"):
+        load_lens(path)

@@ -209,7 +209,8 @@ class LensTable:
 def _sag(row: dict[str, Any], height: float) -> float:
     """Return the sag of a surface's sphere [file units]."""
     c = 1.0 / row["radius"] if row.get("radius") else 0.0
-    return float(c * height**2 / (1.0 + np.sqrt(max(1.0 - (c * height) ** 2, 0.0))))
+    bent = c * height  # ** of a large number would raise
+    return float(bent * height / (1.0 + np.sqrt(max(1.0 - bent * bent, 0.0))))
 
 
 def model_glass(text: str) -> Any:
