@@ -59,7 +59,8 @@ def _outline(primitive: Primitive, eye: Array, *, two_sided: bool) -> tuple[Arra
     if primitive.kind is Kind.SPHERE:
         centre, radius = sphere_of(primitive.placement)
         across, distance = _across(centre), float(np.linalg.norm(centre))
-        return centre, across * (radius / np.sqrt(max(1 - (radius / distance) ** 2, 0.1))), True
+        share = 1 - (radius / distance) ** 2 if distance > radius else 0.0  # within it, nothing is left
+        return centre, across * (radius / np.sqrt(max(share, 0.1))), True
     if primitive.kind is Kind.ELLIPSOID:
         across = _across(origin)
         sizes, directions = np.linalg.eigh(across @ linear @ linear.T @ across.T)
@@ -68,8 +69,9 @@ def _outline(primitive: Primitive, eye: Array, *, two_sided: bool) -> tuple[Arra
 
 
 def _across(towards: Array) -> Array:
-    """Return two unit vectors (2, 3) across a direction."""
-    z = towards / max(float(np.linalg.norm(towards)), 1e-300)
+    """Return two unit vectors (2, 3) across a direction; any two where there is none."""
+    length = float(np.linalg.norm(towards))
+    z = towards / length if length > 0 else np.array([0.0, 0.0, 1.0])
     x = cross(z, np.eye(3)[np.argmin(np.abs(z))])
     x /= np.linalg.norm(x)
     return np.stack([x, cross(z, x)])

@@ -7,6 +7,7 @@ import pytest
 
 from rptcam_cl.cameras import SeenLamp, aimed_at_lamps, camera_model, lamp_aim, lens_setting
 from rptcam_cl.core.resources import CACHE_VARIABLE
+from rptcam_cl.plan import make_plan
 from rptcam_cl.scene import load_scene, set_keys
 
 LAMP = 18  # floats of a lamp in a block
@@ -45,6 +46,22 @@ def blocks_of(model):
 
 def seen_through(lamp, film):
     return lamp[[1, 4]] + lamp[[2, 3, 5, 6]].reshape(2, 2) @ film
+
+
+@pytest.mark.parametrize(
+    "lamp",
+    [
+        {"shape": "sphere", "center": [0, 0, 0], "radius": 2},
+        {"shape": "sphere", "center": [0, 0, 0], "radius": 2, "transform": {"scale": [1, 1, 0.5]}},
+        {"shape": "box", "min": [-2, -2, -2], "max": [2, 2, 2]},
+        {"shape": "cylinder", "base": [0, 0, -2], "top": [0, 0, 2], "radius": 2, "capped": False},
+    ],
+    ids=["sphere", "ellipsoid", "box", "cylinder"],
+)
+def test_lamps_with_the_eye_in_their_middle_are_left_out(lamp):
+    shining = lamp | {"material": {"kind": "emissive", "radiance": 1, "two_sided": True}}
+    with np.errstate(invalid="raise"):
+        assert make_plan(load_scene({"camera": THIN, "objects": [shining]})).lamps == ()
 
 
 @pytest.mark.parametrize("centre", ON_FILM.values(), ids=ON_FILM)
