@@ -1,0 +1,48 @@
+"""A scene that is a power of two times as large gives the same picture to the bit: no length stands in the code."""
+
+import numpy as np
+import pytest
+
+from tests.rendering.pictures import looking, pixels, scene_of
+
+LENGTHS = ("eye", "target", "corner", "edge_u", "edge_v", "center", "radius", "min", "max", "position")
+
+
+def room(material, scale):
+    """Return a scene of lamps of several shapes over a ball and a pane."""
+    glass = {"kind": "dielectric", "index": 1.5, "absorption_per_m": [0.3, 0.1, 0.5]}
+    lamp = {"kind": "emissive", "radiance": [3, 2, 1]}
+    objects = [
+        {"shape": "rectangle", "corner": [-4, -4, 0], "edge_u": [8, 0, 0], "edge_v": [0, 8, 0], "material": {
+            "kind": "matte", "reflectance": {"kind": "checker", "even": 0.8, "odd": 0.2, "scale": [9, 9]}}},
+        {"shape": "sphere", "center": [-0.7, 0, 0.6], "radius": 0.6, "material": glass},
+        {"shape": "box", "min": [0.3, -0.3, 0.1], "max": [0.9, 0.3, 0.7], "material": material},
+        {"shape": "rectangle", "corner": [-2, 1.2, 0], "edge_u": [4, 0, 0], "edge_v": [0, 0.2, 1],
+         "material": {"kind": "thin_glass", "transmittance": [0.9, 0.5, 0.7]}},
+        {"shape": "rectangle", "corner": [-1, 2, 2], "edge_u": [2, 0, 0], "edge_v": [0, 0.5, -0.5], "material": lamp},
+        {"shape": "sphere", "center": [1.5, -1, 2.5], "radius": 0.1, "material": lamp},
+        {"shape": "disk", "center": [-1.5, -1, 2.5], "normal": [0, 0, -1], "radius": 0.2, "material": lamp},
+    ]  # fmt: skip
+    lights = [{"kind": "point", "position": [0, -2, 3], "intensity": [scale**2, scale**2, scale**2]}]
+    glass["absorption_per_m"] = [each / scale for each in glass["absorption_per_m"]]
+    camera = looking([0.5, -4, 1.6], [0, 0, 0.4], 40)
+    for each in (camera, *objects, *lights):
+        each |= {key: (np.array(each[key]) * scale).tolist() for key in LENGTHS if key in each}
+    return scene_of(objects, camera, depth=9, resolution=(48, 32), lights=lights, environment={
+        "kind": "constant", "radiance": [0.1, 0.1, 0.2]})  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "material",
+    [
+        {"kind": "plastic", "reflectance": [0.6, 0.2, 0.1]},
+        {"kind": "conductor", "metal": "gold", "roughness": 0.3},
+        {"kind": "principled", "base_color": [0.6, 0.2, 0.1], "roughness": 0.4, "clearcoat": 1.0, "sheen": 0.5},
+    ],
+    ids=lambda material: material["kind"],
+)
+def test_scenes_of_any_size_give_the_same_bits(material):
+    film = pixels(room(material, 1.0), spp=8)
+    assert film.min() > 0
+    for exponent in (-13, 20):
+        np.testing.assert_array_equal(pixels(room(material, 2.0**exponent), spp=8), film)
