@@ -76,7 +76,7 @@ def working_f_number(lens: Lens, film_distance_mm: float, wavelength_nm: float =
     away = film_distance_mm - data.exit_pupil.distance_mm
     index = float(lens.indices(wavelength_nm)[-1])
     if not np.isfinite(away):
-        return data.f_number
+        return data.f_number / index
     return float(abs(away) / (index * data.exit_pupil.diameter_mm))
 
 

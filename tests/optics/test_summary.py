@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import list_lenses, load_lens
+from rptcam_cl.optics import Lens, Surface, list_lenses, load_lens
+from rptcam_cl.optics.glass import ConstantIndex
 from rptcam_cl.optics.summary import image_circle, lens_info, stop_diameter_by_sine, t_number, working_f_number
 
 
@@ -68,6 +69,16 @@ def test_t_number_without_losses_follows_the_sine():
     assert t_number(lens, film) == pytest.approx(5.6, rel=5e-3)
     assert working_f_number(lens, film) == pytest.approx(5.6, rel=1e-9)
     assert working_f_number(lens, film + lens.first_order().focal_length_mm) == pytest.approx(11.2, rel=0.06)
+
+
+@pytest.mark.parametrize("gap", [20.0, 20.0 * (1 + 1e-9), 19.0])
+def test_working_f_number_in_another_medium(gap):
+    # A surface of power 1/20 per mm before glass; a stop in its front focal plane has the exit pupil at infinity.
+    stop = Surface(thickness=gap, semi_diameter=2.0, is_stop=True)
+    lens = Lens("one surface", (stop, Surface(1 / 10, 0.0, ConstantIndex(1.5), 9.0)))
+    film = lens.first_order().back_focal_distance_mm
+    assert film == pytest.approx(30.0)
+    assert working_f_number(lens, film) == pytest.approx(20.0 / 4.0)  # 1 / (2 n' u'), n' u' = 2 mm / 20 mm
 
 
 @pytest.mark.parametrize("name", list_lenses()[::3])
