@@ -51,6 +51,8 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
     InputError
         When the form cannot say something about the lens.
     """
+    if lens.first_sense != 1.0:
+        raise InputError(f"{lens.name}: begins behind a mirror, which a lens file cannot say")
     lines = [f"# {line}" for comment in comments for line in comment.splitlines()]
     lines.append(f"name: {_flow(lens.name)}")
     if lens.source:

@@ -30,7 +30,7 @@ def test_layers_asked_for_are_recorded(scene, renderer, rptcam, words, asked):
         ("-o a.png -o a.npy --layers depth", r"--layers: no output can hold them \(allowed: -o with a name"),
         ("-o a.exr --layers dept", r"argument --layers: got dept; did you mean depth\?; allowed all, depth, "),
         ("-o a.exr --layers depth,depth", "argument --layers: depth twice"),
-        ("-o a.exr --layers depth,", "argument --layers: got ; allowed all, depth"),
+        ("-o a.exr --layers depth,", "argument --layers: got a comma too many in depth,; allowed all, depth"),
     ],
 )  # fmt: skip
 def test_layers_that_cannot_be_are_refused_before_rendering(scene, renderer, rptcam, words, message):

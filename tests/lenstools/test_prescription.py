@@ -1,6 +1,6 @@
 """Lenses written as text read back as the same lenses."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -91,7 +91,7 @@ def test_split_dioptre_zoom_and_focusing_group_read_back(tmp_path: Path) -> None
 def test_writer_knows_every_field_of_a_lens() -> None:
     assert {field.name for field in fields(Lens)} == {
         "name", "surfaces", "stop_index", "source", "published", "object_medium", "configurations", "focusing",
-        "floating", "warnings",
+        "floating", "warnings", "first_sense",
     }  # fmt: skip
     assert {field.name for field in fields(Surface)} == {
         "curvature", "thickness", "glass", "semi_diameter", "is_stop", "conic", "aspheric", "cylinder", "form",
@@ -113,6 +113,8 @@ def test_what_a_file_cannot_say_is_refused() -> None:
         lens_text(Lens("x", (*surfaces, *lens.surfaces)))
     with pytest.raises(InputError, match="no diameter"):
         lens_text(Lens("x", (Surface(),)))
+    with pytest.raises(InputError, match="behind a mirror"):
+        lens_text(replace(lens, first_sense=-1.0))
 
 
 @pytest.mark.parametrize(

@@ -99,7 +99,7 @@ def test_what_follows_the_film_is_another_picture(tmp_path):
 
 def test_folder_that_cannot_be_written_is_named_before_any_work(tmp_path):
     (tmp_path / "file").touch()
-    with pytest.raises(StateError, match="file: cannot be written"):
+    with pytest.raises(StateError, match="file: is a file, not a folder"):
         rptcam_cl.sweep(still_life(), OVER, tmp_path / "file")
 
 
