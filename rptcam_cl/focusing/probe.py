@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import CameraModel, PupilRays
-from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.scene import Scene
 
@@ -62,7 +62,7 @@ class ZoneImage:
     @property
     def luminance(self) -> NDArray[np.float64]:
         """Luminance of each part (count, height, width)."""
-        return np.asarray(self.parts.astype(np.float64) @ LUMINANCE)
+        return np.asarray(luminance(self.parts))
 
     @property
     def variance(self) -> NDArray[np.float64]:

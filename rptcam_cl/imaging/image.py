@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.imaging import truth_files, writers
@@ -71,7 +71,7 @@ class Image:
     @property
     def luminance(self) -> NDArray[np.float64]:
         """Luminance of the film, (height, width), linear."""
-        return np.asarray(self.pixels @ LUMINANCE)
+        return np.asarray(luminance(self.pixels))
 
     @cached_property
     def seen(self) -> NDArray[np.float32]:

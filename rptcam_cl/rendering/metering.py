@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import camera_model, on_axis_irradiance, values_per_irradiance
-from rptcam_cl.colour import LUMENS_PER_WATT, LUMINANCE
+from rptcam_cl.colour import LUMENS_PER_WATT, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.device import Session
@@ -108,7 +108,7 @@ def metered_cd_m2(scene: Scene, session: Session) -> float:
 
 def reading_cd_m2(radiances: NDArray[np.floating], exposure: Exposure, film: Film) -> float:
     """Return what the meter reads of a film (height, width, 3) of radiances [W/(m² sr)], in cd/m²."""
-    values = radiances.astype(np.float64) @ LUMINANCE
+    values = luminance(radiances)
     return float(np.sum(values * weights(exposure, film))) * LUMENS_PER_WATT
 
 

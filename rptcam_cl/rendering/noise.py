@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.colour import LUMINANCE
+from rptcam_cl.colour import luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering.film import TILE_PIXELS, FilmLayout
 from rptcam_cl.rendering.several import AnyWavefront
@@ -102,26 +102,26 @@ class NoiseEstimate:
         sums : (6, pixels) array
             Of the film.
         """
-        luminance = LUMINANCE @ (sums[:3].astype(np.float64) - sums[3:].astype(np.float64))
+        summed = luminance((sums[:3].astype(np.float64) - sums[3:].astype(np.float64)).T)
         length = run_length(done - 1)
-        self._runs.append((luminance - self._before).astype(np.float32))
-        self._before = luminance
+        self._runs.append((summed - self._before).astype(np.float32))
+        self._before = summed
         ended = False
         if done >= BETWEEN_DECISIONS and done % BETWEEN_DECISIONS == 0:
-            self._measure(done, length, luminance)
+            self._measure(done, length, summed)
             ended = self._decide(done)
         if len(self._runs) == MOST_RUNS:
             self._runs = [a + b for a, b in zip(self._runs[::2], self._runs[1::2], strict=True)]
         return ended
 
-    def _measure(self, done: int, length: int, luminance: NDArray[np.float64]) -> None:
+    def _measure(self, done: int, length: int, summed: NDArray[np.float64]) -> None:
         places = (self.tiles[:, None] * TILE_PIXELS + np.arange(TILE_PIXELS, dtype=np.uint32)).ravel()
         runs = np.array([run[places] for run in self._runs]) / length
         self.variance[places] = runs.var(axis=0, ddof=1, dtype=np.float64) / len(runs)
         inside = self.layout.inside
         pixels = self.layout.pixels_of_tile
         samples = np.repeat(self.samples_of_tiles(done), TILE_PIXELS)
-        means = np.where(inside, luminance / np.maximum(samples, 1), 0).reshape(-1, TILE_PIXELS).sum(axis=1)
+        means = np.where(inside, summed / np.maximum(samples, 1), 0).reshape(-1, TILE_PIXELS).sum(axis=1)
         floor = DARKEST * means.sum() / pixels.sum()
         variance = np.where(inside, self.variance, 0).reshape(-1, TILE_PIXELS)[self.tiles].sum(axis=1)
         tile_pixels = pixels[self.tiles]
@@ -248,16 +248,15 @@ class TwoParts:
         if not earlier:
             return None
         first, before = earlier[-1]
-        second, luminance = done - first, _luminance(sums)
-        difference = before / first - (luminance - before) / second
+        second, summed = done - first, _luminance(sums)
+        difference = before / first - (summed - before) / second
         variance = difference**2 * (first * second / done**2)
-        return _achieved(self._layout, luminance / done, variance, "two parts of the samples")
+        return _achieved(self._layout, summed / done, variance, "two parts of the samples")
 
 
 def _luminance(sums: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return the sum of luminance per pixel, in float32, whose rounding is far below the noise."""
-    weights = LUMINANCE.astype(np.float32)
-    return np.asarray(weights @ sums[:3] - weights @ sums[3:])
+    return np.asarray(luminance((sums[:3] - sums[3:]).T, np.float32))
 
 
 class NoiseWatch:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.cameras import values_per_irradiance
-from rptcam_cl.colour import LUMENS_PER_WATT, LUMINANCE
+from rptcam_cl.colour import LUMENS_PER_WATT, LUMINANCE, luminance
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.rendering import SPOT_AREA, metering_weights, window
 from rptcam_cl.scene import Exposure, Scene
@@ -43,7 +43,7 @@ def film_reading(pixels: Film, resolved: Scene, settings: Exposure | None = None
     counts = _shares(pixels, resolved, settings or resolved.exposure)
     if not counts.any():
         return 0.0
-    value = float(np.sum(pixels.astype(np.float64) @ LUMINANCE * counts) / counts.sum())
+    value = float(np.sum(luminance(pixels) * counts) / counts.sum())
     return value / value_per_radiance(resolved) * LUMENS_PER_WATT
 
 

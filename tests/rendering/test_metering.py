@@ -7,6 +7,7 @@ import pytest
 
 import rptcam_cl
 from rptcam_cl.cli import main
+from rptcam_cl.colour import LUMINANCE
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.rendering import metering
 from rptcam_cl.scene import Exposure, Film
@@ -49,7 +50,7 @@ HALVES = (panel(-99, 3.0), panel(99, 0.2))
 
 
 def luminance(image):
-    return float((image.pixels.astype(float) @ metering.LUMINANCE).mean())
+    return float((image.pixels.astype(float) @ LUMINANCE).mean())
 
 
 @pytest.mark.parametrize("kind", CAMERAS)
