@@ -38,16 +38,16 @@
 
 // What a material says at texture coordinates: by the texture that replaces a number, an alpha or a colour, where it has one.
 // The fact says whether any material of the scene does.
-#define BY_TEXTURE(fact, texture, value) WHEN(fact, material->texture >= 0 ? value :)
+#define BY_TEXTURE(fact, texture, read, value) WHEN(fact, material->texture >= 0 ? (read) :) (value)
 #define NUMBER(fact, name) \
-    BY_TEXTURE(fact, name##_texture, texture_scalar(material->name##_texture, u, v, scene)) (F)(material->name)
+    BY_TEXTURE(fact, name##_texture, texture_scalar(material->name##_texture, u, v, scene), (F)(material->name))
 #define ALPHA(fact, name) \
-    BY_TEXTURE(fact, name##_roughness_texture, squared_roughness(material->name##_roughness_texture, u, v, scene)) \
-    (F)(material->name##_alpha)
+    BY_TEXTURE(fact, name##_roughness_texture, squared_roughness(material->name##_roughness_texture, u, v, scene), \
+               (F)(material->name##_alpha))
 #define COLOR(fact, name) \
     BY_TEXTURE(fact, name##_texture, \
-               at_wavelengths(texture_color(material->name##_texture, u, v, scene), material->name.w, scene)) \
-    coefficient(material->name, scene)
+               at_wavelengths(texture_color(material->name##_texture, u, v, scene), material->name.w, scene), \
+               coefficient(material->name, scene))
 
 // EACH(type, member, value of lanes without a material, value that a material gives).
 #define CLOSURE(EACH) \
