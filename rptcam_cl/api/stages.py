@@ -294,6 +294,8 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     metadata = described(prepared.scene, prepared.plan, rendering.spp, stats, prepared.metadata)
     if (sensor := sensor_of(prepared.resolved, metadata)) is not None:
         metadata["sensor"] = sensor.described()
+    if rendering.interrupted:
+        metadata["interrupted"] = True
     if saver is not None:
         stats["checkpoint"] = saver.end(rendering.state, keep=settings.keeps_state or rendering.interrupted)
         metadata["device"] = saver.devices

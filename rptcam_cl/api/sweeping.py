@@ -151,6 +151,8 @@ def _plan(scene: Scene, over: Mapping[str, Sequence[Any]], mtf_at: tuple[float, 
         except RptcamError as problem:
             raise type(problem)(f"{title}: {problem}") from None
         facts = [__version__, changed.picture_hash(), changed.render.most_spp, list(mtf_at or ())]
+        if changed.render.layers:
+            facts += [list(changed.render.layers), changed.render.layers_spp]
         key = hashlib.sha256(json.dumps(facts, sort_keys=True).encode()).hexdigest()[:12]
         slug = re.sub(r"[^A-Za-z0-9.+-]+", "_", title.replace("=", "-"))[:80]
         if key in planned:

@@ -1,11 +1,12 @@
 """``rptcam render --frames``: a sequence of pictures, each the one that its frame gives alone."""
 
 import argparse
+import contextlib
 import copy
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -143,15 +144,43 @@ def metadata_of(scene: "Scene", frame: int) -> dict[str, Any]:
     return {"frame": frame, "timecode": sequence.timecode(frame), "frames_per_second": rate}
 
 
-def is_there(arguments: argparse.Namespace, picture_hash: str, spp: int | None) -> bool:
-    """Whether all files of a frame are there, of this very scene and as many samples."""
+def layers_said(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
+    """What the files of a frame say of its layers: their names, samples, and to which scenes flow leads.
+
+    Nothing where there are none.
+
+    Parameters
+    ----------
+    scene
+        That of the frame, with all options applied.
+    """
+    if not scene.render.layers:
+        return {}
+    found: dict[str, Any] = {"layers": list(scene.render.layers), "layers_spp": scene.render.layers_spp}
+    if arguments.neighbours is not None:
+        found["flow_to"] = [None if other is None else other.picture_hash() for other in arguments.neighbours]
+    return found
+
+
+def is_there(arguments: argparse.Namespace, wanted: Mapping[str, Any]) -> bool:
+    """Whether all files of a frame are there and say what is wanted; None: what they must not say."""
     files = [*arguments.outputs, *arguments.raws]
     if not all(path.is_file() for path in files):
         return False
     known = [found for path in arguments.outputs if (found := _metadata(path)) is not None]
     return bool(known) and all(
-        found.get("picture_hash") == picture_hash and (spp is None or found.get("spp") == spp) for found in known
+        ("denoised" in found) == arguments.denoise and all(_says(found, *each) for each in wanted.items())
+        for found in known
     )
+
+
+def _says(metadata: Mapping[str, Any], name: str, value: Any) -> bool:
+    """Whether metadata say this of a name, also where the format keeps texts alone."""
+    found = metadata.get(name)
+    if isinstance(found, str) and not isinstance(value, str):
+        with contextlib.suppress(ValueError):
+            found = json.loads(found)
+    return bool(found == value)
 
 
 def _metadata(path: Path) -> dict[str, Any] | None:
@@ -166,11 +195,14 @@ def _metadata(path: Path) -> dict[str, Any] | None:
 
             with Image.open(path) as picture:
                 picture.load()
-                texts = dict(getattr(picture, "text", {}))
-            return texts | {"spp": json.loads(texts.get("spp", "null"))}
+                return dict(getattr(picture, "text", {}))
     except (RptcamError, OSError, ValueError):
         return {}
     return None
+
+
+Applied = Callable[[argparse.Namespace, "Scene"], "Scene"]
+Wanted = Callable[[argparse.Namespace, "Scene"], Mapping[str, Any]]
 
 
 class Frame(NamedTuple):
@@ -185,7 +217,8 @@ class Frame(NamedTuple):
 def _missing(
     arguments: argparse.Namespace,
     scene: "Scene",
-    hash_of: Callable[[argparse.Namespace, "Scene"], tuple[str, int | None]],
+    applied: Applied,
+    wanted: Wanted,
 ) -> Iterator[Frame]:
     """Yield the frames that are not there yet; all are checked before the first."""
     from rptcam_cl.scene import FrameSequence, set_keys
@@ -201,8 +234,9 @@ def _missing(
         own = of_frame(arguments, number)
         still, described = (alone, {}) if found is None else at(number)
         own.neighbours = neighbours_of(arguments, scene, number, lambda other: at(other)[0])
-        if not (arguments.resume and is_there(own, *hash_of(own, still))):
-            yield Frame(number, own, still, metadata_of(scene, number) | described)
+        if not (arguments.resume and is_there(own, wanted(own, still))):
+            said = metadata_of(scene, number) | described | layers_said(own, applied(own, still))
+            yield Frame(number, own, still, said)
         elif not arguments.quiet:
             print(f"kept {', '.join(map(str, own.outputs))}", file=sys.stderr)
 
@@ -215,19 +249,22 @@ def one_by_one(frames: Iterable[Frame], render_one: Callable[[Frame], int]) -> i
 def render_frames(
     arguments: argparse.Namespace,
     scene: "Scene",
-    hash_of: Callable[[argparse.Namespace, "Scene"], tuple[str, int | None]],
+    applied: Applied,
+    wanted: Wanted,
     render_many: Callable[["Iterator[Frame]"], int],
 ) -> int:
     """Render every frame that is not there yet, and return the exit code.
 
     Parameters
     ----------
-    hash_of
-        Returns what the files of a finished frame say: the hash of its scene, and its samples where they are known.
+    applied
+        Returns the scene of a frame with all options applied.
+    wanted
+        Returns what the files of a finished frame say, and what they must not (None).
     render_many
         Renders the frames that are missing and writes their files; returns the exit code.
     """
-    code = render_many(_missing(arguments, scene, hash_of))
+    code = render_many(_missing(arguments, scene, applied, wanted))
     if code:
         return code
     if arguments.video is not None:

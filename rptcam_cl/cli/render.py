@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rptcam_cl._version import __version__
 from rptcam_cl.cli import cluster, frames, parts, plan, summary, truth
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
@@ -269,7 +270,7 @@ def _picture(arguments: argparse.Namespace, should_stop: Callable[[], bool] | No
 
         return plan.print_plan(scene, RenderSettings(**_options(arguments, scene)))
     if arguments.frames is not None:
-        return frames.render_frames(arguments, scene, _wanted, lambda todo: _frames(arguments, todo, spread))
+        return frames.render_frames(arguments, scene, _applied, _wanted, lambda todo: _frames(arguments, todo, spread))
     code = _one(arguments, scene, should_stop)
     if code == 0:
         ended_well()
@@ -309,14 +310,20 @@ def _on_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
     return 0
 
 
-def _wanted(arguments: argparse.Namespace, scene: "Scene") -> tuple[str, int | None]:
-    """What the files of a finished picture say: the hash of all that changes it, and its samples if they are known."""
+def _applied(arguments: argparse.Namespace, scene: "Scene") -> "Scene":
+    """The scene with all options applied."""
     from rptcam_cl.api import RenderSettings
 
-    settings = RenderSettings(**_options(arguments, scene))
-    applied = settings.applied_to(scene)
-    open_end = settings.seconds is not None or applied.render.noise is not None
-    return applied.picture_hash(), None if open_end else settings.most_spp(applied)
+    return RenderSettings(**_options(arguments, scene)).applied_to(scene)
+
+
+def _wanted(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
+    """What the files of a finished frame say: all that changes it, and its samples where they are known."""
+    applied = _applied(arguments, scene)
+    found: dict[str, Any] = {"version": __version__, "picture_hash": applied.picture_hash(), "interrupted": None}
+    if arguments.time is None and applied.render.noise is None:
+        found["spp"] = applied.render.most_spp
+    return found | frames.layers_said(arguments, applied)
 
 
 def _frames(arguments: argparse.Namespace, todo: Iterable[frames.Frame], spread: bool) -> int:

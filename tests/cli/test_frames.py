@@ -1,7 +1,10 @@
 """``rptcam render --frames``: each picture is that of its frame alone, and what is there is kept."""
 
+import contextlib
+import os
 import re
-from collections.abc import Callable
+import signal
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -9,6 +12,7 @@ import numpy as np
 import pytest
 
 import rptcam_cl
+from rptcam_cl.cli import render
 from rptcam_cl.imaging import read_film
 from rptcam_cl.scene import set_keys
 
@@ -64,6 +68,56 @@ def test_missing_and_damaged_frames_are_rendered_again_and_others_kept(moving: P
     changed = ("--set", "picture.ev=1")  # no other film, but another picture
     assert rptcam(*WORDS, "--frames", "1-2", "--resume", "--spp", "3", *changed).err.count("wrote") == 2
     assert rptcam(*WORDS, "--frames", "1-2", "--resume", "--spp", "3", *changed).err.count("kept") == 2
+
+
+def test_frame_that_was_interrupted_before_its_noise_target_is_gone_on_with(
+    moving: Path, rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    words = (*WORDS[:-2], "--noise", "0.001", "--spp", "600", "--frames", "1-2")
+    assert rptcam(*words).code == 0
+    whole = {path.name: path.read_bytes() for path in moving.parent.glob("*.*.*")}
+
+    @contextlib.contextmanager
+    def press_in_the_second_frame(time_limit: float | None) -> Iterator[Callable[[Any], None]]:
+        pressed = False
+
+        def show(progress: Any) -> None:
+            nonlocal pressed
+            if progress.stage == "render" and Path("out.0001.exr").exists() and not pressed:
+                pressed = True
+                os.kill(os.getpid(), signal.SIGINT)
+
+        yield show
+
+    for name in whole:
+        Path(name).unlink()
+    with monkeypatch.context() as patched:
+        patched.setattr(render, "progress_on_stderr", press_in_the_second_frame)
+        assert rptcam(*words).code == 130
+    assert read_film("out.0002.exr").metadata["interrupted"] is True
+    assert Path("out.0002.exr").read_bytes() != whole["out.0002.exr"]
+    run = rptcam(*words, "--resume")
+    assert (run.code, run.err.count("kept")) == (0, 1), run.err
+    assert {path.name: path.read_bytes() for path in moving.parent.glob("*.*.*")} == whole
+
+
+def test_frames_that_lack_a_layer_or_lead_elsewhere_are_rendered_again(moving: Path, rptcam: Command) -> None:
+    words = (*WORDS, "--frames", "1-2", "--resume")
+
+    def kept(*more: str) -> int:
+        run = rptcam(*words, *more)
+        assert run.code == 0, run.err
+        return int(run.err.count("kept"))
+
+    flow = ("--layers", "depth,flow_forward")
+    assert [kept(), kept(), kept(*flow), kept(*flow)] == [0, 2, 0, 2]
+    moving.write_text(moving.read_text("utf-8").replace("{time_s: 0.2, value: 3}", "{time_s: 0.2, value: 4}"), "utf-8")
+    assert kept(*flow) == 0
+    later = "[{time_s: 0, value: 30}, {time_s: 0.1, value: 35}, {time_s: 0.2, value: 41}]"  # from frame 3 on
+    moving.write_text(
+        moving.read_text("utf-8").replace("[{time_s: 0, value: 30}, {time_s: 0.4, value: 50}]", later), "utf-8"
+    )
+    assert kept(*flow) == 1  # frame 2 leads to frame 3
 
 
 def test_picture_without_frames_goes_by_the_scene_as_it_stands(moving: Path, rptcam: Command) -> None:

@@ -10,6 +10,7 @@ from PIL import Image as Pillow
 import rptcam_cl
 from rptcam_cl.api import SeriesRenderer
 from rptcam_cl.core.errors import InputError, StateError
+from rptcam_cl.scene import set_keys
 from tests.rendering.test_world import still_life
 
 OVER = {"camera.fov_degrees": [30, 50.0], "picture.ev": [0, 1, 2]}
@@ -95,6 +96,15 @@ def test_what_follows_the_film_is_another_picture(tmp_path):
     assert "diffraction" not in first.image.metadata and "diffraction" in second.image.metadata
     assert first.image.metadata["scene_hash"] == second.image.metadata["scene_hash"]
     assert [entry.kept for entry in rptcam_cl.sweep(scene, over, tmp_path / "out", **OPTIONS)] == [True, True]
+
+
+def test_film_without_the_layers_of_the_scene_is_made_anew(tmp_path):
+    kept = []
+    for layers in ([], ["depth"], ["depth"]):
+        scene = set_keys(rptcam_cl.load_scene(still_life()), {"render.layers": layers})
+        (entry,) = rptcam_cl.sweep(scene, {"camera.fov_degrees": [30]}, tmp_path / "out", **OPTIONS)
+        kept.append(entry.kept)
+    assert kept == [False, False, True]
 
 
 def test_folder_that_cannot_be_written_is_named_before_any_work(tmp_path):
