@@ -32,6 +32,7 @@ from rptcam_cl.scene import (
     RenderSettings,
     Scene,
     at_rest,
+    set_keys,
 )
 
 LONGEST_SIDE = 96  # pixels
@@ -79,10 +80,11 @@ def resolve_exposure(scene: Scene, session: Session, known_cd_m2: float | None =
     reading = exposure.lock_cd_m2 or known_cd_m2 or metered_cd_m2(scene, session)
     metadata = {"metered_cd_m2": reading, "metering": "locked" if exposure.lock_cd_m2 else exposure.metering}
     on_axis = on_axis_irradiance(camera_model(_relative(scene), coarse=True), exposure)
-    update = (
+    keys = (
         _compensation(exposure, reading) if on_axis is None else _settings(scene, reading / LUMENS_PER_WATT * on_axis)
     )
-    return ResolvedExposure(scene.model_copy(update=update), reading, metadata)
+    # Set as keys, which hold where keys of the shutter make the scene anew.
+    return ResolvedExposure(set_keys(scene, keys), reading, metadata)
 
 
 def metered_cd_m2(scene: Scene, session: Session) -> float:
@@ -146,7 +148,7 @@ def _relative(scene: Scene, *, small: bool = False) -> Scene:
 
 
 def _compensation(exposure: Exposure, reading_cd_m2: float) -> dict[str, Any]:
-    """Return the part of a scene that brings a mean luminance to the target where values are radiances.
+    """Return the keys that bring a mean luminance to the target where values are radiances.
 
     Raises
     ------
@@ -155,30 +157,30 @@ def _compensation(exposure: Exposure, reading_cd_m2: float) -> dict[str, Any]:
     """
     stops = math.log2(exposure.target * LUMENS_PER_WATT / reading_cd_m2) + exposure.ev
     _check_range("exposure compensation in stops", stops, -MOST_STOPS, MOST_STOPS)
-    return {"exposure": Exposure(mode="relative", ev=stops)}
+    return {"exposure": {"mode": "relative", "ev": stops}}
 
 
 def _settings(scene: Scene, irradiance: float) -> dict[str, Any]:
-    """Return the parts of a scene that bring a mean irradiance of its film to the target: by its time, or by its ISO.
+    """Return the keys that bring a mean irradiance of the film to the target: by the time, or by the ISO.
 
     Raises
     ------
     InputError
         When they would be beyond what a scene may have.
     """
-    exposure, shutter = scene.exposure, scene.shutter
+    exposure, time_s = scene.exposure, scene.shutter.time_s
     wanted = exposure.target * 2.0 ** (exposure.ev + exposure.neutral_density_stops) / irradiance
     if exposure.priority == "shutter":
-        iso = wanted / values_per_irradiance(shutter.time_s, 1.0)
+        iso = wanted / values_per_irradiance(time_s, 1.0)
         what, found, least, most = "ISO", iso, LEAST_ISO, MOST_ISO
     else:
         iso = exposure.iso
         time_s = wanted / values_per_irradiance(1.0, iso)
-        shutter = shutter.model_copy(update={"time_s": time_s})
         what, found, least, most = "exposure time in s", time_s, SHORTEST_S, LONGEST_S
     _check_range(what, found, least, most)
-    settings = {"iso": iso, "neutral_density_stops": exposure.neutral_density_stops, "f_number": exposure.f_number}
-    return {"exposure": Exposure(mode="physical", **settings), "shutter": shutter}
+    settings = {"mode": "physical", "iso": iso, "neutral_density_stops": exposure.neutral_density_stops}
+    settings |= {} if exposure.f_number is None else {"f_number": exposure.f_number}
+    return {"exposure": settings, "shutter.time_s": time_s}
 
 
 def _check_range(what: str, found: float, least: float, most: float) -> None:

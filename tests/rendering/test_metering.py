@@ -196,3 +196,16 @@ def test_command_line_sets_keys_and_says_what_was_chosen(tmp_path, monkeypatch, 
     assert main(["render", "a.yaml", "-o", "a.png", *options, "--set", "exposure.iso=400"]) == 0
     # 0.18 * 78 / (400 * 1366 * pi / 64) s, at the working f-number of the flat opening
     assert "metered 1366 cd/m², 1/1881 s at ISO 400" in capsys.readouterr().err
+
+
+def test_chosen_time_is_that_of_the_numbers_where_keys_move_during_the_exposure():
+    """The film had the chosen time, and the metadata and the sensor the one of the scene."""
+    keys = {"environment.radiance": [{"time_s": 0, "value": 1}, {"time_s": 1e9, "value": 1}]}
+    rest = {"environment": {"kind": "constant", "radiance": 1}, "sensor": {"bayer": "none"}}
+    still = rptcam_cl.render(world(shutter={"time_s": 1 / 8}, **rest), spp=4)
+    moving = rptcam_cl.render(world(shutter={"time_s": 1 / 8, "keys": keys, "steps": 2}, **rest), spp=4)
+    assert still.metadata["exposure_time_s"] < 1 / 100
+    for name in ("exposure_time_s", "ev100", "values_per_irradiance"):
+        assert moving.metadata[name] == still.metadata[name]
+    assert moving.seen.mean() == pytest.approx(moving.pixels.mean(), rel=1e-3)
+    np.testing.assert_array_equal(moving.raw().numbers, still.raw().numbers)
