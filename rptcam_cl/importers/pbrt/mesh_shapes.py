@@ -124,10 +124,9 @@ def _indices(shape: Entity, count: int, corners: int) -> Indices:
     item = parameters.items["indices"]
     if len(values) % corners:
         raise item.place.error(f"{shape.what}: indices hold {len(values)} numbers, not a multiple of {corners}")
-    whole = values.astype(np.int64)
-    if np.any(whole != values) or (len(values) and (whole.min() < 0 or whole.max() >= count)):
+    if np.any(values != np.round(values)) or (len(values) and (values.min() < 0 or values.max() >= count)):
         raise item.place.error(f"{shape.what}: indices must be whole numbers from 0 to {count - 1}")
-    return whole.reshape(-1, corners)
+    return values.astype(np.int64).reshape(-1, corners)
 
 
 def _clean(context: Context, shape: Entity, mesh: MeshData) -> MeshData:

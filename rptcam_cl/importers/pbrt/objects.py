@@ -20,7 +20,7 @@ from rptcam_cl.importers.pbrt.mesh import MeshData
 from rptcam_cl.importers.pbrt.shapes import MOST_INLINE, Piece, Placed, ShapeMaterial, convert_shape
 from rptcam_cl.importers.pbrt.state import Entity, Instance, ShapeUse
 from rptcam_cl.importers.pbrt.textures import number_shade
-from rptcam_cl.importers.pbrt.transforms import ODD, Matrix, is_bearable
+from rptcam_cl.importers.pbrt.transforms import ODD, Matrix, is_bearable, is_transform_of_ours
 
 # Of the 50 000 values that a scene file may hold (see strict_yaml), with room for what is not objects.
 MOST_VALUES = 45_000
@@ -119,6 +119,9 @@ class Objects:
         shape_material = _material_of_lamp(lamp) if lamp is not None else _material_of({**(material or {}), **opacity})
         piece = convert_shape(self.context, Placed(use, world, shape_material, shared))
         if piece is None:
+            return
+        if "transform" in piece.keys and not is_transform_of_ours(world):
+            self._leave_out(use, instance)
             return
         if lamp is not None:
             material = self._lamp(lamp, piece, use, opacity)

@@ -52,7 +52,7 @@ def sphere(parameters: Parameters) -> Profile:
 def disk(parameters: Parameters) -> Profile:
     """Return the profile of a disk, from the rim to the hole."""
     height, radius = parameters.number("height", 0.0), positive(parameters, "radius", 1.0)
-    inner = parameters.number("innerradius", 0.0)
+    inner = min(parameters.number("innerradius", 0.0), radius)
     area = math.pi * (radius**2 - inner**2)
     return _segment((radius, 0, height), (inner, 0, height), inner == 0, area)
 
@@ -104,7 +104,8 @@ def positive(parameters: Parameters, name: str, default: float) -> float:
 def turned(profile: Profile, degrees: float) -> MeshData:
     """Return the mesh that a profile sweeps from +x over +y; its front is that of pbrt: along du x dv.
 
-    u and v of the mesh run from 0 to 1 along the turn and along the profile.
+    u and v of the mesh run from 0 to 1 along the turn and along the profile. Of a profile without extent there are no
+    faces.
     """
     around, along = max(3, round(AROUND * degrees / 360)), len(profile.points)
     angles = np.radians(np.linspace(0, degrees, around + 1))
@@ -128,7 +129,8 @@ def _profile_normals(profile: Profile) -> Array:
     safe = np.where(radii > 0, radii, 1)
     azimuth = np.stack([np.where(radii > 0, -y / safe, 0), np.where(radii > 0, x / safe, 1), np.zeros_like(x)], axis=1)
     normals = np.cross(azimuth, profile.tangents)
-    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.asarray(normals / np.where(lengths > 0, lengths, 1))
 
 
 def _segment(start: object, end: object, full: bool, area: float, steps: int = 1) -> Profile:

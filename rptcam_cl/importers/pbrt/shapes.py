@@ -103,7 +103,7 @@ def transform_keys(matrix: Matrix) -> Keys:
     return {"transform": {"matrix": [[*axes, shift] for axes, shift in zip(linear, tidy(matrix[:3, 3]), strict=True)]}}
 
 
-def _sphere(context: Context, placed: Placed) -> Piece:
+def _sphere(context: Context, placed: Placed) -> Piece | None:
     """Return a sphere; v of ours runs downwards and pbrt's upwards, so a textured one is turned upside down."""
     parameters = placed.shape.parameters
     profile = revolved.sphere(parameters)
@@ -118,7 +118,7 @@ def _sphere(context: Context, placed: Placed) -> Piece:
     return Piece({"shape": "sphere", "center": [0, 0, 0], "radius": radius, **transform_keys(world)}, profile.area)
 
 
-def _round(context: Context, placed: Placed) -> Piece:
+def _round(context: Context, placed: Placed) -> Piece | None:
     """Return a disk, cylinder or cone, or the mesh of what is only a part of one."""
     parameters = placed.shape.parameters
     profile = revolved.PROFILES[placed.shape.kind](parameters)
@@ -127,9 +127,10 @@ def _round(context: Context, placed: Placed) -> Piece:
     skewed = (
         placed.shape.kind == "disk" and placed.material.textured
     )  # our disk has u and v across, pbrt's run round it
-    if not profile.full or degrees < 360 or skewed or (flips and placed.shape.kind != "disk"):
-        return _revolved_mesh(context, placed, profile, degrees)
     first, last = profile.points[0], profile.points[-1]
+    partial = not profile.full or degrees < 360 or np.array_equal(first, last)
+    if partial or skewed or (flips and placed.shape.kind != "disk"):
+        return _revolved_mesh(context, placed, profile, degrees)
     radius = float(first[0])
     if placed.shape.kind == "disk":
         front = [0, 0, -1 if flips else 1]
@@ -141,10 +142,13 @@ def _round(context: Context, placed: Placed) -> Piece:
     return Piece(keys | transform_keys(placed.world), profile.area)
 
 
-def _revolved_mesh(context: Context, placed: Placed, profile: revolved.Profile, degrees: float) -> Piece:
+def _revolved_mesh(context: Context, placed: Placed, profile: revolved.Profile, degrees: float) -> Piece | None:
     if not 0 < degrees <= 360:
         raise placed.shape.place.error(f"{placed.shape.what}: phimax must lie between 0 and 360 (got {degrees:g})")
     mesh = revolved.turned(profile, degrees)
+    if not len(mesh.faces):
+        _note_no_area(context, placed.shape)
+        return None
     context.report.approximated(placed.shape.place, f"{placed.shape.what}: a mesh of {len(mesh.faces)} triangles")
     return _piece(placed, mesh, profile.area * degrees / 360)
 
@@ -153,12 +157,16 @@ def _mesh(context: Context, placed: Placed) -> Piece | None:
     makers = {"trianglemesh": triangle_mesh, "bilinearmesh": bilinear_patches, "loopsubdiv": control_mesh}
     mesh, parts = makers[placed.shape.kind](context, placed.shape)
     if not len(mesh.faces):
-        context.report.ignored(placed.shape.place, f"{placed.shape.what}: has no faces of any area")
+        _note_no_area(context, placed.shape)
         return None
     if placed.material.textured and mesh.uvs is None:
         context.report.approximated(placed.shape.place, f"{placed.shape.what}: a texture without texture coordinates")
     area = float(mesh.transformed(placed.shape.world_from_object).areas().sum()) / parts
     return _piece(placed, mesh, area)
+
+
+def _note_no_area(context: Context, shape: Entity) -> None:
+    context.report.ignored(shape.place, f"{shape.what}: has no faces of any area")
 
 
 def _piece(placed: Placed, mesh: MeshData, area: float) -> Piece:

@@ -67,7 +67,11 @@ def _of_map(context: Context, entity: Entity, frame: Frame, sky: Array) -> Keys 
         parameters.used.update(parameters.items)
         return {"kind": "constant", "radiance": np.full(3, GREY).tolist()}
     factor = scale_factor(context, entity) * (light(context, entity, "L") if key == "mapname" else 1.0)
-    illuminance = parameters.number("illuminance", -1.0)
+    if (illuminance := parameters.number("illuminance", -1.0)) > 0:
+        context.report.noted(
+            parameters.items["illuminance"].place,
+            f"{entity.what}: a picture with an illuminance is twice as bright as that says, as pbrt has it",
+        )
     if not is_readable(path):
         allowed = " ".join((*SUFFIXES, *OTHERS))
         context.report.ignored(place, f"{name}: a kind of picture that is not read (allowed: {allowed})")
@@ -116,7 +120,10 @@ def _axes(up: Array) -> tuple[Array, Array]:
 
 
 def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
-    """Return the factor that gives the upper half sphere the requested illuminance; 1 without a request."""
+    """Return the factor by which pbrt-v4 brightens a picture for an illuminance of the ground; 1 without a request.
+
+    pbrt counts 2 pi for the sphere of all pixels, whose solid angle is 4 pi: the ground has twice that illuminance.
+    """
     size = len(pixels)
     if pixels.shape[1] != size:
         raise place.error(
@@ -124,7 +131,7 @@ def _photometric(pixels: Pixels, illuminance: float, place: Place) -> float:
         )
     if illuminance <= 0:
         return 1.0
-    found = float((pixels @ LUMINANCE * np.clip(heights(size), 0, None)).sum()) * 4 * math.pi / size**2
+    found = float((pixels @ LUMINANCE * np.clip(heights(size), 0, None)).sum()) * 2 * math.pi / size**2
     if not found > 0:
         raise place.error("the picture is black above the horizon, so that it cannot give an illuminance")
     return illuminance / found

@@ -18,6 +18,8 @@ Matrix = NDArray[np.float64]
 SMALLEST = 1e-12
 # Beyond what coordinates of ours may be (see scene.quantities).
 LARGEST = 1e12
+# Ratio of stretches from which on ours takes a transform (see scene.transform); vertices may be flattened further.
+LEAST_RATIO = 1e-6
 
 # Where nothing is: the transform of what stands under one that cannot be used.
 NOWHERE = np.full((4, 4), np.nan)
@@ -91,6 +93,12 @@ def is_bearable(matrix: Matrix) -> bool:
         return False
     stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
     return bool(stretches[-1] > SMALLEST and stretches[0] < LARGEST and np.abs(matrix[:3, 3]).max() < LARGEST)
+
+
+def is_transform_of_ours(matrix: Matrix) -> bool:
+    """Return whether a scene of ours takes a matrix as the transform of an object."""
+    stretches = np.linalg.svd(matrix[:3, :3], compute_uv=False)
+    return bool(stretches[-1] > LEAST_RATIO * (1 + LEAST_RATIO) * stretches[0])
 
 
 def _rotation(statement: Statement) -> Matrix:

@@ -156,7 +156,7 @@ def _world_begin(world: World, statement: Statement) -> None:
     if world.in_world:
         raise statement.place.error("a second WorldBegin")
     world.in_world = True
-    world.set_transform(np.eye(4))
+    world.state = replace(world.state, ctm=np.eye(4), moving=True)
     world.spaces["world"] = np.eye(4)
 
 
@@ -218,7 +218,8 @@ def _coordinate_system_transform(world: World, statement: Statement) -> None:
 
 
 def _identity(world: World, statement: Statement) -> None:
-    world.set_transform(np.eye(4))
+    if world.state.moving:
+        world.set_transform(np.eye(4))
 
 
 def _active_transform(world: World, statement: Statement) -> None:

@@ -235,15 +235,17 @@ def test_sky_of_a_left_handed_scene_is_referenced(convert: Convert, tmp_path: Pa
     assert done.report == []
 
 
-def test_illuminance_of_a_sky_is_that_on_the_ground(convert: Convert, tmp_path: Path) -> None:
-    """The mean over upward directions of radiance times the cosine to +z, the sky's own pole, is E / (2 pi)."""
+def test_illuminance_of_a_sky_is_that_of_pbrt_on_the_ground(convert: Convert, tmp_path: Path) -> None:
+    """pbrt-v4 makes the sum over pixels of luminance times the cosine to +z, times 2 pi / pixels, the illuminance: the
+    pixels share 4 pi, so that the ground has twice as much."""
     write_exr(tmp_path / "sky.exr", sky_of_pbrt("filename", 128))
     done = convert('LightSource "infinite" "string filename" "sky.exr" "float illuminance" 10', LEFT)
     with OpenEXR.File(str(tmp_path / done.keys["environment"]["file"])) as file:
         pixels = file.channels()["RGB"].pixels @ (0.2126, 0.7152, 0.0722)
     theta = np.pi * (np.arange(128) + 0.5) / 128
     weights = np.clip(np.cos(theta), 0, None) * np.sin(theta) * (np.pi / 128) ** 2
-    assert (pixels * weights[:, None]).sum() == pytest.approx(10, rel=5e-3)
+    assert (pixels * weights[:, None]).sum() == pytest.approx(20, rel=5e-3)
+    assert done.says("in.pbrt:", "twice as bright as that says")
 
 
 def test_pictures_of_the_sky_of_other_kinds_are_reported(convert: Convert) -> None:

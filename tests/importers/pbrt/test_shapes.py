@@ -275,6 +275,23 @@ def test_shapes_that_ours_lacks_are_reported(convert: Convert) -> None:
     assert done.says('in.pbrt:2: ignored: Shape "curve"', "(also on 3)")
 
 
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "text",
+    [
+        'Shape "hyperboloid" "point3 p1" [1 0 0] "point3 p2" [1 0 0]',
+        'Shape "sphere" "float zmin" .5 "float zmax" .5',
+        'Shape "disk" "float innerradius" 2',
+        'Shape "cylinder" "float zmin" 1 "float zmax" 1',
+        'Shape "paraboloid" "float zmin" 1',
+    ],
+)
+def test_shapes_without_area_are_left_out(convert: Convert, text: str) -> None:
+    done = convert(f'{text} Shape "sphere"')
+    assert [item["shape"] for item in done.objects] == ["sphere"]
+    assert done.says("has no faces of any area")
+
+
 def test_triangles_without_area_are_left_out(convert: Convert) -> None:
     points = '"point3 P" [0 0 0  1 0 0  0 1 0  2 0 0]'
     done = convert(f'Shape "trianglemesh" {points} "integer indices" [0 1 2 0 1 3 1 1 2]', HEAD)

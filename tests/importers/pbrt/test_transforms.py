@@ -187,3 +187,34 @@ def test_an_odd_transform_of_the_camera_is_an_error(convert: Convert) -> None:
         if ODD[text]:
             with pytest.raises(InputError, match=r'in\.pbrt:1:\d+: Camera "perspective": the transform before it'):
                 convert(TRIANGLE, HEAD.replace("Scale -1 1 1 LookAt 0 0 5  0 0 0  0 1 0", text))
+
+
+MOVING_CAMERA = """\
+Scale -1 1 1
+LookAt 0 0 5  0 0 0  0 1 0
+ActiveTransform EndTime
+Translate 0 0 1
+Camera "perspective" "float fov" 40
+WorldBegin
+"""
+
+
+@pytest.mark.parametrize(
+    ("head", "text"),
+    [
+        (HEAD, "Translate 1 2 3 ActiveTransform EndTime Identity ActiveTransform All"),
+        (HEAD, "Translate 1 2 3 ActiveTransform EndTime Identity Scale 2 2 2"),
+        (MOVING_CAMERA, "Translate 1 2 3"),  # WorldBegin is where both times are set again
+    ],
+)
+def test_what_moves_stands_as_it_does_at_the_start(convert: Convert, head: str, text: str) -> None:
+    done = convert(f'{text} Shape "sphere"', head)
+    assert done.objects[0]["center"] == [1.0, 2.0, 3.0]
+    assert done.objects[0]["radius"] == 1.0
+
+
+def test_flattened_shapes_are_left_out_where_ours_cannot_hold_them(convert: Convert) -> None:
+    triangle = 'Shape "trianglemesh" "point3 P" [0 0 0 1 0 1 0 1 0]'
+    done = convert(f'Scale 1 1 1e-7 Shape "sphere" {triangle}')
+    assert [item["shape"] for item in done.objects] == ["mesh"]  # whose vertices are as flat as they are
+    assert done.says('ignored: Shape "sphere": its transform flattens space')
