@@ -24,9 +24,11 @@ class PartsPlan:
     Attributes
     ----------
     version, scene : str
-        Of the program, and the hash of the scene.
+        Of the program, and the hash of the scene with all that changes the picture.
     spp : int
         Samples per pixel.
+    layers : list
+        Their names, and their samples per pixel.
     count : int
         Parts.
     found : Found
@@ -36,6 +38,7 @@ class PartsPlan:
     version: str
     scene: str
     spp: int
+    layers: list[Any]
     count: int
     found: Found
 

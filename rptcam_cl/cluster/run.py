@@ -153,8 +153,7 @@ class _Run:
         plan = self.kept.plan()
         if plan is None:
             return None
-        mine = {"version": __version__, "scene": self.scene.content_hash(), "spp": self.spp}
-        for name, value in mine.items():
+        for name, value in self.facts().items():
             if getattr(plan, name) != value:
                 raise StateError(
                     f"{self.kept.path}: holds parts of another render: its {name} is {getattr(plan, name)}, not {value}"
@@ -162,13 +161,18 @@ class _Run:
                 )
         return plan
 
+    def facts(self) -> dict[str, Any]:
+        """Return what a plan of this render says of it."""
+        layers = [*self.scene.render.layers, self.scene.render.layers_spp] if self.scene.render.layers else []
+        return {"version": __version__, "scene": self.scene.picture_hash(), "spp": self.spp, "layers": layers}
+
     def complete(self, client: Any, plan: PartsPlan | None) -> PartsPlan:
         """Render all parts that are missing, and return the plan."""
         sent, begun = TasksOut(client, self.parcel), time.perf_counter()
         if plan is None:
             opened: Opened = self._wait_for(sent, lambda: sent.submit_to_all(open_render, self.job))
             count = min(parts_of(opened.seconds, len(client.nthreads())), FilmLayout.of(self.scene.film).tiles)
-            plan = PartsPlan(__version__, self.scene.content_hash(), self.spp, count, opened.found)
+            plan = PartsPlan(**self.facts(), count=count, found=opened.found)
             self.kept.begin(plan)
         self.job = replace(self.job, found=plan.found, count=plan.count)
         self.took("open", begun)

@@ -124,6 +124,9 @@ def check_same(parts: Sequence[SavedPart]) -> None:
             if lenses[0] != lenses[1]:
                 what = f"the lens is {_shown(lenses[0])} there and {_shown(lenses[1])} here"
             raise _differ(first, part, what)
+        shown = [facts["picture"]["metadata"].get("picture_hash") for facts in (one, other)]
+        if shown[0] != shown[1]:
+            raise _differ(first, part, "what follows the film is another: picture, sensor, ghosts, diffraction or stop")
         for name, words in RESOLVED.items():
             if one.get(name) != other.get(name):
                 raise _differ(first, part, f"auto {words} differs (first `rptcam settle`, then render that scene)")

@@ -20,6 +20,7 @@ from rptcam_cl.api import Found, PartRenderer, RenderSettings, load_scene, merge
 from rptcam_cl.cluster import TLS, client, tasks, tasks_out
 from rptcam_cl.cluster.parcel import packed
 from rptcam_cl.rendering import FilmPart, read_part
+from rptcam_cl.scene import set_keys
 from tests.cluster.conftest import cluster
 
 WORLD: dict[str, Any] = {
@@ -74,6 +75,11 @@ def test_lost_and_damaged_parts_alone_are_rendered_again(address: str, scene_fil
     np.testing.assert_array_equal(whole.pixels, first.pixels)
     with pytest.raises(StateError, match="parts of another render: its spp is 8, not 9"):
         render_on_cluster(scene_file, address, folder=folder, resume=True, spp=9)
+    with pytest.raises(StateError, match=r"parts of another render: its layers is \[\], not \['depth'"):
+        render_on_cluster(scene_file, address, folder=folder, resume=True, layers=["depth"])
+    brighter = set_keys(load_scene(scene_file), {"picture.ev": 1})
+    with pytest.raises(StateError, match="parts of another render: its scene is"):
+        render_on_cluster(brighter, address, folder=folder, resume=True)
 
 
 def test_render_is_prepared_once_for_all_parts_of_a_worker(

@@ -126,6 +126,10 @@ OTHERS = {
         {"scene": "ab", "picture": {"metadata": {"lens": "triplet"}, "clamp": None}},
         "the lens is .* there and triplet here",
     ),
+    "picture": (
+        {"picture": {"metadata": {"picture_hash": "ab"}, "clamp": None}},
+        "what follows the film is another",
+    ),
     "light": ({"metered_cd_m2": 3.0}, "auto exposure differs .*rptcam settle"),
     "no picture": ({"picture": {}}, "by a version that could not merge"),
     "diffraction": ({"picture": {"metadata": {"diffraction": {"on": True}}}}, "could not merge diffraction"),
