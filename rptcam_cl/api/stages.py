@@ -297,7 +297,6 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     if rendering.interrupted:
         metadata["interrupted"] = True
     if saver is not None:
-        stats["checkpoint"] = saver.end(rendering.state, keep=settings.keeps_state or rendering.interrupted)
         metadata["device"] = saver.devices
     stats["camera"] = {key: metadata[key] for key in GEOMETRY if key in metadata}
     stats |= {key: metadata[key] for key in ("accuracy", "autofocus") if key in metadata}
@@ -309,6 +308,8 @@ def report(prepared: Prepared, rendering: Rendering) -> Image:
     if prepared.ghosting is not None:
         image = with_ghosts(image, *prepared.ghosting.found)
     image = replace(image, pixels=diffracted(prepared.diffraction, image.pixels))
+    if saver is not None:  # once the picture is whole: until then the saved state is all that there is
+        image.stats["checkpoint"] = saver.end(rendering.state, keep=settings.keeps_state or rendering.interrupted)
     if settings.strict and (faults := anomalies(stats["numerics"]) + _failed_focus(metadata)):
         raise NumericError(f"strict: {'; '.join(faults)}", image)
     return image

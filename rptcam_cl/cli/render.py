@@ -11,12 +11,13 @@ from rptcam_cl._version import __version__
 from rptcam_cl.cli import cluster, frames, parts, plan, summary, truth
 from rptcam_cl.cli import parser as values
 from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
-from rptcam_cl.cli.output import as_json, print_warnings
+from rptcam_cl.cli.output import print_warnings
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.cli.previews import previewing
 from rptcam_cl.cli.progress import progress_on_stderr
+from rptcam_cl.cli.saving import save
 from rptcam_cl.cli.watch import render_again
-from rptcam_cl.core.errors import InputError, NumericError, RptcamError, StateError
+from rptcam_cl.core.errors import InputError, NumericError, StateError
 
 if TYPE_CHECKING:
     from rptcam_cl.imaging import Image
@@ -162,31 +163,6 @@ def _layers(arguments: argparse.Namespace) -> list[str] | None:
     return None if any(map(holds_layers, arguments.outputs)) else []
 
 
-def _save(image: "Image", arguments: argparse.Namespace) -> None:
-    """Write every output that can be written, then report the first that could not."""
-    from rptcam_cl.core.atomic import replacing
-
-    failures: list[RptcamError] = []
-    for output in arguments.outputs:
-        try:
-            image.save(output)
-        except RptcamError as error:
-            failures.append(error)
-    for raw in arguments.raws:
-        try:
-            image.raw().save(raw)
-        except RptcamError as error:
-            failures.append(error)
-    if arguments.stats is not None:
-        try:
-            with replacing(arguments.stats) as temporary:
-                temporary.write_text(as_json(image.stats) + "\n", encoding="utf-8")
-        except RptcamError as error:
-            failures.append(error)
-    if failures:
-        raise failures[0]
-
-
 def _devices(arguments: argparse.Namespace) -> str | list[str] | None:
     """The devices as `rptcam_cl.render` takes them."""
     given: list[str] | None = arguments.devices
@@ -301,7 +277,7 @@ def _on_cluster(arguments: argparse.Namespace, scene: "Scene") -> int:
         except InterruptedError as ended:
             print(f"interrupted: {ended}; --resume goes on from them", file=sys.stderr)
             return INTERRUPTED
-    _save(image, arguments)
+    save(image, arguments)
     cluster.remove(folder)
     if not arguments.quiet:
         print(cluster.account(image), file=sys.stderr)
@@ -329,7 +305,7 @@ def _wanted(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
 def _frames(arguments: argparse.Namespace, todo: Iterable[frames.Frame], spread: bool) -> int:
     """Render frames, here or on a cluster, and return the exit code."""
     if spread:
-        return cluster.render_frames(arguments, todo, _layers(arguments), _save)
+        return cluster.render_frames(arguments, todo, _layers(arguments), save)
     return frames.one_by_one(todo, _frame)
 
 
@@ -359,7 +335,7 @@ def _one(
     if arguments.watch and image.stats["interrupted"]:
         return INTERRUPTED
     if not parts.requested(arguments):
-        _save(truth.without_layers(arguments, image, _layers(arguments), scene), arguments)
+        save(truth.without_layers(arguments, image, _layers(arguments), scene), arguments)
         truth.save(arguments, image)
     elif image.stats.get("checkpoint") is None:
         raise StateError(f"{checkpoint}: could not be written")

@@ -5,7 +5,7 @@ from rptcam_cl.imaging.cryptomatte import ranked
 from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
 from rptcam_cl.imaging.desqueeze import desqueezed
 from rptcam_cl.imaging.development import Development, developed_values, quantised
-from rptcam_cl.imaging.film_files import read_film
+from rptcam_cl.imaging.film_files import FILM_SUFFIXES, read_film
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.marks import MARKED
 from rptcam_cl.imaging.picture_settings import develop, with_picture_settings
@@ -21,6 +21,7 @@ from rptcam_cl.imaging.writers import DEVELOPED_SUFFIXES, LAYER_SUFFIXES, SUFFIX
 __all__ = [
     "CRYPTOMATTE_NAMES",
     "DEVELOPED_SUFFIXES",
+    "FILM_SUFFIXES",
     "GUIDES",
     "LABELS",
     "LAYER_SUFFIXES",

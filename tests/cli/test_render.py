@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import DeviceError, StateError
-from rptcam_cl.imaging import Image
+from rptcam_cl.imaging import Image, read_film
 
 Command = Callable[..., Any]
 
@@ -86,6 +86,23 @@ def test_samples_that_a_noise_target_took_are_said_and_not_their_limit(
     assert "8 x 6, 330 spp on average (64 to 16384), 0.6 s" in rptcam("render", "scene.yaml", "-o", "a.npy").err
     renderer.image.stats.update({"spp": 64, "noise": {"spp_min": 64, "spp_mean": 64.0}})
     assert "8 x 6, 64 spp, 0.6 s" in rptcam("render", "scene.yaml", "-o", "a.npy").err
+
+
+def test_film_that_cannot_go_where_it_was_to_go_is_kept_elsewhere(
+    scene: Path, renderer: Any, rptcam: Command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(scene.parent))
+    Path("out").mkdir()
+    renderer.during = lambda options: Path("out").rmdir()
+    run = rptcam("render", "scene.yaml", "-o", "out/a.png")
+    assert run.code == 4
+    (kept,) = scene.parent.glob("rptcam-*.exr")
+    assert f"out/a.png: there is no folder {scene.parent}/out; make it first (the film is kept in {kept}" in run.err
+    np.testing.assert_array_equal(read_film(kept).pixels, renderer.image.pixels)
+    kept.unlink()
+    Path("out").mkdir()
+    assert rptcam("render", "scene.yaml", "-o", "out/a.png", "-o", "b.exr").code == 4
+    assert Path("b.exr").exists() and not list(scene.parent.glob("rptcam-*.exr"))  # the film is there
 
 
 def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rptcam: Command) -> None:
