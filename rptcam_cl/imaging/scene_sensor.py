@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import struct
 from collections.abc import Mapping
 from typing import Any
 
@@ -58,10 +59,18 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
         prnu=settings.prnu,
         dsnu_e=settings.dsnu_e,
         demosaic=settings.demosaic,
-        seed=scene.render.seed if settings.seed is None else settings.seed,
+        seed=_seed_at(scene.shutter.open_s, scene.render.seed if settings.seed is None else settings.seed),
         pattern_seed=settings.pattern_seed,
         origin=(int(x), int(y)),
     )
+
+
+def _seed_at(open_s: float, seed: int) -> int:
+    """Return the seed of an exposure that begins at a moment [s]: frames of a sequence do not share their noise."""
+    if open_s == 0.0:
+        return seed
+    words = struct.unpack("<2I", struct.pack("<d", open_s))
+    return int(np.random.SeedSequence([seed, *words]).generate_state(1, np.uint64)[0])
 
 
 def _joules_per_value(scene: Scene, metadata: Mapping[str, Any], area_m2: float) -> float:

@@ -138,7 +138,7 @@ class Sensor(SceneModel):
     """How the missing colours of a Bayer mosaic are found for pictures."""
 
     seed: Seed | None = None
-    """Seed of the noise; by default that of the render."""
+    """Seed of the noise, together with `shutter.open_s`; by default that of the render."""
 
     pattern_seed: Seed = 0
     """Seed of the fixed pattern, `prnu` and `dsnu_e`: which specimen of the sensor it is."""

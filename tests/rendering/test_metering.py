@@ -199,7 +199,7 @@ def test_command_line_sets_keys_and_says_what_was_chosen(tmp_path, monkeypatch, 
 
 
 def test_chosen_time_is_that_of_the_numbers_where_keys_move_during_the_exposure():
-    """The film had the chosen time, and the metadata and the sensor the one of the scene."""
+    """Film, metadata and sensor go by one time, and not by that of the scene."""
     keys = {"environment.radiance": [{"time_s": 0, "value": 1}, {"time_s": 1e9, "value": 1}]}
     rest = {"environment": {"kind": "constant", "radiance": 1}, "sensor": {"bayer": "none"}}
     still = rptcam_cl.render(world(shutter={"time_s": 1 / 8}, **rest), spp=4)

@@ -1,5 +1,6 @@
 """The sensor section of a scene: presets, refusals, and what it comes to behind a film."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from rptcam_cl.colour.response import RESPONSES
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.imaging.raw_frame import exposed
 from rptcam_cl.imaging.scene_sensor import sensor_of
 from rptcam_cl.imaging.sensor import SensorModel
 from rptcam_cl.scene import Scene, load_scene
@@ -149,3 +151,18 @@ def test_description_gives_the_sensor_again() -> None:
     for broken in ({}, {"electrons": [1]}, first.described() | {"origin": []}, first.described() | {"new": 1}):
         with pytest.raises(InputError, match="the metadata describe no sensor"):
             SensorModel.from_description(broken)
+
+
+def test_frames_of_a_sequence_have_noise_of_their_own_and_one_fixed_pattern() -> None:
+    """Else two frames of a scene at rest would not differ at all."""
+    moments = [0.0, 1 / 24, 2 / 24, 1 / 24]
+    first, second, third, again = (sensor_in({"pattern_seed": 3}, {}, shutter={"open_s": open_s}) for open_s in moments)
+    assert first.seed == 0
+    assert len({first.seed, second.seed, third.seed}) == 3
+    assert again.seed == second.seed
+    assert {first.pattern_seed, second.pattern_seed, third.pattern_seed} == {3}
+    film = np.full((32, 32, 3), 0.5, np.float32)
+    one, two = (exposed(film, replace(frame, bayer="none")).numbers.astype(float) for frame in (first, second))
+    apart = np.corrcoef((one - one.mean(axis=(0, 1))).ravel(), (two - two.mean(axis=(0, 1))).ravel())[0, 1]
+    assert abs(apart) < 0.1  # six standard errors of 3072 numbers
+    assert sensor_in({}, {}, shutter={"open_s": 1.0}).seed != sensor_in({"seed": 1}, {}, shutter={"open_s": 1.0}).seed
