@@ -44,12 +44,12 @@ def desqueezed(image: Image, factor: float) -> Image:
 
 
 def _resampled(pixels: NDArray[np.float32], width: int) -> NDArray[np.float32]:
-    """Return rows of another number of columns, each the mean of what it covers."""
+    """Return rows of as many columns or more, each the mean of the one or two that it covers."""
     columns = pixels.shape[1]
-    sums = np.zeros((pixels.shape[0], columns + 1, 3))
-    np.cumsum(pixels, axis=1, dtype=np.float64, out=sums[:, 1:])
-    edges = np.arange(width + 1) * columns / width
-    low = np.minimum(edges.astype(int), columns - 1)
-    share = (edges - low)[:, None]
-    at = sums[:, low] + share * (sums[:, low + 1] - sums[:, low])
-    return np.asarray(np.diff(at, axis=1) * (width / columns), dtype=np.float32)
+    # Whole numbers, in parts of 1 / width of a column: each new one has `columns` of them, from `starts` on.
+    starts = np.arange(width, dtype=np.int64) * columns
+    first = starts // width
+    share = np.minimum((first + 1) * width - starts, columns)[:, None] / columns
+    beside = pixels[:, np.minimum(first + 1, columns - 1)]
+    beside = np.where(share < 1, beside, 0)  # what is not covered does not count, be it no number
+    return np.asarray(share * pixels[:, first] + (1 - share) * beside, dtype=np.float32)

@@ -31,6 +31,12 @@ def test_edge_between_columns_is_divided_by_area():
     np.testing.assert_allclose(desqueezed(image_of([0, 3]), 1.5).pixels[0, :, 0], [0, 1.5, 3], rtol=1e-6)
 
 
+@pytest.mark.parametrize("odd", [np.nan, np.inf, 1e30])
+def test_what_is_no_number_or_beyond_all_others_stays_where_it_is(odd):
+    wide = desqueezed(image_of([0.5, odd, 0.25, 0.75]), 1.5).pixels[0, :, 0]
+    np.testing.assert_array_equal(wide, np.float32([0.5, odd, odd, 0.25, 0.5, 0.75]) * [1, 0.5, 1, 1, 1, 1])
+
+
 def test_ellipses_become_circles():
     """A disk that a 1.5 times squeeze has made an ellipse has equal second moments again."""
     x, y = np.meshgrid(np.arange(120) + 0.5 - 60, np.arange(180) + 0.5 - 90)
