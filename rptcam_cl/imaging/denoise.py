@@ -7,12 +7,17 @@ samples are added. The picture's metadata say so.
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Callable
+from functools import partial
 from importlib.metadata import version
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.colour import XYZ_FROM_RGB
 from rptcam_cl.core.errors import InputError
+
+Pixels = NDArray[np.float32]
 
 GUIDES = ("albedo", "normal")
 
@@ -29,9 +34,7 @@ def check_denoiser() -> None:
         raise InputError('denoising needs the package pyoidn (pip install "rptcam_cl[denoise]")')
 
 
-def denoised(
-    pixels: NDArray[np.float32], albedo: NDArray[np.float32], normal: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], str]:
+def denoised(pixels: Pixels, albedo: Pixels, normal: Pixels) -> tuple[Pixels, str]:
     """Return the picture without its noise, and the name of what removed it.
 
     Parameters
@@ -50,7 +53,20 @@ def denoised(
     try:
         import pyoidn
 
-        clean = pyoidn.denoise(pixels, albedo=albedo, normal=normal, hdr=True)
+        clean = _within_channels(partial(pyoidn.denoise, normal=normal, hdr=True), pixels, albedo)
     except (ImportError, OSError, RuntimeError) as error:
         raise InputError(f"denoising failed: {error}") from error
     return np.asarray(clean, np.float32), f"Open Image Denoise (pyoidn {version('pyoidn')}), biased"
+
+
+def _within_channels(denoise: Callable[..., Pixels], pixels: Pixels, albedo: Pixels) -> Pixels:
+    """Return what a denoiser makes of a picture, which takes channels below 0, as spectral colours have, for 0.
+
+    Such a picture goes through it in CIE XYZ, where every colour of light is positive, scaled so that white is
+    (1, 1, 1) there, too.
+    """
+    if not (pixels < 0).any():
+        return denoise(pixels, albedo=albedo)
+    matrix = XYZ_FROM_RGB / XYZ_FROM_RGB.sum(axis=1, keepdims=True)
+    seen, guide = (np.asarray(values @ matrix.T, np.float32) for values in (pixels, albedo))
+    return np.asarray(denoise(seen, albedo=guide) @ np.linalg.inv(matrix).T)
