@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rptcam_cl.core.atomic import check_writable, replacing
 from rptcam_cl.core.errors import InputError, StateError
@@ -23,6 +24,10 @@ FORMATS: dict[str, tuple[str, str, str, dict[str, str]]] = {
     ".webm": ("webm", "libsvtav1", "yuv420p10le", {"crf": "24"}),
 }
 _CLOCK = 1_000_000  # denominators of frame rates, at most
+
+# Numbers of ITU-T H.273. Players take what is not said for either of two matrices, by the height of the picture.
+_REC_709, _SRGB_CURVE, _RGB = 1, 13, 0
+_LIMITED, _FULL = 1, 2  # ranges, as FFmpeg numbers them
 
 
 def check_video(path: str | os.PathLike[str], inputs: Iterable[str | os.PathLike[str]] = ()) -> None:
@@ -75,9 +80,10 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
                         rate = Fraction(frames_per_second).limit_denominator(_CLOCK)
                         stream = file.add_stream(codec, rate=rate, options=options)
                         stream.width, stream.height, stream.pix_fmt = codes.shape[1], codes.shape[0], kind
+                        _say_colours(stream.codec_context, is_rgb=kind.startswith("gbr"))
                     if codes.shape[:2] != (stream.height, stream.width):
                         raise InputError(f"{path}: pictures of a video have one size")
-                    file.mux(stream.encode(av.VideoFrame.from_ndarray(codes, format="rgb48le")))
+                    file.mux(stream.encode(_frame(codes, kind)))
                     count += 1
                 if stream is None:
                     raise InputError(f"{path}: a video needs at least one picture")
@@ -85,3 +91,19 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
         except av.FFmpegError as problem:
             raise StateError(f"{path}: cannot be written: {problem}") from problem
     return count
+
+
+def _say_colours(codec: Any, *, is_rgb: bool) -> None:
+    """Write into a video how its numbers are to be understood."""
+    codec.color_primaries, codec.color_trc = _REC_709, _SRGB_CURVE
+    codec.colorspace, codec.color_range = (_RGB, _FULL) if is_rgb else (_REC_709, _LIMITED)
+
+
+def _frame(codes: NDArray[np.uint16], kind: str) -> Any:
+    """Return codes (height, width, 3) as a frame of the codec's pixels, by the matrix that `_say_colours` names."""
+    import av
+
+    frame = av.VideoFrame.from_ndarray(codes, format="rgb48le")
+    if kind.startswith("gbr"):
+        return frame.reformat(format=kind)
+    return frame.reformat(format=kind, dst_colorspace=_REC_709, dst_color_range=_LIMITED)

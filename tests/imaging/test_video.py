@@ -31,6 +31,32 @@ def test_frames_of_a_video_are_the_developed_pictures(suffix, most, tmp_path):
         assert np.abs(frame - wanted).mean() <= 65535 * most
 
 
+@pytest.mark.parametrize("suffix", [".mov", ".mp4", ".webm", ".mkv"])
+def test_colours_of_a_video_are_by_the_matrix_that_it_names(suffix, tmp_path):
+    """Players take the numbers of a video that names none for those of one standard or of the other."""
+    path, colour = tmp_path / f"a{suffix}", (1.0, 0.05, 0.2)
+    image = Image(np.full((32, 32, 3), colour, np.float32))
+    write_video(path, [image], 24)
+    with av.open(str(path)) as file:
+        (stream,) = file.streams.video
+        codec = stream.codec_context
+        named = (codec.color_primaries, codec.color_trc, codec.colorspace)
+        frame = next(file.decode(stream))
+        named += (frame.color_range,)
+        bits = {"yuv420p": 8, "gbrp16le": 16}.get(frame.format.name, 10)
+        planes = [np.frombuffer(plane, np.uint8 if bits == 8 else np.uint16) for plane in frame.planes]
+    first, second, third = (float(plane[0]) for plane in planes)
+    red, green, blue = image.developed()[0, 0]
+    if suffix == ".mkv":
+        assert named == (1, 13, 0, 2)  # Rec. 709, the curve of sRGB, no matrix, the full range: ITU-T H.273
+        assert np.array([third, first, second]) / 65535 == pytest.approx([red, green, blue], abs=1e-4)
+    else:
+        assert named == (1, 13, 1, 1)
+        luma = 0.2126 * red + 0.7152 * green + 0.0722 * blue  # ITU-R BT.709-6
+        wanted = 16 + 219 * luma, 128 + 224 * (blue - luma) / 1.8556, 128 + 224 * (red - luma) / 1.5748
+        assert np.array([first, second, third]) / 2 ** (bits - 8) == pytest.approx(wanted, abs=2)
+
+
 def test_mistakes_of_a_video_are_named(tmp_path):
     with pytest.raises(InputError, match=r"a\.avi: is no video .got \.avi; allowed \.mov"):
         check_video(tmp_path / "a.avi")
