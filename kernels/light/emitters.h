@@ -185,6 +185,22 @@ static void sample_environment(Scene scene, F pick, I kind, F u, F v, LightSampl
 }
 #endif
 
+#if TINY_LAMPS
+#define TINY_ANGLE     1e-4f        // of a lamp whose neighbours a rounded direction may meet in its place, at most
+#define FAR_ROUNDING   4e-6f        // of the distance: how far before or behind it then meets them
+
+// How far a shadow ray goes to a lamp at distance `reach`. Where that is far beside its size the ray ends before what lies
+// round the place that was chosen, as other triangles of its mesh. Not where backs shine, which the front of the lamp hides.
+static F reach_of_tiny(const __global Emitter *es, I e, I kind, F reach)
+{
+    F extent = OF_EMITTER(F, a.w);
+    F angle = TINY_ANGLE * reach;
+    I flat = (kind == EMITTER_RECTANGLE) | (kind == EMITTER_DISK) | (kind == EMITTER_TRIANGLE);
+    I tiny = (flat & (extent < angle * angle)) | ((kind >= EMITTER_BOX) & (extent < angle));
+    return (tiny & (OF_EMITTER(I, two_sided) == 0)) ? reach * (1.0f - FAR_ROUNDING) : reach;
+}
+#endif
+
 // One emitter for each lane, and one direction towards it from p, on a surface with normal n.
 static LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
 {
@@ -262,6 +278,9 @@ static LightSample sample_emitter(Scene scene, F3 p, F3 n, F pick_u, F u, F v)
 #endif
 #if ENVIRONMENT_SAMPLED
     sample_environment(scene, pick, kind, u, v, &s, &weight);
+#endif
+#if TINY_LAMPS
+    s.reach = reach_of_tiny(es, e, kind, s.reach);
 #endif
     // Take the radiance at the wavelengths of the path.
 #if SPECTRAL_COLOURS

@@ -67,8 +67,8 @@ Found = tuple[NDArray[np.void], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Emitters:
-    """Records, the sampled emitter of each primitive, the kinds there are, the curve that picks by power, and the tree
-    that picks instead where there are many lamps."""
+    """Records, the sampled emitter of each primitive, the kinds there are, the curve that picks by power, the tree
+    that picks instead where there are many lamps, and whether lamps may be so far away that rays end before them."""
 
     records: NDArray[np.void]
     of_primitive: dict[int, int]
@@ -76,6 +76,7 @@ class Emitters:
     count: int
     curve: NDArray[np.float32]
     tree: LightTree | None = None
+    tiny: bool = False
 
     @property
     def facts(self) -> dict[str, int]:
@@ -86,6 +87,7 @@ class Emitters:
             "HAS_EMITTERS": int(self.count > 0),
             "ONE_EMITTER": int(self.count == 1),
             "LIGHT_TREE": int(self.tree is not None),
+            "TINY_LAMPS": int(self.tiny),
             "EMITTER_FLATS": int(bool(self.kinds & flats)),
             "EMITTER_TRIANGLES": int(EmitterKind.TRIANGLE in self.kinds),
             "EMITTER_DISKS": int(EmitterKind.DISK in self.kinds),
@@ -135,6 +137,7 @@ def _solid(primitive: Primitive, record: np.void) -> float:
 
 
 _BRIGHTEST_AFAR = 1e30  # over the lamps near by, of which nothing is to be seen then; sums of it are float32 still
+_TINY_ANGLE = 1e-4  # as in kernels/light/emitters.h
 _SAMPLED = {Kind.RECTANGLE: _flat, Kind.DISK: _flat, Kind.SPHERE: _sphere, **dict.fromkeys(SOLIDS, _solid)}
 
 
@@ -208,6 +211,17 @@ def _scene_reach(primitives: list[Primitive], eye: NDArray[np.float64]) -> float
     return reach or 1.0
 
 
+def _has_tiny(records: NDArray[np.void], primitives: list[Primitive], eye: NDArray[np.float64]) -> bool:
+    """Return whether one of several lamps may be seen at an angle below which kernels end rays before it."""
+    pieces = records[records["primitive"] >= 0]
+    if len(pieces) < 2:
+        return False
+    extents = pieces["a"][:, 3].astype(np.float64)
+    sizes = np.where(pieces["kind"] >= EmitterKind.BOX, extents, np.sqrt(extents))
+    ends = (pieces["kind"] != EmitterKind.SPHERE) & (pieces["two_sided"] == 0)
+    return bool((sizes[ends] < _TINY_ANGLE * 2 * _scene_reach(primitives, eye)).any())
+
+
 def pack_emitters(
     scene: Scene,
     primitives: list[Primitive],
@@ -261,7 +275,8 @@ def pack_emitters(
             tree = _with_tree(records, powers, lamps, reach, surroundings)
         _note_infinity(records["kind"], surroundings)
     kinds = frozenset(EmitterKind(kind) for kind in set(records["kind"][:count].tolist()))
-    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree)
+    tiny = _has_tiny(records, primitives, eye)
+    return Emitters(records, of_primitive, kinds, count, curve.ravel(), tree, tiny)
 
 
 def _with_tree(

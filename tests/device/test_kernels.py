@@ -30,7 +30,9 @@ BANNED = ("fast-relaxed-math", "unsafe-math", "finite-math", "mad-enable", "no-s
 RARE = [
     {"shape": "sphere", "center": [0, 0, 9], "radius": 1, "transform": [{"scale": [1, 2, 1]}], "material": "grid"},
     PLANE | {"material": {"kind": "matte", "reflectance": 0.5}},
-]
+    {"shape": "disk", "center": [0, 0, 5], "normal": [0, 0, 1], "radius": 1e-5,
+     "material": {"kind": "emissive", "radiance": 1}},
+]  # fmt: skip
 SOLIDS = ("box", "cylinder", "cone", "sphere")  # of a sphere an ellipsoid
 PATTERNS = {
     "gradient": {"kind": "gradient", "start": 0.1, "end": 0.9},

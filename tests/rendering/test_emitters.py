@@ -128,6 +128,27 @@ def test_sphere(distance, radius):
     assert_irradiance(scene, f"sphere {radius}", math.pi / distance**2)
 
 
+TURNED = [{"rotate": {"axis": [0, 0, 1], "degrees": 17}}, {"scale": 2e-7}, {"translate": [0, 0, 2]}]
+CORNERS = [[1, 0, 0], [0, 1, 0], [-1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]]
+SIDES = [face for a in range(4) for b in [(a + 1) % 4] for face in ([a, b, 4], [b, a, 5])]
+OF_PIECES = {
+    "octahedron": ({"shape": "mesh", "vertices": CORNERS, "faces": SIDES}, 2.0),
+    "tube with its ends": (
+        {"shape": "cylinder", "base": [-0.7, 0, -0.7], "top": [0.7, 0, 0.7], "radius": 0.5},
+        1.4 + math.pi / 4 * math.sqrt(0.5),
+    ),
+}
+
+
+# E = L A / d^2; a direction in float32 may lead to another piece of the lamp than the one that was chosen
+@pytest.mark.parametrize("shape", OF_PIECES)
+def test_lamp_of_pieces_ten_million_times_its_size_away_does_not_shade_itself(shape):
+    description, area = OF_PIECES[shape]
+    pieces = {**description, "material": lamp(1 / 4e-14), "transform": TURNED}
+    scene = ground_under([pieces], eye=(-0.02, 0, 0.0001))
+    assert_irradiance(scene, f"far {shape}", area / 4, 0.002, spp=256)
+
+
 def test_sphere_aside_has_the_cosine_of_its_centre():
     scene = ground_under([sphere([1.2, 0, 1.6], 0.5)], eye=(-0.5, -0.5, 0.05))
     assert_irradiance(scene, "aside", math.pi * 0.25 / 4 * 0.8)
