@@ -100,7 +100,8 @@ def _film_distance(
 ) -> float:
     if method == "spot" and film_point_mm is not None:
         x, y, depth = film_point_mm
-        return best_film_distance_at(lens, (x, y), distance_mm, measured_from, wavelength_nm) - depth
+        there = distance_mm + depth if measured_from == "film" else distance_mm
+        return best_film_distance_at(lens, (x, y), there, measured_from, wavelength_nm) - depth
     if method == "spot":
         return best_film_distance(lens, distance_mm, measured_from, (wavelength_nm,))
     return film_distance(lens, distance_mm, measured_from, wavelength_nm)

@@ -117,16 +117,10 @@ def _spread(depth: NDArray[np.float64]) -> float:
 
 
 def _within_depth_of_field(task: Task, state: float, depth: NDArray[np.float64]) -> float:
-    """Return the share of what is met in a zone that a state shows sharply."""
-    drive = task.drive
-    place = drive.coordinate(state)
-    ends = [drive.state_at(place + side * drive.depth_of_focus / 2) for side in (-1, 1)]
-    low, high = drive.limits
-    distances = [drive.first_order_distance(min(max(end, low), high)) for end in ends]
-    here = drive.first_order_distance(state)
-    if here is None:
-        return 0.0
-    near, far = sorted((np.inf if distance is None else distance) / here for distance in distances)
-    met = depth[np.isfinite(depth)]
-    median = np.median(met)
-    return float(np.mean((met >= near * median) & (met <= far * median)))
+    """Return the share of what is met in a zone that a state shows sharply, if it shows the median so.
+
+    Its width is that of first-order optics, its place that of exact rays: the places of both may differ by more than that.
+    """
+    vergence = 1 / depth[np.isfinite(depth)]
+    away = np.abs(vergence - np.median(vergence))
+    return float(np.mean(away <= task.drive.sharp_vergence(state) / 2))

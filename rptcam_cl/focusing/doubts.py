@@ -58,25 +58,6 @@ def _is_at_an_end(task: Task, state: float) -> bool:
     return min(abs(place - drive.coordinate(end)) for end in drive.limits) <= AT_AN_END * drive.depth_of_focus
 
 
-def _vergence(task: Task, state: float) -> float | None:
-    """Return 1 over the distance that is sharp by first-order optics [1/m]."""
-    distance = task.drive.first_order_distance(state)
-    return None if distance is None else 1 / distance
-
-
-def _sharp_vergence(task: Task, state: float) -> float | None:
-    """Return how many 1/m a depth of focus is worth."""
-    drive = task.drive
-    low, high = drive.limits
-    place = drive.coordinate(state)
-    ends = [min(max(drive.state_at(place + side * drive.depth_of_focus), low), high) for side in (-1, 1)]
-    seen = [_vergence(task, end) for end in ends]
-    span = abs(drive.coordinate(ends[1]) - drive.coordinate(ends[0]))
-    if seen[0] is None or seen[1] is None or span == 0:
-        return None
-    return abs(seen[1] - seen[0]) / span * drive.depth_of_focus
-
-
 def _other_distance(task: Task, report: FocusReport) -> str | None:
     """Describe another distance that the zone shows once the focus is there.
 
@@ -84,9 +65,9 @@ def _other_distance(task: Task, report: FocusReport) -> str | None:
     it is near, each sharp.
     """
     drive, zone = task.drive, report.zone
-    sharp = _sharp_vergence(task, report.state)
-    if report.focus_distance_m is None or sharp is None:
+    if report.focus_distance_m is None:
         return None
+    sharp = drive.sharp_vergence(report.state)
     expected = 1 / report.focus_distance_m
     here = _shown(task, report.state, zone, APART * sharp)
     if not here:
@@ -130,12 +111,12 @@ def _shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float
 
 def _astigmatism(task: Task, report: FocusReport) -> str | None:
     """Describe where lines across and lines down have focuses of their own."""
-    sharp = _sharp_vergence(task, report.state)
+    sharp = task.drive.sharp_vergence(report.state)
     try:
         across, down = half_view(task.renderer, report.state, report.zone, "x").sharpest_along()
     except InputError:  # no light there
         return None
-    if sharp is None or abs(across - down) < APART * sharp or min(across, down) <= 0:
+    if abs(across - down) < APART * sharp or min(across, down) <= 0:
         return None
     return (
         f"the lens is astigmatic in the zone: upright lines are sharp at {1 / across:.4g} m, level ones at"

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import CameraModel, PupilRays, lens_to_focus, thin_lens, thin_lens_rays
+from rptcam_cl.cameras import CameraModel, PupilRays, film_point, lens_to_focus, thin_lens, thin_lens_rays
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing.lens_drive import GroupDrive, WholeLens
@@ -104,26 +105,51 @@ class ThinDrive(Drive):
         return self.coordinate(state) if self._is_fixed() else self._focal_length_mm
 
     def object_distance(self, state: float, zone: Zone | None = None) -> float | None:
-        """Return the distance of the plane in focus from the lens [m]."""
-        return state
+        """Return the distance from the lens of what is sharp in a zone, by default of the plane in focus [m]."""
+        depth = self._depth(zone)
+        if depth == 0:
+            return state
+        film = self.film_distance(state)
+        vergence = 1 / state + 1e3 / film - 1e3 / (film + depth)
+        return 1 / vergence if vergence > 0 else None
+
+    def _depth(self, zone: Zone | None) -> float:
+        """Return how far behind its centre the film lies in a zone [mm]."""
+        return 0.0 if zone is None else film_point(self.scene, self._camera, *zone.centre)[2]
 
     def first_order_distance(self, state: float) -> float | None:
         """Return the distance of the plane in focus from the lens [m]."""
         return state
 
+    def first_order_vergence(self, state: float) -> float:
+        """Return 1 over that distance [1/m]."""
+        return 1 / state
+
     def state_for(self, distance_m: float, zone: Zone) -> float:
-        """Return the state that makes a plane sharp: its distance.
+        """Return the state that makes a plane sharp in a zone: its distance, unless the film is tilted.
 
         Raises
         ------
         InputError
-            When the plane is nearer than natural size.
+            When the film would have to stand farther back than for natural size, or nearer than for infinity.
         """
         low, high = self.limits
-        if distance_m < low * (1 - 1e-9):
-            nearest = f"the nearest possible is {low * 1e3:.6g} mm"
-            raise InputError(f"camera: cannot focus at {distance_m * 1e3:.6g} mm from the lens; {nearest}")
-        return min(max(distance_m, low), high)
+        place = self._place_for(distance_m, self._depth(zone))
+        nearest, farthest = self.coordinate(low), self.coordinate(high)
+        if place > nearest * (1 + 1e-9) or place < farthest - self.depth_of_focus:
+            end, word = (low, "nearest") if place > nearest else (high, "farthest")
+            reach = self.object_distance(end, zone)
+            words = "" if reach is None else f"; the {word} possible is {reach * 1e3:.6g} mm"
+            raise InputError(f"camera: cannot focus at {distance_m * 1e3:.6g} mm from the lens{words}")
+        return min(max(distance_m if self._depth(zone) == 0 else self.state_at(place), low), high)
+
+    def _place_for(self, distance_m: float, depth: float) -> float:
+        """Return the coordinate that makes a plane sharp on the film so far behind its centre [mm]."""
+        focal = self._focal_length_mm
+        vergence = 1e-3 / distance_m
+        if self._is_fixed():
+            return (1 / (1 / focal - vergence) if vergence < 1 / focal else math.inf) - depth
+        return focal + focal**2 * (vergence - 1 / focal + 1 / (focal + depth))
 
     def camera_keys(self, state: float) -> dict[str, object]:
         """Return the keys of the scene's camera that set the state."""

@@ -156,6 +156,14 @@ class LensDrive(Drive):
         found = self._first_order_distance(*self.lens_at(state))
         return None if found is None else found * 1e-3
 
+    def first_order_vergence(self, state: float) -> float:
+        """Return 1 over that distance [1/m], by Newton's formula; below 0 nearer to the lens than for infinity."""
+        lens, back_mm = self.lens_at(state)
+        first = lens.first_order(self.own_camera.wavelength_nm)
+        extension = back_mm - first.back_focal_distance_mm
+        to_front = lens.length + lens.sense * back_mm - first.front_focal_distance_mm
+        return 1e3 * extension / (first.focal_length_mm * first.front_focal_length_mm + extension * to_front)
+
     def _first_order_distance(self, lens: Lens, back_mm: float) -> float | None:
         try:
             return object_distance(lens, back_mm, self.own_camera.wavelength_nm)
@@ -170,10 +178,11 @@ class LensDrive(Drive):
         Parameters
         ----------
         distance_mm
-            From the plane to the film.
+            From the plane to the film's centre.
         """
         wavelength = self.own_camera.wavelength_nm
         x, y, depth = (0.0, 0.0, 0.0) if zone is None else film_point(self.scene, self.own_camera, *zone.centre)
+        distance_mm += depth  # to the film in the zone
         if isinstance(self.own_camera, ThickLensCamera):
             return film_distance(lens, distance_mm, wavelength_nm=wavelength) - depth
         if not (x or y) and lens.is_rotational:

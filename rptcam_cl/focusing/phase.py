@@ -21,6 +21,7 @@ from rptcam_cl.cameras import Split, halved
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing.contrast import nothing_to_see
+from rptcam_cl.focusing.distance import state_within_reach
 from rptcam_cl.focusing.measures import Measured, Probe
 from rptcam_cl.focusing.phase_match import (
     LEAST_CONTRAST,
@@ -34,7 +35,7 @@ from rptcam_cl.focusing.phase_match import (
 )
 from rptcam_cl.focusing.probe import Drive, Zone, ZoneImage, chosen, circle_of_confusion
 from rptcam_cl.focusing.renderer import ProbeRenderer
-from rptcam_cl.focusing.report import FocusReport, NoContrast, ProbeRecord
+from rptcam_cl.focusing.report import FocusReport, NoContrast, OutOfReach, ProbeRecord
 from rptcam_cl.focusing.search import Task, within
 
 MARGIN_STEP = 8  # margins are multiples of so many pixels, so that probes can share their buffers
@@ -289,13 +290,11 @@ class PhaseSearch:
     @property
     def state(self) -> float:
         """The state that makes the target sharpest, by the last probe."""
-        low, high = self.drive.limits
         vergence = self.match.vergence
         try:
-            state = self.drive.state_for(1 / vergence if vergence > 0 else math.inf, self.zone)
-        except InputError:  # out of reach
-            state = high if (self.drive.nearer > 0) == (vergence > 0) else low
-        return min(max(state, low), high)
+            return state_within_reach(self.drive, 1 / vergence if vergence > 0 else math.inf, self.zone)
+        except OutOfReach as problem:
+            return problem.state
 
     @property
     def moved(self) -> float:

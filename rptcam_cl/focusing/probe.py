@@ -143,6 +143,19 @@ class Drive(ABC):
         """Return the distance of the plane in focus by first-order optics [m]; None where none is."""
 
     @abstractmethod
+    def first_order_vergence(self, state: float) -> float:
+        """Return 1 over that distance [1/m]; below 0 where the film stands too near for anything to be sharp."""
+
+    def sharp_vergence(self, state: float) -> float:
+        """Return how many 1/m a depth of focus is worth."""
+        low, high = self.limits
+        place = self.coordinate(state)
+        ends = [min(max(self.state_at(place + side * self.depth_of_focus), low), high) for side in (-1, 1)]
+        one, other = (self.first_order_vergence(end) for end in ends)
+        span = abs(self.coordinate(ends[1]) - self.coordinate(ends[0]))
+        return abs(other - one) / span * self.depth_of_focus
+
+    @abstractmethod
     def state_for(self, distance_m: float, zone: Zone) -> float:
         """Return the state that makes a plane sharpest in the middle of a zone, by the lens alone.
 
