@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 from rptcam_cl._version import __version__
 from rptcam_cl.core.errors import DeviceError, InputError, NumericError, RptcamError, StateError
 
+TYPE_CHECKING = False  # as of `typing`, which takes longer to import than an interrupt may go unheeded
 if TYPE_CHECKING:
+    from typing import Any
+
     from rptcam_cl.api import (
         Change,
         FocusReport,

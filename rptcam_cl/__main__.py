@@ -1,7 +1,6 @@
 """The command line, as ``rptcam`` and as ``python -m rptcam_cl``."""
 
 import atexit
-import contextlib
 import gc
 import os
 import signal
@@ -20,13 +19,13 @@ def run() -> int:
     Until all is imported, an interrupt ends the process at once and in silence: nothing is begun that could be lost.
     Its end does not take apart what the process has in memory, which the system takes back sooner.
     """
+    python_interrupt = signal.getsignal(signal.SIGINT)
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     ended_with: list[int] = []
     atexit.register(_leave, ended_with)  # the first, so that it comes last
     gc.set_threshold(LITTER, 20, 20)
     for name, value in QUICK_TO_START.items():
         os.environ.setdefault(name, value)
-    python_interrupt = signal.getsignal(signal.SIGINT)
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
     from rptcam_cl.cli import main
 
     signal.signal(signal.SIGINT, python_interrupt)
@@ -37,10 +36,12 @@ def run() -> int:
 def _leave(ended_with: list[int]) -> None:
     """End the process, after all that was to be done at its end; where a command has not ended, Python goes on."""
     if ended_with:
-        with contextlib.suppress(OSError):  # then Python says what is wrong
+        try:
             sys.stdout.flush()
             sys.stderr.flush()
-            os._exit(ended_with[0])
+        except OSError:  # Python says what is wrong
+            return
+        os._exit(ended_with[0])
 
 
 if __name__ == "__main__":

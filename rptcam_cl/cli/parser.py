@@ -92,7 +92,9 @@ seed = _number(int, 0, 2**64 - 1, "a whole number from 0 to 2^64 - 1")
 port = _number(int, 0, 2**16 - 1, "0 to 65535; 0 takes one that is free")
 positive = _number(float, _SMALLEST, _LARGEST, "a finite number above 0")
 
-_UNITS = {"": 1.0, "s": 1.0, "m": 60.0, "min": 60.0, "h": 3600.0}
+_AMOUNT = r"([0-9.]+(?:e[+-]?\d+)?)\s*"
+_DURATION = rf"(?:{_AMOUNT}h\s*)?(?:{_AMOUNT}(?:min|m)\s*)?(?:{_AMOUNT}s)?|{_AMOUNT}"
+_UNITS = {1: 3600.0, 2: 60.0, 3: 1.0, 4: 1.0}  # of its groups
 
 
 def share(text: str) -> float:
@@ -108,14 +110,14 @@ def share(text: str) -> float:
 
 
 def duration(text: str) -> float:
-    """Time of ``60``, ``60s``, ``2min`` or ``1h`` [s]."""
-    match = re.fullmatch(r"([0-9.]+(?:e[+-]?\d+)?)\s*(s|m|min|h|)", text.strip(), re.IGNORECASE)
+    """Time of ``60``, ``60s``, ``2min``, ``1h`` or ``1m30s`` [s]."""
+    match = re.fullmatch(_DURATION, text.strip(), re.IGNORECASE)
     try:
-        found = float(match[1]) * _UNITS[match[2].lower()] if match else -1.0
+        found = sum(unit * float(match[group] or 0) for group, unit in _UNITS.items()) if match else -1.0
     except ValueError:
         found = -1.0
     if not 0 < found <= 1e9:
-        raise argparse.ArgumentTypeError(f"got {text}; allowed a time above 0, as 60s, 2min or 1h")
+        raise argparse.ArgumentTypeError(f"got {text}; allowed a time above 0, as 60s, 2min, 1h or 1m30s")
     return found
 
 

@@ -1,9 +1,9 @@
 """PoCL's cache of compiled kernels, made safe: a folder that can be written, and no file in it that was cut short.
 
 PoCL offers no device at all where it cannot make the folder, and brings the process down when it maps a kernel that a
-full disk or a crash has cut short. Thousands of programs take most of a second to look through. So that is done
-only where something may have been cut short: after a process that did not end well (`rptcam_cl.device.at_work`), a new
-start of the system, or a day.
+full disk or a crash has cut short. Thousands of programs take seconds to look through. So that is done only where
+something may have been cut short: after a process that did not end well (`rptcam_cl.device.at_work`), what was written
+since that one began; after a new start of the system, or a day, everything.
 
 Nobody but PoCL can find a program's code in its cache. So a note is put into a folder there for each program whose code
 was generated: who deletes the cache deletes the notes.
@@ -30,6 +30,7 @@ from rptcam_cl.device.at_work import left_behind, mark_work
 VARIABLE = "POCL_CACHE_DIR"
 ROOM = 8 << 20  # bytes: the kernels of a scene with everything
 WRITING = 1.0  # seconds that pass, at most, while a process writes a file
+CLOCKS_APART = 300.0  # seconds, at most, between those of the file systems of the cache and of the marks
 SOUND_FOR = 86400.0  # seconds after which all files are looked through again
 _SOUND = "sound"  # name of the file that says when they were, and since which start of the system
 _NOTES = "rptcam_cl"  # name of the folder of notes
@@ -55,9 +56,12 @@ def make_pocl_cache_usable() -> None:
         left = left_behind(marks)
         with contextlib.suppress(OSError):  # marks cannot be kept: the next process looks through all files again
             mark_work(marks, ended_well=lambda: _has_room(folder))
-        if left or not _is_known_sound(marks):
+        if not _is_known_sound(marks):
             _mend(folder)
             _call_sound(marks, left)
+        elif left:
+            _mend(folder, since=_began(left))
+            _forget(left)
         return
     try:
         place = tempfile.mkdtemp(prefix="rptcam_cl-kernels-")
@@ -81,9 +85,9 @@ def note_code(name: str) -> None:
         note.touch()
 
 
-def _mend(folder: Path) -> None:
-    """Remove damaged files, and the notes of what there is."""
-    damaged = sum(map(_removed, _damaged(folder)))
+def _mend(folder: Path, since: float = 0.0) -> None:
+    """Remove damaged files that were written since a time [s], and the notes of what there is."""
+    damaged = sum(map(_removed, _damaged(folder, since)))
     if damaged:
         shutil.rmtree(folder / _NOTES, ignore_errors=True)
         warnings.warn(f"{folder}: damaged kernels ({damaged}) are compiled anew", stacklevel=1)
@@ -99,9 +103,21 @@ def _is_known_sound(marks: Path) -> bool:
 
 
 def _call_sound(marks: Path, left: list[Path]) -> None:
-    """Write down that all files have been looked through; forget the processes that were the reason."""
+    """Write down that all files have been looked through; forget the processes that were a reason."""
     with contextlib.suppress(OSError):
         (marks / _SOUND).write_bytes(_BOOT.read_bytes())
+        _forget(left)
+
+
+def _began(left: list[Path]) -> float:
+    """Return when the first of some processes may have begun to write, by their marks [s]."""
+    with contextlib.suppress(OSError):  # another process has just looked: all is looked through then
+        return min(mark.stat().st_mtime for mark in left) - CLOCKS_APART
+    return 0.0
+
+
+def _forget(left: list[Path]) -> None:
+    with contextlib.suppress(OSError):
         for mark in left:
             mark.unlink(missing_ok=True)
 
@@ -136,9 +152,9 @@ def _removed(path: Path) -> bool:
     return False
 
 
-def _damaged(folder: Path) -> list[Path]:
-    """Return the files of PoCL's cache that are not whole; looked for in a few milliseconds per hundred programs."""
-    suspects = [path for path in _files(folder) if not _is_whole(path)]
+def _damaged(folder: Path, since: float) -> list[Path]:
+    """Return the files of PoCL's cache, written since a time [s], that are not whole."""
+    suspects = [path for path in _files(folder, since) if not _is_whole(path)]
     if suspects:
         time.sleep(WRITING)  # another process may just be writing them
     return [path for path in suspects if not _is_whole(path) and _age(path) >= WRITING]
@@ -152,7 +168,7 @@ def _age(path: Path) -> float:
         return 0.0
 
 
-def _files(folder: Path) -> Iterator[Path]:
+def _files(folder: Path, since: float) -> Iterator[Path]:
     folders = [str(folder)]
     while folders:
         try:
@@ -160,7 +176,7 @@ def _files(folder: Path) -> Iterator[Path]:
                 for entry in entries:
                     if entry.is_dir(follow_symlinks=False):
                         folders.append(entry.path)
-                    elif entry.name == "program.bc" or entry.name.endswith(".so"):
+                    elif entry.name.endswith((".so", "program.bc")) and entry.stat().st_mtime >= since:
                         yield Path(entry.path)
         except OSError:  # another process is at work
             continue

@@ -121,3 +121,10 @@ def test_process_does_what_is_left_to_do_and_ends_without_taking_itself_apart(wo
     done = subprocess.run([sys.executable, "-c", program, *words], stdout=subprocess.PIPE, text=True, check=False)
     assert done.returncode == code
     assert done.stdout.endswith("left to do\n")
+
+
+def test_nothing_that_takes_long_is_imported_before_an_interrupt_ends_the_process_in_silence() -> None:
+    program = "import sys; before = set(sys.modules); import rptcam_cl.__main__; print(*set(sys.modules) - before)"
+    imported = subprocess.run([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, check=True).stdout
+    assert "signal" in imported.split()
+    assert not {"argparse", "contextlib", "numpy", "re", "typing"} & set(imported.split())

@@ -1,10 +1,12 @@
 import io
+from argparse import ArgumentTypeError
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from rptcam_cl.cli import progress as module
+from rptcam_cl.cli.parser import duration
 from rptcam_cl.cli.progress import LastTiles, as_duration, describe, fraction_done, progress_on_stderr
 
 
@@ -89,6 +91,28 @@ def test_start_without_samples_divides_by_nothing() -> None:
 )
 def test_duration_is_short(seconds: float, text: str) -> None:
     assert as_duration(seconds) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "seconds"),
+    [
+        ("60", 60),
+        ("1.5m", 90),
+        ("1m30s", 90),
+        ("1h30m", 5400),
+        ("1 h 02 min", 3720),
+        ("1H 1min 1s", 3661),
+        ("1e3s", 1000),
+    ],
+)
+def test_time_is_read_as_people_write_it(text: str, seconds: float) -> None:
+    assert duration(text) == seconds
+
+
+@pytest.mark.parametrize("text", ["", "m", "1h30", "30s1m", "1m1m", "0m0s", "-1s", "nan", "1..5s"])
+def test_time_that_says_nothing_or_two_things_is_refused(text: str) -> None:
+    with pytest.raises(ArgumentTypeError, match="allowed a time above 0, as 60s"):
+        duration(text)
 
 
 def test_kept_text_gets_a_line_every_ten_seconds() -> None:

@@ -138,7 +138,7 @@ def test_statistics_that_json_cannot_say_are_null(scene: Path, renderer: Any, rp
         (["-o", "a.exr", "--layers", "depth,"], 2, "--layers: got a comma too many in depth,; allowed all"),
         (["-o", "a.png", "--set", "camera.fov=50"], 2, "camera.fov: unknown key; did you mean fov_degrees"),
         (["-o", "a.png", "--spp", "9" * 5000], 2, "--spp: got 999"),
-        (["-o", "a.png", "--time", "0"], 2, "--time: got 0; allowed a time above 0, as 60s, 2min or 1h"),
+        (["-o", "a.png", "--time", "0"], 2, "--time: got 0; allowed a time above 0, as 60s, 2min, 1h or 1m30s"),
         (["-o", "a.png", "--time", "nan"], 2, "--time: got nan"),
         (["-o", "a.png", "--time", "inf"], 2, "--time: got inf"),
         (["-o", "a.png", "--time", "-3"], 2, "--time: got -3"),

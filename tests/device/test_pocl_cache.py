@@ -4,6 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -48,12 +49,12 @@ def test_full_disk_gives_way_with_a_word(monkeypatch):
         make_pocl_cache_usable()
 
 
-def damaged_kernel(folder):
-    """A file that ends too soon, of long ago."""
-    file = folder / "AB" / "CD" / "program.bc"
+def damaged_kernel(folder, *, program="CD", written=1e9):
+    """A file that ends too soon, of long ago by default."""
+    file = folder / "AB" / program / "program.bc"
     file.parent.mkdir(parents=True, exist_ok=True)
     file.touch()
-    os.utime(file, (1e9, 1e9))
+    os.utime(file, (written, written))
     return file
 
 
@@ -92,21 +93,23 @@ def test_processes_at_work_are_no_reason_to_look(sound):
 @pytest.mark.parametrize("end", ["os._exit(0)", "os.kill(os.getpid(), 9)"])
 def test_files_are_looked_through_after_a_process_that_did_not_end_well(sound, end):
     in_a_process(f"make_pocl_cache_usable()\n{end}")
-    kernel = damaged_kernel(sound)
+    kernel = damaged_kernel(sound, written=time.time())
+    before = damaged_kernel(sound, program="EF", written=time.time() - 86400)  # that process was not there
     note_code("ab")
     assert is_code_noted("ab")
     with pytest.warns(UserWarning, match=r"damaged kernels \(1\) are compiled anew"):
         make_pocl_cache_usable()
     assert not kernel.exists() and not is_code_noted("ab")
+    assert before.exists()
     make_pocl_cache_usable()  # and once is enough
-    kernel = damaged_kernel(sound)
+    kernel = damaged_kernel(sound, written=time.time())
     make_pocl_cache_usable()
     assert kernel.exists()
 
 
 def test_files_are_looked_through_after_a_full_disk(sound):
     in_a_process("import rptcam_cl.device.pocl_cache as c\nmake_pocl_cache_usable()\nc.ROOM = 1 << 62")
-    kernel = damaged_kernel(sound)
+    kernel = damaged_kernel(sound, written=time.time())
     with pytest.warns(UserWarning, match="damaged kernels"):
         make_pocl_cache_usable()
     assert not kernel.exists()
@@ -155,7 +158,6 @@ def test_render_goes_on_with_damaged_kernels(tmp_path):
         assert files
         for file in files:
             os.truncate(file, size)
-            os.utime(file, (1e9, 1e9))
         in_a_process("make_pocl_cache_usable()\nos._exit(1)")  # as if it had crashed while it wrote them
         assert "are compiled anew" in rendered(tmp_path)
 
