@@ -119,7 +119,7 @@ def _spread(depth: NDArray[np.float64]) -> float:
 def _within_depth_of_field(task: Task, state: float, depth: NDArray[np.float64]) -> float:
     """Return the share of what is met in a zone that a state shows sharply, if it shows the median so.
 
-    Its width is that of first-order optics, its place that of exact rays: the places of both may differ by more than that.
+    Its width is that of first-order optics, its place that of exact rays. The places may differ by more than the width.
     """
     vergence = 1 / depth[np.isfinite(depth)]
     away = np.abs(vergence - np.median(vergence))
