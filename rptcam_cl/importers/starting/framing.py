@@ -59,18 +59,22 @@ class Projection:
     metres_per_unit : float
     corner_mm : float
         From the middle of the film to its corner.
+
+    Attributes
+    ----------
+    length_mm : float
+        From the first vertex to the film.
+    pupils_mm : (2,) array
+        From the first vertex to the entrance pupil, across and up.
+    scales_mm : (2,) array
+        On the film per unit of the tangent from there, on the axis.
     """
 
     def __init__(self, setting: LensSetting, metres_per_unit: float, corner_mm: float) -> None:
         lens, back = setting.lens, setting.film_distance_mm
         self._unit_mm = metres_per_unit * 1e3
         self.length_mm = lens.length + lens.sense * back  # from the first vertex to the film
-        first = lens.first_order(setting.camera.wavelength_nm)
-        self._pupil_mm = first.entrance_pupil.distance_mm if np.isfinite(first.entrance_pupil.distance_mm) else 0.0
-        magnified = 1 + (back - first.back_focal_distance_mm) / first.focal_length_mm
-        self.scales_mm = [
-            magnified * lens.first_order(setting.camera.wavelength_nm, section).focal_length_mm for section in "xy"
-        ]
+        self.pupils_mm, self.scales_mm = np.transpose([_perspective(setting, section) for section in "xy"])
         self._heights = np.linspace(0, 1.2 * corner_mm, HEIGHTS)
         self._rays = _chief_rays(setting, self._heights)
 
@@ -79,9 +83,9 @@ class Projection:
         depth = seen[:, 2] * self._unit_mm - self.length_mm
         across = seen[:, :2] * self._unit_mm
         if self._rays is None:
-            ahead = depth + self._pupil_mm
+            ahead = depth[:, None] + self.pupils_mm
             with np.errstate(all="ignore"):
-                return np.where(ahead[:, None] > 0, across / ahead[:, None] * self.scales_mm, np.inf)
+                return np.where((ahead > 0).all(axis=1, keepdims=True), across / ahead * self.scales_mm, np.inf)
         radius = np.hypot(across[:, 0], across[:, 1])
         starts, slopes = self._rays
         reached = starts + slopes * depth[:, None]
@@ -92,6 +96,21 @@ class Projection:
         height[(depth <= 0) | (radius > high)] = np.inf
         with np.errstate(all="ignore"):
             return np.where(radius[:, None] > 0, across * (height / radius)[:, None], 0.0)
+
+
+def _perspective(setting: LensSetting, section: str) -> tuple[float, float]:
+    """Return how far behind the first vertex the entrance pupil lies, and what a unit of the tangent from there is on
+    the film [mm], to first order: chief rays leave the exit pupil flatter by the ratio of the pupils (Lagrange)."""
+    lens, back, wavelength = setting.lens, setting.film_distance_mm, setting.camera.wavelength_nm
+    first = lens.first_order(wavelength, section)
+    entrance, leaving = first.entrance_pupil, first.exit_pupil
+    if not np.isfinite(entrance.distance_mm):  # all that is in focus is as large, however far
+        return 0.0, first.focal_length_mm + back - first.back_focal_distance_mm
+    if not np.isfinite(leaving.distance_mm):  # the entrance pupil is the focus before the lens
+        return entrance.distance_mm, first.focal_length_mm
+    behind = float(lens.indices(wavelength)[-1])
+    scale = abs(back - leaving.distance_mm) * entrance.diameter_mm / leaving.diameter_mm / behind
+    return entrance.distance_mm, scale
 
 
 def _chief_rays(setting: LensSetting, heights: Array) -> tuple[Array, Array] | None:

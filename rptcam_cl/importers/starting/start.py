@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +16,7 @@ from rptcam_cl.cameras import LensSetting, lens_setting
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.importers.starting.copies import Copies
-from rptcam_cl.importers.starting.framing import Framing, View
+from rptcam_cl.importers.starting.framing import Framing, Projection, View
 from rptcam_cl.importers.starting.stage import balls, studio
 from rptcam_cl.importers.starting.subject import Subject, read_subject
 from rptcam_cl.optics import film_distance, image_circle, load_lens, names_a_file
@@ -29,6 +29,8 @@ FULL_FRAME_MM = 43.2666  # diagonal of 36 x 24
 DEFAULT_LENS = "dgauss-50mm"
 LUMENS_PER_WATT = 683.0  # KHR_lights_punctual counts candelas and lux, a scene watts
 MOST_OPEN = 2.8  # f-number of a first picture, or the widest of a slower lens
+FAR_M = 1e6
+FOCUSINGS = 5  # in which the entrance pupil comes to rest where it is wanted; each leaves a tenth of the way at most
 PLAIN = {"kind": "plastic", "reflectance": 0.5, "roughness": 0.4}  # of a model whose file has no material
 ROUND_TO = 6  # digits
 PLAUSIBLE = (0.01, 20.0)  # [m], the longest side of what one takes a picture of
@@ -174,11 +176,7 @@ class _Stage:
         film = self._film_mm(str(self._lens_source(lens)))
 
         def set_lens(view: View, depth: float) -> LensSetting:
-            camera = self._camera(str(self._lens_source(lens)), view, view.eye + view.forward, depth)
-            if isinstance(source := self._lens_source(lens), Path):
-                camera["lens"] = source.name
-                return lens_setting(load_scene({"camera": camera}, base_dir=source.resolve().parent))
-            return lens_setting(load_scene({"camera": camera}))
+            return self._set(lens, view, depth)
 
         framing = Framing(subject.points, _three_quarters(self._up), self._up, film, set_lens, unit)
         view = framing.view()
@@ -192,6 +190,15 @@ class _Stage:
         self._start.report.append(
             f"the model is {_size(subject, unit)}; it fills {framing.share:.0%} of the frame from {depth * unit:.3g} m"
         )
+
+    def _set(self, lens: str, view: View, depth: float) -> LensSetting:
+        """Return the lens focused at a depth ahead of the middle of the film."""
+        source = self._lens_source(lens)
+        camera = self._camera(str(source), view, view.eye + view.forward, depth)
+        if isinstance(source, Path):
+            camera["lens"] = source.name
+            return lens_setting(load_scene({"camera": camera}, base_dir=source.resolve().parent))
+        return lens_setting(load_scene({"camera": camera}))
 
     def _by_file(self, camera: GltfCamera) -> None:
         """Take the camera of the model's file: its field of view through the lens, or as a thin lens."""
@@ -220,13 +227,30 @@ class _Stage:
             self._start.report.append(f"the camera is {camera.name} of the file, as a thin lens at f/{MOST_OPEN}")
             return
         lens = self._lens_key()
-        focal = load_lens(self._lens_source(lens)).first_order().focal_length_mm
-        self._film_mm(str(self._lens_source(lens)), 2 * focal * math.tan(camera.height_radians / 2))
-        self._start.scene["camera"] = self._camera(lens, view, eye + ahead * forward, ahead)
+        try:
+            back, scale = self._behind(lens, view, ahead)
+        except InputError as problem:
+            raise InputError(f"{camera.name} of the file: {problem} (allowed: another lens, or --reframe)") from None
+        self._film_mm(str(self._lens_source(lens)), 2 * scale * math.tan(camera.height_radians / 2))
+        there = replace(view, eye=eye - back * forward)
+        self._start.scene["camera"] = self._camera(lens, there, eye + ahead * forward, ahead + back)
         self._start.scene["camera"]["up"] = list(camera.up)
         self._start.report.append(
             f"the camera is {camera.name} of the file, {degrees:.3g} degrees high; the film fits that through {lens}"
         )
+
+    def _behind(self, lens: str, view: View, ahead: float) -> tuple[float, float]:
+        """Return how far behind a view's eye the film is whose entrance pupil is there, and the scale of the picture.
+
+        Lengths are scene units, the scale is that of `Projection`, upwards. The plane in focus lies ahead of the eye.
+        """
+        unit = self._wishes.metres_per_unit
+        depth = FAR_M / unit  # at first, as a lens may focus no nearer than where its film will be
+        for _ in range(FOCUSINGS):
+            projection = Projection(self._set(lens, view, depth), unit, 1.0)
+            back = (projection.length_mm - float(projection.pupils_mm[1])) * 1e-3 / unit
+            depth = ahead + back
+        return back, float(projection.scales_mm[1])
 
     def _lit(self) -> None:
         scene, wishes, lights = self._start.scene, self._wishes, self._subject.lights

@@ -7,10 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rptcam_cl import api
+from rptcam_cl import api, calibration
 from rptcam_cl.cameras import lens_setting
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.importers.starting import Wishes, starting_scene
+from rptcam_cl.importers.starting.framing import Projection
 from rptcam_cl.scene import load_scene
 from tests.assets.gltf_writer import GltfWriter, triangle
 
@@ -53,6 +54,17 @@ def test_model_fills_two_thirds_of_a_rendered_frame(model: Path, home: Path, len
     assert max(height, width) == pytest.approx(2 / 3, abs=0.03)  # a pixel is 1 / 64
     middle = (lit.max(axis=0) + lit.min(axis=0) + 1) / 2 / (64, 96)
     assert middle == pytest.approx([0.5, 0.5], abs=0.03)
+
+
+@pytest.mark.parametrize(("lens", "away"), [("mirror-500mm", 5.0), ("cylinder-pair", 1.0), ("telephoto-400mm", 5.0)])
+def test_lenses_that_go_by_first_order_are_framed_by_their_chief_rays(lens: str, away: float) -> None:
+    camera = {"kind": "realistic", "lens": lens, "eye": [0, 0, 0], "target": [0, 0, -1], "focus": {"distance_m": away}}
+    scene = load_scene({"camera": camera, "film": {"resolution": [960, 640], "diagonal_mm": 20}})
+    film = Projection(lens_setting(scene), 1.0, 10.0).film_mm(np.array([[4e-3, 2e-3, 1.0]]) * away)[0]
+    seen = calibration.view(scene)
+    (direction,), _ = seen.directions([[480 + film[0] / 20 * 1153.7764, 320 - film[1] / 20 * 1153.7764]])
+    depth = away - seen.pupil_ahead_mm * 1e-3
+    np.testing.assert_allclose(direction[:2] / direction[2] * depth, [4e-3 * away, -2e-3 * away], rtol=3e-3)
 
 
 def test_front_of_the_model_is_in_focus(model: Path, home: Path) -> None:
@@ -140,14 +152,40 @@ def test_camera_of_a_gltf_file_is_taken(home: Path, lens: str | None) -> None:
     (home / "room.glb").write_bytes(world("spot").glb())
     scene = load_scene(starting_scene(Wishes(home / "room.glb", lens=lens), home).scene, base_dir=home)
     assert scene.film.resolution == (960, 768)
-    assert scene.camera.eye == (0.2, 0.2, 4)
     assert scene.camera.target == (0.2, 0.2, 0)
     if lens is None:
+        assert scene.camera.eye == (0.2, 0.2, 4)
         assert scene.camera.fov_degrees == pytest.approx(math.degrees(0.5), rel=1e-5)
         assert scene.camera.focus_distance_m == pytest.approx(4)
     else:
-        focal = scene.load_lens().first_order().focal_length_mm
-        assert scene.film.size_m()[1] * 1e3 == pytest.approx(2 * focal * math.tan(0.25), rel=1e-4)
+        assert scene.camera.eye[2] > 4.04  # the film, behind the entrance pupil
+
+
+@pytest.mark.parametrize(
+    ("lens", "away", "degrees"),
+    [("dgauss-50mm", 1.0, 17.0), ("telephoto-400mm", 8.0, 1.1), ("mirror-500mm", 10.0, 1.1)],
+)
+def test_perspective_of_a_gltf_camera_is_that_of_the_lens(home: Path, lens: str, away: float, degrees: float) -> None:
+    """Chief rays from the upper and the lower edge of the picture, where the camera stands and what is in focus."""
+    writer = world("spot")
+    writer.json["nodes"][1]["translation"] = [0.2, 0.2, away]
+    writer.json["cameras"][0]["perspective"]["yfov"] = math.radians(degrees)
+    (home / "room.glb").write_bytes(writer.glb())
+    scene = load_scene(starting_scene(Wishes(home / "room.glb", lens=lens), home).scene, base_dir=home)
+    seen = calibration.view(scene)
+    assert seen.pose()[:3, 3] == pytest.approx([0.2, 0.2, away], abs=5e-5)  # six digits of metres are written
+    assert seen.distance_m == pytest.approx(away, abs=5e-5)
+    edges, _ = seen.directions([[480, 0], [480, 768]])
+    below, above = np.degrees(np.arctan2(edges[:, 1], edges[:, 2]))[::-1]
+    assert below - above == pytest.approx(degrees, rel=5e-3)  # distortion, which the first order does not have
+
+
+def test_gltf_camera_that_is_too_near_for_its_lens_is_refused(home: Path) -> None:
+    writer = world("spot")
+    writer.json["nodes"][1]["translation"] = [0.2, 0.2, 0.1]
+    (home / "room.glb").write_bytes(writer.glb())
+    with pytest.raises(InputError, match=r"shot of the file: .* cannot focus at .*\(allowed: another lens, or --ref"):
+        starting_scene(Wishes(home / "room.glb", lens="dgauss-50mm"), home)
 
 
 @pytest.mark.parametrize("kind", ["spot", "point", "directional"])
