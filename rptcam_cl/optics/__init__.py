@@ -34,7 +34,15 @@ from rptcam_cl.optics.film_crossings import Crossings, crossings
 from rptcam_cl.optics.film_frame import UNMOVED, FilmFrame
 from rptcam_cl.optics.first_order import FirstOrder, Planes, Pupil, limiting_surface, system_matrix
 from rptcam_cl.optics.focus import film_distance, object_distance
-from rptcam_cl.optics.ghost_path import GhostImage, ghost_image, ghost_magnification, steps, unfolded, with_film
+from rptcam_cl.optics.ghost_path import (
+    GhostImage,
+    ghost_image,
+    ghost_magnification,
+    steps,
+    unfolded,
+    with_film,
+    with_wider_stop,
+)
 from rptcam_cl.optics.ghost_tree import Account, Lit
 from rptcam_cl.optics.ghosts import FilmLight, Ghosts, find_ghosts
 from rptcam_cl.optics.glare import Glare, veiling_glare
@@ -289,6 +297,7 @@ __all__ = [
     "veiling_glare",
     "with_coating",
     "with_film",
+    "with_wider_stop",
     "zoom_range_mm",
     "zoomed",
 ]

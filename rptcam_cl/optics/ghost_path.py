@@ -53,6 +53,14 @@ def with_film(lens: Lens, film_distance_mm: float, reflectance: float = 0.0) -> 
     return replace(lens, surfaces=(*lens.surfaces[:-1], last, film), configurations=(), focusing=None, floating=())
 
 
+def with_wider_stop(lens: Lens, factor: float) -> Lens:
+    """Return the lens with its stop wider by a factor, so that rays spread over the front find the way of the light."""
+    k = lens.stop_index
+    assert k is not None
+    wider = replace(lens.surfaces[k], semi_diameter=lens.surfaces[k].semi_diameter * factor)
+    return replace(lens, surfaces=(*lens.surfaces[:k], wider, *lens.surfaces[k + 1 :]))
+
+
 def steps(way: Way, surfaces: int) -> Iterator[Step]:
     """Yield the surfaces that light meets on a way through so many of them."""
     k, forward = 0, True

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.ghost_path import Way, check_lens, check_order
+from rptcam_cl.optics.ghost_path import Way, check_lens, check_order, with_wider_stop
 from rptcam_cl.optics.ghost_rays import Start, followed
 from rptcam_cl.optics.ghost_tree import RAYS, Account, Landed, Lit, Tree
 
@@ -100,20 +100,13 @@ def find_ghosts(lit: Lit, order: int = 2) -> Ghosts:
     formed = len(landed[()].light) if () in landed else 0
     if formed < SURE and lit.lens.stop is not None:
         opening = float(np.sqrt(SURE / max(formed, 0.25)))
-        stops = [_opened(lit, opening / CLOSING**k) for k in range(int(np.log(opening) / np.log(CLOSING)) + 1)] + [lit]
+        factors = [opening / CLOSING**k for k in range(int(np.log(opening) / np.log(CLOSING)) + 1)]
+        stops = [replace(lit, lens=with_wider_stop(lit.lens, factor)) for factor in factors] + [lit]
         landed = Tree(stops[0], order).landed
     own = _own_light(landed, stops, lit.lens.surfaces[0].semi_diameter * float(np.sqrt(np.pi / RAYS[order])))
     image = own.pop((), FilmLight((), 0.0, 0.0, (np.nan, np.nan), np.nan))
     ghosts = sorted((light for light in own.values() if light.flux > 0), key=lambda light: -light.flux_in_frame)
     return Ghosts(lit, image, tuple(ghosts), tree.account)
-
-
-def _opened(lit: Lit, factor: float) -> Lit:
-    """Return the same with a wider stop."""
-    stop, k = lit.lens.stop, lit.lens.stop_index
-    assert stop is not None and k is not None
-    wider = replace(stop, semi_diameter=stop.semi_diameter * factor)
-    return replace(lit, lens=replace(lit.lens, surfaces=(*lit.lens.surfaces[:k], wider, *lit.lens.surfaces[k + 1 :])))
 
 
 def _own_light(landed: dict[Way, Landed], stops: list[Lit], spacing: float) -> dict[Way, FilmLight]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.cameras import WayRecords, ghost_setting
 from rptcam_cl.core.records import device_declarations
 from rptcam_cl.device import Session
+from rptcam_cl.optics import Lens, LensTransmission, with_wider_stop
 from rptcam_cl.plan import Plan
 from rptcam_cl.rendering.buffers import SceneBuffers
 from rptcam_cl.rendering.ghost_colours import bands
@@ -20,8 +21,18 @@ Array = NDArray[np.float64]
 Way = tuple[int, ...]
 
 GROUP = 4
+SCOUTS = 1024  # rays of a source that look for the light of each way
+SURE = 32.0  # of them that shall come through the opening; where fewer would, they look through wider ones first
+CLOSING = 4.0  # how far the stop is then closed at a time
 LATTICE = 2654435769  # over 2^32, the second coordinate's step from ray to ray: the kernel's
 ONE_LIGHT = float(1 << 36)  # units of the device's whole numbers
+
+
+class Opening(NamedTuple):
+    """A lens at a wavelength, and the shape of its stop on the device."""
+
+    records: WayRecords
+    stop: Any
 
 
 class GhostRays:
@@ -35,19 +46,41 @@ class GhostRays:
         buffers = SceneBuffers(session, plan)
         self.sources: Sources = ghost_sources(scene, plan, buffers, session, self.lens, film_z)
         self.bands = bands(scene, plan, setting, self.sources)
-        self.records = [WayRecords.of(self.lens, band.nm, setting.transmission) for band in self.bands]
+        self.lenses = [self._opening(self.lens, band.nm, setting.transmission) for band in self.bands]
+        middle = len(self.bands) // 2
+        wider = [self._opening(lens, self.bands[middle].nm, setting.transmission) for lens in self._wider()]
+        self.openings = [*wider, self.lenses[middle]]
         (self.columns, self.rows), (width, height) = scene.film.resolution, scene.film.size_m()
         sense = -1.0 if scene.camera.flip else 1.0
         across, down = sense * self.columns / (1e3 * width), -sense * self.rows / (1e3 * height)
         self.to_pixels = np.array([self.columns / 2, across, self.rows / 2, down], np.float32)
         self.pixel_mm2 = 1e6 * width * height / (self.columns * self.rows)
         pencils = int(self.sources.mirrored > 0)
-        facts = self.records[0].facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
+        facts = self.lenses[0].records.facts | {"VW": session.lanes, "DOUBLE": 0, "GHOST_PENCILS": pencils}
         self.programs = {
             scout: session.program(["pass/ghosts.cl"], facts | {"GHOST_SCOUT": scout}, device_declarations())
             for scout in (0, 1)
         }
-        self.stop = session.upload(self.records[0].stop)
+
+    @property
+    def reach(self) -> float:
+        """Half the side of the square on the plane of the first vertex through which all light comes [mm]."""
+        first = self.lens.surfaces[0]
+        depth = abs(float(np.nan_to_num(first.rim_sag(first.semi_diameter * (1 - 1e-9)))))
+        return first.semi_diameter + depth * self.sources.tilt
+
+    def _wider(self) -> list[Lens]:
+        """Return the lens with wider stops, widest first, where few scouts would come through its own."""
+        if self.lens.stop_index is None:
+            return []
+        pupil = self.lens.first_order().entrance_pupil.diameter_mm / 2
+        factor = float(np.sqrt(SURE / SCOUTS)) * 2 * self.reach / (float(np.sqrt(np.pi)) * pupil) if pupil > 0 else 1.0
+        stages = range(int(np.log(factor) / np.log(CLOSING)) + 1) if factor > 1 else range(0)
+        return [with_wider_stop(self.lens, factor / CLOSING**k) for k in stages]
+
+    def _opening(self, lens: Lens, nm: float, transmission: LensTransmission) -> Opening:
+        records = WayRecords.of(lens, nm, transmission)
+        return Opening(records, self.session.upload(records.stop))
 
     def add(
         self, film: Any, way: Way, record: int, places: Array, boxes: Array, weights: Array, first: Array, rays: int
@@ -56,13 +89,13 @@ class GhostRays:
 
         Its buffer holds whole numbers, of which `ONE_LIGHT` is 1.
         """
-        self._launch(0, way, record, self._table(places, boxes, weights, first), len(boxes), rays, film)
+        self._launch(0, way, self.lenses[record], self._table(places, boxes, weights, first), len(boxes), rays, film)
 
-    def landed(self, way: Way, record: int, places: Array, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
+    def landed(self, way: Way, opening: Opening, places: Array, boxes: Array, rays: int) -> tuple[Array, Array, Array]:
         """Return column, row and share of the light (n, rays) of rays through boxes; no share beside the film."""
         count = len(places)
         memory = self.session.allocate(12 * count * rays)
-        self._launch(1, way, record, self._table(places, boxes, np.ones((count, 3))), count, rays, memory)
+        self._launch(1, way, opening, self._table(places, boxes, np.ones((count, 3))), count, rays, memory)
         landed = self.session.read(memory, np.float32, 3 * count * rays).astype(np.float64)
         x, y, share = landed.reshape(3, count, rays)
         columns, rows = self.to_pixels[0] + self.to_pixels[1] * x, self.to_pixels[2] + self.to_pixels[3] * y
@@ -86,11 +119,11 @@ class GhostRays:
         table[:, 4:] = places[:, 4:].reshape(len(boxes), -1, 4)
         return self.session.upload(table)
 
-    def _launch(self, scout: int, way: Way, record: int, table: Any, count: int, rays: int, out: Any) -> None:
-        surfaces = self.records[record].way(way)
+    def _launch(self, scout: int, way: Way, opening: Opening, table: Any, count: int, rays: int, out: Any) -> None:
+        surfaces = opening.records.way(way)
         launch = self.session.bind(
             self.programs[scout], "ghosts", surfaces=self.session.upload(surfaces), count=np.int32(len(surfaces)),
-            stop=self.stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
+            stop=opening.stop, sources=table, source_count=np.uint32(count), rays=np.uint32(rays),
             film_distance=np.float32(self.film_distance), pixels=self.to_pixels.tobytes(),
             size=np.array([self.columns, self.rows], np.uint32).tobytes(), film=out,
         )  # fmt: skip

@@ -142,6 +142,17 @@ def test_a_sun_outside_of_the_frame_has_ghosts_within() -> None:
     assert image["ghosts"][..., 1].sum(dtype=np.float64) == pytest.approx(IRRADIANCE * total * left, rel=5e-3)
 
 
+@pytest.mark.parametrize(("name", "degrees"), [("fisheye-10mm", 30.0), ("zoom-70-200mm", 3.0)])
+def test_a_small_opening_behind_a_wide_front_has_its_ghosts(name: str, degrees: float) -> None:
+    image = rptcam_cl.render(scene(sun(degrees), lens=name, f_number=16))
+    lens = load_lens(name)
+    lens = lens.with_stop_diameter(lens.stop_diameter_for(16.0))
+    total, y = expected(image, Beam(degrees), lens=lens)
+    left = 1 - image.metadata["ghosts"]["dropped_share"]
+    assert image["ghosts"][..., 1].sum(dtype=np.float64) == pytest.approx(IRRADIANCE * total * left, rel=0.02)
+    assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
+
+
 def test_ghosts_take_the_shape_of_the_stop() -> None:
     image = rptcam_cl.render(scene(sun(10.0), f_number=8, aperture={"shape": "polygon", "blades": 3}))
     lens = load_lens("dgauss-50mm")
