@@ -109,10 +109,13 @@ def test_a_late_class_does_what_that_of_the_standard_library_does(name: str) -> 
 
 
 def test_nothing_is_compiled_before_a_method_is_wanted(monkeypatch: pytest.MonkeyPatch) -> None:
-    def compiled(*_: object, **__: object) -> None:
-        raise AssertionError("compiled")
+    def run(source: str, *scopes: dict[str, object]) -> None:
+        if "self" in source:  # Python 3.13 runs a text without any method for each class
+            raise AssertionError("compiled")
+        exec_(source, *scopes)
 
-    monkeypatch.setattr("builtins.exec", compiled)
+    exec_ = exec
+    monkeypatch.setattr("builtins.exec", run)
 
     @dataclass(frozen=True)
     class Late:
