@@ -28,6 +28,7 @@ from rptcam_cl.scene.light import (
 )
 from rptcam_cl.scene.material import Emissive, Principled
 from rptcam_cl.scene.mesh import LoadedMesh
+from rptcam_cl.scene.motion import moments
 from rptcam_cl.scene.quantities import LARGEST_COORDINATE, SMALLEST_LENGTH, Colour
 from rptcam_cl.scene.render_settings import SHARP_LAYERS, RenderSettings
 from rptcam_cl.scene.scene_object import PlacedObject, Solid
@@ -161,7 +162,7 @@ def scene_warnings(
     found += _extent_warnings(objects)
     found += _mesh_warnings(objects, lights)
     found += _inside_warnings(camera, shutter, objects)
-    found += _motion_warnings(shutter, objects)
+    found += _motion_warnings(camera, shutter, objects)
     return tuple(found)
 
 
@@ -237,9 +238,15 @@ def _inside_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list
     ]
 
 
-def _motion_warnings(shutter: Shutter, objects: Objects) -> list[str]:
-    return [
+def _motion_warnings(camera: Camera, shutter: Shutter, objects: Objects) -> list[str]:
+    ghosts = getattr(camera, "ghosts", "off") != "off"
+    found = [
         f"objects[{index}] shines and moves: light sampling leaves it out, so that what it lights is noisy"
+        + (", and it makes no ghosts" if ghosts else "")
         for index, (item, solid) in enumerate(objects)
         if item.trajectory is not None and item.trajectory.moves(*shutter.span_s) and _shines(solid)
     ]
+    first, *poses = (camera.pose_at(time_s) for time_s in moments(camera.motion, *shutter.span_s))
+    if ghosts and any(not np.array_equal(pose, first) for pose in poses):
+        found.append("camera.motion: ghosts stand where they are when the shutter opens, and what makes them moves on")
+    return found

@@ -40,3 +40,20 @@ def test_object_too_small_for_float32_is_warned_of(load: Load) -> None:
 def test_camera_inside_a_solid_is_warned_of(load: Load) -> None:
     (warning,) = load(SMALL, "objects.0.transform={scale: 6}", "objects.0.center=[0, 0, 0]").warnings
     assert warning == "the camera stands inside objects[0]"
+
+
+LENS = "{kind: realistic, lens: dgauss-50mm, eye: [0, 0, 5], target: [0, 0, 0], focus: {distance_m: 5}"
+GHOSTS = "transmission: {coating: mgf2}, ghosts: 'on'"
+MOVING = "motion: [{time_s: 0}, {time_s: 1/60, target: [1, 0, 0]}]"
+LAMP = "objects.0.material={kind: emissive, radiance: 1}"
+PUSHED = "objects.0.motion=[{time_s: 0}, {time_s: 1, translate: [1, 0, 0]}]"
+
+
+def test_ghosts_of_what_moves_are_warned_of(load: Load) -> None:
+    assert load(SMALL, f"camera={LENS}, {GHOSTS}}}").warnings == ()
+    assert load(SMALL, f"camera={LENS}, {MOVING}}}").warnings == ()
+    assert load(SMALL, f"camera={LENS}, {GHOSTS}, {MOVING}}}", "shutter.open_s=2").warnings == ()  # it has arrived
+    (warning,) = load(SMALL, f"camera={LENS}, {GHOSTS}, {MOVING}}}").warnings
+    assert warning.startswith("camera.motion: ghosts stand where they are when the shutter opens")
+    (warning,) = load(SMALL, f"camera={LENS}, {GHOSTS}}}", LAMP, PUSHED).warnings
+    assert warning.endswith("so that what it lights is noisy, and it makes no ghosts")
