@@ -55,7 +55,10 @@ def check_reach(task: Task, state: float) -> None:
     OutOfReach
         When what decides is nearer than the camera can focus, or farther.
     """
-    depths = task.renderer.depths(state, task.zones, task.seed)
+    try:
+        depths = task.renderer.depths(state, task.zones, task.seed)
+    except InputError:  # no light there: nothing is known of the reach
+        return
     met = {k: depth[np.isfinite(depth)] for k, depth in enumerate(depths) if np.isfinite(depth).mean() >= LEAST_SHARE}
     if not met:
         return

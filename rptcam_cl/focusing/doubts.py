@@ -103,7 +103,10 @@ def _shown(task: Task, state: float, zone: Zone, gap: float) -> list[tuple[float
 
     Two are distinguished by a gap between them that nothing in the zone fills.
     """
-    depth = task.renderer.depths(state, [zone], task.seed)[0]
+    try:
+        depth = task.renderer.depths(state, [zone], task.seed)[0]
+    except InputError:  # no light there
+        return []
     met: NDArray[np.float64] = np.sort(1 / depth[np.isfinite(depth) & (depth > 0)])
     groups = np.split(met, np.flatnonzero(np.diff(met) > gap) + 1)
     return [(float(np.median(group)), len(group) / depth.size) for group in groups if len(group)]

@@ -35,6 +35,7 @@ from rptcam_cl.optics import (
     moved,
     object_distance,
     shift_of,
+    unobstructed,
 )
 from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, ThickLensCamera
 
@@ -46,9 +47,13 @@ INVERTED = 1e-4  # of a distance, between two rounds
 
 
 def stopped(lens: Lens, share: float) -> Lens:
-    """Return a lens with its opening closed to a share of its diameter, by its stop or else by the narrowest rim."""
+    """Return a lens with its opening closed to a share of its diameter, by its stop or else by the narrowest rim.
+
+    What obstructs its middle, where a small opening lies, is left out then.
+    """
     if share == 1.0:
         return lens
+    lens = unobstructed(lens)
     index = lens.stop_index if lens.stop_index is not None else limiting_surface(lens)
     surfaces = list(lens.surfaces)
     surfaces[index] = replace(surfaces[index], semi_diameter=share * surfaces[index].semi_diameter)

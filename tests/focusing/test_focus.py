@@ -57,6 +57,24 @@ def test_contrast_is_greatest_where_the_spot_is_least(name):
     assert report.focus_distance_m == pytest.approx(distance, rel=0.05)
 
 
+@pytest.mark.parametrize("method", ["depth", "phase", pytest.param("contrast", marks=pytest.mark.slow)])
+def test_lens_of_mirrors_is_focused_though_its_middle_is_obstructed(method):
+    # probes through a small opening look through the middle
+    scene = scene_of([target(12.0, 0.6, noise(110))], lens_camera("mirror-500mm"))
+    error, report = missed(scene, 12.0, CENTRE, method=method)
+    assert abs(error) < 0.25
+    assert report.warnings == []
+
+
+def test_end_of_the_reach_where_no_light_arrives_does_not_end_the_search():
+    film = {"size_mm": [5, 3.5]}
+    zone = Zone(0.1, 0.16, 0.15, 0.23)  # a film nearest to the lens sees nothing there
+    scene = scene_of([target(0.8, 0.5, noise(250))], lens_camera("phone-5.6mm"), film=film)
+    error, report = missed(scene, 0.8, zone, method="depth")
+    assert abs(error) < 1e-3
+    assert report.warnings == []
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("material", [noise, lambda cells: checker(1.7 * cells)], ids=["noise", "checker"])
 @pytest.mark.parametrize("zone", [CENTRE, OFF], ids=["axis", "off"])
