@@ -19,7 +19,7 @@ def add_to(commands: Commands) -> None:
     parser.add_argument("film", type=Path, metavar="FILM", help="film that render wrote: .exr, .npz or .npy")
     parser.add_argument(
         "-o", "--output", action="append", required=True, type=Path, metavar="OUT", dest="outputs",
-        help="picture to write, format by suffix: .png or .tif; may be repeated",
+        help="picture to write, format by suffix: .png, .jpg or .tif; may be repeated",
     )  # fmt: skip
     parser.add_argument(
         "--raw", action="append", default=[], type=Path, metavar="OUT", dest="raws",

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.colour import SRGB_PRIMARIES, SRGB_WHITE
 from rptcam_cl.core.atomic import check_writable, replacing
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.imaging.cryptomatte import header_of
 from rptcam_cl.imaging.development import Development, developed_codes
 from rptcam_cl.imaging.icc import profile
@@ -42,6 +42,7 @@ PNG_BITS, TIFF_BITS = 8, 16  # unless the picture says otherwise
 JPEG_BITS = 8  # whatever the picture says: the format has no other
 JPEG_FULL_COLOUR = 90  # quality from which on colour has the full resolution
 JPEG_COMMENT = 65_533  # bytes that a comment holds at most
+JPEG_SIDE = 65_500  # pixels along a side that libjpeg writes at most
 
 
 def _text(value: Any) -> str:
@@ -125,6 +126,10 @@ def _write_png(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
 def _write_jpeg(path: Path, pixels: Pixels, metadata: Metadata, development: Development, layers: Layers) -> None:
     """Write the developed picture with its EXIF data, and all metadata as JSON in comments of the file."""
     import PIL.Image
+
+    if max(pixels.shape) > JPEG_SIDE:
+        height, width = pixels.shape[:2]
+        raise StateError(f"the picture is {width} x {height}, and JPEG files have at most {JPEG_SIDE} a side; use .png")
 
     encoded = development.tone != "linear"
     picture = PIL.Image.fromarray(_marked_codes(pixels, metadata, development, JPEG_BITS))

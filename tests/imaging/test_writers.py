@@ -167,3 +167,14 @@ def test_input_is_never_overwritten_not_even_through_a_link(tmp_path: Path) -> N
 def test_check_leaves_nothing_behind(tmp_path: Path) -> None:
     check_output(tmp_path / "picture.png")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_picture_too_long_for_a_jpeg_is_refused_in_words_of_ours(tmp_path):
+    film = Image(np.ones((1, 65_501, 3), np.float32))
+    with pytest.raises(
+        StateError, match=r"the picture is 65501 x 1, and JPEG files have at most 65500 a side; use \.png"
+    ):
+        film.save(tmp_path / "a.jpg")
+    assert list(tmp_path.iterdir()) == []
+    film.save(tmp_path / "a.png")
+    Image(np.ones((1, 65_500, 3), np.float32)).save(tmp_path / "a.jpg")
