@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import MeshPlacement
 from rptcam_cl.core.dataclass import dataclass
-from rptcam_cl.scene import Box, LoadedMesh, Object, Plane, Rectangle, Scene, Solid
+from rptcam_cl.scene import Box, Emissive, LoadedMesh, Material, Matte, Mix, Object, Plane, Rectangle, Scene, Solid
 
 Array = NDArray[np.float64]
 
@@ -84,17 +84,28 @@ def depth_range_mm(scene: Scene, view: VisibleWorld) -> tuple[float, float]:
     """Return the least and largest distance ahead of the camera's eye, along its axis, of what it may see [mm].
 
     Of objects, the parts of their boxes within the view count. Where nothing bounds the view, as under a sky, the far
-    end is `FAR_MM`.
+    end is `FAR_MM`; so it is where something in view reflects or refracts, whose images lie farther back than itself.
     """
     found = [FAR_MM] if scene.environment is not None else []
     from_world = np.linalg.inv(scene.camera.world_from_camera() * _columns(scene))
     from_world[2] *= -1.0  # z ahead
     for item, solid in zip(scene.objects, scene.solids(), strict=True):
+        seen: list[float] = []
         for world_from_object in _over_time(scene, item):
             placed = from_world @ world_from_object
-            found += _plane_depths(item, placed, view) if isinstance(item, Plane) else _depths(solid, placed, view)
+            seen += _plane_depths(item, placed, view) if isinstance(item, Plane) else _depths(solid, placed, view)
+        found += seen
+        if seen and any(map(_shows_images, solid.shown_materials())):
+            found.append(FAR_MM)
     depths = np.clip(found or [FAR_MM], view.start_mm, FAR_MM)
     return float(depths.min()), float(depths.max())
+
+
+def _shows_images(material: Material) -> bool:
+    """Return whether a surface may show more than itself: all but matte ones and lamps."""
+    if isinstance(material, Mix):
+        return any(map(_shows_images, material.materials))
+    return not isinstance(material, Matte | Emissive)
 
 
 def _columns(scene: Scene) -> Array:

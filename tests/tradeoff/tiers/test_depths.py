@@ -33,6 +33,21 @@ def test_depths_reach_far_under_a_sky_and_over_a_plane():
     assert depths_of(BALL, environment={"kind": "constant", "radiance": 1}) == pytest.approx((4500, FAR_MM))
 
 
+@pytest.mark.parametrize(
+    ("material", "far"),
+    [
+        ({"kind": "mirror"}, FAR_MM),
+        ({"kind": "thin_glass"}, FAR_MM),
+        ({"kind": "mix", "materials": [GREY, {"kind": "plastic", "reflectance": 0.5}]}, FAR_MM),
+        ({"kind": "mix", "materials": [GREY, GREY]}, 5500),
+        ({"kind": "emissive", "radiance": 1}, 5500),
+    ],
+)
+def test_depths_reach_as_far_as_images_in_mirrors_and_glass(material, far):
+    assert depths_of(BALL | {"material": material}) == pytest.approx((4500, far))
+    assert depths_of(BALL, BALL | {"material": material, "center": [0, 0, 5]}) == pytest.approx((4500, 5500))
+
+
 def test_plane_that_the_view_does_not_meet_does_not_count():
     plane = {"shape": "plane", "point": [0, 0, 1], "normal": [0, 0, 1], "material": GREY}
     assert depths_of(BALL, plane) == pytest.approx((4500, 5500))
