@@ -18,7 +18,7 @@ from rptcam_cl.cameras.thick_lens import thick_lens_of
 from rptcam_cl.cameras.thin_lens import optics_of, radius_of
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Lens, StopMask, StopShape, passing
+from rptcam_cl.optics import Lens, StopMask, StopShape, passing, with_wider_stop
 from rptcam_cl.scene import RealisticCamera, Scene, ThickLensCamera, ThinLensCamera, at_opening
 
 Array = NDArray[np.float64]
@@ -26,6 +26,7 @@ Mask = NDArray[np.bool_]
 
 ACROSS = 144  # cells across the opening
 FIRST_ACROSS = 48  # of the search for it
+WIDER = (64.0, 16.0, 4.0)  # times the stop, through which an opening is found that no direction of the search meets
 FINER = 4  # points across a cell that the edge runs through
 CORNERS = 1024  # of an outline
 HALVINGS = 24  # that find each
@@ -163,16 +164,25 @@ def _traced(setting: LensSetting) -> FilmPupils:
     def seen(point: Array) -> tuple[OpenTo, Array]:
         origin = np.array([point[0], point[1], film_z])
 
-        def opens(cosines: Array) -> Mask:
-            square = np.sum(cosines * cosines, axis=1)
-            inside = square < 1
-            along = -lens.sense * np.sqrt(np.where(inside, 1 - square, 1.0))
-            directions = np.column_stack([-cosines, along])
-            origins = np.broadcast_to(origin, directions.shape)
-            passed = passing(lens, np.ascontiguousarray(origins), directions, wavelength)
-            return np.asarray(inside & passed)
+        def opens_through(stopped: Lens) -> OpenTo:
+            def opens(cosines: Array) -> Mask:
+                square = np.sum(cosines * cosines, axis=1)
+                inside = square < 1
+                along = -lens.sense * np.sqrt(np.where(inside, 1 - square, 1.0))
+                directions = np.column_stack([-cosines, along])
+                origins = np.broadcast_to(origin, directions.shape)
+                passed = passing(stopped, np.ascontiguousarray(origins), directions, wavelength)
+                return np.asarray(inside & passed)
 
-        return opens, _rear_box(lens, origin, rear)
+            return opens
+
+        opens, box = opens_through(lens), _rear_box(lens, origin, rear)
+        for factor in WIDER if lens.stop_index is not None and not len(_found(opens, box)) else ():
+            found = _found(opens_through(with_wider_stop(lens, factor)), box)
+            if not len(found):
+                break
+            box = _about(found, box)
+        return opens, box
 
     return FilmPupils(seen, float(lens.indices(wavelength)[-1]), _stop_radius(lens))
 
@@ -223,17 +233,11 @@ def _flat(
 def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
     """Return the opening that lies within a box (middle, half width) of cosines."""
     for _ in range(4):  # a small opening behind a large rear surface is found step by step
-        x, y = _axes(box, FIRST_ACROSS)
-        points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-        found = points[opens(points)]
+        found, before = _found(opens, box), box
         if not len(found):
             raise InputError("camera.diffraction: no light reaches the film there (allowed: off, or a smaller film)")
-        step = x[1] - x[0]
-        low, high = found.min(axis=0) - step, found.max(axis=0) + step
-        half = float((high - low).max()) / 2
-        narrow = half < 0.7 * box[1, 0]
-        box = np.stack([(low + high) / 2, np.full(2, half)])
-        if not narrow:
+        box = _about(found, before)
+        if not box[1, 0] < 0.7 * before[1, 0]:
             break
     x, y = _axes(box, ACROSS)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
@@ -244,6 +248,20 @@ def _pupil(opens: OpenTo, box: Array, index: float) -> FilmPupil:
     coverage = centre.astype(np.float64)
     coverage[edge] = np.mean([opens(grid[edge] + move) for move in moves], axis=0)
     return FilmPupil(coverage, x, y, index)
+
+
+def _found(opens: OpenTo, box: Array) -> Array:
+    """Return those of some directions (n, 2) over a box that are open."""
+    points = np.stack(np.meshgrid(*_axes(box, FIRST_ACROSS)), axis=-1).reshape(-1, 2)
+    return np.asarray(points[opens(points)])
+
+
+def _about(found: Array, box: Array) -> Array:
+    """Return the box about directions that `_found` has found, with room of a step."""
+    x, _ = _axes(box, FIRST_ACROSS)
+    step = x[1] - x[0]
+    low, high = found.min(axis=0) - step, found.max(axis=0) + step
+    return np.stack([(low + high) / 2, np.full(2, float((high - low).max()) / 2)])
 
 
 def _axes(box: Array, count: int) -> tuple[Array, Array]:

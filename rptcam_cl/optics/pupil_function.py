@@ -40,6 +40,7 @@ NEWTON = 8
 EXACT = 1e-12  # direction cosines to which a ray meets its place on the grid
 FINER = 8  # rays across a cell that the edge of the pupil runs through
 MM_PER_NM = 1e-6
+NEVER_0 = float(np.finfo(np.float64).tiny)
 
 
 @dataclass(frozen=True)
@@ -237,7 +238,8 @@ class _ExitRays:
         to_chief = self.chief - rays.origins
         foot = np.einsum("ij,ij->i", to_chief, rays.directions)
         miss = np.sum(to_chief * to_chief, axis=1) - foot * foot
-        depth = np.sqrt(np.maximum(self.sphere_radius**2 - miss, 0.0)) - self.sphere_radius
+        root = np.sqrt(np.maximum(self.sphere_radius**2 - miss, 0.0))
+        depth = -np.minimum(miss, self.sphere_radius**2) / np.maximum(root + self.sphere_radius, NEVER_0)
         return plane, plane + self.index * self.sphere_sense * depth / length
 
     def _met(self, targets: Array) -> tuple[Array, Rays, Mask]:

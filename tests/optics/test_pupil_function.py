@@ -147,6 +147,17 @@ def test_a_lens_without_aberrations_has_the_airy_pattern(f_number: float) -> Non
         np.testing.assert_allclose(np.abs(curve), exact, atol=0.005)
 
 
+def test_wavefront_of_a_lens_whose_exit_pupil_is_at_infinity() -> None:
+    def waves(to_stop: float) -> np.ndarray:
+        rows = [{"stop": True, "thickness": to_stop, "diameter": 10},
+                {"radius": 50, "thickness": 5, "glass": {"index": 1.5}, "diameter": 24}, {"diameter": 24}]  # fmt: skip
+        lens = load_lens({"name": "Telecentric", "surfaces": rows})
+        assert np.isinf(lens.first_order().exit_pupil.distance_mm) == (to_stop == 100.0)
+        return pupil_function(lens, lens.first_order().back_focal_distance_mm, Beam(2.0), across=64).waves_on_sphere
+
+    np.testing.assert_allclose(waves(100.0), waves(100.0 + 1e-9), atol=1e-4)
+
+
 @pytest.mark.parametrize("shape", [0, 1, 2])
 def test_stop_shapes_have_their_closed_patterns(shape: int) -> None:
     from rptcam_cl.optics import polygon

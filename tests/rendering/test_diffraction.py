@@ -112,6 +112,15 @@ def test_auto_takes_it_where_the_airy_radius_shows():
     assert diffraction_of(pinhole).metadata["on"] is False
 
 
+@pytest.mark.parametrize(("lens", "f_number"), [("dgauss-50mm", 64.0), ("dgauss-50mm", 128.0), ("fisheye-10mm", 90.0)])
+def test_openings_far_smaller_than_the_rear_of_the_lens_are_found(lens: str, f_number: float) -> None:
+    camera = {"kind": "realistic", "lens": lens, "f_number": f_number, "focus": {"distance_m": 1000}, **POSE}
+    scene = scene_of([], {**camera, "diffraction": "auto"}, film={"width_mm": 2}, resolution=(64, 48))
+    found = diffraction_of(load_scene(scene))
+    assert found.is_on
+    assert found.airy_radius_px == pytest.approx(1.22 * 550e-6 * f_number / (2 / 64), rel=0.005)
+
+
 @pytest.mark.parametrize(
     "camera",
     [
