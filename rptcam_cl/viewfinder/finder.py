@@ -15,8 +15,7 @@ from rptcam_cl.viewfinder import messages
 from rptcam_cl.viewfinder.client import Client
 from rptcam_cl.viewfinder.engine import Engine
 from rptcam_cl.viewfinder.lens_choice import lens_entries
-from rptcam_cl.viewfinder.origin import Origin
-from rptcam_cl.viewfinder.requests import place_of
+from rptcam_cl.viewfinder.origin import Origin, place_of, scene_error
 from rptcam_cl.viewfinder.state import MOST_CLIENTS
 from rptcam_cl.viewfinder.studio import Studio, text_of
 from rptcam_cl.viewfinder.watch import Watch
@@ -140,10 +139,8 @@ class Viewfinder:
         except Exception as problem:  # the watch goes on, whatever a file holds
             if not isinstance(problem, RptcamError):
                 LOG.exception("the scene file could not be read")
-            text = text_of(problem)
-            error = {"type": "error", "id": None, "message": text, "where": place_of(text), "source": "scene"}
-            self._studio.file_error = error
-            self.tell(error)
+            self._studio.file_error = scene_error(text_of(problem))
+            self.tell(self._studio.file_error)
             return
         self._engine.post(None, messages.SceneRead(scene=scene))
 

@@ -28,8 +28,10 @@ METER_CONSTANT = 12.5  # K [cd s/m²], ISO 2720
 Film = NDArray[np.float32]
 
 
-def film_reading(pixels: Film, resolved: Scene, settings: Exposure | None = None) -> float:
+def film_reading(pixels: Film, resolved: Scene, settings: Exposure | None = None) -> float | None:
     """Return the mean luminance [cd/m²] of the metered part of the frame, as `exposure: auto` would find it.
+
+    None where there is no light to go by.
 
     Parameters
     ----------
@@ -42,9 +44,9 @@ def film_reading(pixels: Film, resolved: Scene, settings: Exposure | None = None
     """
     counts = _shares(pixels, resolved, settings or resolved.exposure)
     if not counts.any():
-        return 0.0
+        return None
     value = float(np.sum(luminance(pixels) * counts) / counts.sum())
-    return value / value_per_radiance(resolved) * LUMENS_PER_WATT
+    return value / value_per_radiance(resolved) * LUMENS_PER_WATT if value > 0 else None
 
 
 def _shares(pixels: Film, scene: Scene, settings: Exposure) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -12,6 +13,8 @@ from pydantic import BaseModel
 
 from rptcam_cl.core.references import named_files
 from rptcam_cl.scene import LensCamera, Scene, load_scene, plain, scene_text
+
+_PLACE = re.compile(r"^(?P<where>\S[^:\n]*:\d+:\d+): |^(?P<key>[A-Za-z_][\w.\[\]]*): ")
 
 
 class Changes:
@@ -135,3 +138,14 @@ def _differences(path: str, before: Any, after: Any) -> dict[str, Any]:
         else:
             found |= _differences(f"{inside}{key}", before[key], value)
     return found
+
+
+def scene_error(text: str) -> dict[str, Any]:
+    """Return the message of an error in the scene file."""
+    return {"type": "error", "id": None, "message": text, "where": place_of(text), "source": "scene"}
+
+
+def place_of(text: str) -> str | None:
+    """Return the file, line and column, or else the key path, that an error begins with."""
+    found = _PLACE.match(text)
+    return None if found is None else found["where"] or found["key"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import re
 from collections.abc import Callable
 from typing import Any
 
@@ -14,11 +13,11 @@ from rptcam_cl.viewfinder.client import Client
 from rptcam_cl.viewfinder.dials import turn_dial, zoom_clicks
 from rptcam_cl.viewfinder.inbox import Request
 from rptcam_cl.viewfinder.moves import moved, viewpoint_of
+from rptcam_cl.viewfinder.origin import place_of, scene_error
 from rptcam_cl.viewfinder.pictures import FILE_MEDIA, file_bytes, file_name
 from rptcam_cl.viewfinder.studio import Studio, text_of
 
 LOG = logging.getLogger("rptcam_cl.viewfinder")
-_PLACE = re.compile(r"^(?P<where>\S[^:\n]*:\d+:\d+): |^(?P<key>[A-Za-z_][\w.\[\]]*): ")
 
 
 class Requests:
@@ -199,11 +198,10 @@ class Requests:
         try:
             dropped = self._studio.replace(message.scene)
         except InputError as problem:
-            text = str(problem)
-            error = {"type": "error", "id": None, "message": text, "where": place_of(text), "source": "scene"}
-            self._studio.file_error = error
-            self._studio.tell(error)
+            self._studio.file_error = scene_error(str(problem))
+            self._studio.tell(self._studio.file_error)
             return
+        self._studio.file_error = None
         text = "; ".join(("the scene file was read again", *(f"no longer possible: {item}" for item in dropped)))
         self._studio.tell({"type": "notice", "kind": "watch", "ok": True, "text": text})
 
@@ -212,9 +210,3 @@ _WITH_OWN_ANSWER = (
     messages.Focus, messages.Autofocus, messages.Save, messages.SceneText, messages.CommandLine, messages.Pointer,
     messages.Magnify,
 )  # fmt: skip
-
-
-def place_of(text: str) -> str | None:
-    """Return the file, line and column, or else the key path, that an error begins with."""
-    found = _PLACE.match(text)
-    return None if found is None else found["where"] or found["key"]

@@ -8,12 +8,13 @@ from typing import Any
 
 from rptcam_cl.api import RenderSession
 from rptcam_cl.core.errors import InputError, RptcamError
-from rptcam_cl.scene import Scene, change_scene
+from rptcam_cl.scene import Scene, change_scene, set_keys
 from rptcam_cl.viewfinder.client import Client
 from rptcam_cl.viewfinder.compare import as_model
 from rptcam_cl.viewfinder.dials import Dials, read_dials
 from rptcam_cl.viewfinder.lens_panel import LensPanel
-from rptcam_cl.viewfinder.origin import Changes, Origin
+from rptcam_cl.viewfinder.opening import WITHOUT_METER, open_session
+from rptcam_cl.viewfinder.origin import Changes, Origin, scene_error
 from rptcam_cl.viewfinder.slot import Slot
 
 NO_COMPARISON: dict[str, Any] = {"mode": "off", "model": None, "changes": {}, "difference": False}
@@ -39,6 +40,7 @@ class Studio:
         self._device, self._size, self._clients = device, size, clients
         self._scene: Scene | None = None
         self._kept: tuple[Changes, Dials | None] = (Changes(), None)
+        self._by_hand: dict[str, Any] = {}  # what the scene's camera did not find by itself
         self.a: Slot | None = None
         self.b: Slot | None = None
         self.panel: LensPanel | None = None
@@ -93,11 +95,21 @@ class Studio:
         if self.a is not None:
             return
         assert self._scene is not None, "loaded before the engine starts"
-        session = RenderSession(self._scene, device=self._device, wait=False)
-        changes, dials = self._kept
-        if changes.as_dict():
-            session.change(changes.as_dict())
+        opened = open_session(self._scene, self._device)
+        session, (kept, dials) = opened.session, self._kept
+        turned = self._turned(kept)
+        self._by_hand = opened.by_hand
+        changes = Changes({**self._by_hand, **turned})
+        if turned:
+            try:
+                session.change(changes.as_dict())
+            except InputError:  # the camera was turned to where its meter finds no light
+                changes.add(WITHOUT_METER)
+                session.change(changes.as_dict())
+                dials = read_dials(session.scene, dials)
         self.a = Slot("A", session, changes, dials)
+        if opened.problem is not None:
+            self.file_error = scene_error(str(opened.problem))
         for client in self._clients():
             client.forget_pictures()
         self.panel = LensPanel(session.device)
@@ -209,14 +221,28 @@ class Studio:
             client.shown.pop("B", None)
             client.shown.pop("difference", None)
 
+    def _turned(self, changes: Changes) -> dict[str, Any]:
+        """Return changes without those that stand where the scene's camera found nothing."""
+        found = changes.as_dict().items()
+        return {key: value for key, value in found if key not in self._by_hand or self._by_hand[key] != value}
+
     def replace(self, scene: Scene) -> list[str]:
         """Show another state of the scene file, with the changes that still fit; return what did not fit."""
-        self._scene, self.file_error = self._sized(scene), None
+        scene = self._sized(scene)
         if self.a is None:
+            self._scene = scene
             return []
         slot = self.a
-        slot.touched(False, slot.session.replace(self._scene, wait=False))
-        wanted, slot.changes = slot.changes.as_dict(), Changes()
+        turned, by_hand = self._turned(slot.changes), self._by_hand
+        try:
+            change, self._by_hand = slot.session.replace(scene, wait=False), {}
+        except InputError:
+            if not by_hand:
+                raise
+            change = slot.session.replace(set_keys(scene, by_hand), wait=False)
+        slot.touched(False, change)
+        self._scene = scene
+        wanted, slot.changes = {**self._by_hand, **turned}, Changes()
         dropped = _apply(slot, wanted)
         slot.dials = read_dials(slot.scene, slot.dials)
         self._tell_compiling(slot, not slot.compiling)

@@ -1,0 +1,80 @@
+"""A scene whose camera finds no focus or no light by itself is shown by hand, so that there is a picture to aim by."""
+
+from pathlib import Path
+
+import pytest
+
+from rptcam_cl.scene import load_scene, set_keys
+from rptcam_cl.viewfinder.opening import open_session
+from tests.viewfinder.page_client import SCENE, at_rest, page, serving
+
+EVEN = SCENE.replace("[0.7, 0.6, 0.5]", "0").replace("environment: {kind: constant, radiance: [0.4, 0.5, 0.6]}", "")
+BLIND = EVEN.replace("focus: {distance_m: 0.95}", "focus: {auto: contrast}")
+DARK = EVEN + "exposure: auto\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "by_hand"),
+    [
+        (BLIND, {"camera.focus.distance_m": 1.0}),
+        (DARK, {"exposure": "relative"}),
+        (BLIND + "exposure: auto\n", {"camera.focus.distance_m": 1.0, "exposure": "relative"}),
+        (SCENE, {}),
+    ],
+    ids=["no contrast", "no light", "neither", "both"],
+)
+def test_what_the_camera_does_not_find_is_set_by_hand(tmp_path: Path, text: str, by_hand: dict[str, object]) -> None:
+    path = tmp_path / "even.yaml"
+    path.write_text(text)
+    scene = load_scene(path)
+    opened = open_session(scene, None)
+    with opened.session as session:
+        assert opened.by_hand == by_hand
+        assert (opened.problem is None) == (not by_hand)
+        assert session.scene.made_of == set_keys(scene, by_hand).made_of
+
+
+def test_blind_scene_is_shown_with_its_error_and_focused_again_once_it_is_mended(tmp_path: Path) -> None:
+    path = tmp_path / "even.yaml"
+    path.write_text(BLIND)
+    with serving(path) as (_, server), page(server) as client:
+        error = client.wait(lambda message: message.type == "error").header
+        assert error["source"] == "scene" and error["message"].startswith("camera.focus.auto: ")
+        client.frame()
+        assert client.ask(1, "reset", what="camera").type == "done"
+        assert "distance_m: 1" in client.ask(2, "scene").header["yaml"]
+        path.write_text(SCENE)
+        client.wait(lambda message: message.type == "notice" and message.header["kind"] == "watch")
+        assert "distance_m: 0.95" in client.ask(3, "scene").header["yaml"]
+
+
+LAMP = "lights: [{kind: point, position: [1, 1, 1], intensity: 5}]"
+NIGHT = SCENE.replace("environment: {kind: constant, radiance: [0.4, 0.5, 0.6]}", LAMP)
+
+
+@pytest.mark.parametrize("automatic", [False, True])
+def test_camera_may_be_turned_into_the_dark_and_back(tmp_path: Path, automatic: bool) -> None:
+    path = tmp_path / "night.yaml"
+    path.write_text(NIGHT)
+    with serving(path) as (_, server), page(server) as client:
+        client.ask(1, "dial", name="mode", value="M")
+        client.ask(2, "dial", name="auto_iso", value=automatic)
+        client.ask(3, "move", kind="tilt", dx=0, dy=1)
+        client.wait(lambda message: message.type == ("error" if automatic else "frame"))
+        assert client.ask(4, "move", kind="tilt", dx=0, dy=-1).type == "done"
+        client.frame(at_rest)
+        wrong = [message.header["message"] for message in client.seen if message.type == "error"]
+        assert all("finds no light" in text for text in wrong)
+
+
+def test_reset_goes_back_to_the_last_good_scene_and_the_error_of_the_file_stays(tmp_path: Path) -> None:
+    path = tmp_path / "ball.yaml"
+    path.write_text(SCENE)
+    with serving(path) as (_, server), page(server) as client:
+        client.frame()
+        path.write_text(BLIND)
+        client.wait(lambda message: message.type == "error")
+        assert client.ask(1, "reset", what="all").type == "done"
+        assert "distance_m: 0.95" in client.ask(2, "scene").header["yaml"]
+        with page(server) as later:
+            assert later.wait(lambda message: message.type == "error").header["source"] == "scene"
