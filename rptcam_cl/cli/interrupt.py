@@ -6,6 +6,8 @@ import threading
 from collections.abc import Iterator
 from types import FrameType
 
+from rptcam_cl.core.errors import DeviceError
+
 INTERRUPTED = 128 + signal.SIGINT
 """Exit code of an interrupted command, as shells count."""
 
@@ -14,6 +16,7 @@ INTERRUPTED = 128 + signal.SIGINT
 def stop_on_interrupt() -> Iterator[threading.Event]:
     """An event that the first Ctrl-C (or termination) sets; the second raises `KeyboardInterrupt` at once.
 
+    So does a device that fails after the first: Ctrl-C takes a compiler's files away while it works.
     Outside the main thread, where signals do not arrive, the event stays unset.
     """
     stop = threading.Event()
@@ -29,6 +32,10 @@ def stop_on_interrupt() -> Iterator[threading.Event]:
     before = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         yield stop
+    except DeviceError:
+        if stop.is_set():
+            raise KeyboardInterrupt from None
+        raise
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -194,8 +194,11 @@ def _options(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
 
 def _render(
     arguments: argparse.Namespace, scene: "Scene", should_stop: Callable[[], bool] | None
-) -> tuple["Image", NumericError | None]:
-    """Return the picture, and why a strict render fails all the same; Ctrl-C ends it unless something else does."""
+) -> tuple["Image", NumericError | None, bool]:
+    """Return the picture, why a strict render fails all the same, and whether it was to be ended, though too late.
+
+    Ctrl-C ends it unless something else does.
+    """
     from rptcam_cl.api import render
     from rptcam_cl.imaging import Image
 
@@ -208,8 +211,8 @@ def _render(
             image = render(scene, **_options(arguments, scene), on_progress=show, should_stop=should_stop)
         except NumericError as failure:
             assert isinstance(failure.image, Image)
-            return failure.image, failure
-    return image, None
+            return failure.image, failure, should_stop()
+    return image, None, should_stop()
 
 
 def _run(arguments: argparse.Namespace) -> int:
@@ -330,7 +333,7 @@ def _one(
     checkpoint = _checkpoint(arguments)
     if checkpoint.exists() and not arguments.resume and not arguments.watch and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
-    image, failure = _render(arguments, scene, should_stop)
+    image, failure, interrupted = _render(arguments, scene, should_stop)
     image.metadata.update(metadata or {})
     if arguments.watch and image.stats["interrupted"]:
         return INTERRUPTED
@@ -358,4 +361,4 @@ def _one(
         print(f"interrupted: {what} holds what was rendered so far{more}", file=sys.stderr)
     if failure is not None:
         raise failure
-    return INTERRUPTED if image.stats.get("interrupted") else 0
+    return INTERRUPTED if interrupted or image.stats.get("interrupted") else 0

@@ -63,7 +63,8 @@ def render_again(scene: Path, stop: threading.Event, picture: Callable[[Callable
             try:
                 picture(lambda files=files: stop.is_set() or files.changed())  # type: ignore[misc]
             except RptcamError as error:
-                print(f"error: {error}", file=sys.stderr)
+                if not stop.is_set():  # else a compiler, whose files Ctrl-C takes away
+                    print(f"error: {error}", file=sys.stderr)
             while not (stop.is_set() or files.changed()):
                 stop.wait(INTERVAL_S)
         if not stop.is_set():

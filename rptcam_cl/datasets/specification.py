@@ -64,6 +64,8 @@ class DatasetSpecification:
         """What decides the bytes of the frames, as a hash; the number of frames is none of it."""
         render = self.scene.render
         facts = [__version__, self.scene.picture_hash(), render.most_spp, render.layers, self.content]
+        if render.layers:
+            facts.append(render.layers_spp)
         return hashlib.sha256(json.dumps(facts, sort_keys=True, default=str).encode()).hexdigest()[:16]
 
     def frame(self, index: int) -> tuple[dict[str, Any], Scene]:

@@ -101,6 +101,15 @@ def test_frame_that_was_interrupted_before_its_noise_target_is_gone_on_with(
     assert {path.name: path.read_bytes() for path in moving.parent.glob("*.*.*")} == whole
 
 
+def test_interrupt_after_the_last_sample_of_a_frame_ends_the_sequence(
+    moving: Path, renderer: Any, rptcam: Command
+) -> None:
+    renderer.during = lambda options: os.kill(os.getpid(), signal.SIGINT)  # as while noise is removed
+    assert rptcam(*WORDS, "--frames", "1-3").code == 130
+    assert len(renderer.asked) == 1
+    assert Path("out.0001.exr").exists()
+
+
 def test_frames_that_lack_a_layer_or_lead_elsewhere_are_rendered_again(moving: Path, rptcam: Command) -> None:
     words = (*WORDS, "--frames", "1-2", "--resume")
 

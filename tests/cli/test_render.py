@@ -199,6 +199,18 @@ def test_probable_mistake_is_a_warning_and_renders(scene: Path, renderer: Any, r
     assert run.err.startswith("warning: ")
 
 
+def test_device_that_fails_after_an_interrupt_is_no_error_but_its_end(
+    scene: Path, renderer: Any, rptcam: Command
+) -> None:
+    def interrupted_compiler(options: dict[str, Any]) -> None:
+        os.kill(os.getpid(), signal.SIGINT)
+        raise DeviceError("tempfile.preproc.cl: No such file or directory")
+
+    renderer.during = interrupted_compiler
+    run = rptcam("render", "scene.yaml", "-o", "a.png")
+    assert (run.code, run.err) == (130, "interrupted\n")
+
+
 @pytest.mark.parametrize(("error", "code"), [(DeviceError, 3), (StateError, 4)])
 def test_failure_while_rendering_is_one_line(
     scene: Path, renderer: Any, rptcam: Command, error: type[Exception], code: int

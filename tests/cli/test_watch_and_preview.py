@@ -14,7 +14,7 @@ import pytest
 
 from rptcam_cl.cli import main
 from rptcam_cl.cli.watch import render_again
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import DeviceError, InputError
 from rptcam_cl.core.references import Folders
 
 SCENE = """\
@@ -93,6 +93,17 @@ def test_files_that_are_named_are_watched_too_and_errors_are_waited_out(
     thread.join(10)
     assert not thread.is_alive() and seen == ["1", "2", "3", "4"]
     assert "error: the lens is no lens" in capsys.readouterr().err
+
+
+def test_what_fails_because_watching_ends_is_not_said(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    stop = threading.Event()
+
+    def picture(should_stop: Callable[[], bool]) -> None:
+        stop.set()
+        raise DeviceError("tempfile.preproc.cl: No such file or directory")
+
+    render_again(tmp_path / "scene.yaml", stop, picture)
+    assert capsys.readouterr().err == ""
 
 
 def test_watched_render_does_not_resume(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
