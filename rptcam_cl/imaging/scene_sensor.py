@@ -10,7 +10,7 @@ import numpy as np
 
 from rptcam_cl.colour import electrons_per_joule
 from rptcam_cl.imaging.mosaic import check_size
-from rptcam_cl.imaging.sensor import SensorModel, system_gain, white_electrons_at_iso
+from rptcam_cl.imaging.sensor import SensorModel, electrons_of_white, system_gain, white_electrons_at_iso
 from rptcam_cl.scene import Scene
 
 WELL_E_PER_UM2 = 2000.0  # a usual density; of the presets, from 720 (kac-12040) to 3400 (imx477)
@@ -33,17 +33,18 @@ def sensor_of(scene: Scene, metadata: Mapping[str, Any]) -> SensorModel | None:
     if settings is None:
         return None
     per_joule = electrons_per_joule(settings.response, settings.quantum_efficiency)
+    white_per_joule = float(electrons_of_white(per_joule, settings.bayer).max())
     area = _pixel_area_m2(scene)
     well = settings.full_well_e or max(1.0, WELL_E_PER_UM2 * area * 1e12)
     saturation = well
     if (iso := metadata.get("iso")) is not None:
-        saturation = min(well, white_electrons_at_iso(per_joule, area, float(iso)))
+        saturation = min(well, white_electrons_at_iso(white_per_joule, area, float(iso)))
     top, black = 2**settings.bit_depth - 1, settings.black_dn
     gain = settings.system_gain_dn_per_e or system_gain(top, black, saturation)
     if scene.exposure.mode == "relative":
         if settings.system_gain_dn_per_e is not None:
             saturation = min(well, (top - black) / gain)
-        electrons = per_joule * (saturation / per_joule.sum(axis=0).max())
+        electrons = per_joule * (saturation / white_per_joule)
     else:
         electrons = per_joule * _joules_per_value(scene, metadata, area)
     x, y, _, _ = metadata["window"]

@@ -93,8 +93,7 @@ class SensorModel:
     @property
     def white_electrons(self) -> NDArray[np.float64]:
         """Electrons for a film of white 1: (3,) per channel, (1,) of a monochrome sensor."""
-        total = self.electrons.sum(axis=0)
-        return np.asarray(total.sum(keepdims=True) if self.bayer == "monochrome" else total)
+        return electrons_of_white(self.electrons, self.bayer)
 
     def described(self) -> dict[str, Any]:
         """Return the sensor as a mapping for JSON, from which `from_description` makes it again."""
@@ -137,19 +136,33 @@ class SensorModel:
             raise InputError(f"the metadata describe no sensor ({error!r}; render the scene anew)") from None
 
 
-def white_electrons_at_iso(electrons_per_joule: NDArray[np.float64], pixel_area_m2: float, iso: float) -> float:
+def electrons_of_white(electrons: NDArray[np.float64], bayer: str) -> NDArray[np.float64]:
+    """Return what white gives a pixel: (3,) by the channels of the sensor, (1,) of a monochrome one, which sees all.
+
+    Parameters
+    ----------
+    electrons : (film, sensor) array
+        Electrons in each channel of the sensor for light in each channel of the film.
+    bayer : str
+        Mosaic, ``none`` or ``monochrome``.
+    """
+    total = electrons.sum(axis=0)
+    return np.asarray(total.sum(keepdims=True) if bayer == "monochrome" else total)
+
+
+def white_electrons_at_iso(white_per_joule: float, pixel_area_m2: float, iso: float) -> float:
     """Return the electrons that white light of the saturating exposure of an ISO speed gives the fullest channel.
 
     Parameters
     ----------
-    electrons_per_joule : (film, sensor) array
-        Electrons [1/J] in each channel of the sensor for light in each channel of the film.
+    white_per_joule : float
+        Electrons [1/J] in that channel for white light.
     pixel_area_m2 : float
         Area on which a pixel gathers light [m²].
     iso : float
     """
     joules_per_m2 = SATURATION_LUX_SECONDS / iso / LUMENS_PER_WATT
-    return float(electrons_per_joule.sum(axis=0).max() * pixel_area_m2 * joules_per_m2)
+    return white_per_joule * pixel_area_m2 * joules_per_m2
 
 
 def system_gain(top_dn: float, black_level_dn: float, saturation_e: float) -> float:

@@ -69,8 +69,9 @@ def test_colours_of_other_spectra_come_near(name: str) -> None:
 def test_iso_speed_saturates_at_78_lux_seconds_over_speed() -> None:
     per_joule = electrons_per_joule("nikon_d5100", (0.5, 0.5, 0.5))
     area = 4.78e-6**2
-    at_100 = white_electrons_at_iso(per_joule, area, 100)
-    assert at_100 == pytest.approx(0.78 / 683 * area * per_joule.sum(axis=0).max())
-    assert white_electrons_at_iso(per_joule, area, 6400) == pytest.approx(at_100 / 64)
+    fullest = float(per_joule.sum(axis=0).max())
+    at_100 = white_electrons_at_iso(fullest, area, 100)
+    assert at_100 == pytest.approx(0.78 / 683 * area * fullest)
+    assert white_electrons_at_iso(fullest, area, 6400) == pytest.approx(at_100 / 64)
     assert system_gain(16383, 512, at_100) * at_100 + 512 == pytest.approx(16383)
     assert 20_000 < at_100 < 50_000  # what wells of such pixels hold

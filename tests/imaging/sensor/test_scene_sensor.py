@@ -96,6 +96,22 @@ def test_relative_film_of_white_fills_the_well() -> None:
     assert found.white_level_dn == pytest.approx(16383)
 
 
+@pytest.mark.parametrize("bayer", ["RGGB", "none", "monochrome"])
+@pytest.mark.parametrize("mode", ["relative", "physical"])
+def test_white_of_one_just_saturates_sensors_of_every_mosaic(bayer: str, mode: str) -> None:
+    """In physical exposures by ISO 12232; a monochrome pixel sees the light of all three channels."""
+    metadata = {} if mode == "relative" else {"iso": 400.0, "values_per_irradiance": 683 * 400 / 78 / 100}
+    keys = {"bayer": bayer, "read_noise_e": 0}
+    found = sensor_in(keys, metadata, exposure=mode, shutter={"time_s": 1 / 100})
+
+    def highest(level: float) -> int:
+        return int(exposed(np.full((8, 8, 3), level, np.float32), found).numbers.max())
+
+    assert found.white_electrons.max() > 1e9  # of pixels so large that noise does not count
+    assert highest(0.99) < found.top_dn
+    assert highest(1.01) == found.top_dn
+
+
 def test_well_follows_the_area_unless_it_is_given() -> None:
     assert sensor_in({"pixel_pitch_um": 4}, {}).full_well_e == pytest.approx(2000 * 16)
     assert sensor_in({}, {}, film={"resolution": [6, 4], "pixel_pitch_um": 3}).full_well_e == pytest.approx(2000 * 9)
