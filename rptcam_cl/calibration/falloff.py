@@ -153,12 +153,14 @@ def coc_map(view: View, distances_m: Sequence[float]) -> Pixels:
     """
     check_distances(distances_m)
     blur = camera_model(view.scene).view.blur()
+    # the table counts along the film, on which a lens turns the picture over
+    table = (blur.table[:, ::-1] if view.scene.camera.flip else blur.table[::-1]).astype(np.float64)
     x, y, width, height = view.window
     full = view.scene.film.resolution
     maps = []
     for distance in distances_m:
         away = 1.0 / distance - blur.focus
-        a, b, c = (blur.table[..., k].astype(np.float64) for k in range(3))
+        a, b, c = (table[..., k] for k in range(3))
         square = between(np.maximum(a + away * (b + away * c), 0.0), full)[y : y + height, x : x + width]
         maps.append(np.sqrt(square) / abs(blur.scale + blur.shift / distance))
     return np.stack(maps).astype(np.float32)

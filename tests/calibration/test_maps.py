@@ -146,6 +146,21 @@ def test_circle_of_confusion_is_the_width_of_the_kernel():
     assert blur[0, 400, 600] == pytest.approx(width, rel=0.01)
 
 
+@pytest.mark.parametrize("flip", [True, False])
+@pytest.mark.parametrize("movements", [{"shift_mm": -6, "rise_mm": 3}, {"swing_degrees": 4, "rise_mm": 3}])
+def test_circle_of_confusion_of_a_film_that_is_moved_is_that_of_its_own_side(movements, flip):
+    camera = CAMERA | {"flip": flip, "movements": movements, "f_number": 2.8}
+    seen = view(load_scene({"film": FILM | {"resolution": [300, 200]}, "camera": camera}))
+    found = point_images(seen, (2, 2), (), (np.inf,), across=64)
+    side = found.kernels.shape[-1]
+    y, x = np.mgrid[:side, :side] - side // 2
+    away = (x, y) - found.centroids[:, :, 0, 0, :, None, None]
+    width = np.sqrt(8 * (found.kernels[:, :, 0, 0] * (away**2).sum(axis=2)).sum(axis=(-1, -2)) - 8 / 6)
+    assert np.ptp(width) > 0.2 * width.mean()
+    blur = coc_map(seen, (np.inf,))[0][np.ix_([50, 150], [75, 225])]
+    np.testing.assert_allclose(blur, width, rtol=0.05)  # pixels are coarse
+
+
 def test_kernels_outside_of_the_image_circle_sum_to_nothing():
     seen = view(subject("fisheye-10mm", size=(60, 40), film_mm=(36.0, 24.0)))
     found = point_images(seen, (5, 3), across=24)
