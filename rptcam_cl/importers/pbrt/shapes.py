@@ -104,7 +104,7 @@ def transform_keys(matrix: Matrix) -> Keys:
 
 
 def _sphere(context: Context, placed: Placed) -> Piece | None:
-    """Return a sphere; v of ours runs downwards and pbrt's upwards, so a textured one is turned upside down."""
+    """Return a sphere; a textured one keeps the turn of its transform, and u and v of ours run as pbrt's do."""
     parameters = placed.shape.parameters
     profile = revolved.sphere(parameters)
     degrees = parameters.number("phimax", 360.0)
@@ -114,8 +114,8 @@ def _sphere(context: Context, placed: Placed) -> Piece | None:
     if is_similarity(placed.world) and not placed.material.textured:
         scaled = radius * mean_scale(placed.world)
         return Piece({"shape": "sphere", "center": tidy(placed.world[:3, 3]), "radius": scaled}, profile.area)
-    world = placed.world @ np.diag([1.0, 1.0, -1.0, 1.0]) if placed.material.textured else placed.world
-    return Piece({"shape": "sphere", "center": [0, 0, 0], "radius": radius, **transform_keys(world)}, profile.area)
+    keys = {"shape": "sphere", "center": [0, 0, 0], "radius": radius}
+    return Piece(keys | transform_keys(placed.world), profile.area)
 
 
 def _round(context: Context, placed: Placed) -> Piece | None:

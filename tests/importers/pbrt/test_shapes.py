@@ -1,13 +1,16 @@
 """Shapes: exact where ours has them, meshes where they are parts, a report where they are neither."""
 
 import gzip
+import io
 import math
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 
+import rptcam_cl
 from rptcam_cl.core.errors import InputError
 
 Convert = Callable[..., Any]
@@ -38,11 +41,20 @@ def test_stretched_sphere_keeps_its_transform(convert: Convert) -> None:
 
 
 def test_texture_of_a_sphere_runs_as_in_pbrt(convert: Convert) -> None:
-    """v of pbrt rises from the south pole; ours falls from the highest point of the sphere's own frame."""
-    (item,) = convert(CHECKER + 'Shape "sphere"', HEAD).scene.objects
-    south = item.world_from_object @ [0, 0, 1, 1]  # the highest point of our sphere, where v = 0
-    np.testing.assert_array_equal(south[:3], [0, 0, -1])
-    np.testing.assert_array_equal((item.world_from_object @ [1, 0, 0, 1])[:3], [1, 0, 0])  # where u = 0
+    """v of pbrt is 1 at the north pole, which the top row of a picture shows; u runs from +x over +y."""
+    texels = np.array([[[255, 0, 0], [0, 255, 0]], [[0, 0, 255], [255, 255, 255]]], np.uint8)
+    picture = io.BytesIO()
+    PIL.Image.fromarray(np.kron(texels, np.ones((16, 16, 1), np.uint8))).save(picture, "PNG")
+    text = (
+        'LightSource "infinite" Texture "t" "spectrum" "imagemap" "string filename" "t.png"'
+        ' Material "diffuse" "texture reflectance" "t" Rotate -90 1 0 0 Rotate 90 0 0 1 Shape "sphere" "float radius" 2'
+    )
+    left_handed = 'Translate 0 0 5 Camera "perspective" Film "rgb" "integer xresolution" 32 "integer yresolution" 32\n'
+    done = convert(text, left_handed + 'PixelFilter "box" WorldBegin\n', t_dot_png=picture.getvalue())
+    seen = rptcam_cl.render(done.scene, spp=1, layers=["albedo"])["albedo"]
+    # the sphere's +x points at the camera, its +y to the left, its pole upwards
+    corners = [[seen[row, column] for column in (14, 17)] for row in (14, 17)]
+    np.testing.assert_allclose(corners, texels / 255, atol=1e-3)
 
 
 def test_cylinder_cone_and_disk_are_ours(convert: Convert) -> None:
