@@ -74,7 +74,7 @@ TRAITS: dict[Tier, Traits] = {
 
 # Keys of a traced camera that a thick lens has too; pinhole and thin lens share the pose alone.
 _POSE = ("target", "up", "flip")
-_TRACED_ONLY = ("pupil", "rays", "precision", "aperture", "accuracy")
+_TRACED_ONLY = ("pupil", "rays", "precision", "aperture", "accuracy", "ghosts", "barrel_reflectance")
 
 
 @dataclass(frozen=True)
@@ -147,6 +147,8 @@ def equivalent(scene: Scene, tier: Tier) -> Scene:
         raise InputError("camera.motion: a moving camera keeps its traced lens")
     if tier == "thick_lens":
         return with_camera(scene, _thick_lens(scene, camera))
+    if tier == "pinhole" and camera.ghosts == "on":
+        raise InputError("camera.ghosts: add the light that comes through an opening, and a pinhole has none")
     first = first_order_camera(scene)
     back = camera.world_from_camera()[:3, 2]
     eye = np.array(camera.eye) - back * first.pupil_mm * 1e-3 / scene.metres_per_unit

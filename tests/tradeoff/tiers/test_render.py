@@ -3,6 +3,7 @@
 import json
 
 import numpy as np
+import pytest
 
 from rptcam_cl.api import render
 from rptcam_cl.cli import main
@@ -39,6 +40,22 @@ def test_chosen_camera_shows_what_the_traced_lens_does():
     rows, columns = np.mgrid[:64, :64]
     for axis in (rows, columns):
         assert abs((axis * chosen).sum() / chosen.sum() - (axis * full).sum() / full.sum()) < 0.2
+
+
+@pytest.mark.parametrize(("tier", "light"), [("thin_lens", 0.03), ("thick_lens", 0.01)])
+def test_ghosts_of_the_lens_come_with_the_camera_that_was_chosen(tier, light):
+    film = {"resolution": [48, 32]}
+    lamp = {"shape": "disk", "center": [0, 1.2, -5], "normal": [0, 0, 1], "radius": 0.02}
+    objects = [BALL, lamp | {"material": {"kind": "emissive", "radiance": 1e3}}]
+    camera = {"f_number": 22, "transmission": {"coating": "mgf2"}, "ghosts": "on", "barrel_reflectance": 0.01}
+    accuracy = {"max_error_px": 0.4, "max_illumination_error": light}
+    scene = scene_of("telephoto-250mm", accuracy=accuracy, film=film, objects=objects, **camera)
+    chosen, traced = (render(each, spp=1) for each in (scene, change_scene(scene, camera={"accuracy": None})))
+    assert chosen.metadata["camera"] == tier
+    found, expected = (image.metadata["ghosts"] for image in (chosen, traced))
+    assert found["sources"] == expected["sources"] > 0
+    assert found["ways"] > 0
+    assert found["barrel_share"] == expected["barrel_share"]
 
 
 def test_command_prints_what_was_decided_and_why(tmp_path, capsys):
