@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
@@ -11,7 +10,7 @@ import numpy as np
 from rptcam_cl.lenstools.charts import add_key, new_chart, series, styled
 from rptcam_cl.lenstools.colours import FAINT
 from rptcam_cl.lenstools.lens_state import Setting
-from rptcam_cl.optics import COATED, UNCOATED, LensTransmission, axial_transmittance, has_coatings
+from rptcam_cl.optics import COATED, UNCOATED, LensTransmission, axial_transmittance, has_coatings, t_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -27,23 +26,26 @@ def transmittance_table(setting: Setting, wavelengths_nm: Sequence[float]) -> li
 
     Each has the share of light on the axis that is left by the glass alone, as far as its absorption is known, by glass
     and bare surfaces, and by glass and coated surfaces (None when the lens does not say how it is coated); then the
-    f-number over the root of the last two.
+    T-numbers of the last two, of the film in the middle (None without one).
     """
     rows: list[Row] = []
     for wavelength in wavelengths_nm:
         glass, bare, coated = (
             float(axial_transmittance(setting.lens, wavelength, losses)) for losses in (GLASS_ALONE, UNCOATED, COATED)
         )
-        f_number = setting.lens.first_order(wavelength).f_number
-        known = has_coatings(setting.lens)
+        known, film = has_coatings(setting.lens), setting.film_distance_mm
+        t_bare, t_coated = (
+            t_number(setting.lens, film, wavelength, losses) if film is not None and passed > 0 else None
+            for passed, losses in ((bare, UNCOATED), (coated if known else 0.0, COATED))
+        )
         rows.append(
             {
                 "wavelength_nm": wavelength,
                 "glass": glass,
                 "bare": bare,
                 "coated": coated if known else None,
-                "t_number_bare": f_number / math.sqrt(bare) if bare > 0 else None,
-                "t_number_coated": f_number / math.sqrt(coated) if known and coated > 0 else None,
+                "t_number_bare": t_bare,
+                "t_number_coated": t_coated,
             }
         )
     return rows

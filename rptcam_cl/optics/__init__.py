@@ -85,7 +85,7 @@ from rptcam_cl.optics.shapes import Biconic, Form, Toroid, short_radius
 from rptcam_cl.optics.spot import Beam, chief_ray, passing_beam
 from rptcam_cl.optics.stop_shape import StopMask, StopShape, blades, fitted, heart, polygon, star
 from rptcam_cl.optics.stopped_pupils import StoppedPupils, stopped_pupils
-from rptcam_cl.optics.summary import image_circle, lens_info
+from rptcam_cl.optics.summary import image_circle, lens_info, t_number
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.thermal import STANDARD_C, STANDARD_HPA, Thermal, air_index
 from rptcam_cl.optics.transmission import (
@@ -288,6 +288,7 @@ __all__ = [
     "stopped_pupils",
     "strehl",
     "system_matrix",
+    "t_number",
     "takes_steep_light",
     "thermal_of",
     "trace",

@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike, NDArray
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.optics.coating import BARE, Coating, Interface, MeasuredReflectance, QuarterWave
-from rptcam_cl.optics.first_order import first_order
 from rptcam_cl.optics.glass import Medium, attenuation
 from rptcam_cl.optics.layer_stack import LayerStack
 from rptcam_cl.optics.prescription import Prescription
@@ -148,14 +147,6 @@ def axial_transmittance(
         if transmission.absorption and k + 1 < len(lens.surfaces):
             passed = passed * np.exp(-attenuation(surface.glass, wavelengths) * abs(surface.thickness))
     return passed
-
-
-def axial_t_number(
-    lens: Prescription, wavelength_nm: float = LINE_D_NM, transmission: LensTransmission = COATED
-) -> float:
-    """Return the f-number over the root of the axial transmittance (W. Smith, Modern Optical Engineering)."""
-    passed = float(axial_transmittance(lens, wavelength_nm, transmission))
-    return first_order(lens, wavelength_nm).f_number / float(np.sqrt(passed))
 
 
 def known_nm(lens: Prescription, transmission: LensTransmission) -> tuple[float, float]:

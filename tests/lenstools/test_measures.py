@@ -11,6 +11,7 @@ from rptcam_cl.lenstools.distortion import distortion_table, film_height, follow
 from rptcam_cl.lenstools.mtf import diffraction_mtf, geometric_mtf, mtf_table
 from rptcam_cl.lenstools.psf import npy_bytes, point_image
 from rptcam_cl.lenstools.spots import FilmSpot, at_best_focus, film_spots, spot_facts, spot_table
+from rptcam_cl.lenstools.transmittance import transmittance_table
 from rptcam_cl.lenstools.vignetting import film_radii, pass_areas, vignetting_table
 from rptcam_cl.optics import load_lens
 
@@ -199,3 +200,15 @@ def test_rectilinear_wides_are_judged_by_straight_lines() -> None:
     assert followed_projection(setting(load_lens("wide-22mm")), fields) == "tan"
     assert followed_projection(setting(load_lens("retrofocus-28mm")), [0.0, 20.0, 34.0, 60.0]) == "tan"
     assert ideal_height(setting(load_lens("wide-22mm")), 95.0, "tan") is None
+
+
+@pytest.mark.parametrize(
+    ("hole", "focus_m", "t"), [(0.0, np.inf, 50.0), (10.0, np.inf, 50 / 0.75**0.5), (0.0, 4.5, 75.0)]
+)
+def test_t_numbers_count_what_a_ring_leaves_and_near_objects(hole: float, focus_m: float, t: float) -> None:
+    front = THIN["surfaces"][0] | ({"inner_diameter": hole} if hole else {})
+    lens = load_lens({"name": "Thin lens", "surfaces": [front, THIN["surfaces"][1]]})
+    row = transmittance_table(setting(lens, focus_distance_m=focus_m), (550.0,))[0]
+    assert row["bare"] == pytest.approx(0.96**2)
+    assert row["t_number_bare"] == pytest.approx(t / 0.96, rel=1e-3)
+    assert row["t_number_coated"] is None
