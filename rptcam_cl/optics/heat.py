@@ -59,7 +59,7 @@ class Heat:
             return lens
         if lens.has_mirrors:
             raise InputError(f"{lens.name}: has mirrors, of which no file says how they expand")
-        media = [self._medium(lens, k) for k in range(len(lens.surfaces))]
+        media = [self._medium(lens, f"surfaces[{k}]", lens.surfaces[k].glass) for k in range(len(lens.surfaces))]
         growth = [self._growth(lens, k) for k in range(len(lens.surfaces))]
         surfaces = []
         for k, surface in enumerate(lens.surfaces):
@@ -72,6 +72,7 @@ class Heat:
         return replace(
             lens,
             surfaces=tuple(surfaces),
+            object_medium=self._medium(lens, "object_medium", lens.object_medium),
             configurations=tuple(Configuration(c.name, gaps(c.gaps), c.stop_diameter_mm) for c in lens.configurations),
             floating=tuple(FocusState(state.distance_mm, gaps(state.gaps)) for state in lens.floating),
         )
@@ -80,14 +81,14 @@ class Heat:
         """Return where a film stands, behind the last vertex, that the barrel held at a distance at 20 degrees [mm]."""
         return film_distance_mm * self.barrel_scale
 
-    def _medium(self, lens: Lens, k: int) -> Medium:
-        """Return the medium behind a surface, hot."""
-        glass = lens.surfaces[k].glass
+    def _medium(self, lens: Lens, where: str, glass: Medium) -> Medium:
+        """Return a medium of a lens, hot."""
         if glass == AIR:
             return glass
         thermal = thermal_of(glass)
         if thermal is None or thermal.dispersion is None:
-            raise _unknown(lens, k, "its index changes with temperature", "thermal: {d: [D0, D1, D2], e: [E0, E1], …}")
+            key = "thermal: {d: [D0, D1, D2], e: [E0, E1], …}"
+            raise _unknown(lens, where, glass, "its index changes with temperature", key)
         assert isinstance(glass, Law)
         return Heated.of(glass, thermal, self.celsius, self.pressure_hpa)
 
@@ -98,7 +99,7 @@ class Heat:
             return self.barrel_scale
         thermal = thermal_of(glass)
         if thermal is None or thermal.expansion_per_k is None:
-            raise _unknown(lens, k, "it expands", "expansion_per_k")
+            raise _unknown(lens, f"surfaces[{k}]", glass, "it expands", "expansion_per_k")
         return 1.0 + thermal.expansion_per_k * (self.celsius - STANDARD_C)
 
 
@@ -110,10 +111,10 @@ def thermal_of(glass: Medium) -> Thermal | None:
     return own if own is not None else bundled_thermal(glass)
 
 
-def _unknown(lens: Lens, k: int, what: str, key: str) -> InputError:
-    name = lens.surfaces[k].glass.name or "(unnamed)"
+def _unknown(lens: Lens, where: str, glass: Medium, what: str, key: str) -> InputError:
+    name = glass.name or "(unnamed)"
     return InputError(
-        f"{lens.name}: surfaces[{k}]: nothing says how glass {name} takes heat: how {what}"
+        f"{lens.name}: {where}: nothing says how glass {name} takes heat: how {what}"
         f" (give {key} beside its law, or the name of a glass of SCHOTT, OHARA, HOYA, HIKARI, CDGM or SUMITA)"
     )
 

@@ -150,6 +150,15 @@ def test_glass_of_which_nothing_is_known_is_refused(glass: Any, message: str) ->
         Heat(60.0).lens(plano_convex(glass))
 
 
+def test_what_lies_before_the_lens_takes_heat_as_well() -> None:
+    rows = [{"radius": 50, "thickness": 5, "glass": "N-BK7", "diameter": 20}, {"diameter": 20}]
+    before = {name: load_lens({"name": "port", "object_medium": name, "surfaces": rows}) for name in ("N-BK7", "water")}
+    first, second, _ = Heat(60.0).lens(before["N-BK7"]).indices(D_NM)
+    assert first == second != before["N-BK7"].indices(D_NM)[0]
+    with pytest.raises(InputError, match="port: object_medium: nothing says how glass water takes heat"):
+        Heat(60.0).lens(before["water"])
+
+
 def test_mirrors_are_refused() -> None:
     with pytest.raises(InputError, match="has mirrors, of which no file says how they expand"):
         Heat(60.0).lens(load_lens("mirror-500mm"))
