@@ -71,8 +71,7 @@ def usd_text(view: View, calibration: Calibration) -> str:
 def _opening(view: View) -> tuple[float, float]:
     """Return the diameter of the entrance pupil [mm] and the distance from it to the plane of focus [m]."""
     if view.setting is None:
-        known = camera_model(view.scene).metadata
-        return known["entrance_pupil"]["diameter_mm"], known.get("focus_distance_m", math.inf)
+        return view.pupil.diameter_mm, camera_model(view.scene).metadata.get("focus_distance_m", math.inf)
     focus_mm = view.setting.focus_distance_mm
     return view.pupil.diameter_mm, math.inf if focus_mm is None else (focus_mm - view.pupil_ahead_mm) * 1e-3
 

@@ -78,8 +78,10 @@ class View:
 
     @cached_property
     def pupil(self) -> EntrancePupil:
-        """The entrance pupil; that of an ideal camera without surfaces is its eye."""
-        return EntrancePupil() if self.setting is None else entrance_pupil(self.scene, self.setting)
+        """The entrance pupil; that of an ideal camera without surfaces is its opening, at the eye."""
+        if self.setting is None:
+            return EntrancePupil(diameter_mm=camera_model(self.scene).metadata["entrance_pupil"]["diameter_mm"])
+        return entrance_pupil(self.scene, self.setting)
 
     @property
     def pupil_ahead_mm(self) -> float:

@@ -237,6 +237,8 @@ def test_ideal_cameras_are_pinholes(kind, flip):
     assert found.parameters[0] == pytest.approx(found.parameters[1])
     if kind != "thick_lens":
         assert found.parameters[0] == pytest.approx(300 / np.tan(np.radians(20)))
+        diameter_mm = seen.facts()["entrance_pupil"]["diameter_mm"]
+        assert diameter_mm == pytest.approx(20.0 if kind == "thin_lens" else 0.0)
 
 
 def test_inverted_picture_is_that_of_a_camera_on_its_head():

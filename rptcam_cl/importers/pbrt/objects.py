@@ -232,7 +232,13 @@ def _material_of_lamp(lamp: Entity) -> ShapeMaterial:
 
 
 def _material_of(material: Keys) -> ShapeMaterial:
-    return ShapeMaterial(_is_textured(material), material["kind"] in ONE_SIDED)
+    return ShapeMaterial(_is_textured(material), _has_front(material))
+
+
+def _has_front(material: Keys) -> bool:
+    """Return whether the front of a material is not as its back: of bumps the back has dents."""
+    parts = material.get("materials", ())
+    return material["kind"] in ONE_SIDED or "normal_map" in material or any(map(_has_front, parts))
 
 
 def _is_textured(value: Any) -> bool:

@@ -30,7 +30,7 @@ class ShapeMaterial:
     textured : bool
         Whether texture coordinates matter.
     oriented : bool
-        Whether front and back differ: lamps of one side, glass.
+        Whether front and back differ: lamps of one side, glass, normal maps.
     """
 
     textured: bool

@@ -1,9 +1,11 @@
 """Where things are: every directive against matrices written from pbrt's book."""
 
+import io
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+import PIL.Image
 import pytest
 
 from rptcam_cl.core.errors import InputError
@@ -129,6 +131,20 @@ def test_front_sides_are_those_of_pbrt(convert: Convert, head: str, text: str, f
     done = convert(f'{text} AreaLightSource "diffuse" {shape}', head)
     expected = -1 if flips != (" -1" in normals) else 1
     np.testing.assert_allclose(np.sign(front(done)[2]), expected)
+
+
+@pytest.mark.parametrize("head", [HEAD, MIRRORED])
+@pytest.mark.parametrize("corners", [(0, 1, 2, 0, 2, 3), (0, 2, 1, 0, 3, 2)])
+def test_squares_with_a_normal_map_keep_their_front(convert: Convert, head: str, corners: tuple[int, ...]) -> None:
+    """Seen from the other side bumps would be dents."""
+    picture = io.BytesIO()
+    PIL.Image.new("RGB", (2, 2), (128, 128, 255)).save(picture, "PNG")
+    square = (
+        f'Shape "trianglemesh" "integer indices" [{" ".join(map(str, corners))}]'
+        ' "point3 P" [-1 -1 0 1 -1 0 1 1 0 -1 1 0] "point2 uv" [0 0 1 0 1 1 0 1]'
+    )
+    done = convert(f'Material "diffuse" "string normalmap" "n.png" {square}', head, n_dot_png=picture.getvalue())
+    assert np.sign(front(done)[2]) == (1 if corners[1] == 1 else -1)
 
 
 def test_normals_are_turned_and_stretched_as_those_of_an_ellipsoid(convert: Convert) -> None:
