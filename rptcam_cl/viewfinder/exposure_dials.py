@@ -13,7 +13,7 @@ from typing import Any, get_args
 
 from rptcam_cl.cameras import values_per_irradiance
 from rptcam_cl.colour import LUMENS_PER_WATT
-from rptcam_cl.scene import MOST_STOPS, Exposure, LensCamera
+from rptcam_cl.scene import LEAST_CD_M2, MOST_CD_M2, MOST_STOPS, Exposure, LensCamera
 from rptcam_cl.viewfinder.light import value_per_radiance
 from rptcam_cl.viewfinder.linked import Linked, Mode, Settings, exposure_of, linked
 from rptcam_cl.viewfinder.panel import Panel, Turned, flag, has_opening, number, word
@@ -141,7 +141,8 @@ def turn_lock(panel: Panel, value: Any) -> Turned:
     dials = panel.dials
     if not _follows(panel):
         return panel.same("nothing follows the meter, so there is nothing to lock") if on else panel.same()
-    reading = (panel.reading_cd_m2 or _standing_reading(panel)) if on else None
+    stands = panel.reading_cd_m2 or _standing_reading(panel)
+    reading = min(max(stands, LEAST_CD_M2), MOST_CD_M2) if on else None
     return _relinked(replace(panel, dials=replace(dials, locked_cd_m2=reading)), panel.settings)
 
 

@@ -182,6 +182,14 @@ def test_light_is_followed_in_every_mode_but_not_while_locked() -> None:
     assert body.scene.exposure.lock_cd_m2 is None
 
 
+@pytest.mark.parametrize("reading", [1e-20, 1e30])
+def test_lock_holds_what_a_scene_may_say(reading: float) -> None:
+    body = Body().turn("mode", "A")
+    body.reading = reading
+    body.turn("lock", True)
+    assert body.dials.locked_cd_m2 == min(max(reading, 1e-12), 1e20)
+
+
 def test_limits_of_the_shutter_hold_back_what_the_meter_asks_for() -> None:
     body = Body(reading=1e7).turn("mode", "A")
     assert body.scene.exposure.mode == "physical"
