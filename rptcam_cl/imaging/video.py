@@ -26,7 +26,7 @@ FORMATS: dict[str, tuple[str, str, str, dict[str, str]]] = {
 _CLOCK = 1_000_000  # denominators of frame rates, at most
 
 # Numbers of ITU-T H.273. Players take what is not said for either of two matrices, by the height of the picture.
-_REC_709, _SRGB_CURVE, _RGB = 1, 13, 0
+_REC_709, _SRGB_CURVE, _NO_CURVE, _RGB = 1, 13, 8, 0
 _LIMITED, _FULL = 1, 2  # ranges, as FFmpeg numbers them
 
 
@@ -76,11 +76,15 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
                 for image in images:
                     codes = quantised(image.developed(), 16).astype(np.uint16)
                     codes = np.ascontiguousarray(codes[: len(codes) // 2 * 2, : codes.shape[1] // 2 * 2])
+                    if codes.size == 0:
+                        got = f"got {image.width} x {image.height}; allowed: at least 2 x 2"
+                        raise InputError(f"{path}: pictures of a video need more pixels ({got})")
                     if stream is None:
                         rate = Fraction(frames_per_second).limit_denominator(_CLOCK)
                         stream = file.add_stream(codec, rate=rate, options=options)
                         stream.width, stream.height, stream.pix_fmt = codes.shape[1], codes.shape[0], kind
-                        _say_colours(stream.codec_context, is_rgb=kind.startswith("gbr"))
+                        curve = _NO_CURVE if image.development.tone == "linear" else _SRGB_CURVE
+                        _say_colours(stream.codec_context, curve, is_rgb=kind.startswith("gbr"))
                     if codes.shape[:2] != (stream.height, stream.width):
                         raise InputError(f"{path}: pictures of a video have one size")
                     file.mux(stream.encode(_frame(codes, kind)))
@@ -93,9 +97,9 @@ def write_video(path: str | os.PathLike[str], images: Iterable[Image], frames_pe
     return count
 
 
-def _say_colours(codec: Any, *, is_rgb: bool) -> None:
+def _say_colours(codec: Any, curve: int, *, is_rgb: bool) -> None:
     """Write into a video how its numbers are to be understood."""
-    codec.color_primaries, codec.color_trc = _REC_709, _SRGB_CURVE
+    codec.color_primaries, codec.color_trc = _REC_709, curve
     codec.colorspace, codec.color_range = (_RGB, _FULL) if is_rgb else (_REC_709, _LIMITED)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError, StateError
-from rptcam_cl.imaging import Image, check_video, quantised, write_video
+from rptcam_cl.imaging import Development, Image, check_video, quantised, write_video
 
 LEVELS = (0.05, 0.2, 0.6)
 
@@ -57,6 +57,13 @@ def test_colours_of_a_video_are_by_the_matrix_that_it_names(suffix, tmp_path):
         assert np.array([first, second, third]) / 2 ** (bits - 8) == pytest.approx(wanted, abs=2)
 
 
+def test_video_of_linear_pictures_says_so(tmp_path):
+    image = Image(np.full((8, 8, 3), 0.5, np.float32), development=Development(tone="linear"))
+    write_video(tmp_path / "a.mkv", [image], 24)
+    with av.open(str(tmp_path / "a.mkv")) as file:
+        assert file.streams.video[0].codec_context.color_trc == 8
+
+
 def test_mistakes_of_a_video_are_named(tmp_path):
     with pytest.raises(InputError, match=r"a\.avi: is no video .got \.avi; allowed \.mov"):
         check_video(tmp_path / "a.avi")
@@ -64,6 +71,8 @@ def test_mistakes_of_a_video_are_named(tmp_path):
         check_video(tmp_path / "none" / "a.mkv")
     with pytest.raises(InputError, match="pictures of a video have one size"):
         write_video(tmp_path / "a.mkv", [*pictures(), *pictures(20, 20)], 24)
+    with pytest.raises(InputError, match=r"need more pixels \(got 9 x 1; allowed: at least 2 x 2\)"):
+        write_video(tmp_path / "a.mkv", pictures(1, 9), 24)
     with pytest.raises(InputError, match="at least one picture"):
         write_video(tmp_path / "a.mkv", [], 24)
     assert list(tmp_path.iterdir()) == []
