@@ -135,8 +135,11 @@ def _unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: in
     if top.value > CLEAR * top.error:
         least = probes.measure.least
         return f"its details are faint: their measure is {top.value:.2g} at most, and more than {least:.2g} is needed"
-    clear = f"{max(top.value, 0.0) / top.error:.1f} standard errors" if top.error > 0 else "0"
-    return f"its details come to {clear} of the noise at {samples} samples per pixel, and {CLEAR:g} are needed"
+    clear = max(top.value, 0.0) / top.error if top.error > 0 else 0.0
+    return (
+        f"its details come to {clear:.1f} standard errors of the noise at {samples} samples per pixel,"
+        f" and {CLEAR:g} are needed"
+    )
 
 
 def _same_everywhere(peak: Peak) -> NoContrast:

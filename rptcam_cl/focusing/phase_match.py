@@ -270,7 +270,7 @@ class PhaseMatch:
         """Return the share of the zone's changes over a few pixels, less those of noise, that lie along the split."""
         whole, noise = self.halves.in_zone.sum(axis=0), float(self.halves.noise.sum())
         steps = whole[:, LAG:] - whole[:, :-LAG], whole[LAG:] - whole[:-LAG]
-        across, down = (max(float(np.mean(step**2)) - 2 * noise, 0.0) for step in steps)
+        across, down = (max(float(np.mean(step**2)) - 2 * noise, 0.0) if step.size else 0.0 for step in steps)
         return (across, down)[self.view.axis] / (across + down) if across + down > 0 else 0.5
 
     def contrast(self) -> tuple[float, float]:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+import rptcam_cl
 from rptcam_cl.cameras.pupil_rays import pupil_rays
 from rptcam_cl.focusing import NoContrast, Policy, Zone
 from rptcam_cl.focusing.phase import focus_by_phase, half_probe, half_view, measure_halves
@@ -144,3 +145,11 @@ def test_probes_of_halves_differ_in_noise():
     one, other = (picture - picture.mean() for picture in through.halves.pictures)
     correlation = (one * other).mean() / np.sqrt((one**2).mean() * (other**2).mean())
     assert abs(correlation) < 3.89 / np.sqrt(one.size)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("method", ["phase", "contrast"])
+def test_zone_of_a_pixel_is_refused_in_a_sentence(method):
+    scene = scene_of([target(2.0, 2.0, noise(400))], lens_camera("dgauss-50mm"))
+    with pytest.raises(NoContrast, match="standard errors of the noise"):
+        rptcam_cl.autofocus(scene, method, zones=[(0.5, 0.5005, 0.5, 0.5005)])
