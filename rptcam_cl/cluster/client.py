@@ -7,7 +7,9 @@ import ipaddress
 import logging
 import os
 import re
+import signal
 from collections.abc import Iterator
+from multiprocessing import resource_tracker
 from typing import Any
 
 from rptcam_cl._version import __version__
@@ -135,12 +137,29 @@ def _started(workers: int, threads: int) -> Any:
     import dask
     from distributed import LocalCluster
 
-    with dask.config.set(LEAN):  # the workers inherit it
+    with dask.config.set(LEAN), _interrupts_held_back():  # the workers inherit both
         return LocalCluster(
             n_workers=workers, threads_per_worker=1, processes=True, host="127.0.0.1", dashboard_address="127.0.0.1:0",
             memory_limit=0, silence_logs=logging.CRITICAL, scheduler_kwargs={"dashboard": False},
             env={"POCL_MAX_PTHREAD_COUNT": str(threads), "POCL_CPU_MAX_CU_COUNT": str(threads)},
         )  # fmt: skip
+
+
+@contextlib.contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Threads and processes that begin meanwhile never hear of Ctrl-C, which a terminal sends to all.
+
+    It is for the client, which hears of it afterwards.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # as on Windows
+        yield
+        return
+    resource_tracker.ensure_running()  # where it begins later, it lets interrupts through again
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _check_workers(client: Any, cluster: str | None, device: str | None) -> None:

@@ -2,7 +2,11 @@
 
 import json
 import math
+import multiprocessing
+import os
 import pickle
+import signal
+import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
@@ -139,6 +143,28 @@ def test_workers_of_this_machine_spend_no_time_on_watching_themselves(monkeypatc
     assert found is False
     assert words["env"]["POCL_CPU_MAX_CU_COUNT"] == "3"
     assert dask.config.get(profiled) is True  # what others do in this process is theirs
+
+
+def test_workers_of_this_machine_leave_interrupts_to_the_client(monkeypatch: pytest.MonkeyPatch) -> None:
+    asks = "import signal; print(signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ()))"
+    context = multiprocessing.get_context("spawn")
+    heard: list[object] = []
+
+    def local_cluster(**words: object) -> str:
+        worker = context.Process(target=int)  # as the engine starts them
+        worker.start()
+        worker.join()
+        os.kill(os.getpid(), signal.SIGINT)
+        heard.append("not yet")
+        return subprocess.run([sys.executable, "-c", asks], stdout=subprocess.PIPE, text=True, check=True).stdout
+
+    monkeypatch.setattr(distributed, "LocalCluster", local_cluster)
+    with pytest.raises(KeyboardInterrupt):
+        client.workers_here(2, threads=1)
+    assert heard == ["not yet"]
+    monkeypatch.setattr(os, "kill", lambda pid, number: None)
+    assert client.workers_here(2, threads=1) == "True\n"
+    assert subprocess.run([sys.executable, "-c", asks], stdout=subprocess.PIPE, check=True).stdout == b"False\n"
 
 
 def test_workers_that_are_lost_at_their_start_are_started_again(monkeypatch: pytest.MonkeyPatch) -> None:
