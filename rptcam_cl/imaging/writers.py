@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fractions import Fraction
@@ -165,6 +166,21 @@ def _windows(metadata: Metadata, pixels: Pixels) -> dict[str, tuple[NDArray[np.i
     return {"dataWindow": (first, last), "displayWindow": (np.zeros(2, np.int32), whole)}
 
 
+def _exr_pixel_aspect(metadata: Metadata) -> dict[str, float]:
+    """Return the standard attribute of the width of pixels over their height, where they are not square."""
+    size, film = metadata.get("film_size_mm"), metadata.get("resolution")
+    if not (_are_counts(film, 2) and all(film) and isinstance(size, (list, tuple)) and len(size) == 2):
+        return {}
+    if not all(_is_length(side) for side in size):
+        return {}
+    aspect = size[0] * film[1] / (size[1] * film[0])
+    return {} if math.isclose(aspect, 1.0, rel_tol=1e-6) else {"pixelAspectRatio": aspect}
+
+
+def _is_length(value: Any) -> bool:
+    return isinstance(value, (int, float)) and 0 < value < math.inf
+
+
 def _exr_timecode(metadata: Metadata) -> dict[str, Any]:
     """Return the standard attributes of a frame's time: SMPTE ST 12-1 counts up to 30 frames a second and 24 hours."""
     import OpenEXR
@@ -200,6 +216,7 @@ def _write_exr(path: Path, pixels: Pixels, metadata: Metadata, development: Deve
         "type": OpenEXR.scanlineimage,
         "chromaticities": (*itertools.chain(*SRGB_PRIMARIES), *SRGB_WHITE),
         "colorInteropID": _COLOUR_SPACE,
+        **_exr_pixel_aspect(metadata),
         **_windows(metadata, pixels),
     }
     channels = {"RGB": np.ascontiguousarray(pixels), **dict(exr_channels(layers))}

@@ -178,3 +178,14 @@ def test_picture_too_long_for_a_jpeg_is_refused_in_words_of_ours(tmp_path):
     assert list(tmp_path.iterdir()) == []
     film.save(tmp_path / "a.png")
     Image(np.ones((1, 65_500, 3), np.float32)).save(tmp_path / "a.jpg")
+
+
+@pytest.mark.parametrize(
+    ("size", "aspect"), [([36.0, 24.0], 1.5), ([24.0, 36.0], 2 / 3), ([24.0, 24.0], 1.0), (None, 1.0)]
+)
+def test_exr_says_how_wide_its_pixels_are(size, aspect, tmp_path):
+    """A film of 36 x 24 mm in 8 x 8 pixels is shown half as wide again."""
+    metadata = {"resolution": [8, 8]} | ({} if size is None else {"film_size_mm": size})
+    Image(np.ones((8, 8, 3), np.float32), metadata).save(tmp_path / "a.exr")
+    with OpenEXR.File(str(tmp_path / "a.exr")) as file:
+        assert file.header()["pixelAspectRatio"] == pytest.approx(aspect)
