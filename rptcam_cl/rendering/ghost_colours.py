@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import LensSetting, ghosts_have_colours
+from rptcam_cl.cameras import LensSetting, ghosts_have_colours, usable_nm
 from rptcam_cl.colour import WAVELENGTHS_NM
 from rptcam_cl.core.kinds import SpectrumKind
 from rptcam_cl.plan import Plan, observer
@@ -31,22 +31,27 @@ class Band(NamedTuple):
 def bands(scene: Scene, plan: Plan, setting: LensSetting, sources: Sources) -> list[Band]:
     """Return wavelengths for light given as red, green and blue, and for each spectrum of a lamp its own.
 
-    A film of red, green and blue knows no spectra.
+    A film of red, green and blue knows no spectra. Beyond what the lens is known for its last wavelength stands in.
     """
     tinted, numbers = ghosts_have_colours(setting), sources.known[:, 0].astype(int)
     if plan.spectrum.kind == SpectrumKind.RGB:
         numbers = np.zeros_like(numbers)
     waves = WAVES_NM if tinted else (setting.camera.wavelength_nm,)
     shares = shares_of_white(WAVES_NM) if tinted else np.ones((1, 3))
+    limits = usable_nm(setting.lens, setting.transmission) if tinted else (0.0, np.inf)
+
+    def known(nm: float) -> float:
+        return float(np.clip(nm, *limits))
+
     plain, found = numbers == 0, []
     if plain.any() or not len(plain):
         light = np.where(plain[:, None], sources.irradiance, 0.0)
-        found = [Band(nm, light * share) for nm, share in zip(waves, shares, strict=True)]
+        found = [Band(known(nm), light * share) for nm, share in zip(waves, shares, strict=True)]
     matching = observer(scene)[1]
     for number in np.unique(numbers[~plain]):
         times = np.where(numbers == number, sources.known[:, 1], 0.0)[:, None]
         for nm, seen in _of_spectrum(plan.colours[0].samples[number - 1][:, None] * matching, waves):
-            found.append(Band(float(np.clip(nm, *plan.camera.usable_nm)), times * seen))
+            found.append(Band(known(nm), times * seen))
     return found
 
 

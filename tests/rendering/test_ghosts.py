@@ -153,6 +153,18 @@ def test_a_small_opening_behind_a_wide_front_has_its_ghosts(name: str, degrees: 
     assert centre_y(image["ghosts"]) == pytest.approx(y, abs=0.1)
 
 
+def test_a_coating_measured_over_few_wavelengths_keeps_its_last_values_beyond() -> None:
+    def ghosts(reflectance: Any) -> np.ndarray:
+        rows = [{"radius": 60, "thickness": 6, "glass": {"index": 1.6}, "diameter": 24, "stop": True},
+                {"radius": -60, "diameter": 24}]  # fmt: skip
+        rows = [row | {"coating": {"reflectance": reflectance}} for row in rows]
+        lens = {"name": "Single lens", "surfaces": rows}
+        return rptcam_cl.render(scene(sun(10.0), lens=lens, transmission="coated"))["ghosts"]
+
+    measured = {"wavelengths_nm": [500, 550, 600], "values": [0.02, 0.02, 0.020001]}
+    np.testing.assert_allclose(ghosts(measured).sum(axis=(0, 1)), ghosts(0.02).sum(axis=(0, 1)), rtol=2e-3)
+
+
 def test_ghosts_take_the_shape_of_the_stop() -> None:
     image = rptcam_cl.render(scene(sun(10.0), f_number=8, aperture={"shape": "polygon", "blades": 3}))
     lens = load_lens("dgauss-50mm")
