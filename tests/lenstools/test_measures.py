@@ -4,6 +4,7 @@ import io
 
 import numpy as np
 import pytest
+from scipy.special import j1
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools import setting
@@ -13,6 +14,8 @@ from rptcam_cl.lenstools.psf import npy_bytes, point_image
 from rptcam_cl.lenstools.spots import FilmSpot, at_best_focus, film_spots, spot_facts, spot_table
 from rptcam_cl.lenstools.transmittance import transmittance_table
 from rptcam_cl.lenstools.vignetting import film_radii, pass_areas, vignetting_table
+from rptcam_cl.lenstools.wave_images import wave_point_image
+from rptcam_cl.lenstools.wavefronts import field_waves
 from rptcam_cl.optics import load_lens
 
 RNG = np.random.default_rng(7)
@@ -212,3 +215,16 @@ def test_t_numbers_count_what_a_ring_leaves_and_near_objects(hole: float, focus_
     assert row["bare"] == pytest.approx(0.96**2)
     assert row["t_number_bare"] == pytest.approx(t / 0.96, rel=1e-3)
     assert row["t_number_coated"] is None
+
+
+@pytest.mark.parametrize("pixel", [0.249, 0.499])  # in wavelengths times f-number
+def test_pixels_of_a_diffracted_point_have_the_mean_of_the_airy_pattern(pixel: float) -> None:
+    rows = [{"thickness": 3, "glass": {"index": 1.5}, "diameter": 26, "stop": True},
+            {"radius": -25, "conic": -2.25, "diameter": 26}]  # fmt: skip
+    lens, unit = load_lens({"name": "Perfect lens", "surfaces": rows}).with_stop_diameter(50 / 16), 0.55 * 16
+    light = wave_point_image(field_waves(setting(lens), [0.0], [550.0], 96), 8, 8 * pixel * unit).shares
+    places = ((np.arange(8 * 32) + 0.5) / 32 - 4) * pixel
+    x, y = np.meshgrid(places, places)
+    v = np.pi * np.hypot(x, y)
+    airy = np.pi * (j1(v) / v) ** 2 * (pixel / 32) ** 2
+    np.testing.assert_allclose(light, airy.reshape(8, 32, 8, 32).sum(axis=(1, 3)), rtol=0, atol=3e-3 * light.max())
