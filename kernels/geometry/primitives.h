@@ -34,6 +34,17 @@ static inline F3 object_vector(const __global Primitive *p, F3 d)
     return f3(row_vector(p->row_x, d), row_vector(p->row_y, d), row_vector(p->row_z, d));
 }
 
+#if HUGE_SPHERES
+#define HUGE_POWER  2e-3f       // of the squared radius: the eye is a thousandth of the radius from the surface
+
+// Whether a sphere is so large beside its distance from the eye that its centre and radius do not tell where its surface is.
+// row_z.w holds the power of the eye: its squared distance from the centre, less the squared radius.
+static inline int is_huge(const __global Primitive *p)
+{
+    return fabs(p->row_z.w) < HUGE_POWER * p->row_x.w * p->row_x.w;
+}
+#endif
+
 #if HAS_SPHERE
 // A ray and a sphere: half the way to the far side of it, and of the roots their product and the discriminant.
 typedef struct { F b, c, discriminant; } SphereRay;
@@ -46,11 +57,18 @@ static SphereRay near_sphere(const __global Primitive *p, Ray ray, I origin)
     F b = -dot3(oc, ray.d);
     F3 l = along(oc, ray.d, b);
     F r = (F)(p->row_x.w);
-    F c = origin ? ZERO : dot3(oc, oc) - r * r;
+    F c = dot3(oc, oc) - r * r;
+    F discriminant = r * r - dot3(l, l);
+#if HUGE_SPHERES
+    if (is_huge(p)) {       // (o - C)^2 - r^2 by the power of the eye, in which the host has let the large terms cancel
+        c = dot3(ray.o, sub(oc, f3_of(p->row_x))) + p->row_z.w;
+        discriminant = b * b - c;
+    }
+#endif
     SphereRay s;
     s.b = b;
-    s.c = c;
-    s.discriminant = origin ? b * b : r * r - dot3(l, l);
+    s.c = origin ? ZERO : c;
+    s.discriminant = origin ? b * b : discriminant;
     return s;
 }
 

@@ -18,6 +18,10 @@ static SurfacePoint point_on_sphere(const __global Primitive *primitive, F3 p, i
     F3 centre = f3_of(primitive->row_x);
     s.n = normalized(sub(p, centre));
     s.p = along(centre, s.n, (F)(primitive->row_x.w));
+#if HUGE_SPHERES
+    if (is_huge(primitive))
+        s.p = p;
+#endif
     s.u = ZERO;
     s.v = ZERO;
 #if HAS_TEXTURE

@@ -10,7 +10,7 @@
 #define HAS_FLAT (HAS_RECTANGLE || HAS_DISK || HAS_PLANE)
 #if FEW_PRIMITIVES && VW == 16 && defined CLANG_AVX512 && (HAS_SPHERE || HAS_FLAT || HAS_BOX) \
     && !(HAS_MESH || HAS_MOTION || HAS_CLOSURE || HAS_MIX || HAS_NORMAL_MAP || HAS_TANGENT || HAS_DISPERSION \
-         || SPECTRAL_COLOURS)
+         || SPECTRAL_COLOURS || HUGE_SPHERES)
 #define FLAT_TABLES 1
 
 // How a vertex takes its place, by primitive: not by the tables, or as what these say.

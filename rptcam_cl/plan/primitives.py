@@ -17,6 +17,9 @@ from rptcam_cl.scene import shape as shapes
 
 Matrix = NDArray[np.float64]
 
+HUGE_POWER = 2e-3  # of the squared radius, as in kernels/geometry/primitives.h
+MOST = float(np.finfo(np.float32).max)
+
 
 @dataclass(frozen=True)
 class Primitive:
@@ -152,6 +155,22 @@ def sphere_of(placement: Matrix) -> tuple[NDArray[np.float64], float]:
     return placement[:3, 3], float(np.cbrt(abs(np.linalg.det(placement[:3, :3]))))
 
 
+def eye_power(placement: Matrix) -> float:
+    """Return the power of the eye with respect to a sphere: its squared distance from the centre, less r² [m²]."""
+    center, radius = sphere_of(placement)
+    distance = float(np.linalg.norm(center))
+    return (distance - radius) * (distance + radius)
+
+
+def has_huge_sphere(primitives: list[Primitive]) -> bool:
+    """Return whether a sphere is so large beside its distance from the eye that kernels take the eye's power.
+
+    In float32 centre and radius place its surface within 3e-8 of the radius: a globe of Earth's size within 0.2 m.
+    """
+    spheres = (primitive.placement for primitive in primitives if primitive.kind is Kind.SPHERE)
+    return any(abs(eye_power(placement)) < HUGE_POWER * sphere_of(placement)[1] ** 2 for placement in spheres)
+
+
 def with_meshes(primitives: list[Primitive], scene: Scene, parts: PlanParts) -> tuple[list[Primitive], MeshPlan | None]:
     """Return the primitives with the meshes, which stand last, in the order that their pools need; and the pools."""
     solid = [primitive for primitive in primitives if primitive.mesh is None]
@@ -193,7 +212,7 @@ def pack_primitives(
             axes = primitive.placement[:3, :3] / radius
             records[index]["row_x"] = (*center, radius)
             records[index]["row_y"] = (*axes[:, 0], np.sign(np.linalg.det(axes)))
-            records[index]["row_z"][:3] = axes[:, 2]
+            records[index]["row_z"] = (*axes[:, 2], np.clip(eye_power(primitive.placement), -MOST, MOST))
         elif primitive.kind is not Kind.MESH:
             inverse = np.linalg.inv(primitive.placement)
             for name, row in zip(("row_x", "row_y", "row_z"), inverse[:3], strict=True):

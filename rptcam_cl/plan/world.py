@@ -21,7 +21,15 @@ from rptcam_cl.plan.motion import Movements, pack_movements
 from rptcam_cl.plan.optical_constants import KnownSpectra
 from rptcam_cl.plan.packed_meshes import PackedMeshes
 from rptcam_cl.plan.parts import PlanParts
-from rptcam_cl.plan.primitives import Owners, Primitive, owners_of, pack_primitives, scene_primitives, with_meshes
+from rptcam_cl.plan.primitives import (
+    Owners,
+    Primitive,
+    has_huge_sphere,
+    owners_of,
+    pack_primitives,
+    scene_primitives,
+    with_meshes,
+)
 from rptcam_cl.plan.textures import Textures
 from rptcam_cl.scene import Scene, file_references
 
@@ -83,6 +91,7 @@ def _made(scene: Scene, parts: PlanParts, files: tuple[str, ...]) -> World:
     facts |= _facts_of_shapes(primitives, meshes, shown.facts) | {
         "ENVIRONMENT": int(surroundings.kind),
         "FEW_PRIMITIVES": int(len(primitives) <= FEW),
+        "HUGE_SPHERES": int(has_huge_sphere(primitives)),
     }
     return World(
         facts=facts,

@@ -32,6 +32,7 @@ RARE = [
     PLANE | {"material": {"kind": "matte", "reflectance": 0.5}},
     {"shape": "disk", "center": [0, 0, 5], "normal": [0, 0, 1], "radius": 1e-5,
      "material": {"kind": "emissive", "radiance": 1}},
+    {"shape": "sphere", "center": [0, 0, -1e7], "radius": 1e7, "material": "grid"},
 ]  # fmt: skip
 SOLIDS = ("box", "cylinder", "cone", "sphere")  # of a sphere an ellipsoid
 PATTERNS = {

@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 
+import rptcam_cl
 from rptcam_cl.rendering.waves import seed_words
 from rptcam_cl.scene import load_scene
 from tests.device.probes import camera_rays, open_session
@@ -152,3 +153,19 @@ def test_probe_and_picture_take_the_same_rays(probing):
     d = rays.direction @ load_scene(mapping).camera.world_from_camera()[:3, :3].T
     film = pixels(mapping, spp=1, seed=9)[rays.pixel[:, 1], rays.pixel[:, 0]]
     np.testing.assert_allclose(film, sky(d), atol=1e-6)
+
+
+@pytest.mark.parametrize("radius", [2e4, 1e5, 6.371e6])
+def test_the_ground_of_a_globe_lies_where_it_is_under_the_eye(radius):
+    grey = {"kind": "matte", "reflectance": 0.5}
+    globe = {"shape": "sphere", "center": [0, -radius, 0], "radius": radius, "material": grey}
+    ball = {"shape": "sphere", "center": [0, 0.5, -3], "radius": 0.5, "material": grey}
+    camera = looking([0, 1.7, 0], [0, 0.7, -1.2], 80, (0, 1, 0))
+    scene = scene_of([globe, ball], camera, resolution=(64, 64))
+    layers = rptcam_cl.render(scene, spp=1, layers=["position", "object_id"]).layers
+    places, on_ball = (layers["position"][layers["object_id"] == index].astype(np.float64) for index in (0, 1))
+    height = places[:, 1] + (places**2).sum(1) / (2 * radius)  # over the globe, to first order
+    assert len(places) > 3000
+    assert np.abs(height).max() < 2e-6
+    assert len(on_ball) > 50
+    assert np.abs(np.linalg.norm(on_ball - [0, 0.5, -3], axis=1) - 0.5).max() < 2e-6
