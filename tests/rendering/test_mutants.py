@@ -94,7 +94,7 @@ MIS = "return own > 0.0f ? own2 / (own2 + other * other)"
 CLOSER = """EACH_PRIMITIVE(ray, ALL_FLATS,
         t = PAST_HOLES(met & (t > 0.0f) & (t < best));
         I closer = met & (t > 0.0f)"""
-ORIGIN = "F c = origin ? ZERO : dot3(oc, oc) - r * r;"
+ORIGIN = "s.c = origin ? ZERO : c;"
 MUTANTS = [
     Mutant("cos^3 for cos^4", "cos2_over_length2 * cos2_over_length2;",
            "cos2_over_length2 / sqrt(ray.length2);", lens_corner),
@@ -162,7 +162,7 @@ MUTANTS = [
            lambda: random.test_unit_float_is_below_one_and_hits_zero(open_session())),
     Mutant("absolute epsilon", CLOSER, CLOSER.replace("closer = met & (t > 0.0f)", "closer = met & (t > 1e-4f)"),
            lambda: furnaces.test_every_sample_in_a_cavity_is_the_truncated_series(1e-3, 0.8, 5)),
-    Mutant("self-hits of a sphere", ORIGIN, "F c = dot3(oc, oc) - r * r;", white_sphere),
+    Mutant("self-hits of a sphere", ORIGIN, "s.c = c;", white_sphere),
     Mutant("self-hits of a box", "return origin ? other : outside;", "return outside;", white_box),
     Mutant("shadow rays stop short of planes", "reach * LITTLE_MORE", "0.5f * reach", loop_beside_the_tree),
     Mutant("spheres round the start left out", "MAX(s.b, -s.c) >= 0.0f", "s.b >= 0.0f", loop_beside_the_tree),
