@@ -61,19 +61,31 @@ class Heat:
             raise InputError(f"{lens.name}: has mirrors, of which no file says how they expand")
         media = [self._medium(lens, f"surfaces[{k}]", lens.surfaces[k].glass) for k in range(len(lens.surfaces))]
         growth = [self._growth(lens, k) for k in range(len(lens.surfaces))]
-        surfaces = []
-        for k, surface in enumerate(lens.surfaces):
-            body = growth[k] if surface.glass != AIR or k == 0 else growth[k - 1]
-            surfaces.append(replace(_grown(surface, body), thickness=surface.thickness * growth[k], glass=media[k]))
+        bodies = [growth[k] if s.glass != AIR or k == 0 else growth[k - 1] for k, s in enumerate(lens.surfaces)]
+        surfaces = [
+            replace(_grown(surface, body), thickness=surface.thickness * gap, glass=medium)
+            for surface, body, gap, medium in zip(lens.surfaces, bodies, growth, media, strict=True)
+        ]
 
         def gaps(given: tuple[tuple[int, float], ...]) -> tuple[tuple[int, float], ...]:
             return tuple((k, gap * growth[k]) for k, gap in given)
 
+        def position(given: Configuration) -> Configuration:
+            stop = given.stop_diameter_mm
+            if stop is not None and lens.stop_index is not None:
+                stop *= bodies[lens.stop_index]
+            return Configuration(given.name, gaps(given.gaps), stop)
+
+        group = lens.focusing
+        if group is not None:
+            least, most = group.travel_mm
+            group = replace(group, travel_mm=(least * self.barrel_scale, most * self.barrel_scale))
         return replace(
             lens,
             surfaces=tuple(surfaces),
+            focusing=group,
             object_medium=self._medium(lens, "object_medium", lens.object_medium),
-            configurations=tuple(Configuration(c.name, gaps(c.gaps), c.stop_diameter_mm) for c in lens.configurations),
+            configurations=tuple(position(given) for given in lens.configurations),
             floating=tuple(FocusState(state.distance_mm, gaps(state.gaps)) for state in lens.floating),
         )
 
@@ -121,9 +133,15 @@ def _unknown(lens: Lens, where: str, glass: Medium, what: str, key: str) -> Inpu
 
 def _grown(surface: Surface, scale: float) -> Surface:
     """Return a surface that is larger by a factor, and of the same shape."""
-    form = surface.form
+    form, pose, region = surface.form, surface.pose, surface.region
     if isinstance(form, Biconic | Toroid):
         form = replace(form, curvature_x=form.curvature_x / scale)
+    if pose is not None:
+        x, y, z = pose.offset
+        pose = replace(pose, offset=(x * scale, y * scale, z * scale))
+    if region is not None:
+        width, height = region.half_width * scale, region.half_height * scale
+        region = replace(region, half_width=width, half_height=height, edge=region.edge * scale)
     return replace(
         surface,
         curvature=surface.curvature / scale,
@@ -131,4 +149,6 @@ def _grown(surface: Surface, scale: float) -> Surface:
         inner_semi_diameter=surface.inner_semi_diameter * scale,
         aspheric=tuple((power, a * scale ** (1 - power)) for power, a in surface.aspheric),
         form=form,
+        pose=pose,
+        region=region,
     )

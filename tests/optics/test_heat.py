@@ -8,7 +8,7 @@ import pytest
 
 from rptcam_cl import InputError
 from rptcam_cl.lenstools import lens_text
-from rptcam_cl.optics import AIR, BARRELS, Heat, Melt, air_index, glass_named, load_lens, thermal_of
+from rptcam_cl.optics import AIR, BARRELS, Heat, Melt, air_index, configured, glass_named, load_lens, thermal_of
 from rptcam_cl.optics.files.makers import MAKERS, glasses_of, law_of
 from rptcam_cl.optics.glass import Heated, Law
 
@@ -120,6 +120,46 @@ def test_shape_of_an_asphere_grows_alike() -> None:
     growth = 1 + 100 * 7.1e-6
     height, zero = np.array([4.0]), np.zeros(1)
     assert hot.surfaces[0].sag(zero, growth * height) == pytest.approx(growth * cold.surfaces[0].sag(zero, height))
+
+
+def test_lens_that_grows_alike_everywhere_is_the_lens_in_a_larger_unit() -> None:
+    grow = 25e-6
+    glass = {"index": 1.5, "expansion_per_k": grow, "thermal": {"d": [0, 0, 0], "e": [0, 0], "resonance_um": 0.2}}
+    lens = {
+        "surfaces": [
+            {"radius": 40, "thickness": 4, "glass": glass, "diameter": 20, "decentre": [0.5, -1, 0.2]},
+            {"radius": -60, "thickness": 5, "diameter": 20, "clear": {"rectangle": [12, 8]}},
+            {"stop": True, "thickness": 6, "diameter": 9},
+            {"radius": 90, "thickness": 3, "glass": glass, "diameter": 18, "tilt_degrees": [2, 0]},
+            {"diameter": 18, "clear": {"half_plane_degrees": 90, "edge": -7}},
+        ],
+        "groups": [{"surfaces": [3, 4], "decentre": [0, 0.3], "tilt_degrees": [1, -1]}],
+        "configurations": [
+            {"name": "wide", "gaps": {1: 5, 2: 6}, "stop_diameter": 8},
+            {"name": "tele", "gaps": {1: 7, 2: 3}, "stop_diameter": 6},
+        ],
+        "focusing": {"surfaces": [3, 4], "travel": [-1, 2]},
+    }
+    kelvin = 40.0
+    scale = 1 + grow * kelvin
+    hot = Heat(20 + kelvin, barrel_per_k=grow).lens(load_lens(lens))
+    glass["index"] = float(hot.surfaces[0].glass.index(D_NM))
+    larger = load_lens(lens | {"unit": "cm"})  # whose lengths are ten times as long
+    assert hot.focusing is not None
+    assert hot.focusing.travel_mm == pytest.approx((-scale, 2 * scale))
+    tele, reference = configured(hot, "tele"), configured(larger, "tele")
+    assert tele.stop is not None
+    assert 2 * tele.stop.semi_diameter == pytest.approx(6 * scale)
+    points = np.random.default_rng(3).uniform(-6, 6, (200, 2))
+    origins = np.column_stack([points, np.full(200, -10.0)])
+    directions = np.broadcast_to([0.0, 0.1, 1.0], origins.shape)
+    one = tele.trace(scale * origins, directions, D_NM, "scene")
+    other = reference.trace(10 * origins, directions, D_NM, "scene")
+    assert np.array_equal(one.status, other.status)
+    assert len(set(one.surface[~one.passed].tolist())) > 1
+    passed = one.passed
+    assert 20 < passed.sum() < 180
+    np.testing.assert_allclose(one.origins[passed] / scale, other.origins[passed] / 10, atol=1e-9)
 
 
 def test_lens_at_20_degrees_stays_as_it_is() -> None:
