@@ -15,23 +15,20 @@ from dataclasses import field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rptcam_cl.cameras import Split, halved
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.focusing.contrast import nothing_to_see
 from rptcam_cl.focusing.distance import state_within_reach
+from rptcam_cl.focusing.half_view import STEP, HalfView, places_round
 from rptcam_cl.focusing.measures import Measured, Probe
 from rptcam_cl.focusing.phase_match import (
     LEAST_CONTRAST,
     LEAST_SIGNIFICANCE,
-    STEP,
-    HalfView,
     Halves,
     Match,
     PhaseMatch,
-    places_round,
 )
 from rptcam_cl.focusing.probe import Drive, Zone, ZoneImage, chosen, circle_of_confusion
 from rptcam_cl.focusing.renderer import ProbeRenderer
@@ -110,14 +107,10 @@ def half_probe(
     across, down = (-(-pixels // MARGIN_STEP) * MARGIN_STEP for pixels in margin)
     margins = renderer.choose_zones([zone], (across, down)).margins(zone)
     images = _through(renderer, view, state, zone, samples, seed, stop)
-    pictures: list[NDArray[np.float64]] = [image.luminance.mean(axis=0) for image in images]
-    light = [float(picture.mean()) for picture in pictures]
-    halves = Halves(
-        np.stack([picture / (mean or 1.0) for picture, mean in zip(pictures, light, strict=True)]),
-        np.array([image.variance.mean() / (mean or 1.0) ** 2 for image, mean in zip(images, light, strict=True)]),
-        margins,
-    )
-    taken = 2 * images[0].samples * pictures[0].size
+    parts = np.stack([image.luminance for image in images])
+    light = parts.mean(axis=(1, 2, 3), keepdims=True)
+    halves = Halves(parts / np.where(light > 0, light, 1.0), margins)
+    taken = 2 * images[0].samples * parts[0, 0].size
     return HalfProbe(state, stop, view, halves, taken, time.perf_counter() - begun)
 
 

@@ -20,92 +20,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from rptcam_cl.cameras import PupilLine, PupilRays, Split, pupil_line
 from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.focusing.half_view import HalfView
 
 Array = NDArray[np.float64]
-
-STEP = 12.0  # pixels to the places round the middle of a zone that tell the plane's scale
-
-
-def places_round(middle: tuple[float, float]) -> Array:
-    """Return the places (5, 2) [pixels] whose rays a view needs: its middle, right, left, below, above."""
-    return np.array(middle) + STEP * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
-
-
-@dataclass(frozen=True)
-class HalfView:
-    """Two halves of the pupil, seen from the middle of a zone in one focus state.
-
-    Attributes
-    ----------
-    rays : PupilRays
-        Of the places of `places_round`.
-    line : PupilLine
-        Between the halves.
-    split : "x" or "y"
-    """
-
-    rays: PupilRays
-    line: PupilLine
-    split: Split
-
-    @classmethod
-    def of(cls, rays: PupilRays, split: Split) -> HalfView:
-        """Return the view of the halves of equal light."""
-        return cls(rays, pupil_line(rays, split), split)
-
-    @property
-    def axis(self) -> int:
-        """Along which the halves lie apart: 0 across, 1 down."""
-        return 0 if self.split == "x" else 1
-
-    @cached_property
-    def _lines(self) -> tuple[Array, Array, Array, Array]:
-        """Constant and slope, over the vergence, of where rays meet a plane (n, 2) and of its scale (2, 2)."""
-        at, along = self.rays.seen(0.0), self.rays.seen(1.0)
-        means = [np.einsum("mn,mnk->mk", self.rays.weights, places) for places in (at, along - at)]
-        scales = [np.stack([mean[1] - mean[2], mean[3] - mean[4]], axis=1) / (2 * STEP) for mean in means]
-        open_ = self.rays.weights[0] > 0
-        return (at[0] - means[0][0])[open_], (along[0] - at[0] - means[1][0])[open_], *scales
-
-    @cached_property
-    def shares(self) -> Array:
-        """The weights (2, n) of the rays of the half before the line and of that beyond it; each sums to 1."""
-        beyond = self.line.beyond(self.rays)[0]
-        weights = (self.rays.weights[0] * np.stack([1 - beyond, beyond]))[:, self.rays.weights[0] > 0]
-        return np.asarray(weights / weights.sum(axis=1, keepdims=True))
-
-    def offsets(self, vergence: float) -> Array:
-        """Return x (n, 2) of the rays that pass [pixels], for the plane at 1 / vergence [m] from the eye."""
-        at, along, scale, scale_along = self._lines
-        return np.asarray((at + vergence * along) @ np.linalg.inv(scale + vergence * scale_along).T)
-
-    def displacement(self, vergence: float) -> float:
-        """Return how far the picture beyond the line lies from that before it, along the split [pixels]."""
-        before, beyond = self.shares @ self.offsets(vergence)
-        return float((before - beyond)[self.axis])
-
-    @property
-    def nearest(self) -> float:
-        """The vergence of planes that lie safely in front of the lens [1/m]."""
-        ahead = -float(self.rays.origins[..., 2].min())
-        return 0.8 / ahead if ahead > 0 else np.inf
-
-    def sharpest(self) -> float:
-        """Return the vergence at which the rays of the whole pupil spread least over a plane [1/m]."""
-        at, along = self._lines[:2]
-        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
-        return -float(np.sum(weights * at * along) / np.sum(weights * along * along))
-
-    def sharpest_along(self) -> tuple[float, float]:
-        """Return the vergences at which the rays spread least across and least down [1/m]: apart by astigmatism."""
-        at, along = self._lines[:2]
-        weights = self.rays.weights[0][self.rays.weights[0] > 0][:, None]
-        across, down = -np.sum(weights * at * along, axis=0) / np.sum(weights * along * along, axis=0)
-        return float(across), float(down)
-
-
 Complex = NDArray[np.complex128]
 
 HIGHEST = 0.75  # of the Nyquist frequency: beyond it pixels alias
@@ -180,17 +98,24 @@ class Halves:
 
     Attributes
     ----------
-    pictures : (2, height, width) array
-        Luminance through the half before the line and the half beyond it.
-    noise : (2,) array
-        Mean variance of a pixel.
+    parts : (2, count, height, width) array
+        Luminance through the half before the line and the half beyond it, taken `count` times with independent noise.
     margin : (left, right, above, below)
         Pixels on each side that do not belong to the zone.
     """
 
-    pictures: Array
-    noise: Array
+    parts: Array
     margin: tuple[int, int, int, int]
+
+    @cached_property
+    def pictures(self) -> Array:
+        """The means of the parts (2, height, width)."""
+        return np.asarray(self.parts.mean(axis=1))
+
+    @cached_property
+    def noise(self) -> Array:
+        """Mean variance of a pixel of each picture (2,)."""
+        return np.asarray(self.parts.var(axis=1, ddof=1).mean(axis=(1, 2)) / self.parts.shape[1])
 
     @property
     def zone(self) -> tuple[int, int]:
@@ -214,12 +139,15 @@ class PhaseMatch:
         self.halves, self.view = halves, view
         height, width = self._shape = halves.pictures.shape[1:]
         left, right, above, below = halves.margin
-        window = np.outer(_taper(height, above, below), _taper(width, left, right))
-        self._spectra = np.fft.rfft2(_level(halves.pictures) * window)
+        self._window = window = np.outer(_taper(height, above, below), _taper(width, left, right))
+        self._spectra = self._spectra_of(halves.pictures)
         self._power = halves.noise * np.sum(window**2)
         down, across = np.abs(np.fft.fftfreq(height))[:, None], np.fft.rfftfreq(width)[None]
         resolved = (down <= HIGHEST / 2) & (across <= HIGHEST / 2)
         self._weights = np.where(resolved, self._signal_shares(), 0.0)
+
+    def _spectra_of(self, pictures: Array) -> Complex:
+        return np.asarray(np.fft.rfft2(_level(pictures) * self._window))
 
     def _signal_shares(self) -> Array:
         """Return the share of each frequency's power that is signal, smoothed over its neighbours.
@@ -236,15 +164,19 @@ class PhaseMatch:
 
     def misfits(self, vergence: float) -> Array:
         """Return the misfit of every pixel of the zone; noise alone gives 1 to each independent number."""
+        return np.asarray(self._misfits_of(self._spectra[None], vergence)[0])
+
+    def _misfits_of(self, spectra: Complex, vergence: float) -> Array:
+        """Return the misfits (n, height, width) of spectra (n, 2, …) of both pictures."""
         offsets = self.view.offsets(vergence)
         one, other = (self._response(offsets, shares) for shares in self.view.shares)
         expected = self._power[0] * _square(other) + self._power[1] * _square(one)
-        difference = self._spectra[0] * other - self._spectra[1] * one
+        difference = spectra[:, 0] * other - spectra[:, 1] * one
         # Whitened: as a picture, so that what the edges of the pictures have spoilt stays outside the zone.
         white = np.fft.irfft2(difference * np.sqrt(self._weights / np.maximum(expected, SMALLEST)), self._shape)
         left, _, above, _ = self.halves.margin
         height, width = self.halves.zone
-        return np.asarray(white[above : above + height, left : left + width] ** 2 * white.size)
+        return np.asarray(white[:, above : above + height, left : left + width] ** 2 * white[0].size)
 
     def misfit(self, vergence: float) -> float:
         """Return the sum of `misfits`."""
@@ -330,11 +262,31 @@ class PhaseMatch:
         return float(start), self._error(start, wide), float(misfits.min())
 
     def _error(self, vergence: float, step: float) -> float:
-        """Return the standard error of the vergence of least misfit, from how its slope scatters over the zone."""
+        """Return the standard error of the vergence of least misfit.
+
+        The greater of two, as both fall short where they see little: how its slope scatters over the zone, which holds
+        what does not fit, but is blind where one block has all the detail; and how it moves without one of the parts.
+        """
         below, at, above = (self.misfits(vergence + side * step) for side in (-1, 0, 1))
         slopes, bend = (above - below) / (2 * step), float((above - 2 * at + below).sum()) / step**2
-        parts = [part.sum() for rows in np.array_split(slopes, BLOCKS) for part in np.array_split(rows, BLOCKS, axis=1)]
-        return float(np.linalg.norm(parts)) / bend if bend > 0 else np.inf
+        if not bend > 0:
+            return np.inf
+        rows = np.array_split(slopes, BLOCKS)
+        blocks = [block.sum() for row in rows for block in np.array_split(row, BLOCKS, axis=1)]
+        return max(float(np.linalg.norm(blocks)), self._jackknife(vergence, step)) / bend
+
+    def _jackknife(self, vergence: float, step: float) -> float:
+        """Return the standard error of the slope of the misfit, from leaving out one part of one half after another."""
+        parts = self.halves.parts
+        count = parts.shape[1]
+        without = (count * self.halves.pictures[:, None] - parts) / (count - 1)
+        spectra = np.tile(self._spectra, (2, count, 1, 1, 1))
+        for half in (0, 1):
+            spectra[half, :, half] = self._spectra_of(without[half])
+        spectra = spectra.reshape(2 * count, *self._spectra.shape)
+        below, above = (self._misfits_of(spectra, vergence + side * step).sum(axis=(1, 2)) for side in (-1, 1))
+        slopes = ((above - below) / (2 * step)).reshape(2, count)
+        return math.sqrt((count - 1) * float(slopes.var(axis=1).sum()))
 
 
 def _square(values: Complex) -> Array:

@@ -8,8 +8,9 @@ import pytest
 import rptcam_cl
 from rptcam_cl.cameras.pupil_rays import pupil_rays
 from rptcam_cl.focusing import NoContrast, Policy, Zone
+from rptcam_cl.focusing.half_view import HalfView, places_round
 from rptcam_cl.focusing.phase import focus_by_phase, half_probe, half_view, measure_halves
-from rptcam_cl.focusing.phase_match import HalfView, Halves, PhaseMatch, places_round
+from rptcam_cl.focusing.phase_match import Halves, PhaseMatch
 from rptcam_cl.focusing.search import Task
 from tests.focusing.scenes import CENTRE, checker, lens_camera, noise, probe_of, scene_of, target
 from tests.rendering.pictures import seed_of
@@ -46,6 +47,28 @@ def test_displacement_through_a_thin_lens_is_that_of_similar_triangles(vergence)
     assert view.sharpest() == pytest.approx(1 / 3)
 
 
+WAVES = 2 * np.pi * np.stack(np.meshgrid(np.fft.fftfreq(96), np.fft.fftfreq(96), indexing="ij"), axis=-1)
+WAVE = np.hypot(WAVES[..., 0], WAVES[..., 1])
+PARTS = 4  # that a probe consists of
+
+
+def halves_seen(view, vergence, spectrum):
+    """What exact rays make of a target with a spectrum (96, 96) through the two halves of the pupil."""
+    offsets = view.offsets(vergence)
+    phases = np.exp(1j * (WAVES[..., 1, None] * offsets[:, 0] + WAVES[..., 0, None] * offsets[:, 1]))
+    return np.stack([np.fft.ifft2(spectrum * (phases @ share)).real for share in view.shares])
+
+
+def matches(view, seen, sigma, rng, count):
+    """Matches of pictures with noise of a standard deviation, one number or one for each pixel of both halves."""
+    for _ in range(count):
+        parts = seen[:, None] + 2 * np.expand_dims(sigma, 1) * rng.normal(size=(2, PARTS, 96, 96))
+        match = PhaseMatch(Halves(parts, (24, 24, 24, 24)), view).best(-2.0, 2.0)
+        assert match is not None
+        assert match.refusal is None
+        yield match
+
+
 @pytest.mark.parametrize("displacement", [-6.0, 0.3, pytest.param(9.0, marks=pytest.mark.slow)])
 def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     # Pictures by exact rays of a random target, through a thin lens; noise is added to each half.
@@ -53,30 +76,30 @@ def test_match_finds_the_distance_of_noisy_half_pictures(displacement):
     per_vergence = view.displacement(1.0) - view.displacement(0.0)
     vergence = 1 / 3 + displacement / per_vergence
     rng = np.random.default_rng(seed_of(f"match {displacement}"))
-    frequencies = 2 * np.pi * np.stack(np.meshgrid(np.fft.fftfreq(96), np.fft.fftfreq(96), indexing="ij"), axis=-1)
-    size = np.hypot(frequencies[..., 0], frequencies[..., 1])
-    spectrum = np.fft.fft2(rng.normal(size=(96, 96))) / (0.1 + size) * np.exp(-size)
-    offsets = view.offsets(vergence)
-    phases = np.exp(1j * (frequencies[..., 1, None] * offsets[:, 0] + frequencies[..., 0, None] * offsets[:, 1]))
-    seen = np.stack([np.fft.ifft2(spectrum * (phases @ share)).real for share in view.shares])
-    sigma = 0.05 * seen.std()
-    found, errors = [], []
-    for _ in range(5):
-        noisy = 1 + (seen + sigma * rng.normal(size=seen.shape)) / seen.std() / 4
-        match = PhaseMatch(Halves(noisy, np.full(2, 0.0125**2), (24, 24, 24, 24)), view).best(-2.0, 2.0)
-        assert match is not None
-        assert match.refusal is None
-        found.append(match.displacement)
-        errors.append(match.displacement_error)
-    assert np.mean(found) == pytest.approx(view.displacement(vergence), abs=0.05)
-    assert np.std(found) < 1.5 * np.mean(errors)  # the error that is told is the scatter there is
+    seen = halves_seen(view, vergence, np.fft.fft2(rng.normal(size=(96, 96))) / (0.1 + WAVE) * np.exp(-WAVE))
+    found = list(matches(view, 1 + seen / seen.std() / 4, np.full((2, 1, 1), 0.0125), rng, 5))
+    displacements, errors = zip(*((match.displacement, match.displacement_error) for match in found), strict=True)
+    assert np.mean(displacements) == pytest.approx(view.displacement(vergence), abs=0.05)
+    assert np.std(displacements) < 1.5 * np.mean(errors)  # the error that is told is the scatter there is
     assert max(errors) < 0.2
+
+
+def test_error_of_a_single_lamp_is_the_scatter_there_is():
+    # All of the light lies in one block of the zone, and its noise with it: scatter over the blocks tells a twentieth.
+    view = HalfView.of(pupil_rays(scene_of([], THIN), places_round((200.0, 90.0))), "x")
+    spot = np.exp(-(WAVE**2) / 2 - 1j * (WAVES.sum(axis=-1) * 44))
+    seen = 0.01 + np.maximum(halves_seen(view, 1 / 3, spot), 0.0) * 96
+    rng = np.random.default_rng(seed_of("lamp"))
+    found = list(matches(view, seen, 0.3 * np.sqrt(seen), rng, 12))
+    told = np.sqrt(np.mean([match.displacement_error**2 for match in found]))
+    # Twelve draws know their scatter to a fifth, at three standard errors.
+    assert np.std([match.displacement for match in found], ddof=1) == pytest.approx(told, rel=0.6)
 
 
 def test_even_light_without_noise_is_flat():
     view = HalfView.of(pupil_rays(scene_of([], THIN), places_round((200.0, 90.0))), "x")
     with np.errstate(divide="raise", invalid="raise"):
-        match = PhaseMatch(Halves(np.ones((2, 96, 96)), np.zeros(2), (24, 24, 24, 24)), view).best(-2.0, 2.0)
+        match = PhaseMatch(Halves(np.ones((2, PARTS, 96, 96)), (24, 24, 24, 24)), view).best(-2.0, 2.0)
     assert match is None or match.refusal == "flat"
 
 
