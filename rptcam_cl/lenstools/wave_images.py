@@ -13,14 +13,14 @@ from rptcam_cl.lenstools.lens_state import Setting
 from rptcam_cl.lenstools.mtf import CURVE, curves_chart, table_of
 from rptcam_cl.lenstools.psf import SHARES, PointImage
 from rptcam_cl.lenstools.wavefronts import FieldWave, waves_by_field
-from rptcam_cl.optics import AIRY, PupilFunction, centroid, encircled, radius_of_share, spread, strehl, transfer
+from rptcam_cl.optics import AIRY, PupilFunction, centroid, encircling, radius_of_share, spread, strehl, transfer
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Array = NDArray[np.float64]
 
-WIDEST = 48.0  # half the largest circle that is searched, in wavelength over the pupil's width
+WIDEST = 48.0  # radius of the first circle that is searched, in Airy radii
 SHOWN = 1.2  # half width of the image over the radius that holds 80 % of the light
 FINEST = 16.0  # points per wavelength times f-number that pixels are averaged over at least; 4 leave 2 % at the peak
 MOST_POINTS = 1200  # along each side of the image
@@ -92,18 +92,21 @@ def _facts(group: Sequence[FieldWave], weights: Array, offsets: Sequence[Array])
         "strehl": float(weights @ [ratio.at_chief_ray for ratio in ratios]),
         "strehl_at_peak": float(weights @ [ratio.at_peak for ratio in ratios]),
     }
+
+    circles = [encircling(wave.pupil, (float(off[0]), float(off[1]))) for wave, off in zip(group, offsets, strict=True)]
+
+    def within(radii: Array) -> Array:
+        return np.asarray(weights @ [shares(radii) for shares in circles])
+
     airy = [_airy_radius(wave.pupil) for wave in group]
-    held = [
-        float(encircled(wave.pupil, radius, (float(off[0]), float(off[1])))[0])
-        for wave, radius, off in zip(group, airy, offsets, strict=True)
-    ]
+    held = [float(shares(np.array([radius]))[0]) for shares, radius in zip(circles, airy, strict=True)]
     facts |= {"airy_radius_um": 1e3 * float(weights @ airy), "share_within_airy_radius": float(weights @ held)}
+    widest = WIDEST * max(airy)
+    room = min(wave.pupil.length_mm / wave.pupil.step for wave in group) / 2  # beyond it the light repeats
+    while widest < room and within(np.array([widest]))[0] < max(SHARES):
+        widest = min(2 * widest, room)
     for share in SHARES:
-        radii = [
-            radius_of_share(wave.pupil, share, (float(off[0]), float(off[1])), WIDEST * radius)
-            for wave, radius, off in zip(group, airy, offsets, strict=True)
-        ]
-        facts[f"radius_of_{100 * share:.0f}_percent_um"] = 1e3 * float(weights @ radii)
+        facts[f"radius_of_{100 * share:.0f}_percent_um"] = 1e3 * radius_of_share(within, share, widest)
     return facts
 
 

@@ -6,6 +6,8 @@ ray's point; it is summed for the very points wanted, by two matrices, so no poi
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -18,6 +20,7 @@ Waves = NDArray[np.complex128]
 AIRY = 1.2196698912665045  # radius of the first dark ring of a round pupil, in wavelength times f-number
 PADDED = 2  # the transform's room in widths of the pupil: none of its correlation wraps round
 BESSEL_STEPS = 2048
+FAR = 25.0  # argument from which Hankel's expansion of J1 is exact enough
 WINDOW = 21  # points across the search of the peak
 
 
@@ -126,41 +129,64 @@ def _correlated(pupil: PupilFunction, shifts: Array, axis: int) -> Waves:
 
 
 def encircled(pupil: PupilFunction, radii_mm: ArrayLike, about: tuple[float, float]) -> Array:
-    """Return the share of the light inside circles of given radii about a point, x, y from C [mm].
+    """Return the share of the light inside circles of given radii about a point, x, y from C [mm]."""
+    return encircling(pupil, about)(np.atleast_1d(np.asarray(radii_mm, dtype=np.float64)))
 
-    The integral over a circle of the transform of the light: 2 pi r J1(2 pi f r) / (2 pi f), over all frequencies f.
+
+def encircling(pupil: PupilFunction, about: tuple[float, float]) -> Callable[[Array], Array]:
+    """Return the function that gives the share of the light inside circles of radii [mm] about a point.
+
+    The integral over a circle of the transform of the light: 2 pi r J1(2 pi f r) / (2 pi f), over all frequencies f;
+    those of one length, in whole cells, count together.
     """
-    radii = np.atleast_1d(np.asarray(radii_mm, dtype=np.float64))
     size = 1 << int(np.ceil(np.log2(PADDED * len(pupil.coverage))))
     correlation = np.fft.ifft2(np.abs(np.fft.fft2(pupil.field, (size, size))) ** 2)
-    places = np.fft.fftfreq(size) * size * pupil.step / pupil.length_mm
-    turn = np.exp(-2j * np.pi * (places[None, :] * about[0] + places[:, None] * about[1]))
-    real = np.real(np.conj(correlation) * turn) / pupil.flux.sum()
-    f = np.hypot(places[None, :], places[:, None])
-    cell = (pupil.step / pupil.length_mm) ** 2
-    found = []
-    for r in radii:
-        disc = np.where(f > 0, r * _bessel_1(2 * np.pi * r * f) / np.where(f > 0, f, 1.0), np.pi * r * r)
-        found.append(float(np.sum(real * disc)) * cell)
-    return np.array(found)
+    cells = np.rint(np.fft.fftfreq(size) * size).astype(np.int64)
+    unit = pupil.step / pupil.length_mm
+    across, along = (np.exp(-2j * np.pi * unit * cells * part) for part in about)
+    real = np.real(np.conj(correlation) * along[:, None] * across[None, :])
+    squares = cells[None, :] ** 2 + cells[:, None] ** 2
+    sums = np.bincount(squares.ravel(), weights=real.ravel())
+    found = np.flatnonzero(sums)
+    f = unit * np.sqrt(found[found > 0])
+    middle, others = sums[0], sums[found[found > 0]] / f
+    scale = unit**2 / pupil.flux.sum()
+
+    def shares(radii: Array) -> Array:
+        return np.array([scale * (middle * np.pi * r * r + r * (others @ _bessel_1(2 * np.pi * r * f))) for r in radii])
+
+    return shares
 
 
 def _bessel_1(x: Array) -> Array:
-    """Return J1, from its integral by the trapezoidal rule, which converges faster than any power here."""
-    most = float(x.max(initial=1.0))
-    steps = int(most) + 64
+    """Return J1: from its integral by the trapezoidal rule, and far out by Hankel's expansion (Watson, 7.21)."""
+    steps = int(FAR) + 64
     t = (np.arange(steps) + 0.5) * np.pi / steps
-    known = np.linspace(0.0, most, max(BESSEL_STEPS, int(16 * most)))
-    values = np.concatenate([np.cos(t - part[:, None] * np.sin(t)).mean(axis=1) for part in np.array_split(known, 64)])
-    return np.asarray(np.interp(x, known, values))
+    known = np.linspace(0.0, FAR, BESSEL_STEPS)
+    values = np.cos(t - known[:, None] * np.sin(t)).mean(axis=1)
+    far = np.maximum(x, FAR)
+    turn = far - 0.75 * np.pi
+    even = 1 + 15 / (128 * far**2) - 4725 / (32768 * far**4)
+    odd = 3 / (8 * far) - 105 / (1024 * far**3)
+    hankel = np.sqrt(2 / (np.pi * far)) * (even * np.cos(turn) - odd * np.sin(turn))
+    return np.asarray(np.where(x < FAR, np.interp(x, known, values), hankel))
 
 
-def radius_of_share(pupil: PupilFunction, share: float, about: tuple[float, float], most_mm: float) -> float:
-    """Return the radius [mm] of the circle about a point that holds a share of the light."""
+def radius_of_share(shares_within: Callable[[Array], Array], share: float, most_mm: float) -> float:
+    """Return the radius [mm] of the circle that holds a share of the light.
+
+    Parameters
+    ----------
+    shares_within : callable
+        Gives the shares of the light inside circles of given radii [mm].
+    share : float
+    most_mm : float
+        Radius of the largest circle that is looked at.
+    """
     low, high = 0.0, most_mm
     for _ in range(3):
         radii = np.linspace(low, high, 18)[1:]
-        shares = encircled(pupil, radii, about)
+        shares = shares_within(radii)
         k = int(np.argmax(shares >= share)) if (shares >= share).any() else len(radii) - 1
         low, high = (radii[k - 1] if k else low), float(radii[k])
     return (float(low) + high) / 2

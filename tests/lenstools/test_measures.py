@@ -1,6 +1,7 @@
 """Spots, transfer functions, point images, vignetting and distortion against closed forms."""
 
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from rptcam_cl.lenstools.spots import FilmSpot, at_best_focus, film_spots, spot_
 from rptcam_cl.lenstools.transmittance import transmittance_table
 from rptcam_cl.lenstools.vignetting import film_radii, pass_areas, vignetting_table
 from rptcam_cl.lenstools.wave_images import wave_point_image
-from rptcam_cl.lenstools.wavefronts import field_waves
+from rptcam_cl.lenstools.wavefronts import FieldWave, field_waves
 from rptcam_cl.optics import load_lens
 
 RNG = np.random.default_rng(7)
@@ -228,3 +229,25 @@ def test_pixels_of_a_diffracted_point_have_the_mean_of_the_airy_pattern(pixel: f
     v = np.pi * np.hypot(x, y)
     airy = np.pi * (j1(v) / v) ** 2 * (pixel / 32) ** 2
     np.testing.assert_allclose(light, airy.reshape(8, 32, 8, 32).sum(axis=(1, 3)), rtol=0, atol=3e-3 * light.max())
+
+
+def perfect_wave(behind_mm: float) -> FieldWave:
+    """The light of a lens f/8 without aberrations on a film behind its focus."""
+    rows = [{"thickness": 3, "glass": {"index": 1.5}, "diameter": 26, "stop": True},
+            {"radius": -25, "conic": -2.25, "diameter": 26}]  # fmt: skip
+    state = setting(load_lens({"name": "Perfect lens", "surfaces": rows}).with_stop_diameter(50 / 8))
+    return field_waves(replace(state, film_distance_mm=state.film + behind_mm), [0.0], [550.0])[0]
+
+
+def test_radii_of_a_large_blur_are_those_of_its_disc() -> None:
+    facts = wave_point_image([perfect_wave(6.0)], 4).facts
+    radius = 1e3 * 6 / 16  # more than 48 Airy radii, by similar triangles
+    for percent in (50, 80, 95):
+        found = facts[f"radius_of_{percent}_percent_um"]
+        assert found == pytest.approx(radius * (percent / 100) ** 0.5, rel=0.03)
+
+
+def test_radii_of_several_wavelengths_hold_shares_of_all_their_light() -> None:
+    facts = wave_point_image([perfect_wave(0.0), perfect_wave(3.0)], 4).facts
+    # All of the sharp half lies within; of the disc of the other half as much as is missing.
+    assert facts["radius_of_80_percent_um"] == pytest.approx(1e3 * 3 / 16 * 0.6**0.5, rel=0.03)
