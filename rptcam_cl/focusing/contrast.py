@@ -125,8 +125,9 @@ def _noise(made: Sequence[Probe], zone: int) -> float:
 
 
 def _contrast(probes: Probes, made: Sequence[Probe], zone: int) -> bool:
-    top = _top(made, zone).found[zone]
-    return top.value > probes.measure.least and top.value > CLEAR * top.error
+    """Return whether any probe shows contrast; the top itself may be noisy where hardly any rays pass a small stop."""
+    found = [probe.found[zone] for probe in made]
+    return any(one.value > probes.measure.least and one.value > CLEAR * one.error for one in found)
 
 
 def _unseen(probes: Probes, made: Sequence[Probe], zones: list[int], samples: int) -> str:

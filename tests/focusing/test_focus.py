@@ -66,6 +66,15 @@ def test_lens_of_mirrors_is_focused_though_its_middle_is_obstructed(method):
     assert report.warnings == []
 
 
+def test_noise_of_the_probe_that_hardly_any_rays_pass_does_not_hide_contrast_elsewhere():
+    # Through the first stop rays rarely find the pupil, and at the far end of the reach least of all.
+    camera = lens_camera("mirror-500mm") | {"focus": {"distance_m": 60.0}}
+    scene = scene_of([target(60.0, 6.0, noise(600))], camera)
+    error, report = missed(scene, 60.0, CENTRE, method="contrast")
+    assert abs(error) < 0.25
+    assert report.confidence > 0.95
+
+
 def test_end_of_the_reach_where_no_light_arrives_does_not_end_the_search():
     film = {"size_mm": [5, 3.5]}
     zone = Zone(0.1, 0.16, 0.15, 0.23)  # a film nearest to the lens sees nothing there
