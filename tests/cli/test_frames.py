@@ -52,6 +52,18 @@ def test_each_frame_has_the_bits_of_its_scene_alone(moving: Path, rptcam: Comman
     assert Path("out.0003.exr").read_bytes() == before
 
 
+def test_noise_is_that_of_one_seed_unless_each_frame_is_given_its_own(scene: Path, rptcam: Command) -> None:
+    scene.write_text(scene.read_text("utf-8") + "sequence: {frames_per_second: 10}\n", encoding="utf-8")
+    words = ("render", "scene.yaml", "-o", "out.####.npz", "--spp", "2", "--frames")
+    assert rptcam(*words, "1-2").code == 0
+    one, other = (read_film(f"out.000{k}.npz") for k in (1, 2))
+    np.testing.assert_array_equal(one.pixels, other.pixels)
+    assert rptcam(*words, "2", "--seed", "2").code == 0
+    alone = read_film("out.0002.npz")
+    assert (alone.metadata["seed"], alone.metadata["frame"]) == (2, 2)
+    assert (alone.pixels != one.pixels).any()
+
+
 def test_missing_and_damaged_frames_are_rendered_again_and_others_kept(moving: Path, rptcam: Command) -> None:
     assert rptcam(*WORDS, "--frames", "1-4").code == 0
     before = {path.name: path.read_bytes() for path in moving.parent.glob("*.*.*")}
