@@ -170,7 +170,7 @@ class Framing:
         self.share = 0.0
 
     def view(self) -> View:
-        """Return the view that two thirds fill, else the nearest that the lens can focus.
+        """Return the view that two thirds fill, else the nearest from outside the subject that the lens can focus.
 
         Raises
         ------
@@ -178,7 +178,7 @@ class Framing:
             When the lens can focus nowhere.
         """
         radius = float(np.linalg.norm(self._points - self.target, axis=1).max())
-        distance, nearest = 4 * radius + 100 / self._unit_mm, 0.0
+        distance, nearest = 4 * radius + 100 / self._unit_mm, radius  # nearer, a wide lens would stand among the parts
         for _ in range(ROUNDS):
             try:
                 view, wanted, off = self._tried(distance)

@@ -76,6 +76,15 @@ def test_front_of_the_model_is_in_focus(model: Path, home: Path) -> None:
     assert np.abs(eye + distance * ahead).sum() == pytest.approx(1, abs=1e-4)  # the octahedron |x| + |y| + |z| = 1
 
 
+def test_lens_that_sees_nearly_half_the_world_stands_outside_the_subject(home: Path) -> None:
+    start = starting_scene(Wishes(lens="paper-biconvex"), home)
+    eye, target = (np.array(start.scene["camera"][key]) for key in ("eye", "target"))
+    balls = [ball for ball in start.scene["objects"] if ball["shape"] == "sphere"]
+    assert all(np.linalg.norm(eye - ball["center"]) > 1.5 * ball["radius"] for ball in balls)
+    assert eye[1] > 0.1  # above the floor and the middles of the balls
+    assert np.abs(target - [0, 0.1, 0.04]).max() < 0.15  # half a ball and a bit; it was 0.2 off, beside them
+
+
 def test_small_model_is_framed_as_near_as_the_lens_focuses(tmp_path: Path, home: Path) -> None:
     (tmp_path / "bead.obj").write_text(OCTAHEDRON)
     start = starting_scene(Wishes(tmp_path / "bead.obj", lens="macro-55mm", metres_per_unit=1e-3), home)
