@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
+from rptcam_cl.cli.interrupt import ENDS_LATER, INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import print_warnings
 from rptcam_cl.cli.parser import Commands
 
@@ -58,7 +58,7 @@ def _run(arguments: argparse.Namespace) -> int:
     print_warnings(wanted.scene.warnings)
     frames = dataset(wanted, arguments.output, only=arguments.frames, shard=arguments.shard, device=arguments.device)
     kept = rendered = 0
-    with stop_on_interrupt() as stop:
+    with stop_on_interrupt(ENDS_LATER) as stop:
         for frame in frames:
             kept, rendered = kept + frame.kept, rendered + (not frame.kept)
             if not arguments.quiet and not frame.kept:

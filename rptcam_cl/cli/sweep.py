@@ -7,7 +7,7 @@ from typing import Any
 
 from rptcam_cl.cli import cluster
 from rptcam_cl.cli import parser as values
-from rptcam_cl.cli.interrupt import INTERRUPTED, stop_on_interrupt
+from rptcam_cl.cli.interrupt import ENDS_LATER, INTERRUPTED, stop_on_interrupt
 from rptcam_cl.cli.output import print_table, print_warnings
 from rptcam_cl.cli.parser import Commands
 from rptcam_cl.cli.series import expanded
@@ -66,7 +66,7 @@ def _run(arguments: argparse.Namespace) -> int:
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
     rows = []
-    with stop_on_interrupt() as stop:
+    with stop_on_interrupt(None if arguments.cluster or arguments.workers else ENDS_LATER) as stop:
         entries = sweep(
             scene, over, arguments.output, spp=arguments.spp, size=arguments.size, seed=arguments.seed,
             mtf_at=arguments.mtf, device=arguments.device, pictures=cluster.pictures_of(arguments, stop.is_set),

@@ -1,11 +1,16 @@
 """``rptcam sweep`` on the command line."""
 
+import os
 import re
+import signal
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
+
+from rptcam_cl.api import SeriesRenderer
+from rptcam_cl.cli import main
 
 Command = Callable[..., Any]
 
@@ -45,3 +50,24 @@ def test_folder_to_write_to_that_is_a_file_is_said_to_be_one(
     Path("spec.yaml").write_text("scene: scene.yaml\nframes: 2\nvary: {picture.ev: {uniform: [0, 1]}}\n")
     run = rptcam(*words, "-o", "spec.yaml")
     assert (run.code, run.err) == (4, "error: spec.yaml: is a file, not a folder\n")
+
+
+@pytest.mark.parametrize(
+    "words", [("sweep", "scene.yaml", "--over", "picture.ev=1,2", "--spp", "1"), ("dataset", "spec.yaml")]
+)
+def test_first_interrupt_says_that_the_picture_is_finished(
+    scene: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...]
+) -> None:
+    Path("spec.yaml").write_text("scene: scene.yaml\nframes: 2\nvary: {picture.ev: {uniform: [0, 1]}}\n")
+    render = SeriesRenderer.render
+
+    def pressed(self: SeriesRenderer, *given: Any, **named: Any) -> Any:
+        os.kill(os.getpid(), signal.SIGINT)
+        return render(self, *given, **named)
+
+    monkeypatch.setattr(SeriesRenderer, "render", pressed)
+    assert main((*words, "-o", "out", "--quiet")) == 130
+    assert capfd.readouterr().err.splitlines() == [
+        "interrupted: the picture at hand is finished first; Ctrl-C again ends at once",
+        "interrupted: the same command goes on with the rest",
+    ]
