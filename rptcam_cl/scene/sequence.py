@@ -13,6 +13,7 @@ from rptcam_cl.scene.motion import MOST_KEYFRAMES, Keyframe, in_order, place_bet
 from rptcam_cl.scene.quantities import NUMBER
 
 MOST_FRAMES = 1_000_000
+ROUNDING = 1e-9  # of a number between whole ones, which is whole itself then: seeds and counts must be
 
 
 class ValueKeyframe(Keyframe):
@@ -110,7 +111,10 @@ def _shape(value: Any) -> int | None:
 
 def _between(one: Any, other: Any, share: float) -> Any:
     if _is_number(one) and _is_number(other):
-        return one + share * (other - one)
+        found = one + share * (other - one)
+        if isinstance(one, int) and isinstance(other, int) and abs(found - round(found)) <= ROUNDING * abs(found):
+            return round(found)
+        return found
     if isinstance(one, list | tuple) and isinstance(other, list | tuple) and len(one) == len(other):
         return [_between(a, b, share) for a, b in zip(one, other, strict=True)]
     return one

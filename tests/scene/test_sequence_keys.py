@@ -6,7 +6,7 @@ import pytest
 from rptcam_cl.cameras import camera_model, film_frame, lens_setting
 from rptcam_cl.optics import floated, load_lens
 from rptcam_cl.plan import make_plan
-from rptcam_cl.scene import load_scene, set_keys
+from rptcam_cl.scene import FrameSequence, load_scene, set_keys
 from tests.optics.test_floating import BENCH
 
 LENS = {"kind": "realistic", "lens": "zoom-70-200mm", "eye": [0, 0, 0], "target": [0, 0, -1]}
@@ -91,3 +91,11 @@ def test_lights_and_materials_change():
     assert found.objects[0].material.reflectance == pytest.approx((0.2, 0.4, 0.6))
     first = make_plan(frame(keys, at=1))
     assert make_plan(found).facts == first.facts  # so that no kernel is compiled anew
+
+
+def test_whole_numbers_between_whole_numbers_are_whole():
+    frames = [{"time_s": 0, "value": 1}, {"time_s": 10, "value": 241}]
+    sequence = FrameSequence(frames_per_second=24, keys={"render.seed": frames})
+    seeds = [sequence.changes(0.0, frame)["render.seed"] for frame in range(1, 242)]
+    assert seeds == list(range(1, 242))
+    assert {type(seed) for seed in seeds} == {int}
