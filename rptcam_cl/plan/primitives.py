@@ -165,7 +165,7 @@ def eye_power(placement: Matrix) -> float:
 def has_huge_sphere(primitives: list[Primitive]) -> bool:
     """Return whether a sphere is so large beside its distance from the eye that kernels take the eye's power.
 
-    In float32 centre and radius place its surface within 3e-8 of the radius: a globe of Earth's size within 0.2 m.
+    In float32 centre and radius place its surface within 6e-8 of the radius: a globe of Earth's size within 0.4 m.
     """
     spheres = (primitive.placement for primitive in primitives if primitive.kind is Kind.SPHERE)
     return any(abs(eye_power(placement)) < HUGE_POWER * sphere_of(placement)[1] ** 2 for placement in spheres)
