@@ -14,16 +14,15 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import (
     Lens,
     LensTransmission,
+    at_position,
     best_film_distance,
     best_film_distance_at,
-    configured,
     film_behind,
     film_distance,
     floated,
     focused_by_group,
     moved,
     object_distance,
-    zoomed,
 )
 from rptcam_cl.scene import NOT_FOUND_YET, LensCamera, Pose, Scene, at_opening
 
@@ -261,10 +260,7 @@ def film_for_infinity(scene: Scene, camera: LensCamera) -> float:
 def design_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     """Return the design of the lens at its focal length and working aperture."""
     lens = as_coated(scene.load_lens(), camera)
-    if camera.zoom is not None:
-        lens = configured(lens, camera.zoom)
-    if camera.focal_length_mm is not None:
-        lens = zoomed(lens, camera.focal_length_mm, camera.wavelength_nm)
+    lens = at_position(lens, camera.zoom, camera.focal_length_mm, camera.wavelength_nm)
     if camera.f_number is not None:
         return lens.with_stop_diameter(lens.stop_diameter_for(camera.f_number, camera.wavelength_nm))
     if camera.stop_diameter_mm is not None:

@@ -57,8 +57,10 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
     lines.append(f"name: {_flow(lens.name)}")
     if lens.source:
         lines.append(f"source: {_flow(lens.source)}")
-    if lens.published:
-        lines.append(f"published: {_flow(lens.published)}")
+    if published := {key: value for key, value in lens.published.items() if key != "marked_f_number"}:
+        lines.append(f"published: {_flow(published)}")
+    if "marked_f_number" in lens.published:
+        lines.append(f"marked_f_number: {_flow(lens.published['marked_f_number'])}")
     if lens.object_medium != AIR:
         lines.append(f"object_medium: {_flow(_medium(lens.object_medium))}")
     lines.append("surfaces:")

@@ -101,6 +101,7 @@ from rptcam_cl.optics.transmission import (
     with_coating,
 )
 from rptcam_cl.optics.variable import (
+    at_position,
     configured,
     film_behind,
     floated,
@@ -203,6 +204,7 @@ __all__ = [
     "abbe_number",
     "aimed_rays",
     "air_index",
+    "at_position",
     "attenuation",
     "axial_irradiance",
     "axial_transmittance",

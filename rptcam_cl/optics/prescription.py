@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
@@ -18,6 +19,8 @@ from rptcam_cl.optics.surface import Surface
 Array = NDArray[np.float64]
 FEW = 16  # wavelengths of which indices are remembered
 REMEMBERED = 256  # rows of media at some wavelengths, whose indices are remembered
+# f/2, F2.8 and F/1.4 in a name; not f = 50 mm, nor F50
+_SPEED = re.compile(r"(?<![A-Za-z])[fF](?:\s?/\s?|(?=\d{1,2}\.\d))(\d{1,2}(?:\.\d+)?)(?![\d.]*\s?mm)")
 _INDICES: dict[tuple[object, ...], tuple[tuple[Medium, ...], Array]] = {}
 
 
@@ -112,6 +115,17 @@ class Prescription:
     floating: tuple[FocusState, ...] = ()
     warnings: tuple[str, ...] = ()
     first_sense: float = 1.0
+
+    @property
+    def marked_f_number(self) -> float | None:
+        """F-number that it is sold with: `marked_f_number` of its file, else the least of source and name."""
+        said = self.published.get("marked_f_number")
+        if said is not None:
+            return float(said)
+        title = _SPEED.search(self.name)
+        found = [self.published.get("f_number"), float(title[1]) if title else None]
+        numbers = [float(n) for n in found if isinstance(n, int | float) and not isinstance(n, bool) and n > 0]
+        return min(numbers, default=None)
 
     @cached_property
     def vertices(self) -> Array:

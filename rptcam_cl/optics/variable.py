@@ -60,6 +60,13 @@ def configured(lens: Lens, name: str) -> Lens:
     raise InputError(f"{lens.name}: no configuration {name!r}; it has {names or 'none'}")
 
 
+def at_position(lens: Lens, zoom: str | None, focal_length_mm: float | None, wavelength_nm: float = LINE_D_NM) -> Lens:
+    """Return a lens in a named configuration or at a focal length; as it is where neither is said."""
+    if zoom is not None:
+        lens = configured(lens, zoom)
+    return lens if focal_length_mm is None else zoomed(lens, focal_length_mm, wavelength_nm)
+
+
 def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
     """Return a zoom lens at a focal length, its gaps interpolated between neighbouring configurations.
 

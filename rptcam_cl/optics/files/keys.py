@@ -185,6 +185,11 @@ LENS = {
     "name": Key("What the lens is called.", TEXT),
     "source": Key("Where its numbers come from.", TEXT),
     "published": Key("What the source claims, such as focal_length_mm and f_number.", {"type": "object"}),
+    "marked_f_number": Key(
+        "F-number that is engraved on the lens, which means its full opening; published.f_number or that of the name by"
+        " default.",
+        POSITIVE,
+    ),
     "unit": Key("Of all lengths; mm by default.", {"enum": list(UNITS_MM)}),
     "object_medium": Key("Glass in front of the lens; air by default.", GLASS_VALUE),
     "coating": Key("Of every surface between glass and air that has none of its own; bare by default.", COATING_VALUE),
