@@ -68,7 +68,7 @@ class _Surface:
 
 def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
-    table = LensTable(path, makers=makers)
+    table = LensTable(path, makers=makers, working=True)
     statements = _statements(text)
     private = private_glasses(statements, path)
     surfaces = _parse(statements, table, private)
@@ -91,6 +91,9 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         frame.advance(surface.thickness)
         table.rows.append(row)
     table.note_fold(frame.is_nominal)
+    if table.rows and not any(surface.stop for surface in surfaces):
+        table.rows[0]["stop"] = True  # as in that program
+    table.size_stop()
     return table.lens()
 
 

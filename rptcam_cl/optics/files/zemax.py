@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import field
 from typing import Any
 
@@ -78,6 +79,8 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
                 table.rows[-1]["thickness"] = table.rows[-1].get("thickness", 0.0) + thickness
             continue
         row = _row(surface, table) | frame.keys()
+        if surface.stop and surface.outer_radius > 0 and not surface.decentred:
+            table.stop_opening = 2 * surface.outer_radius
         if not last:
             row["thickness"] = thickness
         frame.advance(thickness)
@@ -85,6 +88,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         openings.append(surface.has_aperture)
     table.note_fold(frame.is_nominal)
     _trim(table, openings)
+    table.size_stop()
     return table.lens()
 
 
@@ -120,8 +124,12 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
         table.pupil_diameter = numbers(rest[:1], table.path, line, 1)[0]
     elif key == "FNUM":
         table.f_number = numbers(rest[:1], table.path, line, 1)[0]
+        table.working = rest[1:2] == ["1"]
     elif key == "OBNA":
-        table.object_aperture = numbers(rest[:1], table.path, line, 1)[0]
+        value = numbers(rest[:1], table.path, line, 1)[0]
+        table.object_aperture = math.sin(math.radians(value)) if rest[1:2] == ["1"] else value
+    elif key == "FLOA":  # the stop is as wide as it is drawn
+        table.pupil_diameter = table.f_number = table.object_aperture = None
     elif key == "GCAT":
         table.makers += tuple(maker for word in rest for maker in makers_of(word))
     elif key == "FTYP":
@@ -256,6 +264,7 @@ def _trim(table: LensTable, openings: list[bool]) -> None:
 
     first, end = 0, len(rows)
     while first < end and is_dummy(first):
+        table.object_distance += rows[first].get("thickness", 0.0)
         first += 1
     while end - 1 > first and is_dummy(end - 1):
         end -= 1
