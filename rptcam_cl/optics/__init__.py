@@ -59,6 +59,7 @@ from rptcam_cl.optics.glass import (
     TabulatedIndex,
     abbe_number,
     attenuation,
+    continued_words,
     held_index,
     known_range,
 )
@@ -218,6 +219,7 @@ __all__ = [
     "chief_ray",
     "configured",
     "constant_reflectance",
+    "continued_words",
     "crossings",
     "diffraction_mtf",
     "digests_of_lens",

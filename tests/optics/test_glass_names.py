@@ -18,7 +18,7 @@ from rptcam_cl.optics.files.glass_names import (
     near_names,
 )
 from rptcam_cl.optics.files.makers import MAKERS, glasses_of
-from rptcam_cl.optics.glass import abbe_number, attenuation, known_range
+from rptcam_cl.optics.glass import abbe_number, attenuation, stated_range
 from rptcam_cl.optics.glass_table import GLASSES
 
 # n_d and V_d as the makers' data sheets print them
@@ -42,7 +42,7 @@ def test_every_glass_has_the_index_that_its_maker_prints():
     for maker in MAKERS:
         for glass in glasses_of(maker).values():
             law = glass_named(f"{glass.name}_{maker}")
-            low, high = known_range(law) or (0, 0)
+            low, high = stated_range(law) or (0, 0)
             if glass.nd and low <= LINE_D_NM <= high:
                 tolerance = 6e-4 if glass.name in ("BOROFLOAT33", "CaF2") else 5e-5  # three decimals; Malitson
                 assert float(law.index(LINE_D_NM)) == pytest.approx(glass.nd, abs=tolerance), glass

@@ -156,11 +156,11 @@ class LensTable:
             return
         row["diameter"] = min(beam, self.stop_opening)
         if beam > self.stop_opening * ROUNDED:
-            self.notes.append(f"{self.path}: the opening of the stop is {self.stop_opening:.5g}, less than the {beam:.5g}"
-                              " of the beam that the file asks for, and is taken")  # fmt: skip
+            asked = f"less than the {beam:.5g} of the beam that the file asks for"
+            self.notes.append(f"{self.path}: the opening of the stop is {self.stop_opening:.5g}, {asked}, and is taken")
         elif beam > rim * ROUNDED:
-            self.notes.append(f"{self.path}: the beam that the file asks for is {beam:.5g} wide at the stop, more than"
-                              f" its rim of {rim:.5g}, and is taken")  # fmt: skip
+            asked = f"the beam that the file asks for is {beam:.5g} wide at the stop"
+            self.notes.append(f"{self.path}: {asked}, more than its rim of {rim:.5g}, and is taken")
 
     @property
     def _cone(self) -> float | None:
