@@ -69,6 +69,7 @@ from rptcam_cl.optics.layer_stack import Layer, LayerStack
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
 from rptcam_cl.optics.placement import SurfacePose
+from rptcam_cl.optics.prescription import FocusState
 from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid, narrowed, spread_points
 from rptcam_cl.optics.pupil_boxes import FINE, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.pupil_function import PupilFunction, pupil_function
@@ -103,12 +104,14 @@ from rptcam_cl.optics.transmission import (
 )
 from rptcam_cl.optics.variable import (
     at_position,
+    brought_to_focus,
     configured,
     film_behind,
     floated,
     focused_by_group,
     moved,
     shift_of,
+    travel_mm,
     zoom_range_mm,
     zoomed,
 )
@@ -166,6 +169,7 @@ __all__ = [
     "FilmLight",
     "FilmProbe",
     "FirstOrder",
+    "FocusState",
     "Form",
     "GhostImage",
     "Ghosts",
@@ -213,6 +217,7 @@ __all__ = [
     "best_film_distance_at",
     "blades",
     "blur_variances",
+    "brought_to_focus",
     "cells",
     "centroid",
     "check_copies",
@@ -299,6 +304,7 @@ __all__ = [
     "thermal_of",
     "trace",
     "transfer",
+    "travel_mm",
     "unfolded",
     "unobstructed",
     "veiling_glare",

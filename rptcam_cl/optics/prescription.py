@@ -35,11 +35,14 @@ class Configuration:
         Thickness behind each surface whose gap varies [mm].
     stop_diameter_mm : float or None
         Stop diameter of this state when it differs.
+    floating : tuple of FocusState
+        Gaps at nearer object planes in this state.
     """
 
     name: str
     gaps: tuple[tuple[int, float], ...]
     stop_diameter_mm: float | None = None
+    floating: tuple[FocusState, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -69,10 +72,14 @@ class FocusState:
         From the object plane to the film.
     gaps : tuple of (surface, thickness)
         Thickness behind each surface whose gap varies [mm].
+    film_shift_mm : float or None
+        How much farther the film is from the last vertex than at infinity: 0 where neither moves, None where it is not
+        said, and the film follows the image.
     """
 
     distance_mm: float
     gaps: tuple[tuple[int, float], ...]
+    film_shift_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -126,6 +133,12 @@ class Prescription:
         found = [self.published.get("f_number"), float(title[1]) if title else None]
         numbers = [float(n) for n in found if isinstance(n, int | float) and not isinstance(n, bool) and n > 0]
         return min(numbers, default=None)
+
+    @property
+    def focuses_by_group(self) -> bool:
+        """Whether groups move in it to focus while it is known where the film stands."""
+        shifts = [state.film_shift_mm for state in self.floating]
+        return self.focusing is not None or (bool(shifts) and None not in shifts)
 
     @cached_property
     def vertices(self) -> Array:

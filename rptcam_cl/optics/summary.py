@@ -9,11 +9,10 @@ import numpy as np
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
 from rptcam_cl.optics.transmission import IDEAL, LensTransmission, axial_transmittance
-from rptcam_cl.optics.variable import floated
+from rptcam_cl.optics.variable import brought_to_focus
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
@@ -47,16 +46,16 @@ def lens_info(
     """
     if f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
-    lens = floated(lens, object_distance_mm)
-    result = lens.first_order(wavelength_nm).as_dict()
-    result |= {"name": lens.name, "source": lens.source, "warnings": list(lens.warnings)}
-    result["stop_diameter_mm"] = None if lens.stop is None else 2 * lens.stop.semi_diameter
+    film: float | None
     try:
-        film: float | None = film_distance(lens, object_distance_mm, wavelength_nm=wavelength_nm)
+        lens, film = brought_to_focus(lens, object_distance_mm, wavelength_nm)
     except InputError:
         if np.isfinite(object_distance_mm):
             raise
         film = None
+    result = lens.first_order(wavelength_nm).as_dict()
+    result |= {"name": lens.name, "source": lens.source, "warnings": list(lens.warnings)}
+    result["stop_diameter_mm"] = None if lens.stop is None else 2 * lens.stop.semi_diameter
     result["film_distance_mm"] = film
     result["axial_transmittance"] = float(axial_transmittance(lens, wavelength_nm, transmission))
     for key in ("working_f_number", "t_number", "image_circle_mm", "field_of_view_degrees"):
