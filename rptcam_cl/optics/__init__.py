@@ -48,6 +48,7 @@ from rptcam_cl.optics.ghosts import FilmLight, Ghosts, find_ghosts
 from rptcam_cl.optics.glare import Glare, veiling_glare
 from rptcam_cl.optics.glass import (
     AIR,
+    NO_DISPERSION,
     AbbeCauchy,
     AbbeLinear,
     ConstantIndex,
@@ -145,6 +146,7 @@ __all__ = [
     "GLASS",
     "IDEAL",
     "MAGNESIUM_FLUORIDE",
+    "NO_DISPERSION",
     "PAIRS",
     "PATCH_RADII",
     "STANDARD_C",

@@ -20,6 +20,7 @@ from rptcam_cl.optics.thermal import Thermal
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
+NO_DISPERSION = 1e6  # V_d by which files say that an index is the same at every wavelength
 VISIBLE_NM = (400.0, 700.0)  # within which laws that end are continued
 MARGIN_NM = 50.0  # by at most so much
 FIT_POINTS = 8  # of a table, from its end, by which it is continued

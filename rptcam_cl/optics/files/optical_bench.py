@@ -47,13 +47,13 @@ def _with_sharp_states(lens: Lens, path: str) -> Lens:
 
     A state that is far from sharp was not meant so, or the file counts its film from elsewhere.
     """
-    told = False
+    blurred = False
 
     def checked(at_infinity: Lens, states: tuple[FocusState, ...]) -> tuple[FocusState, ...]:
-        nonlocal told
+        nonlocal blurred
         if all(_is_sharp(at_infinity, state) for state in states):
             return states
-        told = True
+        blurred = True
         return tuple(replace(state, film_shift_mm=None) for state in states)
 
     configurations = tuple(
@@ -66,7 +66,7 @@ def _with_sharp_states(lens: Lens, path: str) -> Lens:
         else replace(lens, floating=checked(lens, lens.floating))
     )
     note = f"{path}: its close focus is not sharp where it has the film, which follows the image instead"
-    return lens.with_warnings((note,)) if told else lens
+    return lens.with_warnings((note,)) if blurred else lens
 
 
 def _is_sharp(lens: Lens, state: FocusState) -> bool:
@@ -190,7 +190,7 @@ def _configurations(table: LensTable, gaps: dict[int, str], distances: dict[str,
         table.keys["floating"] = states[columns[0]]
     if unread:
         table.notes.append(
-            f"{table.path}: to which position of the zoom its close focus belongs cannot be told: close focus of a zoom"
+            f"{table.path}: nothing says to which position its close focus belongs: close focus of a zoom"
             " lens is not read, and the whole lens moves to focus"
         )
 

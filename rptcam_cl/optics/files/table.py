@@ -16,6 +16,7 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.glass_names import named_glass, near_glass_words, near_names
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.first_order import limiting_surface, system_matrix
+from rptcam_cl.optics.glass import NO_DISPERSION
 from rptcam_cl.optics.lens import Lens
 
 Array = NDArray[np.float64]
@@ -156,11 +157,11 @@ class LensTable:
             return
         row["diameter"] = min(beam, self.stop_opening)
         if beam > self.stop_opening * ROUNDED:
-            asked = f"less than the {beam:.5g} of the beam that the file asks for"
-            self.notes.append(f"{self.path}: the opening of the stop is {self.stop_opening:.5g}, {asked}, and is taken")
+            words = f"less than the {beam:.5g} of the beam that the file asks for"
+            self.notes.append(f"{self.path}: the opening of the stop is {self.stop_opening:.5g}, {words}, and is taken")
         elif beam > rim * ROUNDED:
-            asked = f"the beam that the file asks for is {beam:.5g} wide at the stop"
-            self.notes.append(f"{self.path}: {asked}, more than its rim of {rim:.5g}, and is taken")
+            words = f"the beam that the file asks for is {beam:.5g} wide at the stop"
+            self.notes.append(f"{self.path}: {words}, more than its rim of {rim:.5g}, and is taken")
 
     @property
     def _cone(self) -> float | None:
@@ -276,7 +277,12 @@ def model_glass(text: str) -> Any:
         nd, vd = float(match[1]), float(match[2])
     else:
         return None
-    return {"nd": nd, "vd": vd} if vd > 0 else {"index": nd}
+    return model(nd, vd)
+
+
+def model(nd: float, vd: float) -> dict[str, float]:
+    """Return the `glass` entry of an index and an Abbe number, of which 0 and `NO_DISPERSION` mean none."""
+    return {"nd": nd, "vd": vd} if 0 < vd < NO_DISPERSION else {"index": nd}
 
 
 def numbers(words: list[str], path: str, line: int, count: int = 0) -> list[float]:

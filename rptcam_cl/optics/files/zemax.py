@@ -10,7 +10,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.breaks import AxisFrame
 from rptcam_cl.optics.files.glass_names import makers_of
-from rptcam_cl.optics.files.table import LensTable, numbers
+from rptcam_cl.optics.files.table import LensTable, model, numbers
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
@@ -208,7 +208,10 @@ def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
     elif surface.kind == "ODDASPHE":
         row["aspheric"] = {i: v for i, v in p.items() if v and 1 <= i <= 8}
     elif surface.kind == "TOROIDAL":
-        row |= {"radius_x": p[1], "form": "toroid"} if p.get(1) else {"cylinder": "y"}
+        if p.get(1) and "radius" not in row and not any(v for i, v in p.items() if i >= 2):
+            row |= {"radius": p[1], "cylinder": "x"}
+        else:
+            row |= {"radius_x": p[1], "form": "toroid"} if p.get(1) else {"cylinder": "y"}
         row["aspheric"] = {2 * (i - 1): v for i, v in p.items() if v and 2 <= i <= 8}
     elif surface.kind == "BICONICX":
         row["radius_x"] = p.get(1) or float("inf")
@@ -224,7 +227,7 @@ def _glass(surface: _Surface, table: LensTable) -> Any:
     if name.startswith("___") or not name:
         if nd <= 0:
             raise InputError(f"{table.path}:{surface.line}: a model glass needs an index and an Abbe number")
-        return {"nd": nd, "vd": vd} if vd > 0 else {"index": nd}
+        return model(nd, vd)
     if (nd, vd) == PLACEHOLDER:
         nd, vd = 0.0, 0.0
     return table.glass(name, surface.line, nd, vd)
