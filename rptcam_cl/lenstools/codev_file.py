@@ -49,7 +49,9 @@ def codev_text(lens: Lens) -> str:
     beam = beam_of(lens)
     private: dict[Medium, str] = {}
     words = ["REFL" if surface.is_mirror else _glass(surface.glass, private) for surface in lens.surfaces]
-    lines = ["RDM N;LEN", f"TITLE '{one_line(lens.name)}'", f"EPD {number(beam.pupil_diameter)}", "DIM M"]
+    title = one_line(lens.name)
+    title = f" {title}" if title.startswith("Z") else title  # which readers take for a position of a zoom
+    lines = ["RDM N;LEN", f"TITLE '{title}'", f"EPD {number(beam.pupil_diameter)}", "DIM M"]
     lines.append(f"WL {numbers(reversed(WAVELENGTHS_NM))}")
     lines += [f"REF {len(WAVELENGTHS_NM) - WAVELENGTHS_NM.index(LINE_D_NM)}", "WTW 1 1 1"]
     lines += [f"XAN {numbers([0] * len(beam.fields))}", f"YAN {numbers(beam.fields)}"]

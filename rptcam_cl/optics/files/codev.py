@@ -194,7 +194,7 @@ def _choose_radii(surfaces: list[_Surface], table: LensTable) -> None:
 
 def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key.startswith("TIT"):
-        table.name = " ".join(rest).strip("'\"")
+        table.name = " ".join(rest).strip("'\"").strip()
     elif key == "DIM" and rest:
         if rest[0].upper()[0] not in UNITS:
             raise InputError(f"{table.path}:{line}: dimension {rest[0]!r} is unknown; known: M, C, I")
