@@ -200,10 +200,68 @@ def test_codev_rectangles_are_clear_edges_or_obscurations(tmp_path):
     assert any("REX OBS 3 is ignored" in note for note in blocked.warnings)
 
 
-@pytest.mark.parametrize("line", ["RET S1", "GLB S1", "ADX 2"])
+@pytest.mark.parametrize("line", ["RET S1", "GLB S1", "ARO 2"])
 def test_codev_lines_that_change_rays_and_are_not_read_are_said(tmp_path, line):
     lens = codev(tmp_path, second=f" CIR 9\n {line}")
     assert any(f"{line.split()[0]} is ignored" in note for note in lens.warnings)
+
+
+@pytest.mark.parametrize("word", ["inf", "INFINITY", "0"])
+def test_the_codev_object_may_be_at_infinity_in_a_word(tmp_path, word):
+    path = tmp_path / "a.seq"
+    path.write_text(f"RDM\nEPD 10\nSO {word} {word}\nS 50 5 N-BK7\n STO\nS {word} 45\nSI inf 0\n")
+    lens = load_lens(path)
+    assert lens.surfaces[1].curvature == 0 and lens.first_order().entrance_pupil.diameter_mm == pytest.approx(10)
+
+
+def test_openings_beside_the_axis_are_circles_about_it_that_hold_them(tmp_path):
+    sequence = codev(tmp_path, second=" CIR 9\n ADX 3\n ADY 4")
+    mirror = ["CURV 0", "DISZ 20", "DIAM 2", "CLAP 0 6 0", "OBDC 3 -4"]
+    file = zemax(tmp_path, [FRONT, BACK, mirror])
+    for lens, radius in ((sequence, 9), (file, 6)):
+        assert lens.surfaces[-1].semi_diameter == radius + 5
+        assert any("an opening 5 beside the axis is read as the circle around" in note for note in lens.warnings)
+
+
+def test_an_ideal_lens_that_makes_the_object_distant_is_left_out(tmp_path):
+    ideal = ["TYPE PARAXIAL", "PARM 1 100", "DISZ 10", "DIAM 9"]
+    near, far = ["DISZ 100"], zemax(tmp_path, [FRONT, BACK], ["DISZ INFINITY"])
+    lens = zemax(tmp_path, [ideal, FRONT, BACK], near)
+    assert lens.surfaces == far.surfaces
+    assert any("an ideal lens with the object in its focus is left out" in note for note in lens.warnings)
+    for surfaces, before in (([ideal, FRONT, BACK], ["DISZ 90"]), ([FRONT, BACK, ideal], near)):
+        with pytest.raises(InputError, match=r"a\.zmx:\d+: an ideal lens \(PARAXIAL\) cannot be traced"):
+            zemax(tmp_path, surfaces, before)
+
+
+# Q_0 to Q_3 of Qbfs as Forbes prints them (Opt. Express 15, 5218 (2007), eq. 4.6), and of Qcon (eq. 3.3)
+BFS = [
+    lambda x: 1 + 0 * x,
+    lambda x: (13 - 16 * x) / np.sqrt(19),
+    lambda x: np.sqrt(2 / 95) * (29 - 4 * x * (25 - 19 * x)),
+    lambda x: np.sqrt(2 / 2545) * (207 - 4 * x * (315 - x * (577 - 320 * x))),
+]
+CON = [lambda x: 1 + 0 * x, lambda x: -(5 - 6 * x), lambda x: 15 - 14 * x * (3 - 2 * x)]
+
+
+@pytest.mark.parametrize(("kind", "terms"), [(0, [-0.3, 0.05, -0.02, 0.004]), (1, [-0.3, 0.05, -0.02])])
+@pytest.mark.parametrize("conic", [0.0, -0.6])
+def test_q_type_aspheres_of_zemax(tmp_path, kind, terms, conic):
+    c, norm = 0.02, 14.0
+    extra = [f"XDAT {k} {value} 0 0" for k, value in enumerate([kind, len(terms), norm, *terms], start=1)]
+    front = [*FRONT[:1], "TYPE QED_TYPE", *FRONT[1:], f"CONI {conic}", *extra]
+    lens = zemax(tmp_path, [front, BACK])
+    r = np.linspace(0, 10, 50)
+    x, root = (r / norm) ** 2, np.sqrt(1 - (1 + conic) * (c * r) ** 2)
+    steep = np.sqrt(1 - conic * (c * r) ** 2) / root
+    if kind == 0:
+        added = x * (1 - x) * steep * sum(a * q(x) for a, q in zip(terms, BFS, strict=True))
+    else:
+        added = x * x * sum(a * q(x) for a, q in zip(terms, CON, strict=True))
+    np.testing.assert_allclose(lens.surfaces[0].sag(0 * r, r), c * r * r / (1 + root) + added, atol=1e-9)
+    for wrong in ("XDAT 1 2 0 0", "XDAT 3 0 0 0", "XDAT 2 99 0 0"):
+        with pytest.raises(InputError, match="a Q-type asphere needs the type 0 or 1"):
+            zemax(tmp_path, [[*front, wrong], BACK])
 
 
 def test_codev_titles_that_look_like_a_surface_are_titles(tmp_path):

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_names import named_glass, near_glass_words, near_names
+from rptcam_cl.optics.files.glass_names import named_glass, near_glass_words, near_names, other_name
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.first_order import limiting_surface, system_matrix
 from rptcam_cl.optics.glass import NO_DISPERSION
@@ -93,6 +93,11 @@ class LensTable:
         """Remember what was ignored on a line."""
         self.notes.append(f"{self.path}:{line}: {text}")
 
+    def around_the_axis(self, line: int, diameter: float, offset: float) -> float:
+        """Return the diameter about the axis that holds an opening beside it, with a note."""
+        self.note(line, f"an opening {offset:g} beside the axis is read as the circle around the axis that holds it")
+        return diameter + 2 * offset
+
     def lens(self) -> Lens:
         """Return the lens, its notes among the warnings."""
         if not self.rows:
@@ -123,6 +128,10 @@ class LensTable:
         if (model := model_glass(name)) is not None:
             return model
         found = named_glass(name, self.makers, successors=True)
+        if found is None and (known := other_name(name)) is not None:
+            entry, remark = known
+            self.note(line, f"glass {name} is taken as {remark}")
+            return entry
         if found is not None:
             if remark := found.remark(name.strip("'\"")):
                 self.note(line, remark)
