@@ -9,7 +9,7 @@ import numpy as np
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.irradiance import on_axis_irradiance
+from rptcam_cl.optics.irradiance import film_irradiance, on_axis_irradiance
 from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
 from rptcam_cl.optics.transmission import IDEAL, LensTransmission, axial_transmittance
 from rptcam_cl.optics.variable import brought_to_focus
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
 
 LARGEST_FIELD = 8.0  # image circles are searched up to this many focal lengths from the axis
+HALF_STEPS = 12
 INSIDE = 0.997  # of the image circle, where more than a sliver of the pupil is left
 QUICK = (40, 40)
 FAN = (4096, 1)
@@ -58,14 +59,16 @@ def lens_info(
     result["stop_diameter_mm"] = None if lens.stop is None else 2 * lens.stop.semi_diameter
     result["film_distance_mm"] = film
     result["axial_transmittance"] = float(axial_transmittance(lens, wavelength_nm, transmission))
-    for key in ("working_f_number", "t_number", "image_circle_mm", "field_of_view_degrees"):
+    for key in ("working_f_number", "t_number", "half_light_circle_mm", "image_circle_mm", "field_of_view_degrees"):
         result[key] = None
     if film is not None:
         result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
         result["t_number"] = t_number(lens, film, wavelength_nm, transmission)
         circle = image_circle(lens, film, wavelength_nm)
-        result["image_circle_mm"] = 2 * circle
-        result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
+        result["half_light_circle_mm"] = 2 * half_light_radius(lens, film, circle, wavelength_nm)
+        if circle < farthest(lens, film, wavelength_nm):  # else nothing in the lens ends its picture
+            result["image_circle_mm"] = 2 * circle
+            result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
     return {key: _plain(value) for key, value in result.items()}
 
 
@@ -104,8 +107,7 @@ def image_circle(
         result is just beyond it.
     """
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
-    length = abs(lens.first_order(wavelength_nm).focal_length_mm)
-    limit = LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
+    limit = farthest(lens, film_distance_mm, wavelength_nm)
 
     def lit(radius: float) -> bool:
         # What is left near the edge is a sliver across the plane of film point and axis, too thin for a grid.
@@ -129,6 +131,37 @@ def image_circle(
     while high - low > 1e-4 * high:
         middle = (low + high) / 2
         low, high = (middle, high) if lit(middle) else (low, middle)
+    return low
+
+
+def farthest(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
+    """Return the film radius [mm] up to which image circles are searched."""
+    length = abs(lens.first_order(wavelength_nm).focal_length_mm)
+    return LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
+
+
+def half_light_radius(lens: Lens, film_distance_mm: float, circle_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
+    """Return the least film radius [mm] along +x with half the irradiance of the axis, within 0.1 %.
+
+    Parameters
+    ----------
+    circle_mm : float
+        Radius of the image circle, which is the result where there is more light to its edge.
+    """
+
+    def share(radius: float) -> float:
+        return float(film_irradiance(lens, film_distance_mm, radius, wavelength_nm)) / on_axis
+
+    on_axis = float(film_irradiance(lens, film_distance_mm, 0.0, wavelength_nm))
+    low, high = 0.0, circle_mm
+    for radius in circle_mm * np.geomspace(0.02, 1.0, HALF_STEPS):
+        if share(float(radius)) < 0.5:
+            high = float(radius)
+            break
+        low = float(radius)
+    while high - low > 1e-3 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if share(middle) >= 0.5 else (low, middle)
     return low
 
 
