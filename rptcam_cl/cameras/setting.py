@@ -14,16 +14,16 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import (
     Lens,
     LensTransmission,
+    at_position,
     best_film_distance,
     best_film_distance_at,
-    configured,
     film_behind,
     film_distance,
     floated,
     focused_by_group,
     moved,
     object_distance,
-    zoomed,
+    travel_mm,
 )
 from rptcam_cl.scene import NOT_FOUND_YET, LensCamera, Pose, Scene, at_opening
 
@@ -63,9 +63,9 @@ def focused(
     InputError
         When the distance is out of reach; the nearest possible is named.
     """
-    if lens.floating:
+    if lens.floating and not lens.focuses_by_group:
         lens = _floated(lens, distance_mm, measured_from, wavelength_nm)
-    if lens.focusing is None:
+    if not lens.focuses_by_group:
         return lens, _film_distance(lens, distance_mm, measured_from, method, wavelength_nm, film_point_mm)
     film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
     if measured_from == "film":
@@ -179,7 +179,7 @@ class LensSetting:
             "focus_distance_m": None if self.focus_distance_mm is None else self.focus_distance_mm * 1e-3,
             "focus_method": focus.method if sought else None,
             "focus_field": None if focus.field is None else list(focus.field),
-            "focused_by": ("whole lens" if self.lens.focusing is None else "group") if sought else None,
+            "focused_by": ("group" if self.lens.focuses_by_group else "whole lens") if sought else None,
             "wavelength_nm": self.camera.wavelength_nm,
             **self.real.metadata,
         }
@@ -261,10 +261,7 @@ def film_for_infinity(scene: Scene, camera: LensCamera) -> float:
 def design_to_focus(scene: Scene, camera: LensCamera) -> Lens:
     """Return the design of the lens at its focal length and working aperture."""
     lens = as_coated(scene.load_lens(), camera)
-    if camera.zoom is not None:
-        lens = configured(lens, camera.zoom)
-    if camera.focal_length_mm is not None:
-        lens = zoomed(lens, camera.focal_length_mm, camera.wavelength_nm)
+    lens = at_position(lens, camera.zoom, camera.focal_length_mm, camera.wavelength_nm)
     if camera.f_number is not None:
         return lens.with_stop_diameter(lens.stop_diameter_for(camera.f_number, camera.wavelength_nm))
     if camera.stop_diameter_mm is not None:
@@ -273,9 +270,9 @@ def design_to_focus(scene: Scene, camera: LensCamera) -> Lens:
 
 
 def _at_shift(lens: Lens, shift_mm: float, camera: LensCamera, real: RealState) -> LensSetting:
-    if lens.focusing is None:
+    if not lens.focuses_by_group:
         raise InputError(f"camera.focus.group_shift_mm: {lens.name}: has no focusing group (allowed: film_distance_mm)")
-    low, high = lens.focusing.travel_mm
+    low, high = travel_mm(lens)
     if not low <= shift_mm <= high:
         raise InputError(
             f"camera.focus.group_shift_mm: beyond the travel of the group (got {shift_mm:g};"

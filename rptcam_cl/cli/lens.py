@@ -147,5 +147,7 @@ def _info(arguments: argparse.Namespace) -> int:
         print(as_json(facts))
     else:
         del facts["warnings"]  # which standard error has
+        if facts["film_distance_mm"] is not None and facts["image_circle_mm"] is None:
+            facts["image_circle_mm"] = "without end: no rim of the lens ends it"
         print("\n".join(_lines({"name": facts["name"], "source": facts["source"]} | facts)))
     return 0

@@ -47,7 +47,7 @@ def _run(arguments: argparse.Namespace) -> int:
         comments.append(f"Set to a focal length of {arguments.focal_length_mm:g} mm.")
     if arguments.f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(arguments.f_number))
-        lens = replace(lens, published={})
+        lens = replace(lens, published={"marked_f_number": lens.first_order().f_number})
         comments.append(f"Stopped down to f/{arguments.f_number:g}.")
     if suffix in (".zmx", ".seq"):
         text = zemax_text(lens) if suffix == ".zmx" else codev_text(lens)

@@ -241,13 +241,12 @@ def lens_in_use(arguments: argparse.Namespace, wavelength_nm: float = LINE_D_NM)
 
 def zoomed_lens(arguments: argparse.Namespace, wavelength_nm: float) -> "Lens":
     """The lens at the focal length by the options; doubts about it go to standard error."""
-    from rptcam_cl.optics import configured, zoomed
+    from rptcam_cl.optics import at_position
 
     lens = load(arguments.lens, arguments.catalogue)
-    if arguments.zoom is not None:
-        lens = configured(lens, arguments.zoom)
-    if arguments.focal_length_mm is not None:
-        lens = zoomed(lens, arguments.focal_length_mm, wavelength_nm)
+    lens = at_position(lens, arguments.zoom, arguments.focal_length_mm, wavelength_nm)
+    if arguments.f_number is not None:
+        print_warnings(lens.speed_note(arguments.f_number, wavelength_nm))
     if (arguments.temperature_c, arguments.pressure_hpa) == (20.0, 1013.25):
         return lens
     from rptcam_cl.optics import BARRELS, Heat

@@ -61,11 +61,12 @@ def _over(texts: list[str]) -> dict[str, list[Any]]:
 
 def _run(arguments: argparse.Namespace) -> int:
     from rptcam_cl.api import load_scene, sweep
+    from rptcam_cl.scene import set_keys
 
     over = _over(arguments.keys)
     scene = load_scene(arguments.scene, arguments.overrides)
     print_warnings(scene.warnings)
-    rows = []
+    rows, said = [], set(scene.warnings)
     with stop_on_interrupt(None if arguments.cluster or arguments.workers else ENDS_LATER) as stop:
         entries = sweep(
             scene, over, arguments.output, spp=arguments.spp, size=arguments.size, seed=arguments.seed,
@@ -74,6 +75,9 @@ def _run(arguments: argparse.Namespace) -> int:
         try:
             for entry in entries:
                 rows.append([*entry.values.values(), *entry.measures.values()])
+                doubts = [line for line in set_keys(scene, entry.values).lens_doubts if line not in said]
+                print_warnings(doubts)
+                said.update(doubts)
                 if not arguments.quiet:
                     print(f"{entry.label}: {'kept' if entry.kept else 'rendered'}", file=sys.stderr)
                 if stop.is_set():

@@ -168,7 +168,7 @@ def focus_drive(scene: Scene) -> Drive:
         return ThinDrive(scene)
     if isinstance(scene.camera, LensCamera):
         lens = lens_to_focus(scene, scene.camera)
-        return WholeLens(scene, lens) if lens.focusing is None else GroupDrive(scene, lens)
+        return GroupDrive(scene, lens) if lens.focuses_by_group else WholeLens(scene, lens)
     raise InputError(
         f"camera.kind: {scene.camera.kind}: everything it sees is sharp, so there is no focus to find"
         " (allowed: thin_lens, thick_lens, realistic)"

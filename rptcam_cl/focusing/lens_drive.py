@@ -35,6 +35,7 @@ from rptcam_cl.optics import (
     moved,
     object_distance,
     shift_of,
+    travel_mm,
     unobstructed,
 )
 from rptcam_cl.scene import LensCamera, RealisticCamera, Scene, ThickLensCamera
@@ -282,8 +283,7 @@ class GroupDrive(LensDrive):
     @cached_property
     def limits(self) -> tuple[float, float]:
         """The travel of the group."""
-        assert self.lens.focusing is not None
-        return self.lens.focusing.travel_mm
+        return travel_mm(self.lens)
 
     @cached_property
     def depth_of_focus(self) -> float:

@@ -12,6 +12,7 @@ from rptcam_cl.lenstools.foreign import (
     WAVELENGTHS_NM,
     beam_of,
     maker_and_name,
+    model_of,
     number,
     numbers,
     one_line,
@@ -22,7 +23,6 @@ from rptcam_cl.lenstools.foreign import (
 )
 from rptcam_cl.optics import (
     AIR,
-    AbbeCauchy,
     Biconic,
     ConstantIndex,
     Lens,
@@ -49,7 +49,9 @@ def codev_text(lens: Lens) -> str:
     beam = beam_of(lens)
     private: dict[Medium, str] = {}
     words = ["REFL" if surface.is_mirror else _glass(surface.glass, private) for surface in lens.surfaces]
-    lines = ["RDM N;LEN", f"TITLE '{one_line(lens.name)}'", f"EPD {number(beam.pupil_diameter)}", "DIM M"]
+    title = one_line(lens.name)
+    title = f" {title}" if title.startswith("Z") else title  # which readers take for a position of a zoom
+    lines = ["RDM N;LEN", f"TITLE '{title}'", f"EPD {number(beam.pupil_diameter)}", "DIM M"]
     lines.append(f"WL {numbers(reversed(WAVELENGTHS_NM))}")
     lines += [f"REF {len(WAVELENGTHS_NM) - WAVELENGTHS_NM.index(LINE_D_NM)}", "WTW 1 1 1"]
     lines += [f"XAN {numbers([0] * len(beam.fields))}", f"YAN {numbers(beam.fields)}"]
@@ -95,17 +97,21 @@ def _details(surface: Surface, is_stop: bool) -> Iterator[str]:
 
 
 def _glass(medium: Medium, private: dict[Medium, str]) -> str:
-    """Return the word of a glass; one that no catalogue has becomes a private glass."""
+    """Return the word of a glass; one that no catalogue has becomes a private glass.
+
+    It is called by its n_d and V_d, which programs take who do not read private glasses.
+    """
     if medium == AIR:
         return ""
     if found := maker_and_name(medium):
         return f"{plain_glass_name(found[1])}_{found[0].upper()}"  # CODE V has no hyphens
-    if isinstance(medium, AbbeCauchy):
-        above, vd = f"{medium.nd - 1:.6f}", f"{medium.vd / 100:.6f}"
-        if 0.3 <= medium.nd - 1 < 1 and abs(float(above) + 1 - medium.nd) < 1e-12 and medium.vd < 100:
-            return f"{above[2:]}.{vd[2:]}"
-    name = private.setdefault(medium, f"PG{len(private) + 1}")
-    return f"'{name}'"
+    if medium not in private:
+        nd, vd = model_of(medium)
+        name = f"{nd!r}:{vd!r}"
+        while name in private.values():
+            name = name.replace(":", "0:")  # the same numbers
+        private[medium] = name
+    return f"'{private[medium]}'"
 
 
 def _indices(medium: Medium) -> list[float]:

@@ -13,12 +13,15 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.fields import default_fields
 from rptcam_cl.lenstools.lens_state import setting
 from rptcam_cl.optics import (
+    NO_DISPERSION,
+    AbbeCauchy,
     Biconic,
     Lens,
     Medium,
     Surface,
     SurfacePose,
     Toroid,
+    abbe_number,
     glass_named,
     glasses_of,
     limiting_surface,
@@ -111,6 +114,14 @@ def maker_and_name(medium: Medium) -> tuple[str, str] | None:
     glasses = glasses_of(found.maker)
     glass = glasses.get(plain_glass_name(found.written)) or glasses.get(plain_glass_name(base))
     return (found.maker, glass.name) if glass else (found.maker, found.written)
+
+
+def model_of(medium: Medium) -> tuple[float, float]:
+    """Return n_d and V_d of a medium; of one without dispersion `NO_DISPERSION`, as programs divide by V_d."""
+    if isinstance(medium, AbbeCauchy):
+        return medium.nd, medium.vd
+    nd, vd = float(medium.index(LINE_D_NM)), abbe_number(medium)
+    return nd, vd if 0 < vd < NO_DISPERSION else NO_DISPERSION
 
 
 def tilts(pose: SurfacePose) -> tuple[float, float, float]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import film_distance, floated
+from rptcam_cl.optics import brought_to_focus
 
 if TYPE_CHECKING:
     from rptcam_cl.optics import Lens
@@ -69,8 +69,7 @@ def setting(
     if f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
     if focus_distance_m is not None:
-        lens = floated(lens, 1000 * focus_distance_m)
-        film = film_distance(lens, 1000 * focus_distance_m, wavelength_nm=wavelength_nm)
+        lens, film = brought_to_focus(lens, 1000 * focus_distance_m, wavelength_nm)
         return Setting(lens, film, 1000 * focus_distance_m - lens.sense * film - lens.length, wavelength_nm)
     first = lens.first_order(wavelength_nm)
     real = 0 < first.focal_length_mm < math.inf and first.back_focal_distance_mm > 0

@@ -20,6 +20,7 @@ from rptcam_cl.optics import (
     Absorption,
     Coating,
     ConstantIndex,
+    FocusState,
     Law,
     Layer,
     LayerStack,
@@ -57,8 +58,10 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
     lines.append(f"name: {_flow(lens.name)}")
     if lens.source:
         lines.append(f"source: {_flow(lens.source)}")
-    if lens.published:
-        lines.append(f"published: {_flow(lens.published)}")
+    if published := {key: value for key, value in lens.published.items() if key != "marked_f_number"}:
+        lines.append(f"published: {_flow(published)}")
+    if "marked_f_number" in lens.published:
+        lines.append(f"marked_f_number: {_flow(lens.published['marked_f_number'])}")
     if lens.object_medium != AIR:
         lines.append(f"object_medium: {_flow(_medium(lens.object_medium))}")
     lines.append("surfaces:")
@@ -70,16 +73,22 @@ def lens_text(lens: Lens, comments: Sequence[str] = ()) -> str:
             row: dict[str, Any] = {"name": state.name, "gaps": dict(state.gaps)}
             if state.stop_diameter_mm is not None:
                 row["stop_diameter"] = state.stop_diameter_mm
+            if state.floating:
+                row["floating"] = list(map(_focus_state, state.floating))
             lines.append(f"  - {_flow(row)}")
     if lens.focusing is not None:
         group = lens.focusing
         entry = {"surfaces": [group.first, group.last], "travel": list(group.travel_mm)}
         lines.append(f"focusing: {_flow(entry)}")
-    if lens.floating:
+    if lens.floating and not lens.configurations:
         lines.append("floating:")
-        rows = ({"distance": state.distance_mm, "gaps": dict(state.gaps)} for state in lens.floating)
-        lines += [f"  - {_flow(row)}" for row in rows]
+        lines += [f"  - {_flow(_focus_state(state))}" for state in lens.floating]
     return "\n".join([*lines, ""])
+
+
+def _focus_state(state: FocusState) -> dict[str, Any]:
+    row: dict[str, Any] = {"distance": state.distance_mm, "gaps": dict(state.gaps)}
+    return row if state.film_shift_mm is None else row | {"film_shift": state.film_shift_mm}
 
 
 def _surface(lens: Lens, k: int, last: bool) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from itertools import chain, permutations
 
@@ -12,6 +11,7 @@ from rptcam_cl.lenstools.foreign import (
     Row,
     beam_of,
     maker_and_name,
+    model_of,
     number,
     numbers,
     one_line,
@@ -22,14 +22,11 @@ from rptcam_cl.lenstools.foreign import (
 )
 from rptcam_cl.optics import (
     AIR,
-    AbbeCauchy,
     Biconic,
-    ConstantIndex,
     Lens,
     Medium,
     Surface,
     Toroid,
-    abbe_number,
     glass_named,
     named_glass,
 )
@@ -125,6 +122,8 @@ def _break(
 def _kind(surface: Surface) -> tuple[str, dict[int, float]]:
     """Return the type of a surface and its parameters."""
     powers = dict(surface.aspheric)
+    if surface.cylinder == "x" and not surface.conic:  # a straight line, turned about an axis parallel to y
+        return "TOROIDAL", {1: 1 / surface.curvature if surface.curvature else 0.0}
     if surface.cylinder == "x":
         return "BICONICX", {1: 1 / surface.curvature if surface.curvature else 0.0, 2: surface.conic}
     form = surface.form
@@ -145,12 +144,8 @@ def _glass(medium: Medium, makers: Sequence[str]) -> str:
         return f"{found[1].replace(' ', '_')} 0 0 1.5 40.0 0 0 0 0 0 0"
     if medium.name == "fused silica" and glass_named(medium.name) == medium:
         return "F_SILICA 0 0 1.5 40.0 0 0 0 0 0 0"
-    if isinstance(medium, ConstantIndex):
-        return f"___BLANK 1 0 {number(medium.value)} 0.0 0 0 0 0 0 0"
-    if isinstance(medium, AbbeCauchy):
-        return f"___BLANK 1 0 {number(medium.nd)} {number(medium.vd)} 0 0 0 0 0 0"
-    nd, vd = float(medium.index(LINE_D_NM)), abbe_number(medium)
-    return f"___BLANK 1 0 {number(nd)} {number(vd if math.isfinite(vd) else 0.0)} 0 0 0 0 0 0"
+    nd, vd = model_of(medium)
+    return f"___BLANK 1 0 {number(nd)} {number(vd)} 0 0 0 0 0 0"
 
 
 def _reasons(lens: Lens) -> Iterator[tuple[int, str]]:

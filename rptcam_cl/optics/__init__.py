@@ -48,6 +48,7 @@ from rptcam_cl.optics.ghosts import FilmLight, Ghosts, find_ghosts
 from rptcam_cl.optics.glare import Glare, veiling_glare
 from rptcam_cl.optics.glass import (
     AIR,
+    NO_DISPERSION,
     AbbeCauchy,
     AbbeLinear,
     ConstantIndex,
@@ -59,6 +60,7 @@ from rptcam_cl.optics.glass import (
     TabulatedIndex,
     abbe_number,
     attenuation,
+    continued_words,
     held_index,
     known_range,
 )
@@ -68,6 +70,7 @@ from rptcam_cl.optics.layer_stack import Layer, LayerStack
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.library import digests_of_lens, list_lenses, load_lens, named_lens, names_a_file
 from rptcam_cl.optics.placement import SurfacePose
+from rptcam_cl.optics.prescription import FocusState
 from rptcam_cl.optics.probe import BULGE, PATCH_RADII, FilmProbe, Wavelengths, cells, grid, narrowed, spread_points
 from rptcam_cl.optics.pupil_boxes import FINE, narrowing_probes, pupil_boxes
 from rptcam_cl.optics.pupil_function import PupilFunction, pupil_function
@@ -101,12 +104,15 @@ from rptcam_cl.optics.transmission import (
     with_coating,
 )
 from rptcam_cl.optics.variable import (
+    at_position,
+    brought_to_focus,
     configured,
     film_behind,
     floated,
     focused_by_group,
     moved,
     shift_of,
+    travel_mm,
     zoom_range_mm,
     zoomed,
 )
@@ -140,6 +146,7 @@ __all__ = [
     "GLASS",
     "IDEAL",
     "MAGNESIUM_FLUORIDE",
+    "NO_DISPERSION",
     "PAIRS",
     "PATCH_RADII",
     "STANDARD_C",
@@ -164,6 +171,7 @@ __all__ = [
     "FilmLight",
     "FilmProbe",
     "FirstOrder",
+    "FocusState",
     "Form",
     "GhostImage",
     "Ghosts",
@@ -203,6 +211,7 @@ __all__ = [
     "abbe_number",
     "aimed_rays",
     "air_index",
+    "at_position",
     "attenuation",
     "axial_irradiance",
     "axial_transmittance",
@@ -210,12 +219,14 @@ __all__ = [
     "best_film_distance_at",
     "blades",
     "blur_variances",
+    "brought_to_focus",
     "cells",
     "centroid",
     "check_copies",
     "chief_ray",
     "configured",
     "constant_reflectance",
+    "continued_words",
     "crossings",
     "diffraction_mtf",
     "digests_of_lens",
@@ -295,6 +306,7 @@ __all__ = [
     "thermal_of",
     "trace",
     "transfer",
+    "travel_mm",
     "unfolded",
     "unobstructed",
     "veiling_glare",

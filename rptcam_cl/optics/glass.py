@@ -20,6 +20,11 @@ from rptcam_cl.optics.thermal import Thermal
 Array = NDArray[np.float64]
 Range = tuple[float, float]
 
+NO_DISPERSION = 1e6  # V_d by which files say that an index is the same at every wavelength
+VISIBLE_NM = (400.0, 700.0)  # within which laws that end are continued
+MARGIN_NM = 50.0  # by at most so much
+FIT_POINTS = 8  # of a table, from its end, by which it is continued
+
 
 class Medium(Protocol):
     """What fills the space after a surface."""
@@ -129,7 +134,10 @@ class PowerSeries(Absorbing):
 
 @dataclass(frozen=True)
 class TabulatedIndex(Absorbing):
-    """Index interpolated linearly between measured wavelengths [nm], which rise."""
+    """Index interpolated linearly between measured wavelengths [nm], which rise.
+
+    Beyond them it goes on as A + B / L^2 + C / L^4 through the nearest ones, shifted to meet the last.
+    """
 
     wavelengths_nm: tuple[float, ...]
     values: tuple[float, ...]
@@ -139,7 +147,15 @@ class TabulatedIndex(Absorbing):
         """Return the index at each wavelength [nm]."""
         limits = (self.wavelengths_nm[0], self.wavelengths_nm[-1])
         wavelength = _in_range(wavelength_nm, limits, self.name)
-        return np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
+        found = np.asarray(np.interp(wavelength, self.wavelengths_nm, self.values), dtype=np.float64)
+        for end, outside in ((0, wavelength < limits[0]), (-1, wavelength > limits[1])):
+            if np.any(outside):
+                places = slice(None, FIT_POINTS) if end == 0 else slice(-FIT_POINTS, None)
+                known, values = self.wavelengths_nm[places], self.values[places]
+                curve = np.polynomial.Polynomial.fit(_inverse_square(known), values, min(2, len(known) - 1))
+                beyond = self.values[end] + curve(_inverse_square(wavelength)) - curve(_inverse_square(limits[end]))
+                found = np.where(outside, beyond, found)
+        return found
 
 
 @dataclass(frozen=True)
@@ -215,16 +231,44 @@ def held_index(medium: Law, wavelength_nm: ArrayLike) -> Array:
     return medium.index(wavelength if limits is None else np.clip(wavelength, *limits))
 
 
-def known_range(medium: Medium) -> Range | None:
-    """Return the shortest and longest wavelength at which a law holds [nm], None where it holds everywhere."""
+def stated_range(medium: Medium) -> Range | None:
+    """Return the shortest and longest wavelength that are stated for a law [nm], None where it holds everywhere."""
     match medium:
         case Sellmeier() | PowerSeries():
             return medium.range_nm
         case TabulatedIndex():
             return medium.wavelengths_nm[0], medium.wavelengths_nm[-1]
         case Melt() | Heated():
-            return known_range(medium.glass)
+            return stated_range(medium.glass)
     return None
+
+
+def known_range(medium: Medium) -> Range | None:
+    """Return the shortest and longest wavelength at which an index is given [nm], None where it is everywhere.
+
+    A law that ends inside of `VISIBLE_NM` is continued towards its end, by `MARGIN_NM` at most.
+    """
+    stated = stated_range(medium)
+    return None if stated is None else _continued(stated)
+
+
+def continued_words(medium: Medium) -> str | None:
+    """Return what to say of a medium whose law is continued within `VISIBLE_NM`; None of others."""
+    stated, known = stated_range(medium), known_range(medium)
+    if stated is None or stated == known or known is None:
+        return None
+    ends = " and ".join(f"{nm:g} nm" for nm, end in zip(known, stated, strict=True) if nm != end)
+    span = f"{stated[0]:g} to {stated[1]:g} nm"
+    return f"glass {medium.name or '(unnamed)'} is known from {span}; its law is continued to {ends}"
+
+
+def _continued(stated: Range) -> Range:
+    (low, high), (blue, red) = stated, VISIBLE_NM
+    if blue < low <= red:
+        low = max(blue, low - MARGIN_NM)
+    if blue <= high < red:
+        high = min(red, high + MARGIN_NM)
+    return low, high
 
 
 def abbe_number(medium: Medium) -> float:
@@ -246,6 +290,7 @@ def _inverse_square(wavelength_nm: ArrayLike) -> Array:
 
 def _in_range(wavelength_nm: ArrayLike, limits: Range | None, name: str) -> Array:
     wavelength = np.asarray(wavelength_nm, dtype=np.float64)
+    limits = None if limits is None else _continued(limits)
     if limits is not None and (np.any(wavelength < limits[0]) or np.any(wavelength > limits[1])):
         bad = float(np.extract((wavelength < limits[0]) | (wavelength > limits[1]), wavelength)[0])
         raise InputError(

@@ -74,7 +74,11 @@ class Heat:
             stop = given.stop_diameter_mm
             if stop is not None and lens.stop_index is not None:
                 stop *= bodies[lens.stop_index]
-            return Configuration(given.name, gaps(given.gaps), stop)
+            return Configuration(given.name, gaps(given.gaps), stop, tuple(map(focus, given.floating)))
+
+        def focus(given: FocusState) -> FocusState:
+            shift = given.film_shift_mm
+            return FocusState(given.distance_mm, gaps(given.gaps), None if shift is None else shift * self.barrel_scale)
 
         group = lens.focusing
         if group is not None:
@@ -86,7 +90,7 @@ class Heat:
             focusing=group,
             object_medium=self._medium(lens, "object_medium", lens.object_medium),
             configurations=tuple(position(given) for given in lens.configurations),
-            floating=tuple(FocusState(state.distance_mm, gaps(state.gaps)) for state in lens.floating),
+            floating=tuple(map(focus, lens.floating)),
         )
 
     def film(self, film_distance_mm: float) -> float:

@@ -18,6 +18,8 @@ from rptcam_cl.optics.stop_shape import StopMask, StopShape
 from rptcam_cl.optics.surface import Surface
 from rptcam_cl.optics.transmission import LensTransmission
 
+WORTH_A_WORD = 0.995  # a marked f-number nearer than this to the true one is that
+
 
 @dataclass(frozen=True)
 class Lens(Prescription):
@@ -57,7 +59,7 @@ class Lens(Prescription):
         has = 2 * stop.semi_diameter
         if not diameter_mm > 0 or not np.isfinite(diameter_mm):
             raise InputError(f"{self.name}: stop diameter must be above 0 mm (got {diameter_mm:g})")
-        if diameter_mm > has * (1 + 1e-9):
+        if diameter_mm > max(has * (1 + 1e-9), *_printed(has)):
             widest = self.first_order().f_number
             speed = f", f/{widest:.3g}" if np.isfinite(widest) else ""
             raise InputError(f"{self.name}: the stop opens to {has:.5g} mm{speed} (requested {diameter_mm:.5g} mm)")
@@ -74,7 +76,10 @@ class Lens(Prescription):
         return replace(self, surfaces=tuple(surfaces))
 
     def stop_diameter_for(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> float:
-        """Return the stop diameter [mm] of an f-number = focal length / entrance pupil diameter (paraxial)."""
+        """Return the stop diameter [mm] of an f-number = focal length / entrance pupil diameter (paraxial).
+
+        The f-number that the lens is marked with, and that which it opens to as it is printed, are its full opening.
+        """
         stop = self._need_stop()
         if not f_number > 0 or not np.isfinite(f_number):
             raise InputError(f"{self.name}: f-number must be above 0 (got {f_number:g})")
@@ -82,12 +87,20 @@ class Lens(Prescription):
         if not np.isfinite(widest):
             raise InputError(f"{self.name}: has no focal length, so no f-number; set stop_diameter_mm instead")
         diameter = 2 * stop.semi_diameter * widest / f_number
-        if f_number < widest * (1 - 1e-9):
+        least = min(widest * (1 - 1e-9), *_printed(widest))
+        if f_number < least and f_number < (self.marked_f_number or widest) * (1 - 1e-9):
             raise InputError(
                 f"{self.name}: opens to f/{widest:.4g}, a stop of {2 * stop.semi_diameter:.5g} mm "
                 f"(f/{f_number:g} would need {diameter:.5g} mm)"
             )
         return float(min(diameter, 2 * stop.semi_diameter))
+
+    def speed_note(self, f_number: float, wavelength_nm: float = LINE_D_NM) -> tuple[str, ...]:
+        """Return what to say of a marked f-number that the lens does not reach; else nothing."""
+        widest, marked = self.first_order(wavelength_nm).f_number, self.marked_f_number
+        if self.stop is None or marked is None or not marked <= f_number < WORTH_A_WORD * widest:
+            return ()
+        return (f"{self.name}: is marked f/{marked:g} and opens to f/{widest:.4g}, which is taken",)
 
     def _need_stop(self) -> Surface:
         if self.stop is None:
@@ -95,3 +108,8 @@ class Lens(Prescription):
                 f"{self.name}: has no stop to set; only its rims limit the light (mark one with stop: true)"
             )
         return self.stop
+
+
+def _printed(value: float) -> tuple[float, float, float]:
+    """Return a number as messages and tables print it, with three to five digits."""
+    return float(f"{value:.3g}"), float(f"{value:.4g}"), float(f"{value:.5g}")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import field
 from functools import cached_property
@@ -18,6 +19,8 @@ from rptcam_cl.optics.surface import Surface
 Array = NDArray[np.float64]
 FEW = 16  # wavelengths of which indices are remembered
 REMEMBERED = 256  # rows of media at some wavelengths, whose indices are remembered
+# f/2, F2.8 and F/1.4 in a name; not f = 50 mm, nor F50
+_SPEED = re.compile(r"(?<![A-Za-z])[fF](?:\s?/\s?|(?=\d{1,2}\.\d))(\d{1,2}(?:\.\d+)?)(?![\d.]*\s?mm)")
 _INDICES: dict[tuple[object, ...], tuple[tuple[Medium, ...], Array]] = {}
 
 
@@ -32,11 +35,14 @@ class Configuration:
         Thickness behind each surface whose gap varies [mm].
     stop_diameter_mm : float or None
         Stop diameter of this state when it differs.
+    floating : tuple of FocusState
+        Gaps at nearer object planes in this state.
     """
 
     name: str
     gaps: tuple[tuple[int, float], ...]
     stop_diameter_mm: float | None = None
+    floating: tuple[FocusState, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -66,10 +72,14 @@ class FocusState:
         From the object plane to the film.
     gaps : tuple of (surface, thickness)
         Thickness behind each surface whose gap varies [mm].
+    film_shift_mm : float or None
+        How much farther the film is from the last vertex than at infinity: 0 where neither moves, None where it is not
+        said, and the film follows the image.
     """
 
     distance_mm: float
     gaps: tuple[tuple[int, float], ...]
+    film_shift_mm: float | None = None
 
 
 @dataclass(frozen=True)
@@ -112,6 +122,23 @@ class Prescription:
     floating: tuple[FocusState, ...] = ()
     warnings: tuple[str, ...] = ()
     first_sense: float = 1.0
+
+    @property
+    def marked_f_number(self) -> float | None:
+        """F-number that it is sold with: `marked_f_number` of its file, else the least of source and name."""
+        said = self.published.get("marked_f_number")
+        if said is not None:
+            return float(said)
+        title = _SPEED.search(self.name)
+        found = [self.published.get("f_number"), float(title[1]) if title else None]
+        numbers = [float(n) for n in found if isinstance(n, int | float) and not isinstance(n, bool) and n > 0]
+        return min(numbers, default=None)
+
+    @property
+    def focuses_by_group(self) -> bool:
+        """Whether groups move in it to focus while it is known where the film stands."""
+        shifts = [state.film_shift_mm for state in self.floating]
+        return self.focusing is not None or (bool(shifts) and None not in shifts)
 
     @cached_property
     def vertices(self) -> Array:

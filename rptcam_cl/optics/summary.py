@@ -9,16 +9,16 @@ import numpy as np
 
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.irradiance import on_axis_irradiance
 from rptcam_cl.optics.probe import FilmProbe, grid, narrowed
 from rptcam_cl.optics.transmission import IDEAL, LensTransmission, axial_transmittance
-from rptcam_cl.optics.variable import floated
+from rptcam_cl.optics.variable import brought_to_focus
 
 if TYPE_CHECKING:
     from rptcam_cl.optics.lens import Lens
 
 LARGEST_FIELD = 8.0  # image circles are searched up to this many focal lengths from the axis
+HALF_STEPS, HALF_RAYS = 7, (72, 72)
 INSIDE = 0.997  # of the image circle, where more than a sliver of the pupil is left
 QUICK = (40, 40)
 FAN = (4096, 1)
@@ -47,26 +47,28 @@ def lens_info(
     """
     if f_number is not None:
         lens = lens.with_stop_diameter(lens.stop_diameter_for(f_number, wavelength_nm))
-    lens = floated(lens, object_distance_mm)
-    result = lens.first_order(wavelength_nm).as_dict()
-    result |= {"name": lens.name, "source": lens.source, "warnings": list(lens.warnings)}
-    result["stop_diameter_mm"] = None if lens.stop is None else 2 * lens.stop.semi_diameter
+    film: float | None
     try:
-        film: float | None = film_distance(lens, object_distance_mm, wavelength_nm=wavelength_nm)
+        lens, film = brought_to_focus(lens, object_distance_mm, wavelength_nm)
     except InputError:
         if np.isfinite(object_distance_mm):
             raise
         film = None
+    result = lens.first_order(wavelength_nm).as_dict()
+    result |= {"name": lens.name, "source": lens.source, "warnings": list(lens.warnings)}
+    result["stop_diameter_mm"] = None if lens.stop is None else 2 * lens.stop.semi_diameter
     result["film_distance_mm"] = film
     result["axial_transmittance"] = float(axial_transmittance(lens, wavelength_nm, transmission))
-    for key in ("working_f_number", "t_number", "image_circle_mm", "field_of_view_degrees"):
+    for key in ("working_f_number", "t_number", "half_light_circle_mm", "image_circle_mm", "field_of_view_degrees"):
         result[key] = None
     if film is not None:
         result["working_f_number"] = working_f_number(lens, film, wavelength_nm)
         result["t_number"] = t_number(lens, film, wavelength_nm, transmission)
         circle = image_circle(lens, film, wavelength_nm)
-        result["image_circle_mm"] = 2 * circle
-        result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
+        result["half_light_circle_mm"] = 2 * half_light_radius(lens, film, circle, wavelength_nm)
+        if circle < farthest(lens, film, wavelength_nm):  # else nothing in the lens ends its picture
+            result["image_circle_mm"] = 2 * circle
+            result["field_of_view_degrees"] = field_of_view(lens, film, circle * INSIDE, wavelength_nm)
     return {key: _plain(value) for key, value in result.items()}
 
 
@@ -105,8 +107,7 @@ def image_circle(
         result is just beyond it.
     """
     probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
-    length = abs(lens.first_order(wavelength_nm).focal_length_mm)
-    limit = LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
+    limit = farthest(lens, film_distance_mm, wavelength_nm)
 
     def lit(radius: float) -> bool:
         # What is left near the edge is a sliver across the plane of film point and axis, too thin for a grid.
@@ -130,6 +131,56 @@ def image_circle(
     while high - low > 1e-4 * high:
         middle = (low + high) / 2
         low, high = (middle, high) if lit(middle) else (low, middle)
+    return low
+
+
+def farthest(lens: Lens, film_distance_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
+    """Return the film radius [mm] up to which image circles are searched."""
+    length = abs(lens.first_order(wavelength_nm).focal_length_mm)
+    return LARGEST_FIELD * (length if np.isfinite(length) else film_distance_mm)
+
+
+def half_light_radius(lens: Lens, film_distance_mm: float, circle_mm: float, wavelength_nm: float = LINE_D_NM) -> float:
+    """Return the least film radius [mm] along +x with half the irradiance of the axis, within 1 %.
+
+    Parameters
+    ----------
+    circle_mm : float
+        Radius of the image circle, which is the result where there is more light to its edge.
+    """
+
+    probe = FilmProbe(lens, film_distance_mm, wavelength_nm)
+
+    def light(radius: float) -> float:  # D^2 / (D^2 + rho^2)^2 over what passes of a plane through the last vertex
+        film = np.array([[radius, 0.0]])
+        boxes, found = narrowed(probe, film, probe.windows(film), HALF_RAYS)
+        points = grid(boxes, *HALF_RAYS)[0]
+        targets = np.column_stack([points, np.full(len(points), lens.length)])
+        start = np.array([radius, 0.0, lens.film_z(film_distance_mm)])
+        passed = lens.trace(np.broadcast_to(start, targets.shape), targets - start, wavelength_nm).passed
+        square = np.sum((targets - start) ** 2, axis=1)
+        sides = np.ptp(points, axis=0) / (np.array(HALF_RAYS) - 1)
+        return float(found[0] * np.prod(sides) * np.sum(passed / square**2))
+
+    def share(radius: float) -> float:
+        return light(radius) / on_axis
+
+    on_axis = light(0.0)
+    low, more = 0.0, 0.5  # light above the half
+    for radius in circle_mm * np.geomspace(0.05, 1.0, HALF_STEPS):
+        if (found := share(float(radius)) - 0.5) < 0:
+            high, less = float(radius), found
+            break
+        low, more = float(radius), found
+    else:
+        return circle_mm
+    while high - low > 3e-3 * high:  # along the chord, but never beside an end for long
+        part = float(np.clip(more / (more - less), 0.1, 0.9))
+        middle = low + part * (high - low)
+        if (found := share(middle) - 0.5) >= 0:
+            low, more = middle, found
+        else:
+            high, less = middle, found
     return low
 
 

@@ -14,20 +14,23 @@ from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.first_order import focal_length_mm
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.lens import Lens
-from rptcam_cl.optics.prescription import Configuration, FocusingGroup
+from rptcam_cl.optics.prescription import Configuration, FocusingGroup, FocusState
 
 Array = NDArray[np.float64]
 
 STEPS = 64
+BEYOND = (-0.05, 1.1)  # of the way to the nearest published state that floating groups may go
+NEARLY = 5e-3  # by which a film that is known allows nearer objects than published, where a file rounds
 FEW = 8  # zoom lenses whose focal lengths are remembered
 REMEMBERED = 64  # and states
 
 
-def floated(lens: Lens, distance_mm: float) -> Lens:
+def floated(lens: Lens, distance_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
     """Return the lens with its floating groups set for an object plane, at a distance from the film [mm].
 
-    Each gap goes from its value in the table, for infinity, through those of the published distances, along straight
-    lines over 1 / distance: in proportion to how far a lens moves for an object. A lens without such groups stays.
+    The gaps go from their values in the table, for infinity, along straight lines through those of the published
+    distances: so far that the object is sharp where the film stands. Where nobody says where that is, they go in
+    proportion to 1 / distance, as far as a lens moves for an object. A lens without such groups stays.
 
     Raises
     ------
@@ -36,19 +39,75 @@ def floated(lens: Lens, distance_mm: float) -> Lens:
     """
     if not lens.floating:
         return lens
-    nearest = max(lens.floating, key=lambda state: 1 / state.distance_mm)
-    if distance_mm < nearest.distance_mm * (1 - 1e-9):
+    _check_near(lens, distance_mm)
+    if not np.isfinite(distance_mm):
+        return replace(lens, floating=())
+    if lens.focuses_by_group:
+        film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
+        return replace(focused_by_group(lens, distance_mm, film, wavelength_nm)[0], floating=())
+    nearest = min(state.distance_mm for state in lens.floating)
+    return replace(_at_share(lens, nearest / distance_mm), floating=())
+
+
+def _check_near(lens: Lens, distance_mm: float) -> None:
+    """Refuse an object that is nearer than the nearest published distance."""
+    nearest = min(state.distance_mm for state in lens.floating)
+    if distance_mm < nearest * (1 - (NEARLY if lens.focuses_by_group else 1e-9)):
         raise InputError(
-            f"{lens.name}: its floating groups focus down to {nearest.distance_mm:.6g} mm from the film "
+            f"{lens.name}: its floating groups focus down to {nearest:.6g} mm from the film "
             f"(requested {distance_mm:.6g} mm)"
         )
-    states = sorted(lens.floating, key=lambda state: 1 / state.distance_mm)
-    away = [0.0, *(1 / state.distance_mm for state in states)]
-    surfaces = list(lens.surfaces)
-    for place, (k, _) in enumerate(states[0].gaps):
-        values = [surfaces[k].thickness, *(state.gaps[place][1] for state in states)]
-        surfaces[k] = replace(surfaces[k], thickness=float(np.interp(1 / distance_mm, away, values)))
-    return replace(lens, surfaces=tuple(surfaces), floating=())
+
+
+def brought_to_focus(lens: Lens, distance_mm: float, wavelength_nm: float = LINE_D_NM) -> tuple[Lens, float]:
+    """Return the lens focused by first-order optics on an object plane, at a distance from the film, and the distance
+    from its last vertex to the film [mm]: by its groups where the lens file has some, else as a whole."""
+    if np.isfinite(distance_mm) and lens.focuses_by_group:
+        film = film_distance(lens, np.inf, wavelength_nm=wavelength_nm)
+        return focused_by_group(lens, distance_mm, film, wavelength_nm)
+    lens = floated(lens, distance_mm, wavelength_nm)
+    return lens, film_distance(lens, distance_mm, wavelength_nm=wavelength_nm)
+
+
+@dataclass(frozen=True)
+class _Rail:
+    """How floating groups move: `values` (states, gaps and film shift) over `shares` of 1 / distance, 1 the nearest."""
+
+    places: tuple[int, ...]
+    shares: Array
+    values: Array
+
+    @property
+    def leading(self) -> int:
+        """The gap that changes most."""
+        return int(np.argmax(np.abs(self.values[-1, :-1] - self.values[0, :-1])))
+
+    @property
+    def reach(self) -> float:
+        """How much it changes [mm]; 1 where none does."""
+        return float(self.values[-1, self.leading] - self.values[0, self.leading]) or 1.0
+
+    def at(self, share: float) -> Array:
+        """Return gaps and film shift [mm]; beyond the ends the straight lines go on."""
+        k = int(np.clip(np.searchsorted(self.shares, share) - 1, 0, len(self.shares) - 2))
+        part = (share - self.shares[k]) / (self.shares[k + 1] - self.shares[k])
+        return np.asarray(self.values[k] + part * (self.values[k + 1] - self.values[k]))
+
+
+def _rail(lens: Lens) -> _Rail:
+    states = sorted(lens.floating, key=lambda state: -state.distance_mm)
+    places = tuple(k for k, _ in states[0].gaps)
+    rows = [[lens.surfaces[k].thickness for k in places] + [0.0]]
+    rows += [[gap for _, gap in state.gaps] + [state.film_shift_mm or 0.0] for state in states]
+    away = np.array([0.0, *(1 / state.distance_mm for state in states)])
+    return _Rail(places, away / away[-1], np.array(rows))
+
+
+def _at_share(lens: Lens, share: float) -> Lens:
+    rail, surfaces = _rail(lens), list(lens.surfaces)
+    for k, gap in zip(rail.places, rail.at(share), strict=False):  # the last value is the film's
+        surfaces[k] = replace(surfaces[k], thickness=float(gap))
+    return replace(lens, surfaces=tuple(surfaces))
 
 
 def configured(lens: Lens, name: str) -> Lens:
@@ -58,6 +117,13 @@ def configured(lens: Lens, name: str) -> Lens:
             return _set(lens, configuration)
     names = ", ".join(configuration.name for configuration in lens.configurations)
     raise InputError(f"{lens.name}: no configuration {name!r}; it has {names or 'none'}")
+
+
+def at_position(lens: Lens, zoom: str | None, focal_length_mm: float | None, wavelength_nm: float = LINE_D_NM) -> Lens:
+    """Return a lens in a named configuration or at a focal length; as it is where neither is said."""
+    if zoom is not None:
+        lens = configured(lens, zoom)
+    return lens if focal_length_mm is None else zoomed(lens, focal_length_mm, wavelength_nm)
 
 
 def zoomed(lens: Lens, focal_length_mm: float, wavelength_nm: float = LINE_D_NM) -> Lens:
@@ -119,8 +185,19 @@ def _zoomed(zoom: _Zoom, wanted_mm: float, wavelength_nm: float) -> Lens:
     return _between(lens, middle)
 
 
+def travel_mm(lens: Lens) -> tuple[float, float]:
+    """Return the least and the greatest shift of what moves to focus [mm]: of the group towards the film; of floating
+    groups the change of the gap that changes most, from a little beyond infinity to a little nearer than published."""
+    if lens.floating:
+        ends = [_rail(lens).reach * share for share in BEYOND]
+        return min(ends), max(ends)
+    return _group(lens).travel_mm
+
+
 def moved(lens: Lens, shift_mm: float) -> Lens:
-    """Return the lens with its focusing group shifted towards the film [mm]."""
+    """Return the lens with what moves to focus shifted, as `travel_mm` counts [mm]."""
+    if lens.floating:
+        return _at_share(lens, shift_mm / _rail(lens).reach)
     group = _group(lens)
     surfaces = list(lens.surfaces)
     if group.first > 0:
@@ -133,12 +210,23 @@ def moved(lens: Lens, shift_mm: float) -> Lens:
 
 
 def film_behind(lens: Lens, shift_mm: float, film_distance_mm: float) -> float:
-    """Return the distance from the last vertex to a film that stays when the focusing group shifts [mm]."""
+    """Return the distance from the last vertex to the film when what moves to focus has shifted [mm]."""
+    if lens.floating:
+        rail = _rail(lens)
+        return film_distance_mm + float(rail.at(shift_mm / rail.reach)[-1])
     return film_distance_mm - shift_mm if _group(lens).last == len(lens.surfaces) - 1 else film_distance_mm
 
 
 def shift_of(lens: Lens, state: Lens) -> float:
-    """Return how far the focusing group of a lens has shifted in one of its states [mm]."""
+    """Return how far what moves to focus in a lens has shifted in one of its states [mm]."""
+    if lens.floating:
+        rail = _rail(lens)
+        lead, gaps = state.surfaces[rail.places[rail.leading]].thickness, rail.values[:, rail.leading]
+        inside = [k for k in range(len(gaps) - 1) if min(gaps[k : k + 2]) <= lead <= max(gaps[k : k + 2])]
+        k = inside[0] if inside else 0 if abs(lead - gaps[0]) < abs(lead - gaps[-1]) else len(gaps) - 2
+        step = float(gaps[k + 1] - gaps[k]) or 1.0
+        share = rail.shares[k] + (lead - gaps[k]) / step * (rail.shares[k + 1] - rail.shares[k])
+        return float(share * rail.reach)
     group = _group(lens)
     if group.first > 0:
         return state.surfaces[group.first - 1].thickness - lens.surfaces[group.first - 1].thickness
@@ -148,7 +236,9 @@ def shift_of(lens: Lens, state: Lens) -> float:
 def focused_by_group(
     lens: Lens, object_distance_mm: float, film_distance_mm: float, wavelength_nm: float = LINE_D_NM
 ) -> tuple[Lens, float]:
-    """Return the lens with its group moved so that an object is sharp on a film that stays, and the film distance.
+    """Return the lens with its groups moved so that an object is sharp on the film, and the film distance.
+
+    The film stays where it is, or moves with floating groups as their file says.
 
     Parameters
     ----------
@@ -156,15 +246,17 @@ def focused_by_group(
     object_distance_mm : float
         From the film to the object plane.
     film_distance_mm : float
-        From the last vertex to the film before the group moves. The distance after it differs only if the last surface
-        belongs to the group.
+        From the last vertex to the film before the groups move. The distance after it differs only if the last surface
+        moves.
 
     Raises
     ------
     InputError
         When the distance lies outside the reach of the group, which is named.
     """
-    low, high = _group(lens).travel_mm
+    if lens.floating:
+        _check_near(lens, object_distance_mm)
+    low, high = travel_mm(lens)
     shifts = np.linspace(low, high, 2 * STEPS + 1)
     errors = np.array([_defocus(lens, float(s), object_distance_mm, film_distance_mm, wavelength_nm) for s in shifts])
     with np.errstate(invalid="ignore"):
@@ -200,7 +292,7 @@ def _defocus(lens: Lens, shift: float, distance: float, film: float, wavelength:
 def _reach(lens: Lens, film: float, wavelength: float) -> tuple[float, float]:
     """Return the nearest and farthest object plane that some shift makes sharp [mm from the film]."""
     found = []
-    for shift in np.linspace(*_group(lens).travel_mm, 2 * STEPS + 1):
+    for shift in np.linspace(*travel_mm(lens), 2 * STEPS + 1):
         try:
             found.append(object_distance(moved(lens, float(shift)), film_behind(lens, float(shift), film), wavelength))
         except InputError:
@@ -226,7 +318,22 @@ def _between(lens: Lens, state: float) -> Lens:
     stop = one.stop_diameter_mm
     if stop is not None and two.stop_diameter_mm is not None:
         stop = (1 - share) * stop + share * two.stop_diameter_mm
-    return _set(lens, Configuration(f"{one.name} to {two.name}", gaps, stop))
+    near: tuple[FocusState, ...] = ()
+    if len(one.floating) == len(two.floating):
+        pairs = zip(one.floating, two.floating, strict=True)
+        near = tuple(_between_states(first, second, share) for first, second in pairs)
+    return _set(lens, Configuration(f"{one.name} to {two.name}", gaps, stop, near))
+
+
+def _between_states(one: FocusState, two: FocusState, share: float) -> FocusState:
+    """Return a state of focus between those of two zoom positions."""
+    away = (1 - share) / one.distance_mm + share / two.distance_mm
+    gaps = tuple(
+        (k, (1 - share) * gap + share * other) for (k, gap), (_, other) in zip(one.gaps, two.gaps, strict=True)
+    )
+    if one.film_shift_mm is None or two.film_shift_mm is None:
+        return FocusState(1 / away, gaps)
+    return FocusState(1 / away, gaps, (1 - share) * one.film_shift_mm + share * two.film_shift_mm)
 
 
 def _set(lens: Lens, configuration: Configuration) -> Lens:
@@ -236,4 +343,4 @@ def _set(lens: Lens, configuration: Configuration) -> Lens:
     if configuration.stop_diameter_mm is not None and lens.stop_index is not None:
         stop = surfaces[lens.stop_index]
         surfaces[lens.stop_index] = replace(stop, semi_diameter=configuration.stop_diameter_mm / 2)
-    return replace(lens, surfaces=tuple(surfaces))
+    return replace(lens, surfaces=tuple(surfaces), floating=configuration.floating)

@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rptcam_cl.assets.meshes import LAMPS_LEFT_OUT
+from rptcam_cl.optics import continued_words
 from rptcam_cl.scene.base import listed, near_name, refuse
 from rptcam_cl.scene.camera import Camera, LensCamera, ThinLensCamera
+from rptcam_cl.scene.dielectric import Dielectric
 from rptcam_cl.scene.exposure import Exposure, Shutter
 from rptcam_cl.scene.film import Film
 from rptcam_cl.scene.light import (
@@ -163,6 +165,9 @@ def scene_warnings(
     found += _mesh_warnings(objects, lights)
     found += _inside_warnings(camera, shutter, objects)
     found += _motion_warnings(camera, shutter, objects)
+    shown = (material for _, solid in objects for material in solid.shown_materials())
+    glasses = [material.glass for material in shown if isinstance(material, Dielectric) and material.glass is not None]
+    found += filter(None, dict.fromkeys(map(continued_words, glasses)))
     return tuple(found)
 
 

@@ -43,7 +43,8 @@ class Focus(SceneModel):
     """Distance from the last vertex of the lens to the film [mm]."""
 
     group_shift_mm: Annotated[float, Field(ge=-1e6, le=1e6), NUMBER] | None = None
-    """How far the focusing group of the lens stands towards the film from its place in the lens file [mm]."""
+    """How far the focusing group of the lens stands towards the film from its place in the lens file [mm]; of
+    floating groups the change of the gap that changes most."""
 
     auto: AutoFocusOrMethod | None = None
     """Autofocus."""

@@ -11,10 +11,10 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.core.references import Folders, References, digest
 from rptcam_cl.core.strict_yaml import MAX_BYTES
-from rptcam_cl.optics import Lens, digests_of_lens, load_lens, named_lens, names_a_file
+from rptcam_cl.optics import Lens, at_position, digests_of_lens, load_lens, named_lens, names_a_file
 from rptcam_cl.scene.autofocus import AutoFocus
 from rptcam_cl.scene.base import SceneModel, listed, near_name, refuse
 from rptcam_cl.scene.board import Board
@@ -211,7 +211,22 @@ class Scene(SceneModel):
         """What is allowed but probably not meant, one sentence each."""
         objects = tuple(zip(self.objects, self.solids(), strict=True))
         found = scene_warnings(self.camera, self.film, self.shutter, objects, self.lights, self.environment)
-        return (*self._stand_ins, *found)
+        return (*self._stand_ins, *found, *self.lens_doubts)
+
+    @property
+    def lens_doubts(self) -> tuple[str, ...]:
+        """Doubts about the lens, and what it really opens to; none about one that cannot be used, which is an error."""
+        camera = self.camera
+        if not isinstance(camera, LensCamera):
+            return ()
+        try:
+            lens = self.load_lens()
+            if camera.f_number is None:
+                return lens.warnings
+            state = at_position(lens, camera.zoom, camera.focal_length_mm, camera.wavelength_nm)
+            return (*lens.warnings, *state.speed_note(camera.f_number, camera.wavelength_nm))
+        except (InputError, StateError):
+            return ()
 
     @property
     def stand_ins(self) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import Copies, Lens, check_copies, configured, film_distance, floated
+from rptcam_cl.optics import Copies, Lens, brought_to_focus, check_copies, configured, film_distance
 from rptcam_cl.scene import Tolerances
 from rptcam_cl.tolerances.beams import beams_of, default_fields, rays_of
 from rptcam_cl.tolerances.draws import drawn
@@ -185,8 +185,7 @@ def _state(lens: Lens, given: Specification) -> tuple[Lens, float]:
     if wanted.focus_distance_m is None:
         return lens, math.inf
     distance = 1e3 * wanted.focus_distance_m
-    lens = floated(lens, distance)
-    film = film_distance(lens, distance, wavelength_nm=wave)
+    lens, film = brought_to_focus(lens, distance, wave)
     return lens, distance - lens.length - film
 
 

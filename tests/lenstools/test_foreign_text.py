@@ -1,5 +1,9 @@
 """Lenses written for Zemax and CODE V: our reader reads them back as the same lens; what they cannot say is refused."""
 
+import contextlib
+import io
+import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +14,7 @@ from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.lenstools.codev_file import codev_text
 from rptcam_cl.lenstools.zemax_file import zemax_text
-from rptcam_cl.optics import Lens, load_lens
+from rptcam_cl.optics import Lens, list_lenses, load_lens
 
 WRITERS = {".zmx": zemax_text, ".seq": codev_text}
 
@@ -138,3 +142,85 @@ def test_convert_writes_them(tmp_path: Path, suffix: str, capsys: pytest.Capture
     assert "N-BK7 0 0" in zemax_text(load_lens("achromat-100mm"))
     assert "NBK7_SCHOTT" in codev_text(load_lens("achromat-100mm"))
     assert main(["lens", "convert", "zoom-70-200mm", "-o", str(path)]) == 2
+
+
+def test_no_glass_is_written_with_an_abbe_number_of_0(tmp_path: Path) -> None:
+    lens = load_lens("dgauss-50mm")
+    glasses = [line.split() for line in zemax_text(lens).splitlines() if "GLAS" in line]
+    assert [float(words[4]) for words in glasses] == [
+        s.glass.index(550) for s in lens.surfaces if s.glass.name != "air"
+    ]
+    assert {float(words[5]) for words in glasses} == {1e6}
+    for suffix in WRITERS:
+        back = again(lens, suffix, tmp_path)
+        np.testing.assert_array_equal(lens.indices([400, 550, 700]), back.indices([400, 550, 700]))
+
+
+def test_private_glasses_of_a_sequence_are_called_by_their_index_and_abbe_number(tmp_path: Path) -> None:
+    rows: list[dict[str, Any]] = [
+        {"radius": 60, "thickness": 4, "glass": {"index": 1.67}},
+        {"radius": -70, "thickness": 3, "glass": {"nd": 1.6234567, "vd": 51.23}},
+        {"radius": 70, "thickness": 3, "glass": {"cauchy": [1.5, 0.004]}},
+        {"radius": 80, "thickness": 3, "glass": {"cauchy": [1.5, 0.004, 1e-9]}},
+        {"radius": 90, "stop": True},
+    ]
+    lens = load_lens({"name": "Zoom", "surfaces": [row | {"diameter": 9} for row in rows]})
+    text = codev_text(lens)
+    assert "TITLE ' Zoom'" in text  # ray-optics takes a Z for a position
+    block = text[text.index("PRV") : text.index("END")]
+    kept = dict(re.findall(r"^  '([^']+)' (.+)$", block, re.MULTILINE))
+    used = re.findall(r"^S .* '([^']+)'$", text, re.MULTILINE)
+    assert len(set(used)) == 4 and set(used) == kept.keys()
+    nm = [float(word) for word in re.findall(r"PWL (.+)", block)[0].split()]
+    for name, medium in zip(used, lens.media[1:], strict=False):
+        nd, vd = map(float, name.split(":"))
+        assert nd == pytest.approx(float(medium.index(587.5618)), rel=1e-15)
+        f, c = medium.index([486.1327, 656.2725])
+        assert vd == pytest.approx((nd - 1) / (f - c) if f > c else 1e6)
+        np.testing.assert_allclose([float(word) for word in kept[name].split()], medium.index(nm), rtol=1e-15)
+    back = again(lens, ".seq", tmp_path)
+    assert back.name == "Zoom"
+    np.testing.assert_array_equal(back.indices([450, 700])[:3], lens.indices([450, 700])[:3])
+
+
+def test_a_cylinder_that_curves_in_x_is_a_line_turned_about_an_axis(tmp_path: Path) -> None:
+    lens = lens_with(cylinder="x")
+    assert re.search(r"TYPE TOROIDAL\n  CURV 0\.0 .*\n  PARM 1 -70\.0\n", zemax_text(lens))
+    assert again(lens, ".zmx", tmp_path).surfaces[1].cylinder == "x"
+
+
+UNWRITTEN = {("phone-5.6mm", ".zmx"), ("phone-5.6mm", ".seq"), ("cylinder-pair", ".seq"), ("anamorphic-100mm", ".seq")}
+EXPORTS = [(name, suffix) for name in list_lenses() for suffix in WRITERS if (name, suffix) not in UNWRITTEN]
+
+
+def exported(name: str, suffix: str, folder: Path) -> tuple[Lens, str]:
+    lens = replace(load_lens(name), configurations=())
+    path = folder / f"lens{suffix}"
+    path.write_text(WRITERS[suffix](lens))
+    return lens, str(path)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(("name", "suffix"), EXPORTS)
+def test_optiland_reads_every_lens_of_the_library(tmp_path: Path, name: str, suffix: str) -> None:
+    files = pytest.importorskip("optiland.fileio")
+    lens, path = exported(name, suffix, tmp_path)
+    read = (files.load_zemax_file if suffix == ".zmx" else files.load_codev_file)(path).paraxial
+    first, index = lens.first_order(), float(lens.indices()[-1])  # behind a lens, its focal lengths are those in air
+    assert float(np.ravel(read.f2())[0]) == pytest.approx(first.focal_length_mm / index, rel=1e-4)
+    assert float(np.ravel(read.EPD())[0]) == pytest.approx(first.entrance_pupil.diameter_mm, rel=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize(("name", "suffix"), EXPORTS)
+def test_ray_optics_reads_every_lens_of_the_library(tmp_path: Path, name: str, suffix: str) -> None:
+    environment = pytest.importorskip("rayoptics.environment")
+    lens, path = exported(name, suffix, tmp_path)
+    with contextlib.redirect_stdout(io.StringIO()):
+        model = environment.open_model(path)
+        model.update_model()
+    read, first = model["analysis_results"]["parax_data"].fod, lens.first_order()
+    assert read.efl == pytest.approx(first.focal_length_mm, rel=2e-4)  # its catalogue has older glasses
+    assert 2 * read.enp_radius == pytest.approx(first.entrance_pupil.diameter_mm, rel=1e-6)

@@ -24,10 +24,10 @@ def zemax(tmp_path, surfaces, before=(), head="ENPD 10"):
     return load_lens(path)
 
 
-def codev(tmp_path, first="", second="", behind="", before=""):
+def codev(tmp_path, first="", second="", behind="", before="", head="EPD 10"):
     """Return the lens of a sequence of two surfaces and what stands behind each, behind the image and in `SO`."""
     text = (
-        f"RDM\nEPD 10\nSO 0 1E11 {before}\nS 50 5 N-BK7\n STO\n CIR 10\n{first}\nS -50 45\n{second}\nSI 0 0\n{behind}\n"
+        f"RDM\n{head}\nSO 0 1E11 {before}\nS 50 5 N-BK7\n STO\n CIR 10\n{first}\nS -50 45\n{second}\nSI 0 0\n{behind}\n"
     )
     path = tmp_path / "a.seq"
     path.write_text(text)
@@ -38,9 +38,9 @@ def codev(tmp_path, first="", second="", behind="", before=""):
     ("surface", "line", "semi_diameters"),
     [
         (0, "CLAP 0 4 0", (4, 10)),
-        (0, "CLAP 0 12 0", (10, 10)),
-        (1, "CLAP 0 12 0", (10, 12)),
-        (1, "CLAP 1 8 0", (10, 8)),
+        (0, "CLAP 0 12 0", (5, 10)),
+        (1, "CLAP 0 12 0", (5, 12)),
+        (1, "CLAP 1 8 0", (5, 8)),
     ],
     ids=["stop closed", "stop in a wide mount", "wide opening", "ring"],
 )
@@ -128,15 +128,60 @@ def test_zemax_heads_that_change_the_lens_are_said(tmp_path):
     ],
 )
 def test_codev_data_name_their_surfaces_in_every_way(tmp_path, behind, radii, gap):
-    first, second = codev(tmp_path, behind=behind).surfaces
+    first, second = codev(tmp_path, behind=behind, head="TIT rims").surfaces
     assert (first.semi_diameter, second.semi_diameter) == pytest.approx(radii)
     assert first.thickness == gap
 
 
 def test_codev_surfaces_by_label_are_said(tmp_path):
-    lens = codev(tmp_path, second=" CIR 9", behind="CIR S'front' 4")
+    lens = codev(tmp_path, second=" CIR 9", behind="CIR S'front' 4", head="TIT rims")
     assert [s.semi_diameter for s in lens.surfaces] == [10, 9]
     assert any("CIR of the surface labelled 'front' is ignored" in note for note in lens.warnings)
+
+
+# A thin lens of 50 mm at the first surface, with the stop 20 mm behind it. There the beam is 0.6 as wide for a distant
+# object, and for one 100 mm before it, imaged 100 mm behind, 0.8.
+THIN = [["CURV 0.04", "DISZ 1e-9", "GLAS ___BLANK 1 0 1.5 0", "DIAM 20"], ["CURV 0", "DISZ 20", "DIAM 20"]]
+STOP = ["STOP", "CURV 0", "DISZ 30", "DIAM 7"]
+
+
+@pytest.mark.parametrize(
+    ("head", "object_mm", "diameter"),
+    [
+        ("ENPD 10", "INFINITY", 6),
+        ("FNUM 5 0", "INFINITY", 6),
+        ("FNUM 5 1", "INFINITY", 6),
+        ("FLOA", "INFINITY", 14),
+        ("ENPD 10", "100", 6),
+        ("FNUM 5 0", "100", 6),
+        ("FNUM 5 1", "100", 0.8 * 2 * 100 / 10),  # a slope of 1 / 2N at the image is one of as much at the object
+        ("OBNA 0.1 0", "100", 0.8 * 2 * 100 * np.tan(np.arcsin(0.1))),
+        ("OBNA 6 1", "100", 0.8 * 2 * 100 * np.tan(np.radians(6))),
+    ],
+)
+def test_the_aperture_of_a_zemax_file_decides_its_stop(tmp_path, head, object_mm, diameter):
+    front = [line for line in THIN[0] if not line.startswith("DIAM")]
+    for surfaces in ([*THIN, STOP], [front, *THIN[1:], STOP]):
+        lens = zemax(tmp_path, surfaces, [f"DISZ {object_mm}"], head)
+        assert 2 * lens.stop.semi_diameter == pytest.approx(diameter, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("head", "object_mm", "f_number"),
+    [("EPD 10", 1e11, 5), ("FNO 4", 1e11, 4), ("NA 0.125", 1e11, 4), ("FNO 4", 100, 2), ("NAO 0.1", 100, 2.4875)],
+)
+def test_the_aperture_of_a_codev_sequence_decides_its_stop_which_is_the_first_surface_unless_said(
+    tmp_path, head, object_mm, f_number
+):
+    path = tmp_path / "a.seq"
+    surfaces = "S 25 1E-9 500000.5\n CIR 9\nS 0 50\n CIR 20\n".replace("500000.5", "500.999999")
+    path.write_text(f"RDM\n{head}\nSO 0 {object_mm}\n{surfaces}SI 0 0\n")
+    lens = load_lens(path)
+    assert lens.stop_index == 0
+    length = lens.first_order().focal_length_mm
+    assert length == pytest.approx(50, rel=1e-3)
+    assert lens.first_order().f_number == pytest.approx(f_number, rel=2e-3)
+    assert any("more than its rim of 18" in note for note in lens.warnings) == (50 / f_number > 18)
 
 
 def test_the_codev_object_may_be_called_s0(tmp_path):
@@ -155,10 +200,68 @@ def test_codev_rectangles_are_clear_edges_or_obscurations(tmp_path):
     assert any("REX OBS 3 is ignored" in note for note in blocked.warnings)
 
 
-@pytest.mark.parametrize("line", ["RET S1", "GLB S1", "ADX 2"])
+@pytest.mark.parametrize("line", ["RET S1", "GLB S1", "ARO 2"])
 def test_codev_lines_that_change_rays_and_are_not_read_are_said(tmp_path, line):
     lens = codev(tmp_path, second=f" CIR 9\n {line}")
     assert any(f"{line.split()[0]} is ignored" in note for note in lens.warnings)
+
+
+@pytest.mark.parametrize("word", ["inf", "INFINITY", "0"])
+def test_the_codev_object_may_be_at_infinity_in_a_word(tmp_path, word):
+    path = tmp_path / "a.seq"
+    path.write_text(f"RDM\nEPD 10\nSO {word} {word}\nS 50 5 N-BK7\n STO\nS {word} 45\nSI inf 0\n")
+    lens = load_lens(path)
+    assert lens.surfaces[1].curvature == 0 and lens.first_order().entrance_pupil.diameter_mm == pytest.approx(10)
+
+
+def test_openings_beside_the_axis_are_circles_about_it_that_hold_them(tmp_path):
+    sequence = codev(tmp_path, second=" CIR 9\n ADX 3\n ADY 4")
+    mirror = ["CURV 0", "DISZ 20", "DIAM 2", "CLAP 0 6 0", "OBDC 3 -4"]
+    file = zemax(tmp_path, [FRONT, BACK, mirror])
+    for lens, radius in ((sequence, 9), (file, 6)):
+        assert lens.surfaces[-1].semi_diameter == radius + 5
+        assert any("an opening 5 beside the axis is read as the circle around" in note for note in lens.warnings)
+
+
+def test_an_ideal_lens_that_makes_the_object_distant_is_left_out(tmp_path):
+    ideal = ["TYPE PARAXIAL", "PARM 1 100", "DISZ 10", "DIAM 9"]
+    near, far = ["DISZ 100"], zemax(tmp_path, [FRONT, BACK], ["DISZ INFINITY"])
+    lens = zemax(tmp_path, [ideal, FRONT, BACK], near)
+    assert lens.surfaces == far.surfaces
+    assert any("an ideal lens with the object in its focus is left out" in note for note in lens.warnings)
+    for surfaces, before in (([ideal, FRONT, BACK], ["DISZ 90"]), ([FRONT, BACK, ideal], near)):
+        with pytest.raises(InputError, match=r"a\.zmx:\d+: an ideal lens \(PARAXIAL\) cannot be traced"):
+            zemax(tmp_path, surfaces, before)
+
+
+# Q_0 to Q_3 of Qbfs as Forbes prints them (Opt. Express 15, 5218 (2007), eq. 4.6), and of Qcon (eq. 3.3)
+BFS = [
+    lambda x: 1 + 0 * x,
+    lambda x: (13 - 16 * x) / np.sqrt(19),
+    lambda x: np.sqrt(2 / 95) * (29 - 4 * x * (25 - 19 * x)),
+    lambda x: np.sqrt(2 / 2545) * (207 - 4 * x * (315 - x * (577 - 320 * x))),
+]
+CON = [lambda x: 1 + 0 * x, lambda x: -(5 - 6 * x), lambda x: 15 - 14 * x * (3 - 2 * x)]
+
+
+@pytest.mark.parametrize(("kind", "terms"), [(0, [-0.3, 0.05, -0.02, 0.004]), (1, [-0.3, 0.05, -0.02])])
+@pytest.mark.parametrize("conic", [0.0, -0.6])
+def test_q_type_aspheres_of_zemax(tmp_path, kind, terms, conic):
+    c, norm = 0.02, 14.0
+    extra = [f"XDAT {k} {value} 0 0" for k, value in enumerate([kind, len(terms), norm, *terms], start=1)]
+    front = [*FRONT[:1], "TYPE QED_TYPE", *FRONT[1:], f"CONI {conic}", *extra]
+    lens = zemax(tmp_path, [front, BACK])
+    r = np.linspace(0, 10, 50)
+    x, root = (r / norm) ** 2, np.sqrt(1 - (1 + conic) * (c * r) ** 2)
+    steep = np.sqrt(1 - conic * (c * r) ** 2) / root
+    if kind == 0:
+        added = x * (1 - x) * steep * sum(a * q(x) for a, q in zip(terms, BFS, strict=True))
+    else:
+        added = x * x * sum(a * q(x) for a, q in zip(terms, CON, strict=True))
+    np.testing.assert_allclose(lens.surfaces[0].sag(0 * r, r), c * r * r / (1 + root) + added, atol=1e-9)
+    for wrong in ("XDAT 1 2 0 0", "XDAT 3 0 0 0", "XDAT 2 99 0 0"):
+        with pytest.raises(InputError, match="a Q-type asphere needs the type 0 or 1"):
+            zemax(tmp_path, [[*front, wrong], BACK])
 
 
 def test_codev_titles_that_look_like_a_surface_are_titles(tmp_path):

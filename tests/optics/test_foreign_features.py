@@ -78,7 +78,7 @@ def test_numbers_without_rdm_are_curvatures_unless_no_beam_could_cross_them(tmp_
 
 
 def test_solves_and_labelled_apertures(tmp_path):
-    text = "SO 0 100\nS 0.1 1 nbk7_schott\n CIR L'A' 4\nS -.05 15\n THI HMY 0.0\nSI 0 0\nFNO 5\n"
+    text = "SO 0 100\nS 0.1 1 nbk7_schott\n CIR L'A' 4\nS -.05 15\n THI HMY 0.0\nSI 0 0\nEPD 8\n"
     first, second = load_text(tmp_path, text, "a.seq").surfaces
     assert (first.radius, first.semi_diameter) == (pytest.approx(10), 4)
     assert second.radius == pytest.approx(-20)

@@ -1,11 +1,12 @@
 """Glass catalogues, materials of refractiveindex.info and the bundled table."""
 
+import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens
+from rptcam_cl.optics import glass_named, known_range, load_lens
 from rptcam_cl.optics.files.catalogue import read_agf, read_refractive_index
-from rptcam_cl.optics.glass import abbe_number
+from rptcam_cl.optics.glass import TabulatedIndex, abbe_number, stated_range
 from rptcam_cl.optics.glass_table import GLASSES
 
 # Index and Abbe number as the SCHOTT catalogue prints them.
@@ -97,6 +98,36 @@ def test_lens_files_name_catalogues_beside_them(tmp_path):
     path.write_text(text.format("{catalogue: absent.agf, name: N-BK8}"))
     with pytest.raises(InputError, match=r"surfaces\[0\]\.glass\.catalogue: no such file"):
         load_lens(path)
+
+
+@pytest.mark.parametrize("name", ["B270", "EagleXG", "E48R", "H-ZF12", "PMMA-Bodurov", "GLS", "LaF3-o"])
+def test_laws_that_end_in_visible_light_are_continued_with_a_word(name):
+    glass = glass_named(name)
+    (low, high), (first, last) = stated_range(glass), known_range(glass)
+    assert (first, last) == (max(400, low - 50) if low > 400 else low, min(700, high + 50) if high < 700 else high)
+    nm = np.linspace(max(first, 380), min(last, 800), 400)
+    index = glass.index(nm)
+    assert np.all(np.diff(index) < 0) and np.abs(np.diff(index)).max() < 2e-3  # neither jumps nor turns
+    with pytest.raises(InputError, match=f"is known from {first:g} to"):
+        glass.index(first - 1)
+    lens = load_lens({"surfaces": [{"radius": 50, "thickness": 3, "glass": name, "diameter": 9}, {"diameter": 9}]})
+    (warning,) = lens.warnings
+    assert warning.startswith(f"glass {glass.name} is known from {low:g} to {high:g} nm; its law is continued to")
+
+
+def test_a_table_is_continued_as_cauchy_has_it():
+    nm = np.array([450, 480, 520, 550, 590, 620, 650.0])
+
+    def law(nm):
+        return 1.5 + 0.004 / (nm / 1e3) ** 2 + 1e-4 / (nm / 1e3) ** 4
+
+    glass = TabulatedIndex(tuple(nm), tuple(law(nm)))
+    for end in (400.0, 425.0, 675.0, 700.0):
+        assert float(glass.index(end)) == pytest.approx(law(end), abs=1e-9)
+    assert float(TabulatedIndex((587.0,), (1.5,)).index(600.0)) == 1.5
+    for far in (399.0, 701.0):
+        with pytest.raises(InputError, match="known from 400 to 700 nm"):
+            glass.index(far)
 
 
 def test_bad_catalogues_are_refused(tmp_path):

@@ -1,11 +1,14 @@
 """Our own lens form: what it says, and what is refused with file, place and key."""
 
 import json
+import re
 
 import numpy as np
 import pytest
 
 from rptcam_cl.core.errors import InputError
+from rptcam_cl.core.strict_yaml import read_yaml
+from rptcam_cl.lenstools.prescription import lens_text
 from rptcam_cl.optics import list_lenses, load_lens
 from rptcam_cl.optics.files.checks import LONGEST_PLAUSIBLE_MM, crossed_surfaces
 from rptcam_cl.optics.glass import abbe_number
@@ -259,6 +262,41 @@ def test_stop_settings_are_refused_beyond_what_the_lens_has():
             lens.stop_diameter_for(bad)
     with pytest.raises(InputError, match="has no stop to set"):
         load_lens("ball").with_stop_diameter(5)
+
+
+@pytest.mark.parametrize("name", [name for name in list_lenses() if load_lens(name).stop is not None])
+def test_a_lens_takes_the_f_numbers_that_it_is_marked_and_printed_with(name):
+    lens = load_lens(name)
+    widest, full = lens.first_order().f_number, 2 * lens.stop.semi_diameter
+    marks = [*re.findall(r"f/(\d+(?:\.\d+)?)", lens.name), lens.published.get("f_number", widest)]
+    for said in [*marks, *(f"{widest:.{digits}g}" for digits in (3, 4, 5))]:
+        assert lens.stop_diameter_for(float(said)) == pytest.approx(full * min(1, widest / float(said)), rel=1e-12)
+        assert bool(lens.speed_note(float(said))) == (float(said) < 0.995 * widest)
+    for digits in (4, 5):
+        assert lens.with_stop_diameter(float(f"{full:.{digits}g}")).stop.semi_diameter <= full / 2
+    with pytest.raises(InputError, match=r"opens to f/"):
+        lens.stop_diameter_for(0.98 * min(widest, lens.marked_f_number or widest))
+
+
+@pytest.mark.parametrize(
+    ("keys", "marked"),
+    [
+        ({"name": "Prime f/2"}, 2),
+        ({"name": "PRIME 50mm F1.2 L"}, 1.2),
+        ({"name": "JP2019 Example 1 (14-30mm f/4 S)"}, 4),
+        ({"name": "zoom f/3.5-5.6"}, 3.5),
+        ({"name": "f 50 mm"}, None),
+        ({"name": "f/100mm"}, None),
+        ({"name": "half 2 of/3"}, None),
+        ({"name": "f/2", "published": {"f_number": 1.9}}, 1.9),
+        ({"name": "f/2", "published": {"f_number": "fast"}}, 2),
+        ({"name": "f/2", "published": {"f_number": 1.9}, "marked_f_number": 2.2}, 2.2),
+    ],
+)
+def test_the_marked_f_number_is_that_of_the_file_or_its_title(keys, marked):
+    lens = load_lens({"surfaces": [{"radius": 50, "diameter": 9, "stop": True, "glass": {"index": 1.5}}], **keys})
+    assert lens.marked_f_number == marked
+    assert load_lens(read_yaml(lens_text(lens)).data).marked_f_number == marked
 
 
 def test_every_bundled_lens_is_listed_and_loads():

@@ -168,7 +168,8 @@ def test_zemax_sequence(tmp_path, encoding):
     assert lens.surfaces[1].conic == -0.5
     assert lens.surfaces[2].form == Toroid(pytest.approx(1 / 40))
     assert [float(lens.surfaces[k].glass.index(587.5618)) for k in (2, 3)] == pytest.approx([1.62, 1.7])
-    assert [surface.semi_diameter for surface in lens.surfaces] == [10, 9, 9, 9, 9]
+    assert [surface.semi_diameter for surface in lens.surfaces] == [10, lens.stop.semi_diameter, 9, 9, 9]
+    assert lens.first_order().f_number == pytest.approx(2.1)
     assert not any("ODDKEY" in note for note in lens.warnings)  # what decides no ray is passed over
     assert any("glass STRANGE1 is replaced" in note for note in lens.warnings)
 

@@ -1,5 +1,7 @@
 """Four-column lens tables: both meanings of the second column, line ends, and what is refused."""
 
+import json
+
 import numpy as np
 import pytest
 
@@ -117,6 +119,26 @@ def test_a_flat_glass_surface_is_not_a_stop(tmp_path):
     lens = load_text(tmp_path, "0 3.6 1.5168 25\n-51.5 10 1 25\n0 5 1 12\n0 2 1.5 30\n0 0 1 30\n")
     assert lens.stop_index == 2
     assert [surface.curvature == 0 for surface in lens.surfaces] == [True, False, True, True, True]
+
+
+EYE = [(7.8, 0.55, 1.3771, 10), (6.5, 3.05, 1.3374, 10), (0, 0.1, 0, 6), (10.2, 4, 1.42, 10), (-6, 0, 1.336, 10)]
+
+
+def test_a_stop_of_index_0_lies_in_the_medium_before_it(tmp_path):
+    table = "\n".join(" ".join(map(str, row)) for row in EYE)
+    keys = ("radius", "thickness", "ior", "semi_aperture")
+    rows = [dict(zip(keys, (*row[:3], row[3] / 2), strict=True)) for row in EYE]
+    matrix = np.eye(2)
+    for (radius, gap, after, _), before in zip(EYE, (1, 1.3771, 1.3374, 1.3374, 1.42), strict=True):
+        index = after or before
+        power = (index - before) / radius if radius else 0.0
+        matrix = np.array([[1, gap / index], [0, 1]]) @ np.array([[1, 0], [-power, 1]]) @ matrix
+    expected = -1.336 / matrix[1, 0]
+    assert expected == pytest.approx(22.3, abs=0.1)
+    for text, name in ((table, "eye.dat"), (json.dumps({"name": "eye", "surfaces": rows}), "eye.json")):
+        lens = load_text(tmp_path, text, name)
+        assert (lens.stop_index, float(lens.stop.glass.index(550))) == (2, 1.3374)
+        assert lens.first_order().focal_length_mm == pytest.approx(expected, rel=1e-12)
 
 
 def test_a_table_without_a_stop_has_none(tmp_path):

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics import Lens, Surface, list_lenses, load_lens
 from rptcam_cl.optics.glass import ConstantIndex
@@ -90,7 +91,20 @@ def test_info_is_plain_json_for_every_bundled_lens(name):
     assert set(info["principal_planes_mm"]) == {"front", "rear"}
     assert set(info["entrance_pupil"]) == set(info["exit_pupil"]) == {"distance_mm", "diameter_mm"}
     if info["film_distance_mm"] is not None:
-        assert info["image_circle_mm"] > 0 and info["t_number"] > 0.4
+        ends = name not in ("achromat-100mm", "asphere-1.4mm", "biconvex", "paper-biconvex", "plano-convex-100mm")
+        assert (info["image_circle_mm"] is not None) == ends and info["t_number"] > 0.4
+        assert 0 < info["half_light_circle_mm"] < (info["image_circle_mm"] or 8 * info["focal_length_mm"])
+
+
+def test_a_lens_without_a_barrel_has_no_image_circle_and_half_its_light_at_33_degrees(capsys):
+    thin = {"surfaces": [{"radius": 50, "thickness": 1e-6, "glass": {"index": 1.5}, "diameter": 0.1, "stop": True}]}
+    thin["surfaces"].append({"diameter": 0.1})
+    info = lens_info(load_lens(thin))
+    half = 2 * 100 * np.tan(np.arccos(0.5**0.25))  # cos^4 of the angle at the lens
+    assert info["half_light_circle_mm"] == pytest.approx(half, rel=1e-2)
+    assert info["image_circle_mm"] is info["field_of_view_degrees"] is None
+    assert main(["lens", "info", "achromat-100mm"]) == 0
+    assert "image circle [mm]               without end: no rim of the lens ends it" in capsys.readouterr().out
 
 
 def test_info_at_an_aperture_and_a_distance():

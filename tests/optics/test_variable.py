@@ -3,7 +3,8 @@
 import pytest
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics import load_lens, variable
+from rptcam_cl.lenstools import setting
+from rptcam_cl.optics import lens_info, load_lens, variable
 from rptcam_cl.optics.focus import film_distance, object_distance
 from rptcam_cl.optics.variable import configured, focused_by_group, moved, zoomed
 
@@ -83,6 +84,14 @@ def test_a_group_focuses_while_the_film_stays(tmp_path):
         assert film_distance(state, distance) == pytest.approx(back, abs=1e-6)
         assert state.length + back == pytest.approx(lens.length + film)
     assert moved(lens, 0.0).surfaces == lens.surfaces
+
+
+def test_lens_tools_move_the_group(tmp_path):
+    lens = loaded(tmp_path, telephoto_with_group())
+    use = setting(lens, focus_distance_m=8.0)
+    assert use.lens.length + use.film == pytest.approx(lens.length + film_distance(lens, float("inf")))
+    assert object_distance(use.lens, use.film) == pytest.approx(8000)
+    assert lens_info(lens, object_distance_mm=8000.0)["film_distance_mm"] == pytest.approx(use.film)
 
 
 def test_the_reach_of_a_group_is_known(tmp_path):

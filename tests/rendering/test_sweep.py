@@ -9,6 +9,7 @@ from PIL import Image as Pillow
 
 import rptcam_cl
 from rptcam_cl.api import SeriesRenderer
+from rptcam_cl.cli import main
 from rptcam_cl.core.errors import InputError, StateError
 from rptcam_cl.scene import set_keys
 from tests.rendering.test_world import still_life
@@ -87,6 +88,16 @@ def test_mistakes_are_named_before_any_work(over, message, tmp_path, monkeypatch
     with pytest.raises(InputError, match=message):
         rptcam_cl.sweep(still_life(), over, tmp_path / "out")
     assert not (tmp_path / "out").exists()
+
+
+def test_a_marked_speed_begins_a_series_and_is_told_once(tmp_path, capsys):
+    path = tmp_path / "scene.yaml"
+    path.write_text(json.dumps(still_life() | {"camera": LENS}))
+    series = ["--over", "camera.f_number=2,2.8,…,8", "--over", "render.seed=1,2"]
+    assert main(["sweep", str(path), *series, "-o", str(tmp_path / "out"), "--spp", "1", "--size", "12x8"]) == 0
+    said = capsys.readouterr().err
+    assert said.count("is marked f/2 and opens to f/2.03") == 1
+    assert said.count(": rendered") == 10
 
 
 def test_what_follows_the_film_is_another_picture(tmp_path):

@@ -49,6 +49,22 @@ LAMP = "objects.0.material={kind: emissive, radiance: 1}"
 PUSHED = "objects.0.motion=[{time_s: 0}, {time_s: 1, translate: [1, 0, 0]}]"
 
 
+CROSSED = "{surfaces: [{radius: 40, thickness: 1, diameter: 40, glass: N-BK7}, {radius: -40, diameter: 40}]}"
+
+
+def test_doubts_about_the_lens_are_those_of_the_scene(load: Load) -> None:
+    lens = LENS.replace("dgauss-50mm", CROSSED)
+    (warning,) = load(SMALL, f"camera={lens}}}").warnings
+    assert warning.startswith("surfaces 0 and 1 cross: they overlap by 9.718 mm")
+
+
+def test_what_a_lens_opens_to_is_told_where_its_marked_f_number_is_requested(load: Load) -> None:
+    (warning,) = load(SMALL, f"camera={LENS}, f_number: 2}}").warnings
+    assert warning == "Double Gauss 50 mm f/2: is marked f/2 and opens to f/2.03, which is taken"
+    for number in (2.03, 2.8):
+        assert load(SMALL, f"camera={LENS}, f_number: {number}}}").warnings == ()
+
+
 def test_ghosts_of_what_moves_are_warned_of(load: Load) -> None:
     assert load(SMALL, f"camera={LENS}, {GHOSTS}}}").warnings == ()
     assert load(SMALL, f"camera={LENS}, {MOVING}}}").warnings == ()

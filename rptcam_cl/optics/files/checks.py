@@ -10,6 +10,7 @@ import numpy as np
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.first_order import first_order
+from rptcam_cl.optics.glass import continued_words
 from rptcam_cl.optics.lens import Lens
 from rptcam_cl.optics.surface import Surface
 
@@ -123,6 +124,7 @@ def _doubts(lens: Lens) -> tuple[str, ...]:
         if surface.aspheric and not _monotone(surface):
             doubts.append(f"surface {index}: its sag turns back inside the rim; check the aspheric coefficients")
     doubts += [*backward_gaps(lens), *crossed_surfaces(lens), *_in_the_way(lens)]
+    doubts += filter(None, dict.fromkeys(continued_words(medium) for medium in lens.media))
     for place, value in enumerate(lens.indices(LINE_D_NM)):
         if value < THINNEST:
             where = f"behind surface {place - 1}" if place else "in front of the lens"

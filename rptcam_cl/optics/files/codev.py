@@ -20,13 +20,15 @@ POWERS = dict(zip("ABCDEFGHJ", range(4, 22, 2), strict=True))
 # ADE and BDE turn left handed, CDE right handed: the convention of optical design, as ray-optics has it (misc_math.py).
 SENSES = (-1.0, -1.0, 1.0)
 TILTS = ("XDE", "YDE", "ZDE", "ADE", "BDE", "CDE")
+INFINITE = ("inf", "+inf", "infinity", "+infinity")
 FAR = 1e9  # an object beyond this is at infinity
 _PARTS = re.compile(r"'[^']*'|\"[^\"]*\"|!|[^!'\"]+|['\"]")
 _SPLIT = re.compile(r""";(?=(?:[^'"]|'[^']*'|"[^"]*")*$)""")
 _QUALIFIER = re.compile(r"S(\d{1,4}|[OISA])(-\d{1,4})?(?:\.\.S?(\d{1,4}|[OIS])(-\d{1,4})?)?", re.ASCII | re.IGNORECASE)
 _POSITION = re.compile(r"Z\d+", re.ASCII | re.IGNORECASE)
 _HEADER = frozenset(("EPD", "FNO", "NA", "NAO", "YAN", "YOB", "YIM", "YRI", "DIM", "ZOO"))
-_NUMBERED = frozenset(("K", *POWERS, *TILTS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
+OFFSETS = ("ADX", "ADY")
+_NUMBERED = frozenset(("K", *POWERS, *TILTS, *OFFSETS, "THI", "RDY", "CUY", "CUX", "RDX", "REX", "REY"))
 _OF_SURFACES = frozenset((*_NUMBERED, "STO", "CIR", "CYL", "YTO", "GLA", "GL1", "DAR", "REV", "BEN"))
 THICKEST = 4.0  # of an element, in radii of its surfaces
 RADIUS_NEEDS = 1.0  # a curvature times the half beam above this is no curvature
@@ -68,7 +70,7 @@ class _Surface:
 
 def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     """Return the lens of a CODE V sequence; glasses of `makers` come first."""
-    table = LensTable(path, makers=makers)
+    table = LensTable(path, makers=makers, working=True)
     statements = _statements(text)
     private = private_glasses(statements, path)
     surfaces = _parse(statements, table, private)
@@ -91,6 +93,9 @@ def read_codev(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         frame.advance(surface.thickness)
         table.rows.append(row)
     table.note_fold(frame.is_nominal)
+    if table.rows and not any(surface.stop for surface in surfaces):
+        table.rows[0]["stop"] = True  # as in that program
+    table.size_stop()
     return table.lens()
 
 
@@ -130,12 +135,12 @@ def _parse(
         elif key in ("SO", "S0", "SI"):
             inside = False
             if key != "SI" and len(rest) > 1:
-                table.object_distance = _distance(numbers(rest[1:2], table.path, line)[0])
+                table.object_distance = _distance(_numbers(rest[1:2], table, line)[0])
             if key != "SI" and (medium := _medium(rest[2] if rest[2:] else "", line, table, private_ones)) is not None:
                 table.keys["object_medium"] = medium
         elif key == "S" or (key[0] == "S" and key[1:].isdigit()):
             inside = True
-            value, thickness = numbers([*rest, "0", "0"][:2], table.path, line)
+            value, thickness = _numbers([*rest, "0", "0"][:2], table, line)
             glass = rest[2] if len(rest) > 2 else ""
             surfaces.append(_Surface(line, value, thickness, glass, radius_mode))
         elif rest and not key.startswith("TIT") and (found := _QUALIFIER.fullmatch(rest[0])):
@@ -169,6 +174,11 @@ def _targets(found: re.Match[str], surfaces: list[_Surface]) -> list[_Surface]:
     return surfaces[max(low - 1, 0) : max(high, 0)]
 
 
+def _numbers(words: list[str], table: LensTable, line: int) -> list[float]:
+    """Return numbers, of which `inf` and `infinity` are 0: a plane, and a distance that is none."""
+    return numbers(["0" if word.lower() in INFINITE else word for word in words], table.path, line)
+
+
 def _distance(value: float) -> float:
     return value if 0 < abs(value) < FAR else float("inf")
 
@@ -191,7 +201,7 @@ def _choose_radii(surfaces: list[_Surface], table: LensTable) -> None:
 
 def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
     if key.startswith("TIT"):
-        table.name = " ".join(rest).strip("'\"")
+        table.name = " ".join(rest).strip("'\"").strip()
     elif key == "DIM" and rest:
         if rest[0].upper()[0] not in UNITS:
             raise InputError(f"{table.path}:{line}: dimension {rest[0]!r} is unknown; known: M, C, I")
@@ -239,7 +249,7 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
             surface.conic = value
         elif key in POWERS:
             surface.aspheric[POWERS[key]] = value
-        elif key in TILTS:
+        elif key in (*TILTS, *OFFSETS):
             surface.bend[key] = value
         elif key in ("THI", "RDY", "CUY"):
             _set(surface, key, value)
@@ -297,6 +307,8 @@ def _row(surface: _Surface, table: LensTable, private: Mapping[str, Any]) -> dic
     if "REX" in surface.clear and "REY" in surface.clear:
         row["clear"] = {"rectangle": [2 * abs(surface.clear["REX"]), 2 * abs(surface.clear["REY"])]}
         row.setdefault("diameter", 2 * math.hypot(surface.clear["REX"], surface.clear["REY"]))
+    if (offset := math.hypot(*(surface.bend.get(key, 0.0) for key in OFFSETS))) and "diameter" in row:
+        row["diameter"] = table.around_the_axis(surface.line, row["diameter"], offset)
     if surface.glass.upper() == "REFL":
         row["mirror"] = True
     elif (medium := _medium(surface.glass, surface.line, table, private)) is not None:

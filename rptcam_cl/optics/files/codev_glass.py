@@ -5,7 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.table import numbers
+from rptcam_cl.optics.files.table import model_glass, numbers
+from rptcam_cl.optics.glass import AbbeCauchy
+
+OF_THE_MODEL = 1e-9  # by which indices follow the n_d and V_d of their name
 
 
 def is_private_end(key: str) -> bool:
@@ -47,5 +50,10 @@ def _entry(name: str, rest: list[str], wavelengths: list[float], path: str, line
         )
     rows = sorted(dict(zip(wavelengths, values, strict=True)).items())
     if len(set(values)) == 1:
-        return {"index": rows[0][1], "name": name}
+        return {"index": rows[0][1]} if ":" in name else {"index": rows[0][1], "name": name}
+    known = model_glass(name) if ":" in name else None
+    if known and "vd" in known:
+        law = AbbeCauchy(**known).index([w for w, _ in rows])
+        if max(abs(n - found) for (_, n), found in zip(rows, law, strict=True)) < OF_THE_MODEL:
+            return dict(known)  # what it is called says it exactly
     return {"table": {"wavelengths_nm": [w for w, _ in rows], "values": [n for _, n in rows]}, "name": name}

@@ -6,6 +6,7 @@ import difflib
 import math
 import re
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
@@ -25,6 +26,9 @@ _ALIASES = {plain_glass_name(name): "fused silica" for name in _FUSED_SILICA.spl
     "NAS21": "NAS-21", "NAS": "NAS-21", "CR39": "CR-39", "B270": "B270", "CAFL": "CaF2", "CALCIUMFLUORIDE": "CaF2",
     "H2O": "water", "BOROFLOAT": "BOROFLOAT33", "D263": "D263TECO", "GERMANIUM": "Ge", "DIAMOND": "diamond",
 }  # fmt: skip
+# Glasses that SCHOTT no longer makes and that have no successor, by the six-digit codes of its old catalogues.
+_RETIRED = {"SK1": "610567", "SK3": "609589", "SK6": "614564", "SK7": "607595", "SK8": "611559", "SK9": "614552",
+            "SK13": "592584", "SK19": "613574", "SK20": "560612"}  # fmt: skip
 _PREFIXES = {"schott": ("N", "P"), "ohara": ("S", "L"), "hikari": ("J", "E"), "cdgm": ("H", "D"), "sumita": ("K",),
              "hoya": ("E", "M")}  # fmt: skip
 _GROUPS = {
@@ -122,6 +126,20 @@ def named_glass(name: str, makers: Sequence[str] = (), successors: bool = False)
     if plain in _ALIASES and (found := named_glass(_ALIASES[plain])):
         return Named(found.written, found.maker, False)
     return _successor(plain, tuple(_PREFIXES)) if successors else None
+
+
+def other_name(name: str) -> tuple[Any, str] | None:
+    """Return the `glass` entry and its words for a name that no catalogue has: that of a substance with the author of
+    its measurement behind it, as in refractiveindex.info (``CAF2_DAIMON-20``), or of a glass of SCHOTT's of old."""
+    base, _, last = name.strip(" '\"").replace(" ", "_").partition("_")
+    found = named_glass(f"{base}-{last}") or named_glass(base) if last else None
+    if found is not None and found.maker in ("", "plastic"):
+        return found.written, found.written
+    code = _RETIRED.get(plain_glass_name(base)) if makers_of(last or "schott") == ("schott",) else None
+    if code is None:
+        return None
+    nd, vd = 1 + int(code[:3]) / 1000, int(code[3:]) / 10
+    return {"nd": nd, "vd": vd}, f"{nd:g} / {vd:g}, the code {code} of SCHOTT's old catalogues"
 
 
 def glass_named(name: str) -> Law | None:

@@ -38,6 +38,7 @@ def read_iset(document: Document, makers: tuple[str, ...] = ()) -> Lens:
             entry["radius"] = radius
         elif ior == 0:
             entry["stop"] = True
+            glass = table.rows[-1].get("glass") if table.rows else None  # it lies in what is before it
         if index < len(rows) - 1:
             entry["thickness"] = _number(row, "thickness", where, index)
         if glass is not None:

@@ -165,15 +165,22 @@ SURFACE = {
 
 GROUP = {"surfaces": Key("First and last surface, counted from 0.", SPAN), **POSE}
 
+FLOATING = {
+    "distance": Key("From the object plane to the film [unit].", POSITIVE),
+    "gaps": Key("Thickness [unit] behind surfaces, by their number; every state gives the same ones.", GAPS),
+    "film_shift": Key(
+        "How much farther the film is from the last surface than at infinity [unit], 0 where neither moves; the film"
+        " follows the image by default.",
+        NUMBER,
+    ),
+}
+STATES = {"type": "array", "items": mapping(FLOATING, ("distance", "gaps"))}
+
 CONFIGURATION = {
     "name": Key("What the position is called.", TEXT),
     "gaps": Key("Thickness [unit] behind surfaces, by their number; every position gives the same ones.", GAPS),
     "stop_diameter": Key("Diameter of the stop in this position, where it differs [unit].", POSITIVE),
-}
-
-FLOATING = {
-    "distance": Key("From the object plane to the film [unit].", POSITIVE),
-    "gaps": Key("Thickness [unit] behind surfaces, by their number; every state gives the same ones.", GAPS),
+    "floating": Key("Gaps at nearer distances in this position.", STATES),
 }
 
 FOCUSING = {
@@ -185,6 +192,11 @@ LENS = {
     "name": Key("What the lens is called.", TEXT),
     "source": Key("Where its numbers come from.", TEXT),
     "published": Key("What the source claims, such as focal_length_mm and f_number.", {"type": "object"}),
+    "marked_f_number": Key(
+        "F-number that is engraved on the lens, which means its full opening; published.f_number or that of the name by"
+        " default.",
+        POSITIVE,
+    ),
     "unit": Key("Of all lengths; mm by default.", {"enum": list(UNITS_MM)}),
     "object_medium": Key("Glass in front of the lens; air by default.", GLASS_VALUE),
     "coating": Key("Of every surface between glass and air that has none of its own; bare by default.", COATING_VALUE),
@@ -199,6 +211,6 @@ LENS = {
     "focusing": Key("A group that moves to focus.", mapping(FOCUSING, ("surfaces", "travel"))),
     "floating": Key(
         "Gaps at nearer distances, of groups that each move their own way to focus.",
-        {"type": "array", "items": mapping(FLOATING, ("distance", "gaps"))},
+        STATES,
     ),
 }

@@ -61,6 +61,8 @@ def read_native(document: Document) -> Lens:
     published = top.get("published") or {}
     if not isinstance(published, dict):
         raise top.fail("published", "expected a mapping such as {focal_length_mm: 50, f_number: 2}")
+    if "marked_f_number" in top:
+        published = published | {"marked_f_number": top.positive("marked_f_number")}
     lens = Lens(
         name=top.text("name") or document.name,
         surfaces=coated(document, surfaces, object_medium),

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from dataclasses import replace
 from math import isinf
 from typing import Any
 
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.table import LensTable, numbers
+from rptcam_cl.optics.focus import film_distance
 from rptcam_cl.optics.lens import Lens
+from rptcam_cl.optics.prescription import FocusState
+from rptcam_cl.optics.variable import configured
 
+ROUNDED_MM = 0.003  # of a sum of gaps
+OF_CALCULATION = 0.05  # of the gap that changes most: by so much a back focus may be beside that which stays
+SHARP = 0.1  # of the way of the image from infinity: by so much a near state may be beside the film
 SECTIONS = ("descriptive data", "constants", "variable distances", "lens data", "aspherical data")
 
 
@@ -33,7 +39,51 @@ def read_optical_bench(text: str, path: str) -> Lens:
     published = {"focal_length_mm": _value(distances.get("Focal Length", []), 0), "f_number": table.f_number}
     table.keys["published"] = {key: value for key, value in published.items() if value}
     _configurations(table, gaps, distances)
-    return table.lens()
+    return _with_sharp_states(table.lens(), path)
+
+
+def _with_sharp_states(lens: Lens, path: str) -> Lens:
+    """Return the lens without the film shifts of near states that are not sharp there; the film then follows the image.
+
+    A state that is far from sharp was not meant so, or the file counts its film from elsewhere.
+    """
+    blurred = False
+
+    def checked(at_infinity: Lens, states: tuple[FocusState, ...]) -> tuple[FocusState, ...]:
+        nonlocal blurred
+        if all(_is_sharp(at_infinity, state) for state in states):
+            return states
+        blurred = True
+        return tuple(replace(state, film_shift_mm=None) for state in states)
+
+    configurations = tuple(
+        replace(each, floating=checked(configured(lens, each.name), each.floating)) for each in lens.configurations
+    )
+    lens = replace(lens, configurations=configurations)
+    lens = (
+        configured(lens, configurations[0].name)
+        if configurations
+        else replace(lens, floating=checked(lens, lens.floating))
+    )
+    note = f"{path}: its close focus is not sharp where it has the film, which follows the image instead"
+    return lens.with_warnings((note,)) if blurred else lens
+
+
+def _is_sharp(lens: Lens, state: FocusState) -> bool:
+    """Return whether a near state has its image, to first order, about where it has the film."""
+    if state.film_shift_mm is None:
+        return True
+    try:
+        infinity = film_distance(lens, float("inf"))
+        whole = film_distance(lens, state.distance_mm)
+        surfaces = list(lens.surfaces)
+        for k, gap in state.gaps:
+            surfaces[k] = replace(surfaces[k], thickness=gap)
+        near, film = replace(lens, surfaces=tuple(surfaces)), infinity + state.film_shift_mm
+        front = state.distance_mm - near.length - film
+        return abs(film_distance(near, front, "front") - film) <= SHARP * abs(whole - infinity)
+    except InputError:
+        return False
 
 
 def _sections(text: str) -> dict[str, list[tuple[int, list[str]]]]:
@@ -106,42 +156,110 @@ def _configurations(table: LensTable, gaps: dict[int, str], distances: dict[str,
     """Add the states whose gaps are all given: at infinity those of a zoom lens, nearer those of floating groups."""
     if not gaps:
         return
-    zooms, near = [], []
+    zooms: list[dict[str, Any]] = []
+    columns: list[int] = []
+    near: list[int] = []
     for column in range(max(len(distances[name]) for name in gaps.values())):
-        values = {k: _value(distances[name], column) for k, name in gaps.items()}
+        values = _gaps_of(gaps, distances, column)
         if any(value is None for value in values.values()):
             continue
-        if not _is_near(distances, column):
+        if _is_near(distances, column):
+            near.append(column)
+        else:
             zooms.append({"name": _label(distances, column), "gaps": values})
-        elif (distance := _object_to_film(table, values, distances, column)) is not None:
-            near.append({"distance": distance, "gaps": values})
+            columns.append(column)
     names = [state["name"] for state in zooms]
     for i, state in enumerate(zooms):
         if names.count(state["name"]) > 1:
             state["name"] = f"{state['name']} ({i + 1})"
+    states: dict[int, list[dict[str, Any]]] = {}
+    unread = False
+    for place, column in enumerate(near):
+        far = _far_column(place, column, near, columns, gaps, distances)
+        found = None if far is None else _near_state(table, gaps, distances, column, far)
+        if far is None or found is None:
+            unread = unread or len(zooms) > 1
+        else:
+            states.setdefault(far, []).append(found)
     if len(zooms) > 1:
+        for state, column in zip(zooms, columns, strict=True):
+            if column in states:
+                state["floating"] = states[column]
         table.keys["configurations"] = zooms
-    if near and len(zooms) == 1:
-        table.keys["floating"] = near
-    elif near:
-        table.notes.append(f"{table.path}: close focus of a zoom lens is not read; the whole lens moves to focus")
+    elif zooms and columns[0] in states:
+        table.keys["floating"] = states[columns[0]]
+    if unread:
+        table.notes.append(
+            f"{table.path}: nothing says to which position its close focus belongs: close focus of a zoom"
+            " lens is not read, and the whole lens moves to focus"
+        )
+
+
+def _gaps_of(gaps: dict[int, str], distances: dict[str, list[str]], column: int) -> dict[int, float | None]:
+    return {k: _value(distances[name], column) for k, name in gaps.items()}
+
+
+def _far_column(
+    place: int,
+    column: int,
+    near: list[int],
+    far: list[int],
+    gaps: dict[int, str],
+    distances: dict[str, list[str]],
+) -> int | None:
+    """Return the column at infinity of the same zoom position: most gaps are the same; else they stand in order."""
+    if len(far) < 2:
+        return far[0] if far else None
+    own = _gaps_of(gaps, distances, column)
+    same = [sum(own[k] == gap for k, gap in _gaps_of(gaps, distances, other).items()) for other in far]
+    if same.count(max(same)) == 1:
+        return far[same.index(max(same))]
+    return far[place] if len(near) == len(far) else None
+
+
+def _near_state(
+    table: LensTable, gaps: dict[int, str], distances: dict[str, list[str]], column: int, far: int
+) -> dict[str, Any] | None:
+    """Return a state of focus of a column, `far` being that at infinity; None where it does not say how near it is."""
+    away, back = (_value(distances.get(name, []), column) for name in ("d0", "Bf"))
+    if away is None or back is None or isinf(away):
+        return None
+    shift = _film_shift(gaps, distances, column, far)
+    film = back if shift is None else (_value(distances["Bf"], far) or 0.0) + shift
+    own = _gaps_of(gaps, distances, column)
+    fixed = sum(float(row["thickness"]) for k, row in enumerate(table.rows) if "thickness" in row and k not in gaps)
+    state = {"distance": away + fixed + sum(value or 0.0 for value in own.values()) + film, "gaps": own}
+    return state if shift is None else state | {"film_shift": shift}
+
+
+def _film_shift(gaps: dict[int, str], distances: dict[str, list[str]], column: int, far: int) -> float | None:
+    """Return how much farther the film is from the last vertex than at infinity, None where it is not said.
+
+    Where the total length says that the first vertex stays, and where no vertex moves against another, small
+    differences of the back focus are those of its calculation.
+    """
+    backs = [_value(distances.get("Bf", []), k) for k in (far, column)]
+    if None in backs:
+        return None
+    changes = [
+        (new or 0.0) - (old or 0.0)
+        for new, old in zip(
+            _gaps_of(gaps, distances, column).values(), _gaps_of(gaps, distances, far).values(), strict=True
+        )
+    ]
+    longer, most = sum(changes), max(map(abs, changes))
+    found = float(backs[1] or 0.0) - float(backs[0] or 0.0)
+    lengths = [_value(distances.get("Total Length", []), k) for k in (far, column)]
+    said = None if None in lengths else float(lengths[1] or 0.0) - float(lengths[0] or 0.0) - longer
+    if said is None and abs(longer) <= ROUNDED_MM:
+        said = 0.0
+    return said if said is not None and abs(said - found) <= OF_CALCULATION * most else found
 
 
 def _is_near(distances: dict[str, list[str]], column: int) -> bool:
     """Return whether a column is a state of focus nearer than infinity: by its object distance d0 or magnification."""
     away = _value(distances.get("d0", []), column)
     return bool(_value(distances.get("Magnification", []), column)) or (away is not None and not isinf(away))
-
-
-def _object_to_film(
-    table: LensTable, gaps: Mapping[int, float | None], distances: dict[str, list[str]], column: int
-) -> float | None:
-    """Return the distance from object to film of a column, None where it does not say."""
-    away, back = (_value(distances.get(name, []), column) for name in ("d0", "Bf"))
-    if away is None or back is None or isinf(away):
-        return None
-    fixed = sum(float(row["thickness"]) for k, row in enumerate(table.rows) if "thickness" in row and k not in gaps)
-    return away + fixed + sum(value or 0.0 for value in gaps.values()) + back
 
 
 def _label(distances: dict[str, list[str]], column: int) -> str:

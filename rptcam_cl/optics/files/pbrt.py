@@ -34,7 +34,9 @@ def read_pbrt(text: str, name: str) -> Lens:
     rows, focal_length = _rows(text, name)
     gaps = _gaps(rows, name)
     stop = _stop(rows, name)
-    surfaces = tuple(_surface(row, gap, i == stop, name) for i, (row, gap) in enumerate(zip(rows, gaps, strict=True)))
+    surfaces: tuple[Surface, ...] = ()
+    for i, (row, gap) in enumerate(zip(rows, gaps, strict=True)):
+        surfaces += (_surface(row, gap, i == stop, surfaces[-1].glass if surfaces else AIR, name),)
     published = {} if focal_length is None else {"focal_length_mm": focal_length}
     lens = Lens(name.rsplit("/", 1)[-1].removesuffix(".dat"), surfaces, stop, published=published)
     return check_lens(
@@ -103,14 +105,18 @@ def _stop(rows: list[_Row], name: str) -> int | None:
     return planes[0] if len(planes) == 1 else None
 
 
-def _surface(row: _Row, gap: float, is_stop: bool, name: str) -> Surface:
+def _surface(row: _Row, gap: float, is_stop: bool, before: Medium, name: str) -> Surface:
+    """Return the surface of a row; a stop of index 0 lies in the medium before it, such as the aqueous of an eye."""
     if row.diameter <= 0:
         raise InputError(f"{name}:{row.line}: diameter must be above 0 (got {row.diameter:g})")
     if row.index != 0 and not 1 <= row.index <= 5:
         raise InputError(
-            f"{name}:{row.line}: index must lie between 1 and 5, or be 0 for air at the stop (got {row.index:g})"
+            f"{name}:{row.line}: index must lie between 1 and 5, or be 0 at the stop, for the medium before it"
+            f" (got {row.index:g})"
         )
     glass: Medium = AIR if row.index in (0.0, 1.0) else ConstantIndex(row.index, f"n = {row.index:g}")
+    if is_stop and row.index == 0:
+        glass = before
     curvature = 1 / row.radius if row.radius else 0.0
     return replace(
         Surface(), curvature=curvature, thickness=gap, glass=glass, semi_diameter=row.diameter / 2, is_stop=is_stop

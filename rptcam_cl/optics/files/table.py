@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from rptcam_cl.colour import LINE_D_NM
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
-from rptcam_cl.optics.files.glass_names import named_glass, near_glass_words, near_names
+from rptcam_cl.optics.files.glass_names import named_glass, near_glass_words, near_names, other_name
 from rptcam_cl.optics.files.native import document_of, read_native
 from rptcam_cl.optics.first_order import limiting_surface, system_matrix
+from rptcam_cl.optics.glass import NO_DISPERSION
 from rptcam_cl.optics.lens import Lens
 
 Array = NDArray[np.float64]
@@ -24,6 +25,8 @@ STEEPEST = math.tan(math.radians(60))  # field that diameters are chosen for
 LEAST_GLASS = 0.3  # of a six-digit code: 003283 means n_d = 2.003
 UNKNOWN_DIAMETER = 1e-6  # small enough for every shape while first-order data are computed
 LEAST_LEFT = 0.1  # of a diameter that is shrunk so that surfaces do not cross
+ROUNDED = 1.005  # by which diameters of a file may differ without a word
+ROUNDING = 1e-9
 RIM = 1.05  # clear diameters that a file does not give leave this margin around the beam
 
 
@@ -49,6 +52,10 @@ class LensTable:
         What the file says about the beam: entrance pupil [unit], or f-number, or sine of the angle at the object.
     field_degrees, object_height, image_height : float
         The widest field that it says, as an angle or a height [unit].
+    working : bool
+        Whether the f-number is that of the cone at the image of the object, not focal length over pupil.
+    stop_opening : float
+        Diameter of a real opening in the stop [unit], which no beam widens.
     field_kind : int
         How Zemax counts fields: 0 as angles, 1 at the object, 2 and 3 at the image.
     object_distance : float
@@ -65,6 +72,8 @@ class LensTable:
     pupil_diameter: float | None = None
     f_number: float | None = None
     object_aperture: float | None = None
+    working: bool = False
+    stop_opening: float = float("inf")
     field_degrees: float = 0.0
     object_height: float = 0.0
     image_height: float = 0.0
@@ -83,6 +92,11 @@ class LensTable:
     def note(self, line: int, text: str) -> None:
         """Remember what was ignored on a line."""
         self.notes.append(f"{self.path}:{line}: {text}")
+
+    def around_the_axis(self, line: int, diameter: float, offset: float) -> float:
+        """Return the diameter about the axis that holds an opening beside it, with a note."""
+        self.note(line, f"an opening {offset:g} beside the axis is read as the circle around the axis that holds it")
+        return diameter + 2 * offset
 
     def lens(self) -> Lens:
         """Return the lens, its notes among the warnings."""
@@ -114,6 +128,10 @@ class LensTable:
         if (model := model_glass(name)) is not None:
             return model
         found = named_glass(name, self.makers, successors=True)
+        if found is None and (known := other_name(name)) is not None:
+            entry, remark = known
+            self.note(line, f"glass {name} is taken as {remark}")
+            return entry
         if found is not None:
             if remark := found.remark(name.strip("'\"")):
                 self.note(line, remark)
@@ -129,20 +147,57 @@ class LensTable:
         self.note(line, f"glass {name} is replaced by {beside}; the nearest known is {near_by}")
         return {"nd": nd, "vd": vd}
 
-    def _fill_diameters(self) -> None:
-        """Give surfaces without a diameter that of the axial beam and the chief ray of the field, to first order."""
+    def size_stop(self) -> None:
+        """Give the stop the diameter of the axial beam that the file asks for, where it says one.
+
+        The rim of the stop yields to that beam, but not `stop_opening`.
+        """
+        stop = next((k for k, row in enumerate(self.rows) if row.get("stop")), None)
+        if stop is None or not (self.pupil_diameter or self.f_number or self._cone):
+            return
+        lens = self._tiny_lens()
+        beam = 2 * abs(float(system_matrix(lens, LINE_D_NM, 0, stop, False)[0] @ self._beam(lens, stop)[:, 0]))
+        if not 0 < beam < np.inf:
+            return
+        row = self.rows[stop]
+        rim = row.get("diameter", beam)
+        bent = any("decentre" in row for row in self.rows)  # where first-order optics counts along the axis
+        if abs(beam - rim) <= (ROUNDED - 1 if bent else ROUNDING) * beam:
+            return
+        row["diameter"] = min(beam, self.stop_opening)
+        if beam > self.stop_opening * ROUNDED:
+            words = f"less than the {beam:.5g} of the beam that the file asks for"
+            self.notes.append(f"{self.path}: the opening of the stop is {self.stop_opening:.5g}, {words}, and is taken")
+        elif beam > rim * ROUNDED:
+            words = f"the beam that the file asks for is {beam:.5g} wide at the stop"
+            self.notes.append(f"{self.path}: {words}, more than its rim of {rim:.5g}, and is taken")
+
+    @property
+    def _cone(self) -> float | None:
+        """Sine of the angle of the beam at an object that is not distant."""
+        return self.object_aperture if np.isfinite(self.object_distance) else None
+
+    def _tiny_lens(self) -> Lens:
+        """Return the lens with diameters that every shape reaches, for first-order data [unit]."""
         tiny = [{**row, "diameter": UNKNOWN_DIAMETER, "inner_diameter": None} for row in self.rows]
         tiny = [{k: v for k, v in row.items() if v is not None} for row in tiny]
         before = {"object_medium": self.keys["object_medium"]} if "object_medium" in self.keys else {}
-        lens = read_native(document_of({"name": self.path, "surfaces": tiny, **before}))
+        return read_native(document_of({"name": self.path, "surfaces": tiny, **before}))
+
+    def _beam(self, lens: Lens, stop: int) -> Array:
+        """Return height and index times slope, before the first surface, of the marginal and the chief ray (2, 2)."""
         index = float(lens.indices(LINE_D_NM)[0])
-        stop = limiting_surface(lens)
         to_stop = system_matrix(lens, LINE_D_NM, 0, stop, False)
         pupil_distance = index * float(np.divide(to_stop[0, 1], to_stop[0, 0])) if to_stop[0, 0] else 0.0
         marginal = self._marginal(lens, stop, pupil_distance)
         slope = self._slope(lens, pupil_distance)
         chief = np.array([-pupil_distance * slope, slope])
-        beam = np.stack([marginal, chief], axis=1) * [[1.0], [index]]
+        return np.stack([marginal, chief], axis=1) * [[1.0], [index]]
+
+    def _fill_diameters(self) -> None:
+        """Give surfaces without a diameter that of the axial beam and the chief ray of the field, to first order."""
+        lens = self._tiny_lens()
+        beam = self._beam(lens, limiting_surface(lens))
         missing = [k for k, row in enumerate(self.rows) if "diameter" not in row]
         for k in missing:
             row = self.rows[k]
@@ -160,8 +215,13 @@ class LensTable:
     def _marginal(self, lens: Lens, stop: int, pupil_distance: float) -> Array:
         """Return the height and slope, before the first surface, of the ray along the edge of the axial beam."""
         away = self.object_distance
-        if self.object_aperture and np.isfinite(away):
-            slope = np.tan(np.arcsin(min(abs(self.object_aperture), 0.99)))
+        if self._cone:
+            slope = np.tan(np.arcsin(min(abs(self._cone), 0.99)))
+            return np.array([away * slope, slope])
+        if self.working and self.f_number and not self.pupil_diameter and np.isfinite(away):
+            before, behind = (float(lens.indices(LINE_D_NM)[k]) for k in (0, -1))
+            image_slope = abs(float(system_matrix(lens, LINE_D_NM)[1] @ [away, before])) / behind  # per slope at it
+            slope = 1 / (2 * self.f_number * image_slope) if image_slope else 0.0
             return np.array([away * slope, slope])
         half = self._half_pupil(lens, stop)
         if not np.isfinite(away) or away + pupil_distance == 0:
@@ -226,7 +286,12 @@ def model_glass(text: str) -> Any:
         nd, vd = float(match[1]), float(match[2])
     else:
         return None
-    return {"nd": nd, "vd": vd} if vd > 0 else {"index": nd}
+    return model(nd, vd)
+
+
+def model(nd: float, vd: float) -> dict[str, float]:
+    """Return the `glass` entry of an index and an Abbe number, of which 0 and `NO_DISPERSION` mean none."""
+    return {"nd": nd, "vd": vd} if 0 < vd < NO_DISPERSION else {"index": nd}
 
 
 def numbers(words: list[str], path: str, line: int, count: int = 0) -> list[float]:

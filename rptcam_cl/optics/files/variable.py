@@ -13,7 +13,10 @@ def read_configurations(top: Fields, count: int, scale: float) -> tuple[Configur
     for index, fields in enumerate(top.rows("configurations", CONFIGURATION, "[{name: wide, gaps: {4: 1.9}}]")):
         gaps = _gaps(fields, count, scale)
         stop = fields.positive("stop_diameter") * scale if "stop_diameter" in fields else None
-        result.append(Configuration(fields.text("name") or str(index), gaps, stop))
+        near = _states(fields, count, scale)
+        if near and "focusing" in top:
+            raise fields.fail("floating", "a lens with floating groups has no focusing group")
+        result.append(Configuration(fields.text("name") or str(index), gaps, stop, near))
     if len({row.name for row in result}) < len(result):
         raise top.fail("configurations", "two configurations have the same name")
     if any({k for k, _ in row.gaps} != {k for k, _ in result[0].gaps} for row in result):
@@ -23,14 +26,30 @@ def read_configurations(top: Fields, count: int, scale: float) -> tuple[Configur
 
 def read_floating(top: Fields, count: int, scale: float) -> tuple[FocusState, ...]:
     """Return the states of floating groups: a list of {distance, gaps: {surface: thickness}}."""
-    rows = top.rows("floating", FLOATING, "[{distance: 450, gaps: {4: 1.9}}]")
-    if rows and ("focusing" in top or "configurations" in top):
-        raise top.fail("floating", "a lens with floating groups has neither focusing nor configurations")
-    states = [FocusState(row.positive("distance") * scale, _gaps(row, count, scale)) for row in rows]
+    if "floating" in top and ("focusing" in top or "configurations" in top):
+        raise top.fail(
+            "floating",
+            "a lens with floating groups has neither focusing nor configurations; each of these has its own floating",
+        )
+    return _states(top, count, scale)
+
+
+def _states(fields: Fields, count: int, scale: float) -> tuple[FocusState, ...]:
+    rows = fields.rows("floating", FLOATING, "[{distance: 450, gaps: {4: 1.9}}]")
+    states = [
+        FocusState(
+            row.positive("distance") * scale,
+            _gaps(row, count, scale),
+            row.number("film_shift") * scale if "film_shift" in row else None,
+        )
+        for row in rows
+    ]
     if any({k for k, _ in row.gaps} != {k for k, _ in states[0].gaps} for row in states):
-        raise top.fail("floating", "every state must give the same gaps")
+        raise fields.fail("floating", "every state must give the same gaps")
+    if len({row.film_shift_mm is None for row in states}) > 1:
+        raise fields.fail("floating", "every state must give film_shift, or none")
     if len({row.distance_mm for row in states}) < len(states):
-        raise top.fail("floating", "two states have the same distance")
+        raise fields.fail("floating", "two states have the same distance")
     return tuple(states)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import field
 from typing import Any
 
@@ -9,17 +10,21 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError
 from rptcam_cl.optics.files.breaks import AxisFrame
 from rptcam_cl.optics.files.glass_names import makers_of
-from rptcam_cl.optics.files.table import LensTable, numbers
+from rptcam_cl.optics.files.qcon import bfs_powers
+from rptcam_cl.optics.files.table import LensTable, model, numbers
 from rptcam_cl.optics.lens import Lens
 
 UNITS = {"MM": "mm", "CM": "cm", "IN": "in", "METER": "m"}
-TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "XASPHERE", "COORDBRK")
+TYPES = ("STANDARD", "EVENASPH", "ODDASPHE", "TOROIDAL", "BICONICX", "XASPHERE", "COORDBRK", "QED_TYPE", "PARAXIAL")
 SENSES = (1.0, 1.0, 1.0)  # tilts turn right handed: OpticStudio help, «Tilt/Decenter»
 MOST_TERMS = 240  # of an extended asphere, to r^480
 PLACEHOLDER = (1.5, 40.0)  # what Zemax writes beside the name of a catalogue glass
+MOST_FORBES = 18
+FORBES_ERROR = 1e-6  # of a sag by powers of r [unit], which no ray notices
+NEARLY = 1 + 1e-9
 FAR = 1e9  # an object beyond this is at infinity
 # What changes the rays and is not read; everything else that is not read has no optical meaning.
-MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SQOB ELOB SPID OBDC XDAT NSCS GRIN TEMP"
+MEANT_WORDS = "OBSC ELAP UDAP UDAD USAP UOBS ROBS SQOB ELOB SPID XDAT NSCS GRIN TEMP"
 MEANT = frozenset(MEANT_WORDS.split())
 
 
@@ -35,7 +40,8 @@ class _Surface:
     rectangle: list[float] | None = None
     inner_radius: float = 0.0
     outer_radius: float = 0.0
-    decentred: bool = False
+    offset: float = 0.0
+    line_of_offset: int = 0
 
     @property
     def is_mirror(self) -> bool:
@@ -48,10 +54,13 @@ class _Surface:
 
     @property
     def semi_diameter(self) -> float:
-        """Return the radius beyond which light ends, 0 when nothing says it; the stop is no wider than its beam."""
+        """Return the radius beyond which light ends, 0 when nothing says it; the stop is no wider than its beam.
+
+        Of an opening beside the axis it is its own.
+        """
         drawn = self.values.get("DIAM", 0.0)
-        if self.outer_radius <= 0 or self.decentred:
-            return max(drawn, 0.0)
+        if self.outer_radius <= 0 or self.offset:
+            return self.outer_radius if self.offset and self.outer_radius > 0 else max(drawn, 0.0)
         return min(drawn, self.outer_radius) if self.stop and drawn > 0 else self.outer_radius
 
 
@@ -65,6 +74,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
     table.object_distance = distance if 0 < abs(distance) < FAR else float("inf")
     if surfaces[0].glass and not surfaces[0].is_mirror:
         table.keys["object_medium"] = _glass(surfaces[0], table)
+    _drop_collimator(surfaces, table)
     frame = AxisFrame(SENSES)
     body = surfaces[1:-1]
     openings: list[bool] = []
@@ -78,6 +88,8 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
                 table.rows[-1]["thickness"] = table.rows[-1].get("thickness", 0.0) + thickness
             continue
         row = _row(surface, table) | frame.keys()
+        if surface.stop and surface.outer_radius > 0 and not surface.offset:
+            table.stop_opening = 2 * surface.outer_radius
         if not last:
             row["thickness"] = thickness
         frame.advance(thickness)
@@ -85,6 +97,7 @@ def read_zemax(text: str, path: str, makers: tuple[str, ...] = ()) -> Lens:
         openings.append(surface.has_aperture)
     table.note_fold(frame.is_nominal)
     _trim(table, openings)
+    table.size_stop()
     return table.lens()
 
 
@@ -120,8 +133,12 @@ def _header(key: str, rest: list[str], line: int, table: LensTable) -> None:
         table.pupil_diameter = numbers(rest[:1], table.path, line, 1)[0]
     elif key == "FNUM":
         table.f_number = numbers(rest[:1], table.path, line, 1)[0]
+        table.working = rest[1:2] == ["1"]
     elif key == "OBNA":
-        table.object_aperture = numbers(rest[:1], table.path, line, 1)[0]
+        value = numbers(rest[:1], table.path, line, 1)[0]
+        table.object_aperture = math.sin(math.radians(value)) if rest[1:2] == ["1"] else value
+    elif key == "FLOA":  # the stop is as wide as it is drawn
+        table.pupil_diameter = table.f_number = table.object_aperture = None
     elif key == "GCAT":
         table.makers += tuple(maker for word in rest for maker in makers_of(word))
     elif key == "FTYP":
@@ -167,9 +184,32 @@ def _take(surface: _Surface, key: str, rest: list[str], line: int, table: LensTa
         surface.line = line
     elif key == "SCBD" and any(numbers(rest[3:], table.path, line)):
         table.note(line, "SCBD, a decentre and tilt in a surface's own line, is ignored")
+    elif key == "OBDC":
+        surface.offset = math.hypot(*numbers(rest[:2], table.path, line, 2))
+        surface.line_of_offset = line
     elif key in MEANT:
-        surface.decentred |= key == "OBDC"
         table.note(line, f"{key} is ignored")
+
+
+def _drop_collimator(surfaces: list[_Surface], table: LensTable) -> None:
+    """Drop an ideal lens with the object in its focus, which makes the object a distant one; refuse all others."""
+    if surfaces[1].kind == "PARAXIAL":
+        length, away = surfaces[1].parameters.get(1, 0.0), table.object_distance
+        if length == 0 or abs(away - length) > 1e-6 * abs(length):
+            raise _ideal(surfaces[1], table)
+        table.note(surfaces[1].line, "an ideal lens with the object in its focus is left out: the object is distant")
+        table.object_distance = float("inf")
+        del surfaces[1]
+    for surface in surfaces[1:-1]:
+        if surface.kind == "PARAXIAL":
+            raise _ideal(surface, table)
+
+
+def _ideal(surface: _Surface, table: LensTable) -> InputError:
+    return InputError(
+        f"{table.path}:{surface.line}: an ideal lens (PARAXIAL) cannot be traced, but for one in front of the lens with"
+        " the object in its focus"
+    )
 
 
 def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
@@ -180,27 +220,34 @@ def _row(surface: _Surface, table: LensTable) -> dict[str, Any]:
         row["stop"] = True
     if surface.semi_diameter > 0:
         row["diameter"] = 2 * surface.semi_diameter
+        if surface.offset:
+            row["diameter"] = table.around_the_axis(surface.line_of_offset, row["diameter"], surface.offset)
     if surface.rectangle and all(surface.rectangle):
         row["clear"] = {"rectangle": surface.rectangle}
     if surface.values.get("CONI"):
         row["conic"] = surface.values["CONI"]
-    if surface.inner_radius > 0:
+    if surface.inner_radius > 0 and not surface.offset:
         row["inner_diameter"] = 2 * surface.inner_radius
     if surface.is_mirror:
         row["mirror"] = True
     elif surface.glass:
         row["glass"] = _glass(surface, table)
-    if surface.kind != "XASPHERE" and any(surface.extra.values()):
+    if surface.kind not in ("XASPHERE", "QED_TYPE") and any(surface.extra.values()):
         table.note(surface.line, f"the extra data (XDAT) of this {surface.kind} surface are ignored")
     p = surface.parameters
     if surface.kind == "EVENASPH":
         row["aspheric"] = {2 * i: v for i, v in p.items() if v and 1 <= i <= 8}
     elif surface.kind == "XASPHERE":
         row["aspheric"] = _extended(surface, table)
+    elif surface.kind == "QED_TYPE":
+        row |= _forbes(surface, table)
     elif surface.kind == "ODDASPHE":
         row["aspheric"] = {i: v for i, v in p.items() if v and 1 <= i <= 8}
     elif surface.kind == "TOROIDAL":
-        row |= {"radius_x": p[1], "form": "toroid"} if p.get(1) else {"cylinder": "y"}
+        if p.get(1) and "radius" not in row and not any(v for i, v in p.items() if i >= 2):
+            row |= {"radius": p[1], "cylinder": "x"}
+        else:
+            row |= {"radius_x": p[1], "form": "toroid"} if p.get(1) else {"cylinder": "y"}
         row["aspheric"] = {2 * (i - 1): v for i, v in p.items() if v and 2 <= i <= 8}
     elif surface.kind == "BICONICX":
         row["radius_x"] = p.get(1) or float("inf")
@@ -216,7 +263,7 @@ def _glass(surface: _Surface, table: LensTable) -> Any:
     if name.startswith("___") or not name:
         if nd <= 0:
             raise InputError(f"{table.path}:{surface.line}: a model glass needs an index and an Abbe number")
-        return {"nd": nd, "vd": vd} if vd > 0 else {"index": nd}
+        return model(nd, vd)
     if (nd, vd) == PLACEHOLDER:
         nd, vd = 0.0, 0.0
     return table.glass(name, surface.line, nd, vd)
@@ -232,6 +279,30 @@ def _extended(surface: _Surface, table: LensTable) -> dict[int, float]:
         )
     terms = {2 * i: surface.extra.get(i + 2, 0.0) / norm ** (2 * i) for i in range(1, int(count) + 1)}
     return {power: value for power, value in terms.items() if value}
+
+
+def _forbes(surface: _Surface, table: LensTable) -> dict[str, Any]:
+    """Return the keys of a Q-type asphere: extra data are its type (0 Qbfs, 1 Qcon), the number of its terms, the norm
+    radius and the coefficients from a_0."""
+    kind, count, norm = (surface.extra.get(k, 0.0) for k in (1, 2, 3))
+    if kind not in (0, 1) or not norm > 0 or not 0 <= count <= MOST_FORBES:
+        raise InputError(
+            f"{table.path}:{surface.line}: a Q-type asphere needs the type 0 or 1 (XDAT 1, got {kind:g}), up to"
+            f" {MOST_FORBES} terms (XDAT 2, got {count:g}) and a norm radius above 0 (XDAT 3, got {norm:g})"
+        )
+    terms = tuple(surface.extra.get(k + 4, 0.0) for k in range(int(count)))
+    if not any(terms):
+        return {}
+    if kind == 1:
+        return {"qcon": {"radius": norm, "coefficients": list(terms)}}
+    rim = surface.semi_diameter or norm
+    shape = surface.values.get("CURV", 0.0), surface.values.get("CONI", 0.0)
+    if rim > norm * NEARLY or not (1 + shape[1]) * (shape[0] * rim) ** 2 < 1:
+        raise InputError(f"{table.path}:{surface.line}: a Q-type asphere ends before its rim of {rim:g}")
+    powers, error = bfs_powers(terms, norm, rim, *shape)
+    if error > FORBES_ERROR:
+        table.note(surface.line, f"the Q-type asphere is read as powers of r, which leave it by up to {error:.2g}")
+    return {"aspheric": powers}
 
 
 def _break(frame: AxisFrame, surface: _Surface) -> None:
@@ -256,6 +327,7 @@ def _trim(table: LensTable, openings: list[bool]) -> None:
 
     first, end = 0, len(rows)
     while first < end and is_dummy(first):
+        table.object_distance += rows[first].get("thickness", 0.0)
         first += 1
     while end - 1 > first and is_dummy(end - 1):
         end -= 1
