@@ -19,7 +19,7 @@ from typing import Any
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.datasets.specification import DatasetSpecification
-from rptcam_cl.imaging import LABELS, TRUTH_FILES, Image
+from rptcam_cl.imaging import LABELS, TRUTH_FILES, Image, categories_of
 
 ABOUT, MANIFEST = "dataset.json", "manifest.jsonl"
 PIXELS = {"centre_of_the_first_pixel": 0.5}
@@ -75,6 +75,7 @@ class DatasetFolder:
         elif any(self.path.glob("*.json")):
             raise StateError(f"{self.path}: holds other files (name an empty folder)")
         facts = mine | PIXELS | {"frames": self.wanted.frames, "specification": self.wanted.content}
+        facts["categories"] = categories_of(self.wanted.classes)
         self._write(about, (json.dumps(facts, indent=2, default=str) + "\n").encode())
 
     def record(self, index: int) -> dict[str, Any] | None:

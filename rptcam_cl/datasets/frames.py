@@ -19,7 +19,7 @@ from rptcam_cl.datasets.folder import DatasetFolder
 from rptcam_cl.datasets.numbered import numbered
 from rptcam_cl.datasets.specification import MOST_FRAMES, DatasetSpecification, read_specification, whole
 from rptcam_cl.device import Wanted, open_sessions
-from rptcam_cl.imaging import LABELS, Image
+from rptcam_cl.imaging import LABELS, Image, with_classes
 from rptcam_cl.scene import Scene, change_scene
 
 POSE = {"eye", "target", "up", "keyframes", "exposure", "shutter_s", "iso"}
@@ -143,6 +143,9 @@ def _frames(
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
             image = renderer.render(_with_labels(scene) if wanted.truth else scene)
+            if "class_names" in image.metadata:
+                layers, metadata = with_classes(image.layers, image.metadata, wanted.classes)
+                image = replace(image, layers=layers, metadata=metadata)
             record = {
                 "frame": index,
                 "version": __version__,

@@ -7,7 +7,7 @@ down the columns, as text of six bits a letter.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ NEEDS = ("sharp_object_id", "sharp_class_id")
 LABELS = (*NEEDS, "occlusion")  # layers of masks and annotations
 TRUTH_FILES = ("coco.json", "instances.png", "classes.png")
 MOST_INSTANCES = 65535  # of a mask of 16 bits
-UNLABELLED = "object"  # category of what has no label
+UNLABELLED = "object"  # category of what has no label, the last one
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> list[int]:
@@ -65,9 +65,8 @@ def coco(
     objects, names = layers["sharp_object_id"], metadata["object_names"]
     classes, of_object = metadata["class_names"], metadata["object_classes"]
     hidden, (height, width) = metadata.get("occlusion"), objects.shape
-    plain = 0 in (of_object[index] for index in np.unique(objects[objects >= 0]).tolist())
-    categories = [{"id": number, "name": name} for number, name in enumerate(classes) if number]
-    categories += [{"id": len(classes), "name": UNLABELLED}] if plain else []
+    categories = categories_of(classes)
+    number_of = {each["name"]: each["id"] for each in categories}
     picture, before = (1, 0) if image_id is None else (image_id, image_id * (MOST_INSTANCES + 1))
     annotations = []
     for index in np.unique(objects[objects >= 0]).tolist():
@@ -77,7 +76,7 @@ def coco(
         annotations.append(
             {
                 "id": before + index + 1, "image_id": picture,
-                "category_id": of_object[index] or len(classes), "iscrowd": 0,
+                "category_id": of_object[index] or number_of[UNLABELLED], "iscrowd": 0,
                 "segmentation": {"size": [height, width], "counts": run_text(run_lengths(mask))},
                 "area": int(mask.sum()), "bbox": [float(value) for value in box], "name": names[index],
                 **({} if hidden is None else {"occlusion": hidden[index]}),
@@ -85,6 +84,22 @@ def coco(
         )  # fmt: skip
     image = {"id": picture, "file_name": file_name, "width": width, "height": height}
     return {"images": [image], "categories": categories, "annotations": annotations}
+
+
+def categories_of(classes: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the categories of class names, of which the first stands for what has none: by their index, it last."""
+    named = classes if UNLABELLED in classes else [*classes, UNLABELLED]
+    return [{"id": number, "name": name} for number, name in enumerate(named) if number]
+
+
+def with_classes(
+    layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any], classes: Sequence[str]
+) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return layers and metadata of a picture with the numbers of a table of classes that has all of its own."""
+    places = np.array([classes.index(name) for name in metadata["class_names"]], np.int32)
+    numbers = places[metadata["object_classes"]].tolist()
+    said = {"class_names": list(classes), "object_classes": numbers}
+    return {**layers, "sharp_class_id": places[layers["sharp_class_id"]]}, {**metadata, **said}
 
 
 def check_layers_of_truth(layers: Mapping[str, NDArray[Any]]) -> None:

@@ -143,6 +143,52 @@ def test_frames_with_truth_have_the_same_bytes_alone_damaged_and_in_shards(place
     assert (place / "packed/manifest.jsonl").read_bytes() == whole["manifest.jsonl"]
 
 
+DRAWN = {
+    "a label": "objects.1.label: {choice: [cup, mug, vase]}",
+    "a label, in brackets": "'objects[1].label': {grid: [mug, cup, null]}",
+    "whole objects": """objects: {grid: [
+    [{shape: sphere, center: [0.6, 0.5, 0], radius: 0.5, material: grey, label: mug},
+     {shape: sphere, center: [-0.6, 0.5, 0], radius: 0.4, material: grey}],
+    [{shape: sphere, center: [-0.6, 0.5, 0], radius: 0.4, material: grey, label: crate},
+     {shape: sphere, center: [0.6, 0.5, 0], radius: 0.5, material: grey, label: ball}]]}""",
+}
+
+
+@pytest.mark.parametrize("drawn", DRAWN)
+def test_a_class_has_one_number_in_all_frames_masks_and_annotations(place: Path, drawn: str) -> None:
+    text = LABELLED.replace("objects.0.radius: {uniform: [0.3, 0.5]}", DRAWN[drawn])
+    text = text.replace("[depth]", "[sharp_class_id]").replace("frames: 4", "frames: 6")
+    (place / "spec.yaml").write_text(text, "utf-8")
+    seen: dict[str, set[int]] = {}
+    for frame in dataset("spec.yaml", "out"):
+        scene = read_specification("spec.yaml").frame(frame.index)[1]
+        said = json.loads((place / f"out/{frame.index:06d}.coco.json").read_text())
+        instances, classes = (
+            np.asarray(PIL.Image.open(place / f"out/{frame.index:06d}.{name}.png")) for name in ("instances", "classes")
+        )
+        layer = np.load(place / f"out/{frame.index:06d}.npz")["sharp_class_id"]
+        assert said["categories"] == json.loads((place / "out/dataset.json").read_text())["categories"]
+        of_object = {each["id"] % 65536 - 1: each["category_id"] for each in said["annotations"]}
+        assert of_object
+        for index, category in of_object.items():
+            label = scene.objects[index].label
+            seen.setdefault(label or "object", set()).add(category)
+            assert set(classes[instances == index + 1].tolist()) == {category if label else 0}
+            assert set(layer[instances == index + 1].tolist()) == {category if label else 0}
+    assert len(seen) >= 3 and all(len(numbers) == 1 for numbers in seen.values())
+    assert len(set.union(*seen.values())) == len(seen)
+    known = json.loads((place / "out/dataset.json").read_text())["categories"]
+    assert known[-1]["name"] == "object" and {each["name"]: {each["id"]} for each in known}.items() >= seen.items()
+
+
+def test_frames_that_were_labelled_otherwise_are_not_kept(place: Path) -> None:
+    before = read_specification("spec.yaml")
+    plain = read_specification("plain.yaml")
+    (place / "scene.yaml").write_text(SCENE.replace("label: ball", "label: globe"), "utf-8")
+    assert read_specification("spec.yaml").key != before.key
+    assert before.classes == ("", "ball") and plain.classes == before.classes
+
+
 def test_annotations_name_the_first_file_where_no_frame_has_a_picture(place: Path) -> None:
     (place / "spec.yaml").write_text(LABELLED.replace("[npz, png]", "[npz]"), "utf-8")
     list(dataset("spec.yaml", "out", only=[1]))
