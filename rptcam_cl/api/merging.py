@@ -29,7 +29,12 @@ from rptcam_cl.rendering import (
 )
 
 
-def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathLike[str] | None = None) -> Image:
+def merge(
+    parts: Sequence[str | os.PathLike[str]],
+    *,
+    checkpoint: str | os.PathLike[str] | None = None,
+    allow_mixed: bool = False,
+) -> Image:
     """Return the picture of a render that was made in parts; needs neither its scene nor a device.
 
     Parts by tiles give the bits of one render on equal devices. Ranges of samples of the same tiles are added in
@@ -41,6 +46,9 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
         Files that `render` kept with ``part`` or ``samples``, or a checkpoint of the whole film.
     checkpoint
         File for the state of the whole, to go on from: ``render(..., checkpoint=that, resume=True)`` adds samples.
+    allow_mixed
+        Whether parts are taken that other code, another numpy or another driver has made; the metadata name all under
+        ``mixed``.
 
     Raises
     ------
@@ -54,7 +62,7 @@ def merge(parts: Sequence[str | os.PathLike[str]], *, checkpoint: str | os.PathL
         raise InputError("parts: there are none (allowed: at least one file)")
     if checkpoint is not None:
         check_writable(checkpoint, parts)
-    state = merged_state(parts)
+    state = merged_state(parts, allow_mixed=allow_mixed)
     layout = layout_of(state.facts)
     found = picture_of(state, layout)
     spread, ghosts, said = _beside(state, layout)

@@ -91,6 +91,7 @@ def _add_sampling(parser: argparse.ArgumentParser) -> None:
         "--resume", action="store_true",
         help="continue from OUT.rpck, which an interrupted render leaves, and keep it, so that samples can be added",
     )  # fmt: skip
+    values.add_allow_mixed(parser)
     parser.add_argument("--seed", type=values.seed, metavar="N", help="seed of the random numbers")
 
 
@@ -182,6 +183,7 @@ def _options(arguments: argparse.Namespace, scene: "Scene") -> dict[str, Any]:
         "noise": arguments.noise,
         "checkpoint": None if arguments.watch else _checkpoint(arguments),
         "resume": arguments.resume,
+        "allow_mixed": arguments.allow_mixed,
         "device": _devices(arguments),
         "split": arguments.split,
         "numerics": arguments.stats is not None,

@@ -13,7 +13,9 @@ import os
 import platform
 import secrets
 import shutil
-from collections.abc import Callable, Mapping
+import warnings
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -21,10 +23,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rptcam_cl.core.dataclass import dataclass
+from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.resources import cache_dir, kernels_dir, package_dir
 
 MOST_BYTES = 256 << 20  # of each kind
 HASH_BYTES = 32
+CODE = (".py", ".h", ".cl", ".csv", ".jsonl")  # what the files that decide a picture end in: code, and tables in it
+
+Maker = dict[str, str]
+"""What made a file: digest of the ``code``, versions of ``numpy`` and of the ``driver``."""
+UNKNOWN: Maker = {"code": "unknown", "numpy": "unknown", "driver": "unknown"}
 
 
 def kept_bytes(kind: str, name: str) -> bytes | None:
@@ -120,3 +129,89 @@ def identity_of_code(rooms: tuple[str, ...], kernels: tuple[str, ...] = ()) -> s
     stats = [(str(path), path.stat().st_size, path.stat().st_mtime_ns) for path in sorted(files)]
     simd = np.show_config(mode="dicts")["SIMD Extensions"]
     return name_of(np.__version__, simd, platform.node(), platform.machine(), stats)
+
+
+@lru_cache(maxsize=1)
+def code_digest() -> str:
+    """Return what changes with a file of the package or of its kernels, and is the same wherever the same files lie."""
+    files = []
+    for place, folder in (("", package_dir()), ("kernels/", kernels_dir())):
+        for parent, folders, names in os.walk(folder):
+            folders[:] = [name for name in folders if name not in ("_data", "__pycache__")]
+            below = place + os.path.relpath(parent, folder).replace(os.sep, "/")
+            files += [(f"{below}/{name}", os.path.join(parent, name)) for name in names if name.endswith(CODE)]
+    files.sort()
+    stats = [(path, each.st_size, each.st_mtime_ns, each.st_ctime_ns) for _, path in files if (each := os.stat(path))]
+    return str(kept_or_found("code", name_of(stats), lambda: _digest(files)))
+
+
+def _digest(files: Sequence[tuple[str, str]]) -> str:
+    """Return 16 letters of the SHA-256 of names and contents of files; how lines end in them does not count."""
+    digest = hashlib.sha256()
+    for name, path in files:
+        content = Path(path).read_bytes().replace(b"\r\n", b"\n")
+        digest.update(f"{name} {len(content)}\n".encode() + content)
+    return digest.hexdigest()[:16]
+
+
+def made_by(drivers: Iterable[str]) -> Maker:
+    """Return what a file says of the program that makes it, on devices with some drivers."""
+    return {"code": code_digest(), "numpy": np.__version__, "driver": " + ".join(sorted(set(drivers)))}
+
+
+def is_maker(data: Any) -> bool:
+    """Return whether data are a `Maker`."""
+    return isinstance(data, dict) and data.keys() == UNKNOWN.keys() and all(type(each) is str for each in data.values())
+
+
+@dataclass
+class OneMaker:
+    """What becomes one thing is made by one program on one driver, unless others are allowed; these are named.
+
+    Parameters
+    ----------
+    allow_mixed
+        Whether others are joined all the same, with a warning.
+
+    Attributes
+    ----------
+    makers : list of Maker
+        All so far.
+    first : str
+        What the first of them made.
+    """
+
+    allow_mixed: bool = False
+    makers: list[Maker] = field(default_factory=list)
+    first: str = ""
+
+    def add(self, name: str, makers: Any) -> None:
+        """Join something of this name with what there is; ``makers`` is what it says of its makers, if it does.
+
+        Raises
+        ------
+        StateError
+            It is of another maker, or does not say of which, and that is not allowed.
+        """
+        found = makers if isinstance(makers, list) else [makers]
+        for maker in [each if is_maker(each) else UNKNOWN for each in found] or [UNKNOWN]:
+            if not self.makers:
+                self.first = name
+            elif maker == UNKNOWN or maker not in self.makers:
+                text = f"{name}: {self._differs(maker)}"
+                if not self.allow_mixed:
+                    raise StateError(f"{text} (allowed: made alike; --allow-mixed joins them all the same)")
+                warnings.warn(f"{text}; they are joined all the same", UserWarning, stacklevel=3)
+            if maker not in self.makers:
+                self.makers.append(maker)
+
+    def _differs(self, maker: Maker) -> str:
+        if maker == UNKNOWN:
+            return f"says nothing of the code that made it, unlike {self.first}"
+        known = self.makers[0]
+        words = [
+            f"its {name} is {value}, and that of {self.first} {known[name]}"
+            for name, value in maker.items()
+            if known[name] != value
+        ]
+        return "; ".join(words) or f"is made by several programs, unlike {self.first}"

@@ -25,6 +25,7 @@ from rptcam_cl._version import __version__
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.kept import Maker, OneMaker, made_by
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart, part_of_facts
 from rptcam_cl.rendering.film_run import SavedState
@@ -149,12 +150,23 @@ class Saver:
         lens, meshes, pictures, seed, film, layers and version; not the number of samples, the time or the output.
     devices : list of str
         Names of the devices.
+    drivers : list of str
+        Their drivers.
     part
         What this run renders of the film.
+    allow_mixed
+        Whether a state that other code, or another driver, has saved is gone on from.
     """
 
     def __init__(
-        self, path: str | os.PathLike[str], scene: Scene, devices: Sequence[str], part: FilmPart = WHOLE
+        self,
+        path: str | os.PathLike[str],
+        scene: Scene,
+        devices: Sequence[str],
+        drivers: Sequence[str],
+        part: FilmPart = WHOLE,
+        *,
+        allow_mixed: bool = False,
     ) -> None:
         self.path, self.part = Path(path), part
         self._layout = FilmLayout.of(scene.film)
@@ -170,6 +182,7 @@ class Saver:
             "part": part.facts(),
         }
         self._devices = list(dict.fromkeys(devices))
+        self._drivers, self._same = list(drivers), OneMaker(allow_mixed)
         self.parts: list[Part] = []
         """Which device took which samples of the saved render once it is loaded."""
         self.parts_since: Callable[[int], list[Part]] = lambda done: []
@@ -197,6 +210,8 @@ class Saver:
             return None
         try:
             found = self._fitting()
+            self.makers  # noqa: B018 -- this program is the first of them
+            self._same.add(str(self.path), found.facts.get("made_by"))
         except StateError as problem:
             raise StateError(f"{problem} (remove it, or render without --resume)") from None
         self._devices = list(dict.fromkeys([*found.facts["devices"], *self._devices]))
@@ -205,6 +220,13 @@ class Saver:
         self.parts = list(found.facts.get("work", []))
         arrays = self.part.unpacked(found.arrays, self._layout.tiles, self._layout.pixels)
         return SavedState(int(found.facts["done"]), arrays)
+
+    @property
+    def makers(self) -> list[Maker]:
+        """What has made the picture: this program, and others that are allowed."""
+        if not self._same.makers:
+            self._same.add("this program", made_by(self._drivers))
+        return self._same.makers
 
     def _fitting(self) -> Checkpoint:
         found = read_checkpoint(self.path)
@@ -248,7 +270,7 @@ class Saver:
         resolved = {"metered_cd_m2": self.metered_cd_m2, "focus": self.focus}
         work = joined(self.parts, self.parts_since(state.done))
         facts = {**self._facts, **resolved, "done": state.done, "devices": self._devices, "work": work}
-        facts |= {"picture": self.of_picture, "part": part.facts()}
+        facts |= {"picture": self.of_picture, "part": part.facts(), "made_by": self.makers}
         return facts, part.packed({**state.arrays, **self.beside()}, self._layout.tiles)
 
     def _try_to_save(self, state: Callable[[], SavedState]) -> bool:

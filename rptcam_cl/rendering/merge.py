@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.kept import OneMaker
 from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpoint
 from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout
 from rptcam_cl.rendering.film_part import SHARP, FilmPart, part_of_facts, pixels_of
@@ -279,8 +280,13 @@ def _add(whole: Planes, part: Planes, pixels: NDArray[np.int64], sums: int) -> N
     whole[: 2 * sums, pixels] = np.where(old.any(axis=0), both, new)
 
 
-def merged_state(paths: Sequence[str | os.PathLike[str]]) -> Checkpoint:
+def merged_state(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool = False) -> Checkpoint:
     """Return the saved render that several parts of it come to.
+
+    Parameters
+    ----------
+    allow_mixed
+        Whether parts that other code, or other drivers, have made are taken too.
 
     Raises
     ------
@@ -289,6 +295,9 @@ def merged_state(paths: Sequence[str | os.PathLike[str]]) -> Checkpoint:
     """
     parts = [read_part(path) for path in paths]
     check_same(parts)
+    same = OneMaker(allow_mixed)
+    for part in parts:
+        same.add(str(part.path), part.saved.facts.get("made_by"))
     layout = layout_of(parts[0].saved.facts)
     for part in parts:
         if part.part.count > layout.tiles:
@@ -297,7 +306,7 @@ def merged_state(paths: Sequence[str | os.PathLike[str]]) -> Checkpoint:
     arrays = merged_arrays(parts, layout)
     facts = parts[0].saved.facts
     devices = list(dict.fromkeys(name for part in parts for name in part.saved.facts["devices"]))
-    whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts)}
+    whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts), "made_by": same.makers}
     whole["picture"] = facts["picture"] | {"parts": [_described(part) for part in parts]}
     return Checkpoint(whole, arrays)
 
