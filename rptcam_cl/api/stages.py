@@ -199,9 +199,7 @@ def prepare(
     if settings.checkpoint is not None:
         names = [session.info.name for session in sessions]
         drivers = [session.info.driver for session in sessions]
-        saver = Saver(
-            settings.checkpoint, scene, names, drivers, settings.film_part, allow_mixed=settings.allow_mixed
-        )
+        saver = Saver(settings.checkpoint, scene, names, drivers, settings.film_part, allow_mixed=settings.allow_mixed)
     saved = saver.load() if saver is not None and settings.resume else None
 
     # Resolve what the scene leaves open, plan, compile

@@ -43,9 +43,7 @@ def _run(arguments: argparse.Namespace) -> int:
         check_writable(output, arguments.parts)
     for output in pictures:
         check_output(output, arguments.parts)
-    image = merge(
-        arguments.parts, checkpoint=states[0] if states else None, allow_mixed=arguments.allow_mixed
-    )
+    image = merge(arguments.parts, checkpoint=states[0] if states else None, allow_mixed=arguments.allow_mixed)
     for output in pictures:
         image.save(output)
     if not arguments.quiet:

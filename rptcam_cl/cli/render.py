@@ -336,7 +336,9 @@ def _one(
     if checkpoint.exists() and not arguments.resume and not arguments.watch and not arguments.quiet:
         print(f"note: {checkpoint} holds an earlier render; --resume would go on from it", file=sys.stderr)
     image, failure, interrupted = _render(arguments, scene, should_stop)
-    image.metadata.update(metadata or {})
+    if metadata is not None:
+        arguments.same.add(f"frame {metadata['frame']}", image.metadata["made_by"])
+        image.metadata.update(metadata)
     if arguments.watch and image.stats["interrupted"]:
         return INTERRUPTED
     if not parts.requested(arguments):

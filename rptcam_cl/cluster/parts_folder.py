@@ -12,6 +12,7 @@ from rptcam_cl.api import Found
 from rptcam_cl.core.atomic import remove_strays, replacing
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.kept import Maker
 from rptcam_cl.rendering import SUFFIX, read_part
 
 PLAN = "plan.json"
@@ -33,6 +34,8 @@ class PartsPlan:
         Parts.
     found : Found
         Focus and exposure, the same for all.
+    made_by : dict
+        What the first of them was made by.
     """
 
     version: str
@@ -41,6 +44,7 @@ class PartsPlan:
     layers: list[Any]
     count: int
     found: Found
+    made_by: Maker
 
 
 class PartsFolder:

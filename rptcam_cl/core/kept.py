@@ -14,7 +14,7 @@ import platform
 import secrets
 import shutil
 import warnings
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
@@ -134,15 +134,19 @@ def identity_of_code(rooms: tuple[str, ...], kernels: tuple[str, ...] = ()) -> s
 @lru_cache(maxsize=1)
 def code_digest() -> str:
     """Return what changes with a file of the package or of its kernels, and is the same wherever the same files lie."""
-    files = []
-    for place, folder in (("", package_dir()), ("kernels/", kernels_dir())):
-        for parent, folders, names in os.walk(folder):
-            folders[:] = [name for name in folders if name not in ("_data", "__pycache__")]
-            below = place + os.path.relpath(parent, folder).replace(os.sep, "/")
-            files += [(f"{below}/{name}", os.path.join(parent, name)) for name in names if name.endswith(CODE)]
-    files.sort()
-    stats = [(path, each.st_size, each.st_mtime_ns, each.st_ctime_ns) for _, path in files if (each := os.stat(path))]
-    return str(kept_or_found("code", name_of(stats), lambda: _digest(files)))
+    files = sorted([*_code(package_dir(), ""), *_code(kernels_dir(), "kernels/")])
+    stats = [(path, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns) for _, path, stat in files]
+    return str(kept_or_found("code", name_of(stats), lambda: _digest([each[:2] for each in files])))
+
+
+def _code(folder: str | Path, place: str) -> Iterator[tuple[str, str, os.stat_result]]:
+    """Yield the files of code below a folder: their names from ``place`` on, their paths, and what the system says."""
+    for entry in os.scandir(folder):
+        if entry.is_dir():
+            if entry.name not in ("_data", "__pycache__"):
+                yield from _code(entry.path, f"{place}{entry.name}/")
+        elif entry.name.endswith(CODE):
+            yield place + entry.name, entry.path, entry.stat()
 
 
 def _digest(files: Sequence[tuple[str, str]]) -> str:

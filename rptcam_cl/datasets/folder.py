@@ -11,13 +11,14 @@ import io
 import json
 import re
 import tarfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import StateError
+from rptcam_cl.core.kept import UNKNOWN, OneMaker, made_by
 from rptcam_cl.datasets.specification import DatasetSpecification
 from rptcam_cl.imaging import LABELS, TRUTH_FILES, Image, categories_of
 
@@ -42,10 +43,14 @@ class DatasetFolder:
     wanted : DatasetSpecification
     shard : int or None
         Frames in each shard.
+    allow_mixed : bool
+        Whether frames that other code has made stay beside those of this program.
     """
 
-    def __init__(self, path: Path, wanted: DatasetSpecification, shard: int | None) -> None:
-        self.path, self.wanted, self.shard = path, wanted, shard
+    def __init__(
+        self, path: Path, wanted: DatasetSpecification, shard: int | None, *, allow_mixed: bool = False
+    ) -> None:
+        self.path, self.wanted, self.shard, self._same = path, wanted, shard, OneMaker(allow_mixed)
         self.frames = path if shard is None else path / LOOSE
         self._shards: dict[int, dict[int, dict[str, Any]]] = {}
 
@@ -55,7 +60,7 @@ class DatasetFolder:
         Raises
         ------
         StateError
-            When it cannot be written, or holds another dataset, or the same in other shards.
+            When it cannot be written, or holds another dataset, or the same in other shards or by other code.
         """
         try:
             self.frames.mkdir(parents=True, exist_ok=True)
@@ -72,11 +77,35 @@ class DatasetFolder:
             for name, words in (("key", "frames of another dataset"), ("shard", "frames in other shards")):
                 if known[name] != mine[name]:
                     raise StateError(f"{self.path}: holds {words} (remove it, or name another folder)")
+            if makers := found.get("made_by", [UNKNOWN]):  # none where no device was opened yet
+                self._same.add(str(self.path), makers)
+                self.join([self._same.makers[0]["driver"]])  # whether the code is the same; the device is opened later
         elif any(self.path.glob("*.json")):
             raise StateError(f"{self.path}: holds other files (name an empty folder)")
-        facts = mine | PIXELS | {"frames": self.wanted.frames, "specification": self.wanted.content}
+        self._write_about()
+
+    def join(self, drivers: Iterable[str]) -> None:
+        """Let this program add frames by devices with these drivers, and note it.
+
+        Raises
+        ------
+        StateError
+            When frames that are there were made otherwise.
+        """
+        known = len(self._same.makers)
+        self._same.add("this program", made_by(drivers))
+        if len(self._same.makers) > known:
+            self._write_about()
+
+    def _write_about(self) -> None:
+        facts = (
+            {"key": self.wanted.key, "shard": self.shard}
+            | PIXELS
+            | {"frames": self.wanted.frames, "specification": self.wanted.content}
+        )
         facts["categories"] = categories_of(self.wanted.classes)
-        self._write(about, (json.dumps(facts, indent=2, default=str) + "\n").encode())
+        facts["made_by"] = self._same.makers
+        self._write(self.path / ABOUT, (json.dumps(facts, indent=2, default=str) + "\n").encode())
 
     def record(self, index: int) -> dict[str, Any] | None:
         """Return the record of a frame that is there with all its files undamaged; None for one that has to be made."""
@@ -126,6 +155,7 @@ class DatasetFolder:
         with replacing(self.path / MANIFEST) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as out:
             for index in range(self.wanted.frames):
                 if (record := self.record(index)) is not None:
+                    self._same.add(f"{self.path}: frame {index}", record.get("made_by"))
                     out.write(json.dumps(record) + "\n")
         if self.shard is not None and not any(self.frames.iterdir()):
             self.frames.rmdir()

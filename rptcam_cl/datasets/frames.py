@@ -65,6 +65,7 @@ def dataset(
     only: Iterable[int] | None = None,
     shard: int | None = None,
     device: Wanted = None,
+    allow_mixed: bool = False,
 ) -> Iterator[DatasetFrame]:
     """Return an iterator over the frames of a dataset, in their order.
 
@@ -85,6 +86,9 @@ def dataset(
         Frames in each shard, a TAR file as WebDataset reads it, in place of loose files.
     device
         As for `render`.
+    allow_mixed
+        Whether frames of the folder that other code, another numpy or another driver has made are kept beside new ones;
+        each says what made it.
 
     Raises
     ------
@@ -106,7 +110,7 @@ def dataset(
             raise InputError(f"shard: needs a folder (got {shard}; allowed: with a folder to write to)")
     if folder is not None and not isinstance(folder, str | os.PathLike):
         raise InputError(f"folder: must be a path (got {folder!r}; allowed: as out/balls)")
-    place = None if folder is None else DatasetFolder(Path(folder), wanted, shard)
+    place = None if folder is None else DatasetFolder(Path(folder), wanted, shard, allow_mixed=allow_mixed)
     if place is not None:
         place.begin()
     return _frames(wanted, place, chosen, device)
@@ -138,7 +142,10 @@ def _frames(
             yield DatasetFrame(index, known["values"], known, None)
             continue
         values, scene = wanted.frame(index)
-        renderer = renderer or SeriesRenderer(open_sessions(device)[0][0])
+        if renderer is None:
+            renderer = SeriesRenderer(open_sessions(device)[0][0])
+            if place is not None:
+                place.join([renderer.device.info.driver])
         with numbered(index):
             if scene.requested_autofocus is not None:
                 scene = load_scene(settle(scene, device=renderer.device).scene, base_dir=scene.base_dir)
@@ -149,6 +156,7 @@ def _frames(
             record = {
                 "frame": index,
                 "version": __version__,
+                "made_by": image.metadata["made_by"],
                 "scene_hash": image.metadata["scene_hash"],
                 "seed": scene.render.seed,
                 **{key: image.metadata[key] for key in SAMPLES if key in image.metadata},

@@ -147,6 +147,29 @@ def test_parts_of_another_render_are_refused(other, folder, tmp_path):
     assert str(stranger) in str(refusal.value)
 
 
+@pytest.mark.parametrize("what", ["code", "numpy", "driver", None])
+def test_parts_and_states_of_other_code_or_drivers_are_refused_or_named(what, folder, tmp_path):
+    [maker] = read_checkpoint(folder / "2.rpck").facts["made_by"]
+    made_by = None if what is None else [maker | {what: "another"}]
+    stranger = changed(folder / "2.rpck", tmp_path / "2.rpck", made_by=made_by)
+    others = parts(folder, 1, 3)
+    message = "says nothing of the code" if what is None else f"its {what} is another, and that of "
+    with pytest.raises(StateError, match=f"{stranger}: {message}.*--allow-mixed"):
+        rptcam_cl.merge([others[0], stranger, others[1]])
+    with pytest.raises(StateError, match=message):
+        rptcam_cl.render(scene(), spp=SPP, part="2/3", checkpoint=stranger, resume=True, **OPTIONS)
+    with pytest.warns(UserWarning, match=message):
+        mixed = rptcam_cl.merge([others[0], stranger, others[1]], checkpoint=tmp_path / "all.rpck", allow_mixed=True)
+    assert mixed.metadata["made_by"] == maker
+    assert [each == maker for each in mixed.metadata["mixed"]] == [True, False]
+    go_on = OPTIONS | {"spp": SPP + 1, "checkpoint": tmp_path / "all.rpck", "resume": True}
+    with pytest.raises(StateError, match=r"all\.rpck: "):
+        rptcam_cl.render(scene(), **go_on)
+    with pytest.warns(UserWarning):
+        more = rptcam_cl.render(scene(), allow_mixed=True, **go_on)
+    assert len(more.metadata["mixed"]) == 2 and more.metadata["made_by"] == maker
+
+
 def test_file_that_is_no_part_is_not_to_be_removed(tmp_path):
     (tmp_path / "scene.yaml").write_text("film: {}")
     with pytest.raises(StateError, match=r"scene\.yaml: is not a saved render$"):
