@@ -204,7 +204,7 @@ class OneMaker:
             elif maker == UNKNOWN or maker not in self.makers:
                 text = f"{name}: {self._differs(maker)}"
                 if not self.allow_mixed:
-                    raise StateError(f"{text} (allowed: made alike; --allow-mixed joins them all the same)")
+                    raise StateError(f"{text} (make both by one program on one driver, or join them by --allow-mixed)")
                 warnings.warn(f"{text}; they are joined all the same", UserWarning, stacklevel=3)
             if maker not in self.makers:
                 self.makers.append(maker)
