@@ -29,6 +29,7 @@ from rptcam_cl.core.kept import Maker, OneMaker, made_by
 from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart, part_of_facts
 from rptcam_cl.rendering.film_run import SavedState
+from rptcam_cl.rendering.layers import LayerPlanes
 from rptcam_cl.rendering.shares import Part, joined
 from rptcam_cl.scene import Scene
 
@@ -218,6 +219,7 @@ class Saver:
         self.metered_cd_m2 = found.facts.get("metered_cd_m2")
         self.focus = found.facts.get("focus")
         self.parts = list(found.facts.get("work", []))
+        warn_of_not_finite(self.path, found)
         arrays = self.part.unpacked(found.arrays, self._layout.tiles, self._layout.pixels)
         return SavedState(int(found.facts["done"]), arrays)
 
@@ -290,6 +292,27 @@ class Saver:
             with contextlib.suppress(OSError):
                 self.path.unlink()
         return None
+
+
+def warn_of_not_finite(path: Path, saved: Checkpoint) -> None:
+    """Warn of pixels whose sums are no finite numbers, as failing memory or an overflow leaves them: they stay so."""
+    film, layers = saved.arrays.get("film"), saved.arrays.get("layers")
+    summed = [] if film is None else [film]
+    if layers is not None:
+        summed.append(layers[: 2 * LayerPlanes(saved.facts["layers"]).sums])
+    bad = np.zeros(1, np.bool_)
+    for planes in summed:
+        with np.errstate(invalid="ignore"):
+            whole = planes.sum(dtype=np.float64)
+        if not np.isfinite(whole):
+            bad = bad | ~np.isfinite(planes).all(axis=0)
+    if count := int(bad.sum()):
+        what = f"{count} pixel{'s' * (count > 1)}"
+        warnings.warn(
+            f"{path}: {what} of its film hold no finite numbers, and the picture neither (render it again)",
+            UserWarning,
+            stacklevel=2,
+        )
 
 
 def check_facts(path: Path, facts: dict[str, Any]) -> None:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.kept import OneMaker
-from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpoint
+from rptcam_cl.rendering.checkpoint import Checkpoint, check_facts, read_checkpoint, warn_of_not_finite
 from rptcam_cl.rendering.film import PLANES, TILE, FilmLayout
 from rptcam_cl.rendering.film_part import SHARP, FilmPart, part_of_facts, pixels_of
 from rptcam_cl.rendering.layers import OWNER_SLOTS, SLOT_PLANES, LayerPlanes
@@ -304,6 +304,8 @@ def merged_state(paths: Sequence[str | os.PathLike[str]], *, allow_mixed: bool =
             raise StateError(f"{part.path}: this saved render is damaged: part")
     end = check_complete(parts, layout)
     arrays = merged_arrays(parts, layout)
+    for part in parts:
+        warn_of_not_finite(part.path, part.saved)
     facts = parts[0].saved.facts
     devices = list(dict.fromkeys(name for part in parts for name in part.saved.facts["devices"]))
     whole = facts | {"part": None, "done": end, "devices": devices, "work": _work(parts), "made_by": same.makers}

@@ -73,6 +73,36 @@ def test_ranges_of_samples_differ_by_the_rounding_of_float32_alone(whole, folder
     assert merged.stats["lens"] == whole.stats["lens"]
 
 
+@pytest.mark.parametrize("spectrum", ["rgb", "spectral"])
+def test_ranges_of_samples_differ_by_two_units_of_the_largest_channel_also_in_spectral_scenes(spectrum, tmp_path):
+    words = {"scene": rptcam_cl.load_scene(scene(), [f"spectrum={spectrum}"]), "size": (24, 16)}
+    files = [tmp_path / f"{first}.rpck" for first in (0, 1, 3, 9)]
+    for file, samples in zip(files, ((0, 1), (1, 3), (3, 9), (9, 24)), strict=True):
+        rptcam_cl.render(samples=samples, checkpoint=file, **words)
+    merged, whole = rptcam_cl.merge(files).pixels, rptcam_cl.render(spp=24, **words).pixels
+    away = np.abs(merged.astype(np.float64) - whole)
+    assert (away <= 2 * np.spacing(np.abs(whole).max(axis=2, keepdims=True))).all()
+    assert 0.01 < np.mean(away > 0) < 0.2
+
+
+@pytest.mark.parametrize("array", ["film", "layers"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_part_with_what_is_no_number_is_named(array, value, folder, tmp_path, recwarn):
+    rptcam_cl.merge(parts(folder, 1, 2, 3))
+    assert not recwarn.list
+    saved = read_checkpoint(folder / "2.rpck")
+    planes = saved.arrays[array].copy()
+    planes[1, [3, 70]] = value
+    bad = tmp_path / "2.rpck"
+    write_checkpoint(bad, saved.facts, saved.arrays | {array: planes})
+    with pytest.warns(UserWarning, match=rf"{bad}: 2 pixels of its film hold no finite numbers"):
+        merged = rptcam_cl.merge([*parts(folder, 1, 3), bad])
+    if array == "film":
+        assert (~np.isfinite(merged.pixels)).any(axis=2).sum() == 2
+    with pytest.warns(UserWarning, match=rf"{bad}: 2 pixels"):
+        rptcam_cl.render(scene(), spp=SPP, part="2/3", checkpoint=bad, resume=True, **OPTIONS)
+
+
 def test_merged_state_goes_on_to_the_bits_of_one_run(folder, tmp_path):
     state = tmp_path / "all.rpck"
     rptcam_cl.merge(parts(folder, 1, 2, 3), checkpoint=state)
