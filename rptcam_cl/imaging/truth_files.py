@@ -62,6 +62,7 @@ def coco(
         When a layer is missing.
     """
     check_layers_of_truth(layers)
+    check_names(layers, metadata)
     objects, names = layers["sharp_object_id"], metadata["object_names"]
     classes, of_object = metadata["class_names"], metadata["object_classes"]
     hidden, (height, width) = metadata.get("occlusion"), objects.shape
@@ -106,6 +107,16 @@ def check_layers_of_truth(layers: Mapping[str, NDArray[Any]]) -> None:
     """Refuse a picture without the layers of instances and classes."""
     if missing := [name for name in NEEDS if name not in layers]:
         raise InputError(f"annotations need the layers {' and '.join(NEEDS)} (missing: {', '.join(missing)})")
+
+
+def check_names(layers: Mapping[str, NDArray[Any]], metadata: Mapping[str, Any]) -> None:
+    """Refuse metadata that do not name the objects and classes of a picture."""
+    count = int(layers["sharp_object_id"].max(initial=-1)) + 1
+    names, classes, of_object = (metadata.get(key) for key in ("object_names", "class_names", "object_classes"))
+    lists = [each for each in (names, classes, of_object) if isinstance(each, list | tuple)]
+    known = len(lists) == 3 and min(len(lists[0]), len(lists[2])) >= count
+    if not (known and all(isinstance(each, int) and 0 <= each < len(lists[1]) for each in lists[2])):
+        raise InputError("annotations need object_names, class_names and object_classes of all objects in the metadata")
 
 
 def save_truth(

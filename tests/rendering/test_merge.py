@@ -1,6 +1,10 @@
 """Parts of a render that were made apart come to the picture of one run; what does not belong together is refused."""
 
+import contextlib
+import copy
 import json
+import random
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -204,6 +208,50 @@ def test_file_that_is_no_part_is_not_to_be_removed(tmp_path):
     (tmp_path / "scene.yaml").write_text("film: {}")
     with pytest.raises(StateError, match=r"scene\.yaml: is not a saved render$"):
         rptcam_cl.merge([tmp_path / "scene.yaml"])
+
+
+ODD = [None, {}, "x", 1.5, -1, True, 10**12, ["x"], [[1, 2], [3]], {"a": 1}]
+
+
+def every_place(data, path=()):
+    """Yield the keys that lead to everything in facts, lists by their first element."""
+    found = data.items() if isinstance(data, dict) else enumerate(data[:1]) if isinstance(data, list) else ()
+    for key, value in found:
+        yield (*path, key)
+        yield from every_place(value, (*path, key))
+
+
+def test_sealed_files_with_anything_in_place_of_a_fact_or_an_array_are_refused_or_merged(folder, tmp_path, monkeypatch):
+    """Whoever makes a file seals it, too: odd facts and arrays end in one error that names the file."""
+    saved, refused, chances = read_checkpoint(folder / "1.rpck"), 0, random.Random(6)
+    monkeypatch.setattr("os.fsync", lambda descriptor: None)  # most of the time of a thousand files
+
+    def merge_with(facts, arrays):
+        nonlocal refused
+        write_checkpoint(tmp_path / "odd.rpck", facts, arrays)
+        with warnings.catch_warnings(), contextlib.suppress(StateError):
+            warnings.simplefilter("ignore")
+            refused += 1
+            rptcam_cl.merge([tmp_path / "odd.rpck", *parts(folder, 2, 3)])
+            refused -= 1
+
+    places = [place for place in every_place(saved.facts) if "metadata" not in place[:-2]]
+    for *path, last in places:
+        for value in (..., *chances.sample(ODD, 3)):
+            facts = copy.deepcopy(saved.facts)
+            target = facts
+            for key in path:
+                target = target[key]
+            if value is ...:
+                del target[last]
+            else:
+                target[last] = value
+            merge_with(facts, saved.arrays)
+    for name, array in saved.arrays.items():
+        merge_with(saved.facts, {other: each for other, each in saved.arrays.items() if other != name})
+        for odd in (array[:0], array[..., :1], array.ravel(), array.astype(np.float64), array[None]):
+            merge_with(saved.facts, saved.arrays | {name: odd})
+    assert len(places) > 60 and refused > 130
 
 
 def test_array_of_another_size_is_refused(folder, tmp_path):
