@@ -18,8 +18,8 @@ from rptcam_cl.core.atomic import replacing
 from rptcam_cl.core.errors import InputError, StateError
 
 NEEDS = ("sharp_object_id", "sharp_class_id")
-LABELS = (*NEEDS, "occlusion")  # layers of masks and annotations
-TRUTH_FILES = ("coco.json", "instances.png", "classes.png")
+LABELS = (*NEEDS, "occlusion", "pupil_depth")  # layers of masks, annotations and depth
+TRUTH_FILES = ("coco.json", "instances.png", "classes.png", "depth.npy")  # the last with its layer alone
 MOST_INSTANCES = 65535  # of a mask of 16 bits
 UNLABELLED = "object"  # category of what has no label, the last one
 
@@ -128,7 +128,7 @@ def save_truth(
     image_id: int | None = None,
     prefix: str = "",
 ) -> list[Path]:
-    """Write `coco.json`, masks of 16 bits and, with the layers of rays, `rays.npz` into a folder; return the files.
+    """Write `coco.json`, masks of 16 bits and, with their layers, `depth.npy` and `rays.npz`; return the files.
 
     Parameters
     ----------
@@ -153,10 +153,15 @@ def save_truth(
     except OSError as problem:
         raise StateError(f"{folder}: cannot be made ({problem.strerror})") from None
     written = [folder / f"{prefix}{name}" for name in TRUTH_FILES]
+    depth = written.pop()
     with replacing(written[0]) as temporary:
         temporary.write_text(json.dumps(said) + "\n", encoding="utf-8")
     _write_mask(written[1], layers["sharp_object_id"] + 1)
     _write_mask(written[2], layers["sharp_class_id"])
+    if "pupil_depth" in layers:
+        written.append(depth)
+        with replacing(depth) as temporary, temporary.open("xb") as stream:
+            np.save(stream, layers["pupil_depth"])
     rays = {name: layers[name] for name in ("ray_origin", "ray_direction") if name in layers}
     if rays:
         written.append(folder / f"{prefix}rays.npz")

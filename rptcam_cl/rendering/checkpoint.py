@@ -30,7 +30,7 @@ from rptcam_cl.rendering.film import FilmLayout
 from rptcam_cl.rendering.film_part import WHOLE, FilmPart, part_of_facts
 from rptcam_cl.rendering.film_run import SavedState
 from rptcam_cl.rendering.layers import LayerPlanes
-from rptcam_cl.rendering.shares import Part, joined
+from rptcam_cl.rendering.shares import Part, joined, split_of
 from rptcam_cl.scene import Scene
 
 MAGIC = b"RPTCAMCK"
@@ -323,13 +323,13 @@ def check_facts(path: Path, facts: dict[str, Any]) -> None:
     StateError
         It names the fact.
     """
-    light, work = facts.get("metered_cd_m2"), facts.get("work", [])
+    light, work, focus = facts.get("metered_cd_m2"), facts.get("work", []), facts.get("focus")
     known = {
         "done": type(facts.get("done")) is int and 0 <= facts["done"] < 2**31,
         "devices": _are(str, facts.get("devices")),
         "metered_cd_m2": light is None or (type(light) in (int, float) and 0 < light < math.inf),
-        "focus": facts.get("focus") is None or isinstance(facts["focus"], dict),
-        "work": _are(dict, work),
+        "focus": focus is None or (_has_dicts(focus, "camera") and _has_dicts(focus, "metadata")),
+        "work": _are(dict, work) and all(map(_is_work, work)),
         "part": _is_part(facts.get("part")),
         "picture": isinstance(facts.get("picture", {}), dict),
     }
@@ -344,6 +344,18 @@ def _is_part(fact: Any) -> bool:
     except (ValueError, TypeError):
         return False
     return True
+
+
+def _has_dicts(fact: Any, key: str) -> bool:
+    return isinstance(fact, dict) and isinstance(fact.get(key), dict)
+
+
+def _is_work(fact: dict[str, Any]) -> bool:
+    try:
+        first, end = fact["samples"]
+        return type(first) is type(end) is int and bool(split_of(fact["split"]))
+    except (ValueError, TypeError, KeyError, AttributeError):
+        return False
 
 
 def _are(kind: type, values: Any) -> bool:
