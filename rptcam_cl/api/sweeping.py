@@ -245,8 +245,12 @@ def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float
     if folder is not None:
         file = folder / f"{plan.name}.exr"
         image.save(file)
-        with replacing(file.with_suffix(".json")) as temporary:
-            temporary.write_text(json.dumps({"key": plan.key, "measures": measures}), encoding="utf-8")
+        try:
+            with replacing(file.with_suffix(".json")) as temporary:
+                temporary.write_text(json.dumps({"key": plan.key, "measures": measures}), encoding="utf-8")
+        except StateError:
+            file.unlink(missing_ok=True)  # as on a full disk
+            raise
     return SweepEntry(plan.values, measures, image, False, file)
 
 

@@ -127,7 +127,20 @@ class DatasetFolder:
         ----------
         layers
             Those of the image that the scene asks for; truth may need others.
+
+        Raises
+        ------
+        StateError
+            A file cannot be written, as on a full disk; nothing of the frame is left then.
         """
+        try:
+            return self._keep(index, image, layers, record)
+        except BaseException:
+            for suffix in (*self._suffixes, "json"):
+                self._file(index, suffix).unlink(missing_ok=True)
+            raise
+
+    def _keep(self, index: int, image: Image, layers: Sequence[str], record: dict[str, Any]) -> dict[str, Any]:
         shown = replace(image, layers={name: image[name] for name in layers})
         for suffix in self.wanted.files:
             shown.save(self._file(index, suffix))
@@ -137,9 +150,12 @@ class DatasetFolder:
         digests = {path.name: hashlib.sha256(path.read_bytes()).hexdigest() for path in paths}
         record = json.loads(json.dumps(record | {"files": digests}))
         self._write(self._file(index, "json"), (json.dumps(record) + "\n").encode())
+        return dict(record)
+
+    def pack(self, index: int) -> None:
+        """Move the frames of the shard of a frame into its file, when all are there; nothing of loose frames."""
         if self.shard is not None:
             self._pack(index // self.shard)
-        return dict(record)
 
     def _keep_truth(self, index: int, image: Image) -> None:
         picture = next((suffix for suffix in self.wanted.files if suffix in PICTURES), self.wanted.files[0])

@@ -167,6 +167,7 @@ def _frames(
                 record["boards"] = image.metadata["boards"]
             if place is not None:
                 record = place.keep(index, image, scene.render.layers, record)
+                place.pack(index)
         yield DatasetFrame(index, values, record, image)
     if place is not None:
         place.finish()

@@ -1,5 +1,6 @@
 """Frames of datasets: the same bytes alone, together, in shards and after a kill; cameras; errors."""
 
+import errno
 import hashlib
 import json
 import os
@@ -109,6 +110,29 @@ def test_a_run_killed_after_the_last_frame_of_a_shard_leaves_what_the_next_one_p
     assert main(command) == 0
     assert bytes_of(place / "out") == whole
     assert not (place / "out/unfinished").exists()
+
+
+@pytest.mark.parametrize("shard", [None, 2])
+def test_full_disk_leaves_nothing_of_the_frame_under_way(
+    place: Path, monkeypatch: pytest.MonkeyPatch, shard: int | None, capsys: Any
+) -> None:
+    command = ["dataset", "spec.yaml", "-o", "out", *(() if shard is None else ("--shard", str(shard))), "--quiet"]
+    folder = place / ("out" if shard is None else "out/unfinished")
+    sync, calls = os.fsync, iter(range(3))
+
+    def full(descriptor: int) -> None:
+        if (folder / "000001.exr").exists() and next(calls, None) is None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        sync(descriptor)
+
+    with monkeypatch.context() as disk:
+        disk.setattr(os, "fsync", full)
+        assert main(command) == 4
+    assert "000001" in capsys.readouterr().err and next(calls, None) is None
+    assert sorted(path.name for path in folder.glob("0*")) == ["000000.exr", "000000.json", "000000.png"]
+    assert main(command) == 0
+    assert main([*command[:3], "other", *command[4:]]) == 0
+    assert bytes_of(place / "out") == bytes_of(place / "other")
 
 
 def test_states_drawn_from_a_continuum_share_pupils_and_frames_stay_what_they_are_alone(
