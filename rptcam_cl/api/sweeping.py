@@ -20,7 +20,7 @@ from rptcam_cl.api.contact_sheet import contact_sheet
 from rptcam_cl.api.interface import render
 from rptcam_cl.api.series import SeriesRenderer
 from rptcam_cl.api.settings import RenderSettings
-from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.atomic import replacing, unlinked
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import InputError, RptcamError, StateError
 from rptcam_cl.core.kept import OneMaker, made_by
@@ -174,7 +174,7 @@ def shown(value: Any) -> str:
 def _folder(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with replacing(folder / ".rptcam-sweep") as temporary:
+        with replacing(unlinked(folder / ".rptcam-sweep")) as temporary:
             temporary.touch()
         (folder / ".rptcam-sweep").unlink()
     except OSError as problem:
@@ -211,7 +211,7 @@ def _entries(
     if folder is not None:
         _write_tables(folder, rows)
         columns = len({json.dumps(list(plan.values.values())[-1]) for plan in planned})
-        with replacing(folder / SHEET) as temporary:
+        with replacing(unlinked(folder / SHEET)) as temporary:
             contact_sheet(thumbnails, columns).save(temporary, format="png")
 
 
@@ -244,9 +244,9 @@ def _made(plan: _Planned, folder: Path | None, image: Image, mtf_at: tuple[float
     file = None
     if folder is not None:
         file = folder / f"{plan.name}.exr"
-        image.save(file)
+        image.save(unlinked(file))
         try:
-            with replacing(file.with_suffix(".json")) as temporary:
+            with replacing(unlinked(file.with_suffix(".json"))) as temporary:
                 temporary.write_text(json.dumps({"key": plan.key, "measures": measures}), encoding="utf-8")
         except StateError:
             file.unlink(missing_ok=True)  # as on a full disk
@@ -293,5 +293,5 @@ def _write_tables(folder: Path, rows: Sequence[Mapping[str, Any]]) -> None:
     for row in rows:
         writer.writerow({key: shown(value) if isinstance(value, list | dict) else value for key, value in row.items()})
     for name, content in zip(TABLE, (text.getvalue(), json.dumps(rows, indent=2) + "\n"), strict=True):
-        with replacing(folder / name) as temporary:
+        with replacing(unlinked(folder / name)) as temporary:
             temporary.write_text(content, encoding="utf-8")

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rptcam_cl.api import Found
-from rptcam_cl.core.atomic import remove_strays, replacing
+from rptcam_cl.core.atomic import remove_strays, replacing, unlinked
 from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.kept import Maker
@@ -106,7 +106,7 @@ class PartsFolder:
             self.path.mkdir(parents=True, exist_ok=True)
         except OSError as problem:
             raise StateError(f"{self.path}: cannot be made ({problem.strerror})") from None
-        with replacing(self.path / PLAN) as temporary:
+        with replacing(unlinked(self.path / PLAN)) as temporary:
             temporary.write_text(json.dumps(asdict(plan), indent=1), "utf-8")
 
     def file(self, number: int) -> Path:
@@ -115,7 +115,7 @@ class PartsFolder:
 
     def keep(self, number: int, content: bytes) -> None:
         """Write a part, whole or not at all."""
-        with replacing(self.file(number)) as temporary:
+        with replacing(unlinked(self.file(number))) as temporary:
             temporary.write_bytes(content)
 
     def missing(self, plan: PartsPlan) -> list[int]:

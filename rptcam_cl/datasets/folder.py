@@ -6,6 +6,7 @@ whole or not at all. So whatever is there is done.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import io
 import json
@@ -16,7 +17,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from rptcam_cl.core.atomic import replacing
+from rptcam_cl.core.atomic import replacing, unlinked
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.kept import UNKNOWN, OneMaker, made_by
 from rptcam_cl.datasets.specification import DatasetSpecification
@@ -63,6 +64,8 @@ class DatasetFolder:
             When it cannot be written, or holds another dataset, or the same in other shards or by other code.
         """
         try:
+            if self.shard is not None:
+                unlinked(self.frames)
             self.frames.mkdir(parents=True, exist_ok=True)
         except OSError as problem:
             why = "is a file, not a folder" if self.path.is_file() else f"cannot be made: {problem.strerror or problem}"
@@ -133,6 +136,7 @@ class DatasetFolder:
         StateError
             A file cannot be written, as on a full disk; nothing of the frame is left then.
         """
+        self.frames.mkdir(exist_ok=True)  # where another run has finished meanwhile
         try:
             return self._keep(index, image, layers, record)
         except BaseException:
@@ -143,7 +147,7 @@ class DatasetFolder:
     def _keep(self, index: int, image: Image, layers: Sequence[str], record: dict[str, Any]) -> dict[str, Any]:
         shown = replace(image, layers={name: image[name] for name in layers})
         for suffix in self.wanted.files:
-            shown.save(self._file(index, suffix))
+            shown.save(unlinked(self._file(index, suffix)))
         if self.wanted.truth:
             self._keep_truth(index, image)
         paths = [self._file(index, suffix) for suffix in self._suffixes]
@@ -168,13 +172,17 @@ class DatasetFolder:
         if self.shard is not None:
             for number in range(-(-self.wanted.frames // self.shard)):
                 self._pack(number)
-        with replacing(self.path / MANIFEST) as temporary, temporary.open("w", encoding="utf-8", newline="\n") as out:
+        with (
+            replacing(unlinked(self.path / MANIFEST)) as temporary,
+            temporary.open("w", encoding="utf-8", newline="\n") as out,
+        ):
             for index in range(self.wanted.frames):
                 if (record := self.record(index)) is not None:
                     self._same.add(f"{self.path}: frame {index}", record.get("made_by"))
                     out.write(json.dumps(record) + "\n")
-        if self.shard is not None and not any(self.frames.iterdir()):
-            self.frames.rmdir()
+        if self.shard is not None and all(map(self._packed, range(-(-self.wanted.frames // self.shard)))):
+            with contextlib.suppress(OSError):  # another run may write there, or have removed it
+                self.frames.rmdir()
 
     @property
     def _suffixes(self) -> tuple[str, ...]:
@@ -185,7 +193,7 @@ class DatasetFolder:
         return self.frames / f"{index:06d}.{suffix}"
 
     def _write(self, path: Path, content: bytes) -> None:
-        with replacing(path) as temporary:
+        with replacing(unlinked(path)) as temporary:
             temporary.write_bytes(content)
 
     def _range(self, number: int) -> range:
@@ -224,7 +232,7 @@ class DatasetFolder:
 
     def _write_shard(self, number: int) -> None:
         with (
-            replacing(self._tar(number)) as temporary,
+            replacing(unlinked(self._tar(number))) as temporary,
             tarfile.open(temporary, "w", format=tarfile.USTAR_FORMAT) as out,
         ):
             for path in self._files_of(number):

@@ -5,6 +5,7 @@ import hashlib
 import json
 import os
 import random
+import shutil
 import signal
 import subprocess
 import sys
@@ -110,6 +111,43 @@ def test_a_run_killed_after_the_last_frame_of_a_shard_leaves_what_the_next_one_p
     assert main(command) == 0
     assert bytes_of(place / "out") == whole
     assert not (place / "out/unfinished").exists()
+
+
+def test_two_runs_share_a_folder_of_shards(place: Path) -> None:
+    """The first to end leaves the folder of loose frames to the other."""
+    list(dataset("spec.yaml", "whole", shard=2))
+    late, early = (dataset("spec.yaml", "out", shard=2, only=only) for only in ([2, 3], [0, 1, 4]))
+    list(early)
+    list(late)
+    assert bytes_of(place / "out") == bytes_of(place / "whole")
+    assert not (place / "out/unfinished").exists()
+
+
+@pytest.mark.parametrize(
+    "words", [("dataset", "spec.yaml"), ("dataset", "spec.yaml", "--shard", "5"), ("sweep", "scene.yaml")]
+)
+def test_links_in_a_folder_are_replaced_and_not_written_through(place: Path, words: tuple[str, ...]) -> None:
+    more = ("--over", "film.width_mm=36,40") if words[0] == "sweep" else ()
+    command = [*words, *more, "-o", "out", "--quiet"]
+    assert main(command) == 0
+    names = sorted(path.name for path in (place / "out").iterdir())
+    whole = bytes_of(place / "out")
+    shutil.rmtree(place / "out")
+    (place / "out").mkdir()
+    (place / "elsewhere").mkdir()
+    for name in names:
+        (place / "elsewhere" / name).write_text("mine")
+        (place / "out" / name).symlink_to(place / "elsewhere" / name)
+    (place / "out/unfinished").symlink_to(place / "elsewhere")
+    if words[0] == "dataset":
+        for path in (place / "out").glob("*.json"):
+            path.unlink()  # other files than frames are refused
+    assert main(command) == 0
+    assert {path.read_text() for path in (place / "elsewhere").iterdir()} == {"mine"}
+    made = {path.name for path in (place / "out").iterdir() if not path.is_symlink()}
+    assert made >= set(names)
+    if words[0] == "dataset":
+        assert {name: digest for name, digest in bytes_of(place / "out").items() if name in whole} == whole
 
 
 @pytest.mark.parametrize("shard", [None, 2])
