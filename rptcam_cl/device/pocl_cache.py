@@ -73,7 +73,7 @@ def make_pocl_cache_usable() -> None:
 
 
 def lack_of_room() -> str | None:
-    """Return why PoCL finds no place for what it compiles, neither in its cache nor among temporary files; else None."""
+    """Return why PoCL finds no place for what it compiles, in its cache or among temporary files; else None."""
     folder = pocl_cache_folder()
     barred = _barred(folder)
     if barred is None:

@@ -5,7 +5,7 @@ from rptcam_cl.imaging.cryptomatte import ranked
 from rptcam_cl.imaging.denoise import GUIDES, check_denoiser
 from rptcam_cl.imaging.desqueeze import desqueezed
 from rptcam_cl.imaging.development import Development, developed_values, quantised
-from rptcam_cl.imaging.film_files import FILM_SUFFIXES, read_film
+from rptcam_cl.imaging.film_files import FILM_SUFFIXES, LARGE, read_film
 from rptcam_cl.imaging.image import Image
 from rptcam_cl.imaging.marks import MARKED
 from rptcam_cl.imaging.picture_settings import develop, with_picture_settings
@@ -24,6 +24,7 @@ __all__ = [
     "FILM_SUFFIXES",
     "GUIDES",
     "LABELS",
+    "LARGE",
     "LAYER_SUFFIXES",
     "MARKED",
     "MOST_INSTANCES",

@@ -55,7 +55,7 @@ def test_full_folder_of_kernels_is_told_and_no_crash_of_the_driver(handle, monke
     monkeypatch.setattr("shutil.disk_usage", lambda folder: usage._replace(free=1000))
     child(monkeypatch, "import os; os.abort()")
     problem = fresh(handle).problem
-    assert re.search(r"the disk is full, and compiled kernels take 8 MiB .*set TMPDIR or POCL_CACHE_DIR", problem), problem
+    assert re.search(r"the disk is full, and compiled kernels take 8 MiB .*set TMPDIR or POCL_CACHE_DIR", problem)
     assert "crash" not in problem
 
 
