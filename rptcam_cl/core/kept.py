@@ -13,6 +13,7 @@ import os
 import platform
 import secrets
 import shutil
+import time
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import field
@@ -27,6 +28,7 @@ from rptcam_cl.core.dataclass import dataclass
 from rptcam_cl.core.errors import StateError
 from rptcam_cl.core.resources import cache_dir, kernels_dir, package_dir
 
+STARTED = time.time()  # when this process had read hardly more than this
 MOST_BYTES = 256 << 20  # of each kind
 HASH_BYTES = 32
 CODE = (".py", ".h", ".cl", ".csv", ".jsonl")  # what the files that decide a picture end in: code, and tables in it
@@ -133,10 +135,15 @@ def identity_of_code(rooms: tuple[str, ...], kernels: tuple[str, ...] = ()) -> s
 
 @lru_cache(maxsize=1)
 def code_digest() -> str:
-    """Return what changes with a file of the package or of its kernels, and is the same wherever the same files lie."""
+    """Return what changes with a file of the package or of its kernels, and is the same wherever the same files lie.
+
+    Of files that have changed since this process began it is one that no other has: what runs is not what lies there.
+    """
     files = sorted([*_code(package_dir(), ""), *_code(kernels_dir(), "kernels/")])
     stats = [(path, stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns) for _, path, stat in files]
-    return str(kept_or_found("code", name_of(stats), lambda: _digest([each[:2] for each in files])))
+    found = str(kept_or_found("code", name_of(stats), lambda: _digest([each[:2] for each in files])))
+    changed = any(stat.st_mtime > STARTED for _, _, stat in files)
+    return name_of(found, STARTED, platform.node(), os.getpid())[:16] if changed else found
 
 
 def _code(folder: str | Path, place: str) -> Iterator[tuple[str, str, os.stat_result]]:

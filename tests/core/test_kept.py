@@ -1,6 +1,7 @@
 """Things kept on disk between runs: whole or not there, and gone when what they follow from has changed."""
 
 import os
+import time
 
 import numpy as np
 import pytest
@@ -87,6 +88,8 @@ def test_identity_of_code_follows_its_files(monkeypatch, tmp_path):
 def test_digest_of_the_code_follows_what_its_files_hold_wherever_they_lie(monkeypatch, tmp_path):
     monkeypatch.setenv(CACHE_VARIABLE, str(tmp_path / "cache"))
 
+    monkeypatch.setattr(kept, "STARTED", time.time() + 60)
+
     def digest(place, **files):
         for name, text in {"module.py": "a\nb\n", "kernels/lens.h": "x", "table.csv": "1,2", **files}.items():
             path = tmp_path / place / name.replace("__", "/")
@@ -108,6 +111,11 @@ def test_digest_of_the_code_follows_what_its_files_hold_wherever_they_lie(monkey
     ]
     assert len({first, *others}) == 5
     assert digest("one", **{"kernels/lens.h": "z"}) not in (first, *others)  # the same size, in the same place
+    ran = []
+    for began in (time.time() - 60, time.time() - 50):  # before these files were written: other code may be running
+        monkeypatch.setattr(kept, "STARTED", began)
+        ran.append(digest("two"))
+    assert len({first, *ran}) == 3
     code_digest.cache_clear()
 
 
